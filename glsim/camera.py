@@ -1,0 +1,163 @@
+"""The geometry of a depth camera: intrinsics, lens distortion, emitters, clip matrix.
+
+Camera frame (OpenCV): x right, y down, z forward, metres. Image coordinates are continuous: the
+centre of the pixel in column u and row v is at (u + 0.5, v + 0.5), row 0 on top. The principal
+point (cx, cy) is in these coordinates, as in libfreenect2's point clouds, pyrender and Open3D.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError
+
+FloatArray = NDArray[np.float32]
+
+#: Iterations of the fixed-point inversion of the lens model; 30 leave less than 1e-6 px at the
+#: corners of the Kinect V2, whose k1..k3 are the strongest of the shipped rigs.
+_UNDISTORT_ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole camera: size, focal lengths and principal point in pixels."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def clip_matrix(self, near_m: float, far_m: float) -> FloatArray:
+        """(4, 4) float32, camera frame to clip space, with y *down*.
+
+        Row 0 of the GL framebuffer is then the top row of the image, and no flip exists anywhere.
+        It mirrors the winding: faces that are counter-clockwise from outside arrive clockwise.
+        """
+        n, f = near_m, far_m
+        return np.array(
+            [
+                [2 * self.fx / self.width, 0, 2 * self.cx / self.width - 1, 0],
+                [0, 2 * self.fy / self.height, 2 * self.cy / self.height - 1, 0],
+                [0, 0, (f + n) / (f - n), -2 * f * n / (f - n)],
+                [0, 0, 1, 0],
+            ],
+            dtype=np.float32,
+        )
+
+    def rays(self) -> FloatArray:
+        """(H, W, 2) float32: x/z and y/z of the ray through each pixel's centre."""
+        x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
+        y = (np.arange(self.height) + 0.5 - self.cy) / self.fy
+        return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
+
+    def project(self, points_m: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(N, 3) camera-frame metres to (N, 2) image coordinates, pixels."""
+        p = np.asarray(points_m, dtype=np.float64)
+        u = self.fx * p[:, 0] / p[:, 2] + self.cx
+        v = self.fy * p[:, 1] / p[:, 2] + self.cy
+        return np.stack([u, v], axis=1)
+
+    def unproject(self, depth_m: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(H, W) metres along the axis to (H, W, 3) camera-frame metres; 0 stays at the origin."""
+        z = np.asarray(depth_m, dtype=np.float32)
+        return np.concatenate([self.rays() * z[..., None], z[..., None]], axis=-1)
+
+    def cropped(self, left: int, top: int, width: int, height: int) -> Intrinsics:
+        """The same camera seen through a window of its image."""
+        return replace(self, width=width, height=height, cx=self.cx - left, cy=self.cy - top)
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """The radial-tangential lens model of OpenCV (k1, k2, p1, p2, k3), in normalised coordinates."""
+
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+    def distort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(..., 2) ideal x/z, y/z to where the lens puts them."""
+        xy = np.asarray(xy, dtype=np.float64)
+        x, y = xy[..., 0], xy[..., 1]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        xd = x * radial + 2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x)
+        yd = y * radial + self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y
+        return np.stack([xd, yd], axis=-1)
+
+    def undistort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
+        """The inverse of ``distort`` by fixed-point iteration.
+
+        Raises ConfigError where it does not converge: the lens model folds inside the image.
+        """
+        target = np.asarray(xy, dtype=np.float64)
+        ideal = target.copy()
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(_UNDISTORT_ITERATIONS):
+                ideal = ideal + (target - self.distort(ideal))
+            error = np.abs(self.distort(ideal) - target).max(initial=0.0)
+        if not error < 1e-5:
+            raise ConfigError(
+                f"the lens distortion {self} cannot be inverted over the whole image: "
+                "check the signs and the order of k1, k2, k3, p1, p2"
+            )
+        return ideal
+
+
+@dataclass(frozen=True)
+class Emitter:
+    """An infrared light source; position_m is its offset from the camera, camera frame, metres."""
+
+    position_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class SensorRig:
+    """A depth camera: what it sees, through which lens, lit from where.
+
+    near_m, far_m: the clip planes of the rendering (the *measuring* range is a noise stage).
+    deliver: "undistorted" puts the frame on the pinhole grid; "raw" on the grid of the lens.
+    """
+
+    intrinsics: Intrinsics
+    emitters: tuple[Emitter, ...] = ()
+    distortion: Distortion = field(default_factory=Distortion)
+    deliver: str = "undistorted"
+    near_m: float = 0.1
+    far_m: float = 12.0
+
+    @property
+    def is_raw(self) -> bool:
+        """Whether frames keep the lens distortion."""
+        return self.deliver == "raw" and self.distortion != Distortion()
+
+    @property
+    def baseline_m(self) -> float:
+        """Distance of the first emitter from the camera, metres; 0 without an emitter."""
+        if not self.emitters:
+            return 0.0
+        return float(np.linalg.norm(self.emitters[0].position_m))
+
+    def rays(self) -> FloatArray:
+        """(H, W, 2) float32: x/z and y/z of the true ray through each delivered pixel."""
+        rays = self.intrinsics.rays()
+        return self.distortion.undistort(rays).astype(np.float32) if self.is_raw else rays
+
+    def pinhole(self) -> Intrinsics:
+        """The pinhole to rasterise with: the sensor's own, or for raw frames one that covers it."""
+        i = self.intrinsics
+        if not self.is_raw:
+            return i
+        rays = self.rays()
+        left, top = np.floor(rays.reshape(-1, 2).min(axis=0) * (i.fx, i.fy)).astype(int) - 1
+        right, bottom = np.ceil(rays.reshape(-1, 2).max(axis=0) * (i.fx, i.fy)).astype(int) + 2
+        return Intrinsics(
+            int(right - left), int(bottom - top), i.fx, i.fy, float(-left), float(-top)
+        )

@@ -1,0 +1,225 @@
+"""Settings: a TOML file and ``--set`` assignments become one frozen, checked object.
+
+    sensor = "kinect-v2-paper"        a shipped sensor, or the path of a sensor file
+    seed = 7
+    split = [0.70, 0.12, 0.18]
+    [source]                          or several [[source]] tables
+    kind = "procedural"
+    subjects = 10
+    frames_per_subject = 30
+    [pose]
+    yaw_deg = { uniform = [-30, 30] }
+    [scene]
+    wall_mm = 1500
+    [stage.axial]                     parameters of the sensor's noise stages
+    base_sigma_mm = 2.0
+    [output]
+    crop = 128
+
+An unknown key is an error that names the near ones. Which parameters a stage has is known only to
+its GLSL file; they are checked when the sensor is loaded (glsim.sensor).
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from glsim.distribution import Drawn, constant
+from glsim.errors import ConfigError, did_you_mean
+
+Layer = Literal["clean", "noisy", "infrared", "reason"]
+_Model = TypeVar("_Model", bound=BaseModel)
+SPLIT_NAMES = ("train", "val", "test")
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class SourceSettings(_Table):
+    """Where the faces come from."""
+
+    kind: Literal["procedural", "ict-facekit", "folder"] = "procedural"
+    root: Path | None = Field(None, description="folder of the meshes or of the face model")
+    subjects: int | None = Field(None, ge=1, description="how many people; all, if left out")
+    frames_per_subject: int | None = Field(None, ge=1, description="all, if left out")
+    unit: Literal["auto", "mm", "cm", "dm", "m", "inch"] = "auto"
+    axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; found, if auto")
+
+
+class PoseSettings(_Table):
+    """How the face stands before the sensor. Angles turn the head, as its owner would say."""
+
+    distance_mm: Drawn = Field(constant(900.0), description="sensor to centre of the face, along z")
+    x_mm: Drawn = Field(constant(0.0), description="to the right in the image")
+    y_mm: Drawn = Field(constant(0.0), description="down in the image")
+    yaw_deg: Drawn = Field(constant(0.0), description="head turned to its own left")
+    pitch_deg: Drawn = Field(constant(0.0), description="head raised")
+    roll_deg: Drawn = Field(constant(0.0), description="head tilted to its own left")
+
+
+class SceneSettings(_Table):
+    """What else the sensor sees."""
+
+    wall_mm: Drawn | None = Field(None, description="distance of a wall behind; none, if left out")
+    wall_albedo: float = Field(0.85, ge=0, le=1, description="relative to a white wall")
+
+
+class OutputSettings(_Table):
+    """What is written, and in which form."""
+
+    format: Literal["png", "webdataset"] = "png"
+    layers: tuple[Layer, ...] = ("clean", "noisy")
+    crop: int | None = Field(None, ge=8, le=4096, description="side of the centre crop, pixels")
+    depth_unit_mm: float = Field(1.0, ge=0.01, le=10, description="one step of a depth file")
+    clean_mask: Literal["dense", "as-noisy"] = Field(
+        "dense", description="as-noisy removes from the clean map what the noisy one lacks"
+    )
+    nearest_to_mm: float | None = Field(
+        None, ge=1, description="shift each frame so that its nearest clean point has this depth"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> OutputSettings:
+        if len(set(self.layers)) != len(self.layers) or not self.layers:
+            raise ValueError("layers must be one or more of clean, noisy, infrared, reason, once")
+        return self
+
+
+def _split(value: object) -> object:
+    if isinstance(value, str):
+        value = [part.strip() for part in value.split(",")]
+    if isinstance(value, list | tuple) and len(value) != len(SPLIT_NAMES):
+        raise ValueError(f"give {len(SPLIT_NAMES)} shares ({', '.join(SPLIT_NAMES)})")
+    return value
+
+
+def _sources(value: object) -> object:
+    return (value,) if isinstance(value, Mapping | SourceSettings) else value
+
+
+class Settings(_Table):
+    """Everything that determines a data set. The same settings give the same bytes."""
+
+    sensor: str = "kinect-v2-paper"
+    seed: int = Field(0, ge=0, lt=2**63)
+    devices: int = Field(1, ge=1, description="virtual devices, each with its own fixed pattern")
+    split: Annotated[tuple[float, float, float], BeforeValidator(_split)] = (0.70, 0.12, 0.18)
+    source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
+    pose: PoseSettings = PoseSettings()
+    scene: SceneSettings = SceneSettings()
+    stage: dict[str, dict[str, Drawn]] = Field(default_factory=dict)
+    output: OutputSettings = OutputSettings()
+    strict: bool = Field(False, description="stop at the first bad mesh instead of recording it")
+
+    @model_validator(mode="after")
+    def _check(self) -> Settings:
+        if any(s < 0 or not math.isfinite(s) for s in self.split) or abs(sum(self.split) - 1) > 1e-6:
+            raise ValueError(f"split {list(self.split)}: the shares must be >= 0 and add up to 1")
+        if not self.source:
+            raise ValueError("source: at least one is needed")
+        return self
+
+
+def load_settings(
+    file: Path | None = None,
+    assignments: Iterable[str] = (),
+    overrides: Mapping[str, Any] | None = None,
+) -> Settings:
+    """Settings from a TOML file, then ``a.b=value`` assignments, then a nested mapping.
+
+    Raises ConfigError for a file that cannot be read, an unknown key or a bad value.
+    """
+    tree: dict[str, Any] = read_toml(file) if file is not None else {}
+    where = str(file) if file is not None else "settings"
+    for text in assignments:
+        path, value = parse_assignment(text)
+        _assign(tree, path, value, text)
+    _merge(tree, overrides or {})
+    return validate(Settings, tree, where)
+
+
+def read_toml(file: Path) -> dict[str, Any]:
+    """A TOML file as nested dicts. Raises ConfigError with the file's name."""
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{file}: no such file") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{file}: {error}") from None
+
+
+def parse_assignment(text: str) -> tuple[list[str], Any]:
+    """``"axial.base_sigma_mm=2.5"`` to (["axial", "base_sigma_mm"], 2.5); values are TOML.
+
+    A bare word is taken as a string. A first word that is not a table of the settings names a
+    noise stage. Raises ConfigError if there is no "name=value".
+    """
+    name, equals, value = text.partition("=")
+    path = [part.strip() for part in name.split(".")]
+    if not equals or not value.strip() or not all(path):
+        raise ConfigError(
+            f"--set {text}: write name=value, e.g. axial.base_sigma_mm=2.5 or pose.yaw_deg=20"
+        )
+    try:
+        parsed = tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        parsed = value.strip()
+    if len(path) == 2 and path[0] not in Settings.model_fields:
+        path = ["stage", *path]
+    return path, parsed
+
+
+def _assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> None:
+    node: Any = tree
+    for part in path[:-1]:
+        if isinstance(node, dict):
+            node = node.setdefault(part, {})
+    if not isinstance(node, dict):
+        raise ConfigError(f"--set {text}: {'.'.join(path[:-1])} is not a single table")
+    node[path[-1]] = value
+
+
+def _merge(tree: dict[str, Any], overrides: Mapping[str, Any]) -> None:
+    for key, value in overrides.items():
+        if isinstance(value, Mapping) and isinstance(tree.get(key), dict):
+            _merge(tree[key], value)
+        else:
+            tree[key] = dict(value) if isinstance(value, Mapping) else value
+
+
+def validate(model: type[_Model], tree: Mapping[str, Any], where: str) -> _Model:
+    """Build ``model`` from nested dicts; the first problem becomes one line. Raises ConfigError."""
+    try:
+        return model.model_validate(tree)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        path = [part for part in problem["loc"] if not str(part).startswith("function-")]
+        name = ".".join(str(part) for part in path) or "the whole"
+        if problem["type"] == "extra_forbidden":
+            known = _fields_at(model, path[:-1])
+            raise ConfigError(
+                f"{where}: no such setting {name!r} ({did_you_mean(str(path[-1]), known)})"
+            ) from None
+        message = problem["msg"].removeprefix("Value error, ")
+        given = problem.get("input")
+        tail = f" (got {given!r})" if isinstance(given, str | int | float) else ""
+        raise ConfigError(f"{where}: {name}: {message}{tail}") from None
+
+
+def _fields_at(model: type[BaseModel], path: list[Any]) -> list[str]:
+    for part in path:
+        field = model.model_fields.get(str(part))
+        if field is None:
+            continue
+        inner = [field.annotation, *getattr(field.annotation, "__args__", ())]
+        models = [a for a in inner if isinstance(a, type) and issubclass(a, BaseModel)]
+        if models:
+            model = models[0]
+    return list(model.model_fields)

@@ -1,0 +1,1 @@
+"""OpenGL without a display: context, shader sources, programs, render targets."""

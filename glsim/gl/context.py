@@ -1,0 +1,155 @@
+"""A headless OpenGL context, through EGL or OSMesa."""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import logging
+import os
+from typing import Any, Literal, cast
+
+import moderngl
+
+from glsim.errors import DeviceError, did_you_mean
+
+log = logging.getLogger(__name__)
+
+Backend = Literal["egl", "osmesa"]
+BACKENDS: tuple[Backend, ...] = ("egl", "osmesa")
+
+#: What to install, for people without the libraries (Debian and Ubuntu names).
+INSTALL_HINT = {
+    "egl": "apt-get install libegl1 libgl1-mesa-dri",
+    "osmesa": "apt-get install libosmesa6",
+}
+
+#: OpenGL 3.3 core is all the shaders need; every Mesa since 2013 and every GPU driver has it.
+GL_VERSION = (3, 3)
+
+
+def chosen_backend(backend: str | None = None) -> Backend | None:
+    """The argument, else the variable GLSIM_BACKEND, else None (try EGL, then OSMesa)."""
+    name = backend or os.environ.get("GLSIM_BACKEND") or None
+    if name is not None and name not in BACKENDS:
+        raise DeviceError(f"no such backend {name!r}: {did_you_mean(name, BACKENDS)}")
+    return cast("Backend | None", name)
+
+
+def open_context(backend: str | None = None) -> moderngl.Context:
+    """A standalone context, current on this thread. The caller releases it.
+
+    backend: "egl", "osmesa", or None for GLSIM_BACKEND or the first that works.
+    GLSIM_EGL_DEVICE chooses among several GPUs by number (``glsim info`` lists them).
+    Mesa's software rasteriser is set to one thread unless LP_NUM_THREADS says otherwise: a
+    process a core is faster than threads within a frame.
+    Raises DeviceError with the reason for each backend that was tried.
+    """
+    os.environ.setdefault("LP_NUM_THREADS", "0")
+    chosen = chosen_backend(backend)
+    failures = []
+    for name in [chosen] if chosen else BACKENDS:
+        try:
+            context = _open_egl() if name == "egl" else _open_osmesa()
+        except Exception as error:  # moderngl, glcontext and ctypes raise plain Exceptions
+            failures.append(f"{name}: {error} ({INSTALL_HINT[name]})")
+            continue
+        if failures:
+            log.warning("using %s, because %s", name, failures[0])
+        context.gc_mode = "auto"
+        keep_freed_memory()
+        return context
+    raise DeviceError("no OpenGL context: " + "; ".join(failures))
+
+
+def _open_egl() -> moderngl.Context:
+    device = os.environ.get("GLSIM_EGL_DEVICE", "")
+    if device and not device.isdigit():
+        raise DeviceError(f"GLSIM_EGL_DEVICE={device}: give a number")
+    index = {"device_index": int(device)} if device else {}
+    require = GL_VERSION[0] * 100 + GL_VERSION[1] * 10
+    context: moderngl.Context = moderngl.create_context(
+        standalone=True, backend="egl", require=require, **index
+    )
+    return context
+
+
+class _OSMesa:
+    """OSMesa as the loader object that moderngl takes in place of a window system.
+
+    Constants are from GL/osmesa.h and GL/gl.h.
+    """
+
+    _FORMAT, _DEPTH_BITS, _PROFILE, _CORE_PROFILE = 0x22, 0x30, 0x33, 0x34
+    _MAJOR, _MINOR = 0x36, 0x37
+    _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
+
+    def __init__(self) -> None:
+        name = ctypes.util.find_library("OSMesa") or "libOSMesa.so.8"
+        self._lib = ctypes.CDLL(name)
+        self._lib.OSMesaCreateContextAttribs.restype = ctypes.c_void_p
+        self._lib.OSMesaCreateContextAttribs.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+        self._lib.OSMesaMakeCurrent.argtypes = [ctypes.c_void_p] * 2 + [ctypes.c_int] * 3
+        self._lib.OSMesaGetProcAddress.restype = ctypes.c_void_p
+        self._lib.OSMesaGetProcAddress.argtypes = [ctypes.c_char_p]
+        self._lib.OSMesaDestroyContext.argtypes = [ctypes.c_void_p]
+        attributes = [
+            self._FORMAT, self._RGBA, self._DEPTH_BITS, 24, self._PROFILE, self._CORE_PROFILE,
+            self._MAJOR, GL_VERSION[0], self._MINOR, GL_VERSION[1], 0,
+        ]  # fmt: skip
+        array = (ctypes.c_int * len(attributes))(*attributes)
+        self._context = self._lib.OSMesaCreateContextAttribs(array, None)
+        if not self._context:
+            raise DeviceError(f"{name} has no OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} core profile")
+        # A default framebuffer must exist; frames are drawn into textures of their own.
+        self._pixels = (ctypes.c_ubyte * (4 * 4 * 4))()
+        self.__enter__()
+
+    def load_opengl_function(self, name: str) -> int:
+        return self._lib.OSMesaGetProcAddress(name.encode()) or 0
+
+    def __enter__(self) -> None:
+        if not self._lib.OSMesaMakeCurrent(
+            self._context, self._pixels, self._UNSIGNED_BYTE, 4, 4
+        ):
+            raise DeviceError("OSMesaMakeCurrent failed")
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def release(self) -> None:
+        self._lib.OSMesaDestroyContext(self._context)
+
+
+def _open_osmesa() -> moderngl.Context:
+    loader: Any = _OSMesa()
+    context: moderngl.Context = moderngl.create_context(context=loader)
+    return context
+
+
+def describe(context: moderngl.Context) -> dict[str, str]:
+    """Vendor, renderer and version of the driver, for ``glsim info`` and for data set headers."""
+    info = context.info
+    return {
+        "vendor": str(info["GL_VENDOR"]),
+        "renderer": str(info["GL_RENDERER"]),
+        "version": str(info["GL_VERSION"]),
+    }
+
+
+def is_software(context: moderngl.Context) -> bool:
+    """Whether frames are drawn by the CPU."""
+    return any(word in str(context.info["GL_RENDERER"]) for word in ("llvmpipe", "softpipe"))
+
+
+def keep_freed_memory() -> None:
+    """Tell glibc to keep what llvmpipe frees after each frame.
+
+    It allocates megabytes of bins a draw; giving them back to the kernel each time costs 7 to 12 %
+    of a frame in page faults (perf, Mesa 22.3). Constants M_* are from malloc.h.
+    """
+    trim_threshold, mmap_threshold, half_gigabyte = -1, -3, 1 << 29
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except AttributeError:  # another libc: nothing to tune
+        return
+    mallopt(trim_threshold, half_gigabyte)
+    mallopt(mmap_threshold, half_gigabyte)

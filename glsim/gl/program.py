@@ -1,0 +1,57 @@
+"""A linked GL program for a full-screen pass or a mesh, with its interface checked."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import moderngl
+
+from glsim.errors import ShaderError
+from glsim.gl.source import SHADER_ROOT, ShaderSource, load_source
+
+_GL_TYPES = {"float": 0x1406, "int": 0x1404, "bool": 0x8B56}
+
+
+@lru_cache(maxsize=1)
+def _full_screen_vertex() -> ShaderSource:
+    return load_source(SHADER_ROOT / "render" / "fullscreen.vert")
+
+
+def link(
+    context: moderngl.Context, fragment: ShaderSource, vertex: ShaderSource | None = None
+) -> moderngl.Program:
+    """Compile and link. Outputs are bound in the order in which the fragment shader declares them.
+
+    Raises ShaderError with the driver's message at file:line of the sources, or if the driver
+    sees a parameter otherwise than the parser of its declaration did.
+    """
+    vertex = vertex or _full_screen_vertex()
+    outputs = {layer.name: number for number, layer in enumerate(fragment.writes)}
+    try:
+        program = context.program(
+            vertex_shader=vertex.text, fragment_shader=fragment.text, fragment_outputs=outputs
+        )
+    except Exception as error:  # moderngl.Error is not exported with a stable name
+        source = vertex if "vertex_shader" in str(error) else fragment
+        raise ShaderError(f"{source.file}: {source.locate(str(error))}") from None
+    for name, parameter in fragment.parameters.items():
+        uniform = program.get(name, None)
+        if uniform is None:
+            continue  # declared but unused: the driver removed it
+        where = f"{parameter.file}:{parameter.line}"
+        if uniform.gl_type != _GL_TYPES[parameter.type]:
+            raise ShaderError(f"{where}: the driver does not see {name!r} as {parameter.type}")
+        if abs(float(uniform.value) - parameter.default) > 1e-6 * max(1, abs(parameter.default)):
+            raise ShaderError(
+                f"{where}: the driver sees the default {uniform.value} of {name!r}, "
+                f"not {parameter.default}"
+            )
+    return program
+
+
+def link_files(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
+    """``link`` for two shipped files, given by their paths below shaders/."""
+    return link(
+        context, load_source(SHADER_ROOT / Path(fragment)), load_source(SHADER_ROOT / Path(vertex))
+    )

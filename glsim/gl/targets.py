@@ -1,0 +1,143 @@
+"""Textures to draw layers into, reused from frame to frame, and their way back to NumPy."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.frame import Rect
+from glsim.gl.source import Layer
+
+_BYTES_A_NUMBER = 4
+
+
+@dataclass(eq=False)
+class Target:
+    """A float32 texture. Outside ``drawn`` it is zero."""
+
+    texture: moderngl.Texture
+    layer: Layer
+    drawn: Rect | None = None
+
+
+class TargetPool:
+    """Hands out targets for layers and takes them back.
+
+    Frames are drawn in a window only. A target that was last drawn in another window is cleared
+    there first, so that whatever a stage reads outside the window is zero.
+    """
+
+    def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
+        self.context = context
+        self.width, self.height = width, height
+        self._free: dict[tuple[int, float], list[Target]] = defaultdict(list)
+        self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
+
+    def take(self, layer: Layer, window: Rect) -> Target:
+        """A target for ``layer``, zero outside ``window`` (given in frame pixels)."""
+        free = self._free[(layer.components, float(layer.scale))]
+        if free:
+            target = free.pop()
+            target.layer = layer
+        else:
+            size = (
+                math.ceil(self.width * layer.scale),
+                math.ceil(self.height * layer.scale),
+            )
+            texture = self.context.texture(size, layer.components, dtype="f4")
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            texture.repeat_x = texture.repeat_y = False
+            target = Target(texture, layer, Rect(0, 0, *size))
+        drawn = scaled(window, layer)
+        if target.drawn is not None and not drawn.contains(target.drawn):
+            framebuffer = self.framebuffer([target])
+            framebuffer.use()
+            framebuffer.clear(viewport=target.drawn)
+        target.drawn = drawn
+        return target
+
+    def give_back(self, target: Target) -> None:
+        """Free a target for the next ``take``."""
+        self._free[(target.layer.components, float(target.layer.scale))].append(target)
+
+    def framebuffer(self, targets: Sequence[Target]) -> moderngl.Framebuffer:
+        """The framebuffer that draws into all of ``targets``; made once."""
+        key = tuple(target.texture.glo for target in targets)
+        if key not in self._framebuffers:
+            self._framebuffers[key] = self.context.framebuffer([t.texture for t in targets])
+        return self._framebuffers[key]
+
+    def upload(self, layer: Layer, values: NDArray[np.float32]) -> Target:
+        """A full-frame target filled from an array (H, W) or (H, W, components), float32."""
+        target = self.take(layer, Rect(0, 0, self.width, self.height))
+        target.texture.write(np.ascontiguousarray(values, dtype=np.float32).tobytes())
+        return target
+
+
+def scaled(window: Rect, layer: Layer) -> Rect:
+    """A window of the frame in the pixels of a layer that may be larger or smaller."""
+    if layer.scale == 1:
+        return window
+    left, top = math.floor(window.left * layer.scale), math.floor(window.top * layer.scale)
+    right = math.ceil((window.left + window.width) * layer.scale)
+    bottom = math.ceil((window.top + window.height) * layer.scale)
+    return Rect(left, top, right - left, bottom - top)
+
+
+class Readback:
+    """One frame's layers on their way to memory, through a pixel buffer.
+
+    The copy is queued behind the drawing; ``arrays`` waits for it. On a GPU a ring of these hides
+    the wait behind the next frames.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._buffer: moderngl.Buffer | None = None
+        self._parts: list[tuple[str, Rect, int, int]] = []
+
+    def request(self, pool: TargetPool, targets: Mapping[str, Target], window: Rect) -> None:
+        """Queue the copy of ``window`` (frame pixels) of the named targets."""
+        self._parts = []
+        end = 0
+        for name, target in targets.items():
+            rect, components = scaled(window, target.layer), target.layer.components
+            self._parts.append((name, rect, components, end))
+            end += rect.width * rect.height * components * _BYTES_A_NUMBER
+        if self._buffer is None or self._buffer.size < end:
+            if self._buffer is not None:
+                self._buffer.release()
+            self._buffer = self._context.buffer(reserve=end)
+        for (name, rect, components, offset) in self._parts:
+            pool.framebuffer([targets[name]]).read_into(
+                self._buffer,
+                viewport=rect,
+                components=components,
+                dtype="f4",
+                write_offset=offset,
+            )
+
+    def arrays(self) -> dict[str, NDArray[np.float32]]:
+        """The layers, (h, w) or (h, w, components) float32 of the window. Waits for the GPU."""
+        assert self._buffer is not None, "request() comes first"
+        size = self._parts[-1][3] + _part_bytes(self._parts[-1])
+        data = np.frombuffer(self._buffer.read(size), dtype=np.float32)
+        result = {}
+        for part in self._parts:
+            name, rect, components, offset = part
+            start = offset // _BYTES_A_NUMBER
+            values = data[start : start + _part_bytes(part) // _BYTES_A_NUMBER]
+            shape = (rect.height, rect.width) + ((components,) if components > 1 else ())
+            result[name] = values.reshape(shape)
+        return result
+
+
+def _part_bytes(part: tuple[str, Rect, int, int]) -> int:
+    _, rect, components, _ = part
+    return rect.width * rect.height * components * _BYTES_A_NUMBER

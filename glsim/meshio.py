@@ -1,0 +1,243 @@
+"""Loading a mesh file of any format into the canonical frame.
+
+Colour: where a file says how bright its parts are (colour a vertex, or a material), the albedo is
+0.6 times luma over the median luma: most of a face is skin, and skin reflects 0.6 of what a white
+wall does at 860 nm. It is a plausible ranking of light and dark, not a measurement: visible
+colour says little about the near infrared, where skins differ less. Textures are left alone, as
+are files of one colour only.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.canonical import Canonicalisation, canonicalise, check_axes, check_unit
+from glsim.errors import MeshError, did_you_mean
+from glsim.mesh import Mesh
+from glsim.objfile import read_material_colours, read_obj
+from glsim.scenefile import Part, read_parts
+
+EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
+"""What can be read: OBJ here, the rest by trimesh (its readers that need no further package)."""
+
+MAX_TRIANGLES: Final = 5_000_000
+"""A head in 0.3 mm triangles; more is 0.4 GB of vertices for detail no depth camera sees."""
+
+MAX_BYTES: Final = 200 * MAX_TRIANGLES
+"""200 bytes a triangle: an OBJ with texture coordinates and normals needs about 120."""
+
+SKIN_ALBEDO: Final = 0.6  # diffuse, 860 nm, relative to a white wall (NIST 2017: 0.4-0.68)
+ALBEDO_RANGE: Final = (0.05, 0.95)  # hair is 0.05-0.3; nothing on a face beats a white wall
+LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class RawMesh:
+    """A mesh as its file has it: own unit, own axes; cleaned.
+
+    vertices: (V, 3) float64, finite, each used by a triangle. faces: (F, 3) int32, none degenerate.
+    albedo: (V,) float32 or None. degenerate: how many triangles without area were dropped.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    albedo: NDArray[np.float32] | None
+    degenerate: int
+
+    def to_mesh(self, frame: Canonicalisation) -> Mesh:
+        """Into the canonical frame."""
+        faces = self.faces[:, ::-1] if frame.flip_winding else self.faces
+        return Mesh(frame.points(self.vertices), np.ascontiguousarray(faces), self.albedo)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedMesh:
+    """A mesh in the canonical frame, how it got there, and notes for the manifest."""
+
+    mesh: Mesh
+    frame: Canonicalisation
+    notes: dict[str, object]
+
+
+def load_mesh(
+    path: Path | str, *, unit: str = "auto", axes: str = "auto", recentre: bool = True
+) -> LoadedMesh:
+    """Read a mesh and bring it into the canonical frame (millimetres, y up, z out of the face).
+
+    unit: "auto", a name ("m", "dm", "cm", "mm", "inch") or a number of millimetres ("125").
+    axes: "auto", or which axis of the file becomes canonical x, y, z ("+x-y-z").
+    recentre: put the origin 45 mm behind the tip of the nose; otherwise the file's origin stays.
+    Raises ConfigError for settings that mean nothing, MeshError for a file that cannot be used.
+    """
+    check_unit(unit)
+    check_axes(axes)
+    path = Path(path)
+    raw = read_mesh(path)
+    frame = find_frame(path, raw, unit=unit, axes=axes, recentre=recentre)
+    return LoadedMesh(raw.to_mesh(frame), frame, notes_of(raw, frame))
+
+
+def find_frame(
+    path: Path, raw: RawMesh, *, unit: str, axes: str, recentre: bool
+) -> Canonicalisation:
+    """``canonicalise``, said aloud; the file's name is put into its errors."""
+    try:
+        frame = canonicalise(raw.vertices, raw.faces, unit=unit, axes=axes, recentre=recentre)
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from None
+    _LOG.info("%s: %s", path, frame)
+    return frame
+
+
+def notes_of(raw: RawMesh, frame: Canonicalisation) -> dict[str, object]:
+    """What the manifest should say about a mesh."""
+    dropped = {"degenerate_triangles_dropped": raw.degenerate} if raw.degenerate else {}
+    return {**frame.notes(), **dropped}
+
+
+def read_mesh(path: Path) -> RawMesh:
+    """Read and clean a mesh file, in its own unit and axes. Raises MeshError."""
+    _check_file(path)
+    parts = _read_obj_parts(path) if path.suffix.lower() == ".obj" else read_parts(path)
+    vertices = np.concatenate([part.vertices for part in parts])
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    faces = np.concatenate(
+        [part.faces + start for part, start in zip(parts, starts, strict=False)]
+    )
+    if len(faces) == 0:
+        raise MeshError(f"{path}: no triangles ({len(vertices)} points); export the surface too")
+    _check_count(path, len(faces))
+    wrong = np.flatnonzero((faces < 0).any(axis=1) | (faces >= len(vertices)).any(axis=1))
+    if len(wrong):
+        raise MeshError(
+            f"{path}: triangle {wrong[0]} uses vertex {faces[wrong[0]].max()}, but there are "
+            f"{len(vertices)} vertices; the file is damaged, export it again"
+        )
+    return _clean(path, vertices, faces, _albedo(parts))
+
+
+def _clean(
+    path: Path,
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int64],
+    albedo: NDArray[np.float32] | None,
+) -> RawMesh:
+    """Drop triangles without area and vertices without triangle; refuse NaN and infinity."""
+    bad = np.flatnonzero(~np.isfinite(vertices[faces]).all(axis=(1, 2)))
+    if len(bad):
+        raise MeshError(
+            f"{path}: {len(bad)} of {len(faces)} triangles have a vertex at NaN or infinity "
+            f"(first: triangle {bad[0]}); repair or remove them"
+        )
+    corner = vertices[faces]
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are refused with the unit
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    whole = (normal != 0).any(axis=1)
+    if not whole.any():
+        raise MeshError(f"{path}: all {len(faces)} triangles are degenerate (no area)")
+    kept = faces[whole]
+    used = np.zeros(len(vertices), dtype=bool)
+    used[kept] = True
+    number = np.cumsum(used) - 1
+    return RawMesh(
+        vertices[used],
+        number[kept].astype(np.int32),
+        None if albedo is None else albedo[used],
+        int(len(faces) - len(kept)),
+    )
+
+
+def _read_obj_parts(path: Path) -> list[Part]:
+    """An OBJ as one part, or as one part a material where materials have colours."""
+    obj = read_obj(path)
+    triangles, polygon = obj.triangles()
+    if obj.colours is not None:
+        return [Part(obj.vertices, triangles, obj.colours)]
+    colours: dict[str, tuple[float, float, float]] = {}
+    for library in obj.libraries:
+        colours |= read_material_colours(path.parent / Path(library.replace("\\", "/")).name)
+    materials = obj.materials[polygon]
+    if any(obj.material_names[index] not in colours for index in np.unique(materials)):
+        return [Part(obj.vertices, triangles, None)]
+    # A vertex on the border of two materials takes the colour of the later triangle.
+    by_material = np.array([colours.get(name, (0.0, 0.0, 0.0)) for name in obj.material_names])
+    of_vertex = np.zeros((len(obj.vertices), 3))
+    of_vertex[triangles.ravel()] = np.repeat(by_material[materials], 3, axis=0)
+    return [Part(obj.vertices, triangles, of_vertex)]
+
+
+def _albedo(parts: list[Part]) -> NDArray[np.float32] | None:
+    """See the head of this file. None where any part has no colour, or all have the same."""
+    colours = [part.colours for part in parts]
+    if any(colour is None for colour in colours):
+        return None
+    luma = np.concatenate([colour for colour in colours if colour is not None]) @ np.array(LUMA)
+    middle = float(np.median(luma))
+    if not np.isfinite(luma).all() or middle <= 0 or np.ptp(luma) < 1e-3 * middle:
+        return None
+    return np.asarray(np.clip(SKIN_ALBEDO * luma / middle, *ALBEDO_RANGE), dtype=np.float32)
+
+
+def _check_file(path: Path) -> None:
+    """Everything that can be refused without reading the mesh."""
+    if path.is_dir():
+        raise MeshError(f"{path}: is a directory, not a mesh; the source 'folder' reads trees")
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
+    suffix = path.suffix.lower()
+    if suffix not in EXTENSIONS:
+        raise MeshError(
+            f"{path}: {suffix or 'a file without extension'} is not a mesh format glsim reads "
+            f"({did_you_mean(suffix, EXTENSIONS)}); export it as OBJ or PLY"
+        )
+    if size == 0:
+        raise MeshError(f"{path}: the file is empty")
+    if size > MAX_BYTES:
+        raise MeshError(
+            f"{path}: {size / 1e9:.1f} GB is more than a mesh of {MAX_TRIANGLES} triangles needs; "
+            "simplify it (a depth camera sees 2.5 mm at 0.9 m)"
+        )
+    for count in _declared(path, suffix, size):
+        _check_count(path, count)
+
+
+def _declared(path: Path, suffix: str, size: int) -> list[int]:
+    """Counts a file promises in its head, so that a huge one is refused before it is read."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if suffix == ".ply":
+        return [int(count) for count in re.findall(rb"element \w+ +(\d{1,18})", head)]
+    if suffix == ".off":
+        first = re.search(rb"^\s*(?:[A-Z]*OFF)?\s*(\d{1,18})\s+(\d{1,18})", head)
+        return [int(count) for count in first.groups()] if first else []
+    if suffix == ".stl" and not head.lstrip().startswith(b"solid") and len(head) >= 84:
+        count = int.from_bytes(head[80:84], "little")
+        if size < 84 + 50 * count:
+            raise MeshError(
+                f"{path}: cut short: {count} triangles need {84 + 50 * count} bytes, "
+                f"there are {size}; copy or export it again"
+            )
+        return [count]
+    return []
+
+
+def _check_count(path: Path, triangles: int) -> None:
+    if triangles > MAX_TRIANGLES:
+        raise MeshError(
+            f"{path}: {triangles} triangles or vertices, the limit is {MAX_TRIANGLES}; "
+            "simplify it (a depth camera sees 2.5 mm at 0.9 m)"
+        )

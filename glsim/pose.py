@@ -1,0 +1,34 @@
+"""Where the face stands: canonical millimetres to camera metres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Canonical axes (y up, z out of the face) to camera axes (y down, z forward): a half turn about x.
+_FACING = np.diag([1.0, -1.0, -1.0])
+
+
+def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
+    """(4, 4) float32, canonical mm to camera m, for distance_mm, x_mm, y_mm and the three angles.
+
+    The head turns about its own origin: roll first, then pitch, then yaw. Positive angles turn it
+    to its own left, raise it and tilt it to its own left; missing entries are 0.
+    """
+    yaw, pitch, roll = (np.radians(pose.get(f"{a}_deg", 0.0)) for a in ("yaw", "pitch", "roll"))
+    turn = _rotation(1, yaw) @ _rotation(0, -pitch) @ _rotation(2, -roll)
+    matrix = np.eye(4)
+    matrix[:3, :3] = _FACING @ turn / 1000.0
+    matrix[:3, 3] = [pose.get(n, 0.0) / 1000.0 for n in ("x_mm", "y_mm", "distance_mm")]
+    return matrix.astype(np.float32)
+
+
+def _rotation(axis: int, angle: float) -> NDArray[np.float64]:
+    c, s = np.cos(angle), np.sin(angle)
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[j, j] = matrix[k, k] = c
+    matrix[j, k], matrix[k, j] = -s, s
+    return matrix

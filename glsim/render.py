@@ -1,0 +1,283 @@
+"""A face and a sensor rig to clean layers: two z-buffers, and what follows from them.
+
+    mesh --surface.vert/.frag @camera--> clean, normal, albedo
+    mesh --projector.vert @emitter----> z-buffer
+    clean + z-buffer --lit.frag-------> lit
+
+For a rig that keeps its lens distortion, the camera draws a wider pinhole image and lens.frag
+brings its layers to the distorted grid.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bounds import Tangents, corners, emitter_view, image_window, union
+from glsim.camera import Emitter, Intrinsics, SensorRig
+from glsim.frame import Rect
+from glsim.gl.program import link_files
+from glsim.gl.source import Layer
+from glsim.gl.targets import Target, TargetPool
+from glsim.mesh import Mesh
+from glsim.pose import pose_matrix
+
+#: Diffuse reflectivity of skin at 860 nm relative to a white wall, where a mesh has none of its
+#: own: 0.5-0.6 of the light (NIST reflectance data of skin, Cooksey 2017) over 0.85-0.9.
+SKIN_ALBEDO = 0.6
+
+CLEAN = Layer("clean", "float")
+NORMAL = Layer("normal", "vec4")
+ALBEDO = Layer("albedo", "float")
+LIT = Layer("lit", "float")
+_RAYS = Layer("rays", "vec2")
+
+#: Texels of an emitter's z-buffer a camera pixel, so that shadow edges are finer than the image.
+_MAP_DENSITY = 2.0
+#: Side of the z-buffer; a scene that needs more gets fewer texels a pixel.
+_MAP_SIZE = 2048
+#: Topologies kept on the GPU; a data set has one a source, or one a file.
+_CACHED_TOPOLOGIES = 4
+
+
+@dataclass(eq=False)
+class _Drawable:
+    faces: NDArray[np.int32]
+    positions: moderngl.Buffer
+    albedos: moderngl.Buffer
+    indices: moderngl.Buffer
+    surface: moderngl.VertexArray
+    projector: moderngl.VertexArray
+    albedo: object = field(default_factory=object)  # what ``albedos`` holds; at first, nothing
+
+    def release(self) -> None:
+        for part in (self.surface, self.projector, self.positions, self.albedos, self.indices):
+            part.release()
+
+
+class Renderer:
+    """Draws meshes for one rig. Owns the programs, the z-buffers and the target pool."""
+
+    def __init__(self, context: moderngl.Context, rig: SensorRig) -> None:
+        self.context, self.rig = context, rig
+        image, pinhole = rig.intrinsics, rig.pinhole()
+        self._pinhole = pinhole
+        self.pool = TargetPool(context, image.width, image.height)
+        self._camera_pool = (
+            TargetPool(context, pinhole.width, pinhole.height) if rig.is_raw else self.pool
+        )
+        self.rays = self.pool.upload(_RAYS, rig.rays())
+        self._surface = link_files(context, "render/surface.vert", "render/surface.frag")
+        self._projector = link_files(context, "render/projector.vert", "render/projector.frag")
+        self._lit_pass = self._fullscreen("render/lit.frag")
+        self._lens_pass = self._fullscreen("render/lens.frag") if rig.is_raw else None
+        _set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
+        self._depth = context.depth_renderbuffer((pinhole.width, pinhole.height))
+        self._camera_buffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
+        self._map = context.depth_texture((_MAP_SIZE, _MAP_SIZE))
+        self._map.compare_func = "<="
+        self._map.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self._map_buffer = context.framebuffer([], self._map)
+        self._drawables: OrderedDict[int, _Drawable] = OrderedDict()
+
+    def _fullscreen(self, fragment: str) -> moderngl.VertexArray:
+        program = link_files(self.context, "render/fullscreen.vert", fragment)
+        return self.context.vertex_array(program, [])
+
+    def render(
+        self, meshes: Sequence[tuple[Mesh, NDArray[np.float32]]], visible: Rect | None = None
+    ) -> tuple[dict[str, Target], Rect]:
+        """Draw meshes, each with its (4, 4) matrix from canonical mm to camera m.
+
+        visible: the crop that will be delivered (None: all).
+        Returns the layers clean, normal, albedo and lit, and the window they are drawn in; give
+        the targets back to ``pool``. Raises MeshError if the first mesh, the face, is not in view.
+        """
+        boxes = [corners(mesh.vertices_mm, view) for mesh, view in meshes]
+        image, near = self.rig.intrinsics, self.rig.near_m
+        window = union([image_window(box, image, near, visible) for box in boxes])
+        drawables = [self._drawable(mesh) for mesh, _ in meshes]
+        views = [view for _, view in meshes]
+        layers = self._draw_surface(drawables, views, window)
+        layers["lit"] = self._draw_lit(layers, window, drawables, views, np.concatenate(boxes))
+        return layers, window
+
+    def light_depth_map(
+        self, clean_m: NDArray[np.float32], normal: NDArray[np.float32], surface: Mesh
+    ) -> tuple[dict[str, Target], Rect]:
+        """The same layers for a depth map that exists already.
+
+        clean_m: (H, W) metres, normal: (H, W, 3) unit vectors towards the camera, and the map as
+        triangles in camera axes, y and z negated, millimetres, which throw the shadows.
+        """
+        image = self.rig.intrinsics
+        window = Rect(0, 0, image.width, image.height)
+        view = pose_matrix({})
+        layers = {
+            "clean": self.pool.upload(CLEAN, clean_m),
+            "normal": self.pool.upload(NORMAL, np.pad(normal, ((0, 0), (0, 0), (0, 1)))),
+            "albedo": self.pool.upload(ALBEDO, np.where(clean_m > 0, SKIN_ALBEDO, 0.0)),
+        }
+        box = corners(surface.vertices_mm, view)
+        layers["lit"] = self._draw_lit(layers, window, [self._drawable(surface)], [view], box)
+        return layers, window
+
+    def _drawable(self, mesh: Mesh) -> _Drawable:
+        """The mesh on the GPU; its topology is uploaded once, its vertices each time."""
+        key = id(mesh.faces)
+        drawable = self._drawables.get(key)
+        if drawable is None or drawable.positions.size != mesh.vertices_mm.nbytes:
+            drawable = self._upload_topology(mesh)
+            self._drawables[key] = drawable
+            if len(self._drawables) > _CACHED_TOPOLOGIES:
+                self._drawables.popitem(last=False)[1].release()
+        self._drawables.move_to_end(key)
+        drawable.positions.write(np.ascontiguousarray(mesh.vertices_mm, dtype=np.float32))
+        if drawable.albedo is not mesh.albedo:
+            albedo = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
+            drawable.albedos.write(albedo if mesh.albedo is None else mesh.albedo)
+            drawable.albedo = mesh.albedo
+        return drawable
+
+    def _upload_topology(self, mesh: Mesh) -> _Drawable:
+        make = self.context.buffer
+        positions = make(reserve=mesh.vertices_mm.nbytes, dynamic=True)
+        albedos = make(reserve=4 * len(mesh.vertices_mm))
+        indices = make(np.ascontiguousarray(mesh.faces, dtype=np.int32))
+        position = (positions, "3f", "in_position_mm")
+        surface = self.context.vertex_array(
+            self._surface, [position, (albedos, "1f", "in_albedo")], indices
+        )
+        projector = self.context.vertex_array(self._projector, [position], indices)
+        return _Drawable(mesh.faces, positions, albedos, indices, surface, projector)
+
+    def _draw_meshes(
+        self,
+        arrays: Sequence[moderngl.VertexArray],
+        program: moderngl.Program,
+        views: Sequence[NDArray[np.float32]],
+        origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        # The clip matrix points y down, which mirrors the winding: front faces are clockwise.
+        self.context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self.context.front_face, self.context.cull_face = "cw", "back"
+        for array, view in zip(arrays, views, strict=True):
+            moved = view.copy()
+            moved[:3, 3] -= origin_m
+            _set_matrix(program, "u_view", moved)
+            array.render()
+        self.context.enable_only(moderngl.NOTHING)
+
+    def _draw_surface(
+        self,
+        drawables: Sequence[_Drawable],
+        views: Sequence[NDArray[np.float32]],
+        window: Rect,
+    ) -> dict[str, Target]:
+        pinhole, pool = self._pinhole, self._camera_pool
+        area = window if self._lens_pass is None else Rect(0, 0, pinhole.width, pinhole.height)
+        targets = [pool.take(layer, area) for layer in (CLEAN, NORMAL, ALBEDO)]
+        key = tuple(target.texture.glo for target in targets)
+        if key not in self._camera_buffers:
+            textures = [target.texture for target in targets]
+            self._camera_buffers[key] = self.context.framebuffer(textures, self._depth)
+        buffer = self._camera_buffers[key]
+        buffer.use()
+        buffer.viewport = (0, 0, pinhole.width, pinhole.height)
+        buffer.scissor = area
+        buffer.clear(viewport=area)
+        self._draw_meshes([d.surface for d in drawables], self._surface, views)
+        layers = {target.layer.name: target for target in targets}
+        return layers if self._lens_pass is None else self._through_lens(layers, window)
+
+    def _through_lens(self, pinhole: dict[str, Target], window: Rect) -> dict[str, Target]:
+        assert self._lens_pass is not None
+        layers = {t.layer.name: self.pool.take(t.layer, window) for t in pinhole.values()}
+        buffer = self.pool.framebuffer(list(layers.values()))
+        buffer.use()
+        buffer.viewport = window
+        for unit, (name, target) in enumerate(pinhole.items()):
+            target.texture.use(unit)
+            self._lens_pass.program[f"u_pinhole_{name}"] = unit
+        self.rays.texture.use(len(pinhole))
+        self._lens_pass.program["u_rays"] = len(pinhole)
+        p = self._pinhole
+        self._lens_pass.program["u_pinhole"] = (p.fx, p.fy, p.cx, p.cy)
+        self._lens_pass.render(moderngl.TRIANGLES, vertices=3)
+        for target in pinhole.values():
+            self._camera_pool.give_back(target)
+        return layers
+
+    def _draw_lit(
+        self,
+        layers: dict[str, Target],
+        window: Rect,
+        drawables: Sequence[_Drawable],
+        views: Sequence[NDArray[np.float32]],
+        corners_m: NDArray[np.float64],
+    ) -> Target:
+        """The share of the emitters that reaches each pixel; everything is lit without emitters."""
+        lit = self.pool.take(LIT, window)
+        buffer = self.pool.framebuffer([lit])
+        buffer.use()
+        buffer.clear(0.0 if self.rig.emitters else 1.0, viewport=window)
+        for emitter in self.rig.emitters:
+            # Seen from the emitter through the pinhole of the camera that covers the window.
+            box = emitter_view(
+                corners_m, window, self._pinhole, emitter.position_m, self.rig.near_m / 2
+            )
+            self._draw_map(emitter, box, drawables, views)
+            buffer.use()
+            buffer.viewport = window
+            self.context.enable_only(moderngl.BLEND)
+            self.context.blend_func = moderngl.ONE, moderngl.ONE
+            for unit, name in enumerate(("clean", "normal")):
+                layers[name].texture.use(unit)
+                self._lit_pass.program[f"u_{name}"] = unit
+            self.rays.texture.use(2)
+            self._map.use(3)
+            self._lit_pass.program["u_rays"], self._lit_pass.program["u_projector"] = 2, 3
+            self._lit_pass.program["u_weight"] = 1.0 / len(self.rig.emitters)
+            self._lit_pass.render(moderngl.TRIANGLES, vertices=3)
+            self.context.enable_only(moderngl.NOTHING)
+        return lit
+
+    def _draw_map(
+        self,
+        emitter: Emitter,
+        box: Tangents,
+        drawables: Sequence[_Drawable],
+        views: Sequence[NDArray[np.float32]],
+    ) -> None:
+        """The emitter's z-buffer of ``box``, and the uniforms that look things up in it."""
+        span = max(box.right - box.left, box.bottom - box.top)
+        focal = min(_MAP_DENSITY * self._pinhole.fx, (_MAP_SIZE - 4) / max(span, 1e-6))
+        # Two texels around, so that the linear filter never reads beyond what was drawn.
+        left, top = box.left - 2 / focal, box.top - 2 / focal
+        width = min(_MAP_SIZE, int(np.ceil((box.right - box.left) * focal)) + 4)
+        height = min(_MAP_SIZE, int(np.ceil((box.bottom - box.top) * focal)) + 4)
+        view = Intrinsics(width, height, focal, focal, -left * focal, -top * focal)
+        near, far = box.near_m * 0.99, box.far_m * 1.01
+        _set_matrix(self._projector, "u_clip", view.clip_matrix(near, far))
+        self._map_buffer.use()
+        self._map_buffer.viewport = self._map_buffer.scissor = (0, 0, width, height)
+        self._map_buffer.clear(viewport=(0, 0, width, height))
+        self._draw_meshes(
+            [d.projector for d in drawables], self._projector, views, emitter.position_m
+        )
+        scale = focal / _MAP_SIZE
+        program = self._lit_pass.program
+        program["u_emitter_m"] = emitter.position_m
+        program["u_map"] = (scale, scale, -left * scale, -top * scale)
+        program["u_map_range"] = (near, far)
+        program["u_texel"] = 1.0 / focal
+
+
+def _set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float32]) -> None:
+    """GL wants columns first."""
+    program[name].write(np.ascontiguousarray(matrix.T))

@@ -1,0 +1,17 @@
+#version 330 core
+// surface: a mesh in canonical millimetres to the camera, with its position for the layers.
+uniform mat4 u_view; // canonical mm -> camera m
+uniform mat4 u_clip;
+
+in vec3 in_position_mm;
+in float in_albedo;
+
+out vec3 v_position_m;
+out float v_albedo;
+
+void main() {
+    vec4 position = u_view * vec4(in_position_mm, 1.0);
+    v_position_m = position.xyz;
+    v_albedo = in_albedo;
+    gl_Position = u_clip * position;
+}
