@@ -1,0 +1,24 @@
+#version 330 core
+// fixed_pattern: an error of each pixel that is the same in every frame of one device.
+// Defaults: measured on Kinect V2 recordings, 0.72-0.91 mm in all, rows alternating by -0.17 and
+// +0.20 mm, correlated along columns.
+#include "lib/random.glsl"
+#include "lib/disparity.glsl"
+
+uniform float pixel_sigma_mm = 0.6;   //@ [0, 20] mm standard deviation of the error of a pixel
+uniform float column_sigma_mm = 0.45; //@ [0, 20] mm standard deviation of the error that a column shares
+uniform float row_step_mm = 0.37;     //@ [0, 20] mm difference between odd and even rows
+
+uniform sampler2D u_depth;
+uniform uint u_device_seed;
+
+out float depth;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    float own = normal_pair(random_bits(pixel, u_device_seed, 0u).xy).x;
+    float column = normal_pair(random_bits(ivec2(pixel.x, 0), u_device_seed, 1u).xy).x;
+    float row = (pixel.y & 1) == 1 ? 0.5 : -0.5;
+    float error = pixel_sigma_mm * own + column_sigma_mm * column + row_step_mm * row;
+    depth = displaced(texelFetch(u_depth, pixel, 0).r, error, 0.0);
+}

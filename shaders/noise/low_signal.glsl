@@ -1,0 +1,28 @@
+#version 330 core
+// low_signal: loses pixels from which too little infrared light comes back.
+// Default: half of the pixels at an amplitude of 5 of libfreenect2's units, 16 counts each
+// (its thresholds of 3 a frequency and 10 in the sum, with the read noise of the taps).
+#include "lib/random.glsl"
+#include "reason.glsl"
+
+uniform float min_counts = 80.0;    //@ [0, 65535] counts infrared at which half of the pixels are lost
+uniform float spread_counts = 16.0; //@ [0, 65535] counts standard deviation of that limit from pixel to pixel
+
+uniform sampler2D u_depth;
+uniform sampler2D u_reason;
+uniform sampler2D u_infrared;
+uniform uint u_seed;
+
+out float depth;
+out float reason;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    depth = texelFetch(u_depth, pixel, 0).r;
+    reason = texelFetch(u_reason, pixel, 0).r;
+    float limit = min_counts + spread_counts * normal_pair(random_bits(pixel, u_seed, 0u).xy).x;
+    if (depth > 0.0 && texelFetch(u_infrared, pixel, 0).r < limit) {
+        depth = 0.0;
+        reason = REASON_LOW_SIGNAL;
+    }
+}

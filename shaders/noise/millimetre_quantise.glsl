@@ -1,0 +1,13 @@
+#version 330 core
+// millimetre_quantise: rounds the depth to whole steps.
+// Default: 1 mm, the unit in which the Kinect V2 delivers.
+uniform float step_mm = 1.0;  //@ [0.001, 100] mm smallest difference of depth
+
+uniform sampler2D u_depth;
+
+out float depth;
+
+void main() {
+    float steps = floor(1000.0 * texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r / step_mm + 0.5);
+    depth = 0.001 * step_mm * steps;
+}

@@ -1,0 +1,24 @@
+#version 330 core
+// range_gate: removes what is nearer or farther than the sensor measures.
+// Default: libfreenect2's, and Microsoft's reliable range of the Kinect V2.
+#include "reason.glsl"
+
+uniform float near_mm = 500.0;  //@ [0, 20000] mm nearest depth that is kept
+uniform float far_mm = 4500.0;  //@ [0, 65535] mm farthest depth that is kept
+
+uniform sampler2D u_depth;
+uniform sampler2D u_reason;
+
+out float depth;
+out float reason;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    depth = texelFetch(u_depth, pixel, 0).r;
+    reason = texelFetch(u_reason, pixel, 0).r;
+    float depth_mm = 1000.0 * depth;
+    if (depth > 0.0 && (depth_mm < near_mm || depth_mm > far_mm)) {
+        depth = 0.0;
+        reason = REASON_OUT_OF_RANGE;
+    }
+}
