@@ -14,12 +14,12 @@ from glsim.errors import MeshError
 from glsim.frame import Rect
 
 #: Windows are widened by this many pixels, so that stages can move and grow silhouettes; the
-#: shipped ones reach 8 px at most (9x9 window, then the spread of dots).
-MARGIN_PX = 12
+#: shipped ones reach 8 px at most (lateral jitter is cut there).
+MARGIN_PX = 8
 
 #: Windows start and end at multiples of this, so that they seldom change from frame to frame
 #: (a changed window costs clearing) and so that stages at 1/3 size divide them evenly.
-_ALIGN_PX = 24
+_ALIGN_PX = 12
 
 
 class Tangents(NamedTuple):

@@ -33,7 +33,7 @@ LARGEST_MM: Final = 600.0  # a head with neck and shoulders
 ORIGIN_BEHIND_NOSE_MM: Final = 45.0
 """The canonical origin lies this far behind the tip of the nose, between the cheek bones."""
 
-MATCH_MIN: Final = 0.6  # faces match at 0.75 to 0.95, a face seen from behind or above below 0.77
+MATCH_MIN: Final = 0.6  # faces match at 0.8 to 0.97, things without a nose below 0.4
 MATCH_TIE: Final = 0.02  # a lead too small to overrule the file's own axes
 MATCH_CLEAR: Final = 0.05  # the smallest lead of the right turn in the trials above
 

@@ -120,7 +120,10 @@ class Settings(_Table):
 
     @model_validator(mode="after")
     def _check(self) -> Settings:
-        if any(s < 0 or not math.isfinite(s) for s in self.split) or abs(sum(self.split) - 1) > 1e-6:
+        if (
+            any(s < 0 or not math.isfinite(s) for s in self.split)
+            or abs(sum(self.split) - 1) > 1e-6
+        ):
             raise ValueError(f"split {list(self.split)}: the shares must be >= 0 and add up to 1")
         if not self.source:
             raise ValueError("source: at least one is needed")

@@ -106,15 +106,18 @@ def notes_of(raw: RawMesh, frame: Canonicalisation) -> dict[str, object]:
 
 def read_mesh(path: Path) -> RawMesh:
     """Read and clean a mesh file, in its own unit and axes. Raises MeshError."""
-    _check_file(path)
+    promised = _check_file(path)
     parts = _read_obj_parts(path) if path.suffix.lower() == ".obj" else read_parts(path)
     vertices = np.concatenate([part.vertices for part in parts])
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = np.concatenate(
-        [part.faces + start for part, start in zip(parts, starts, strict=False)]
-    )
+    faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
     if len(faces) == 0:
         raise MeshError(f"{path}: no triangles ({len(vertices)} points); export the surface too")
+    if len(faces) < promised:
+        raise MeshError(
+            f"{path}: cut short: {promised} faces are promised, {len(faces)} are there; "
+            "copy or export it again"
+        )
     _check_count(path, len(faces))
     wrong = np.flatnonzero((faces < 0).any(axis=1) | (faces >= len(vertices)).any(axis=1))
     if len(wrong):
@@ -187,8 +190,8 @@ def _albedo(parts: list[Part]) -> NDArray[np.float32] | None:
     return np.asarray(np.clip(SKIN_ALBEDO * luma / middle, *ALBEDO_RANGE), dtype=np.float32)
 
 
-def _check_file(path: Path) -> None:
-    """Everything that can be refused without reading the mesh."""
+def _check_file(path: Path) -> int:
+    """Refuse what can be refused without reading the mesh; how many faces it promises at least."""
     if path.is_dir():
         raise MeshError(f"{path}: is a directory, not a mesh; the source 'folder' reads trees")
     try:
@@ -208,8 +211,10 @@ def _check_file(path: Path) -> None:
             f"{path}: {size / 1e9:.1f} GB is more than a mesh of {MAX_TRIANGLES} triangles needs; "
             "simplify it (a depth camera sees 2.5 mm at 0.9 m)"
         )
-    for count in _declared(path, suffix, size):
+    counts = _declared(path, suffix, size)
+    for count in counts:
         _check_count(path, count)
+    return counts[1] if suffix == ".off" and counts else 0  # the others' readers count themselves
 
 
 def _declared(path: Path, suffix: str, size: int) -> list[int]:

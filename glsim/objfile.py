@@ -23,7 +23,7 @@ class ObjFile:
     vertices: (V, 3) float64, the file's own unit.
     colours: (V, 3) float64 where the ``v`` lines carry red, green, blue, otherwise None.
     corners: (C,) int64, the vertex numbers of all polygons one after the other, from 0.
-    counts: (P,) int64, corners of each polygon.
+    counts: (P,) int64, corners of each polygon, 3 or more.
     materials: (P,) int64, index into ``material_names`` of each polygon.
     material_names: what ``usemtl`` said; the first is "" (no ``usemtl`` yet).
     libraries: what ``mtllib`` said.
@@ -39,7 +39,7 @@ class ObjFile:
 
     def triangles(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Fans of the polygons: (T, 3) vertex numbers and (T,) the polygon each came from."""
-        fans = np.maximum(self.counts - 2, 0)
+        fans = self.counts - 2
         polygon = np.repeat(np.arange(len(fans)), fans)
         first = (np.cumsum(self.counts) - self.counts)[polygon]
         step = np.arange(len(polygon)) - (np.cumsum(fans) - fans)[polygon]
@@ -87,6 +87,11 @@ def read_obj(path: Path) -> ObjFile:
             material = names.setdefault(_text(line[6:]), len(names))
         elif line.startswith(b"mtllib"):
             libraries.append(_text(line[6:]))
+    if len(sizes) and sizes.min() < 3:
+        raise MeshError(
+            f"{path}: a face line has {sizes.min()} corners; the file is cut short or damaged, "
+            "copy or export it again"
+        )
     relative = np.repeat(np.array(seen_at_polygon, dtype=np.int64), sizes)
     numbers = np.where(numbers < 0, numbers + relative, numbers - 1)
     bad = np.flatnonzero((numbers < 0) | (numbers >= len(vertices)))
@@ -145,7 +150,7 @@ def _vertices(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Positions and colours of the ``v`` lines: x y z, x y z w or x y z r g b."""
     rows = [line[2:] for line in lines if line.startswith(b"v ")]
-    if not rows:
+    if not any(row.partition(b"#")[0].strip() for row in rows):
         raise MeshError(f"{path}: no vertex lines ('v x y z'): this is not an OBJ mesh")
     try:
         table = np.loadtxt(rows, dtype=np.float64, ndmin=2)

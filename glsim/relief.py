@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 CELL_MM: Final = 5.0  # a nose is 30 mm wide: six cells
-SAMPLES: Final = 30_000  # a head has about 3000 cm2: one sample each 10 mm2, 2.5 a cell
+SAMPLES: Final = 40_000  # a head and what is in it have 3000 cm2 and more: 3 samples a cell
 SCALES: Final = (0.8, 1.0, 1.25)  # children to the largest adults
 GAIN: Final = (0.5, 2.0)  # relief may be half to twice as deep; anything else is another thing
 CLIP_MM: Final = (-45.0, 15.0)  # depths beyond are hair, ears, background: they must not dominate
 HOLE_MM: Final = -30.0  # what a hole counts as: about the cheek's depth behind the nose tip
+COVERED: Final = 0.6  # of the relief must lie on the surface: an open mouth passes, an edge not
 RIDGE_MM: Final = 3.0  # a nose tip stands out by more than this over the points 10 mm beside it
 FAR_MM: Final = 25.0  # the tip may lie this far behind the foremost point (chin, cap, fringe) ...
 FAR_COST: Final = 0.004  # ... and loses this much correlation for each mm more
@@ -45,9 +46,7 @@ def sample_surface(
     u, v = (index * 0.7548776662466927) % 1, (index * 0.5698402909980532) % 1
     outside = u + v > 1
     u[outside], v[outside] = 1 - u[outside], 1 - v[outside]
-    points = (
-        first[hit] + (second - first)[hit] * u[:, None] + (third - first)[hit] * v[:, None]
-    )
+    points = first[hit] + (second - first)[hit] * u[:, None] + (third - first)[hit] * v[:, None]
     return np.asarray(points, dtype=np.float32)
 
 
@@ -56,9 +55,9 @@ def best_nose(points_mm: NDArray[np.floating]) -> Nose:
     lower = points_mm.min(axis=0)
     cell = ((points_mm[:, :2] - lower[:2]) / CELL_MM).astype(np.int64)
     width, height = (int(size) + 1 for size in cell.max(axis=0))
-    top = np.full(width * height, -np.inf)
-    np.maximum.at(top, cell[:, 1] * width + cell[:, 0], points_mm[:, 2])
-    top = top.reshape(height, width)
+    flat = np.full(width * height, -np.inf)
+    np.maximum.at(flat, cell[:, 1] * width + cell[:, 0], points_mm[:, 2])
+    top = flat.reshape(height, width)
     padded = np.pad(top, ((_BELOW, _ABOVE), (_SIDE, _SIDE)), constant_values=-np.inf)
     rows = slice(_BELOW, _BELOW + height)
     beside = np.maximum(
@@ -69,12 +68,13 @@ def best_nose(points_mm: NDArray[np.floating]) -> Nose:
         return Nose(-1.0, (0.0, 0.0, 0.0))
     windows = np.lib.stride_tricks.sliding_window_view(padded, _X.shape)[y, x]
     depth = windows.reshape(len(y), -1) - top[y, x][:, None]
-    depth = np.where(np.isfinite(depth), np.clip(depth, *CLIP_MM), HOLE_MM)
+    surface = np.isfinite(depth)
+    depth = np.where(surface, np.clip(depth, *CLIP_MM), HOLE_MM)
     depth -= depth @ _PLANE @ _PLANE.T
     product = depth @ _RELIEFS.T
     correlation = product / (np.linalg.norm(depth, axis=1)[:, None] * _NORMS + 1e-9)
     gain = product / _NORMS**2
-    fits = (gain > GAIN[0]) & (gain < GAIN[1])
+    fits = (gain > GAIN[0]) & (gain < GAIN[1]) & (surface.mean(axis=1) > COVERED)[:, None]
     score = np.where(fits, correlation, correlation * 0.5).max(axis=1)
     score -= FAR_COST * np.clip(top.max() - top[y, x] - FAR_MM, 0.0, None)
     best = int(np.argmax(score))
@@ -102,6 +102,6 @@ def _relief(scale: float) -> NDArray[np.float64]:
 
 # A head's pitch and yaw tilt the relief: planes are taken out of both sides.
 _PLANE: Final = np.linalg.qr(np.stack([np.ones(_X.size), _X.ravel(), _Y.ravel()], axis=1))[0]
-_RELIEFS: Final = np.stack([_relief(scale).ravel() for scale in SCALES])
-_RELIEFS -= _RELIEFS @ _PLANE @ _PLANE.T
+_TILTED: Final = np.stack([_relief(scale).ravel() for scale in SCALES])
+_RELIEFS: Final = _TILTED - _TILTED @ _PLANE @ _PLANE.T
 _NORMS: Final = np.linalg.norm(_RELIEFS, axis=1)

@@ -38,7 +38,7 @@ LIT = Layer("lit", "float")
 _RAYS = Layer("rays", "vec2")
 
 #: Texels of an emitter's z-buffer a camera pixel, so that shadow edges are finer than the image.
-_MAP_DENSITY = 2.0
+_MAP_DENSITY = 1.5
 #: Side of the z-buffer; a scene that needs more gets fewer texels a pixel.
 _MAP_SIZE = 2048
 #: Topologies kept on the GPU; a data set has one a source, or one a file.

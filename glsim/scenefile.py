@@ -55,10 +55,24 @@ def read_parts(path: Path) -> list[Part]:
 def _part(geometry: Any, transform: NDArray[np.float64]) -> Part:
     vertices = np.asarray(geometry.vertices, dtype=np.float64).reshape(-1, 3)
     faces = np.asarray(geometry.faces, dtype=np.int64).reshape(-1, 3)
+    if len(vertices) == 3 * len(faces):  # STL: three corners a triangle, each with its own vertex
+        vertices, faces = _welded(vertices, faces)
     vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
     if np.linalg.det(transform[:3, :3]) < 0:
         faces = faces[:, ::-1]
     return Part(vertices, faces, _colours(geometry.visual, len(vertices)))
+
+
+def _welded(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices at the very same place become one, in the order of their first use."""
+    rows = np.ascontiguousarray(vertices + 0.0).view(np.dtype((np.void, 24))).ravel()  # no -0.0
+    _, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return vertices[first[order]], rank[inverse][faces]
 
 
 def _colours(visual: Any, count: int) -> NDArray[np.float64] | None:
@@ -74,6 +88,4 @@ def _colours(visual: Any, count: int) -> NDArray[np.float64] | None:
 
 
 def _is_textured(material: Any) -> bool:
-    return any(
-        getattr(material, name, None) is not None for name in ("image", "baseColorTexture")
-    )
+    return any(getattr(material, name, None) is not None for name in ("image", "baseColorTexture"))

@@ -108,9 +108,7 @@ class _OSMesa:
         return self._lib.OSMesaGetProcAddress(name.encode()) or 0
 
     def __enter__(self) -> None:
-        if not self._lib.OSMesaMakeCurrent(
-            self._context, self._pixels, self._UNSIGNED_BYTE, 4, 4
-        ):
+        if not self._lib.OSMesaMakeCurrent(self._context, self._pixels, self._UNSIGNED_BYTE, 4, 4):
             raise DeviceError("OSMesaMakeCurrent failed")
 
     def __exit__(self, *_: object) -> None: ...

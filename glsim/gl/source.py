@@ -36,8 +36,12 @@ _UNIFORM = re.compile(
     r"^\s*uniform\s+(?P<type>\w+)\s+(?P<name>\w+)\s*(?:\[\s*\w+\s*\])?"
     r"\s*(?:=\s*(?P<default>[^;]+?))?\s*;\s*(?://@(?P<note>.*))?"
 )
-_OUT = re.compile(r"^\s*(?:layout\s*\([^)]*\)\s*)?out\s+(?P<type>\w+)\s+(?P<name>\w+)\s*;(?P<rest>.*)")
-_NOTE = re.compile(r"^\s*(?:\[(?P<low>[^,\]]+),(?P<high>[^,\]]+)\])?\s*(?P<unit>\S+)\s+(?P<help>\S.*)$")
+_OUT = re.compile(
+    r"^\s*(?:layout\s*\([^)]*\)\s*)?out\s+(?P<type>\w+)\s+(?P<name>\w+)\s*;(?P<rest>.*)"
+)
+_NOTE = re.compile(
+    r"^\s*(?:\[(?P<low>[^,\]]+),(?P<high>[^,\]]+)\])?\s*(?P<unit>\S+)\s+(?P<help>\S.*)$"
+)
 _SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
 _PARAMETER_TYPES = {"float": float, "int": int, "bool": bool}
 _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
@@ -142,7 +146,9 @@ def load_source(file: Path) -> ShaderSource:
                 )
             scale = _SCALE.search(match["rest"])
             writes.append(
-                Layer(match["name"], match["type"], Fraction(scale["scale"]) if scale else Fraction(1))
+                Layer(
+                    match["name"], match["type"], Fraction(scale["scale"]) if scale else Fraction(1)
+                )
             )
     title = next((t[2:].strip() for t, _, _ in flat if t.startswith("//")), file.stem)
     return ShaderSource(

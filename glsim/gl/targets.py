@@ -114,7 +114,7 @@ class Readback:
             if self._buffer is not None:
                 self._buffer.release()
             self._buffer = self._context.buffer(reserve=end)
-        for (name, rect, components, offset) in self._parts:
+        for name, rect, components, offset in self._parts:
             pool.framebuffer([targets[name]]).read_into(
                 self._buffer,
                 viewport=rect,

@@ -4,7 +4,15 @@
 
 const int CELL_PX = 3;
 
-ivec2 dot_pixel(ivec2 cell) {
-    int place = int(random_bits(cell, 0xd075u, 0u).x % 9u);
+// Which of the 9 pixels of a cell has the dot, 0 to 8 in reading order.
+int dot_place(ivec2 cell) {
+    return int(random_bits(cell, 0xd075u, 0u).x % 9u);
+}
+
+ivec2 place_pixel(ivec2 cell, int place) {
     return cell * CELL_PX + ivec2(place % CELL_PX, place / CELL_PX);
+}
+
+ivec2 dot_pixel(ivec2 cell) {
+    return place_pixel(cell, dot_place(cell));
 }

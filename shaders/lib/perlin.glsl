@@ -1,9 +1,16 @@
 // perlin: gradient noise on a seeded cubic lattice, about -1 to 1.
 // Perlin, "Improving Noise", SIGGRAPH 2002: quintic fade, the 12 edges of a cube as gradients.
-#include "lib/random.glsl"
+// Eight corners a sample want a cheaper hash than random_bits: one word of PCG a coordinate
+// (O'Neill 2014, RXS-M-XS 32), the outer coordinates shared between corners.
 
-float lattice_gradient(ivec3 node, vec3 offset, uint seed) {
-    uint h = random_bits(node.xy, seed, uint(node.z)).x >> 28u; // 16 cases: 12 edges, 4 of them twice
+uint pcg_word(uint v) {
+    uint state = v * 747796405u + 2891336453u;
+    uint word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+    return (word >> 22u) ^ word;
+}
+
+float lattice_gradient(uint hash, vec3 offset) {
+    uint h = hash >> 28u; // 16 cases: the 12 edges, 4 of them twice
     float a = h < 8u ? offset.x : offset.y;
     float b = h < 4u ? offset.y : (h == 12u || h == 14u ? offset.x : offset.z);
     return ((h & 1u) == 0u ? a : -a) + ((h & 2u) == 0u ? b : -b);
@@ -12,15 +19,20 @@ float lattice_gradient(ivec3 node, vec3 offset, uint seed) {
 float perlin(vec3 at, uint seed) {
     vec3 whole = floor(at);
     vec3 f = at - whole;
-    ivec3 n = ivec3(whole);
+    uvec3 n = uvec3(ivec3(whole));
     vec3 t = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
-    float sum[4];
-    for (int corner = 0; corner < 4; corner++) {
-        ivec3 c = ivec3(0, corner & 1, corner >> 1);
-        float left = lattice_gradient(n + c, f - vec3(c), seed);
-        c.x = 1;
-        float right = lattice_gradient(n + c, f - vec3(c), seed);
-        sum[corner] = mix(left, right, t.x);
+    float plane[2];
+    for (uint k = 0u; k < 2u; k++) {
+        uint hz = pcg_word(seed ^ pcg_word(n.z + k));
+        float row[2];
+        for (uint j = 0u; j < 2u; j++) {
+            uint hy = pcg_word(hz + n.y + j);
+            vec3 offset = f - vec3(0.0, float(j), float(k));
+            float left = lattice_gradient(pcg_word(hy + n.x), offset);
+            offset.x -= 1.0;
+            row[j] = mix(left, lattice_gradient(pcg_word(hy + n.x + 1u), offset), t.x);
+        }
+        plane[k] = mix(row[0], row[1], t.y);
     }
-    return mix(mix(sum[0], sum[1], t.y), mix(sum[2], sum[3], t.y), t.z);
+    return mix(plane[0], plane[1], t.z);
 }

@@ -15,14 +15,15 @@ uvec4 random_bits(ivec2 pixel, uint seed, uint draw) {
     return v;
 }
 
-// Open interval (0, 1), 24 bits: exact in float32, so that the NumPy twin gives the same number.
+// Open interval (0, 1), 23 bits: with the half that is all float32 holds, so nothing is rounded to 1
+// and the NumPy twin gives the same number.
 float uniform01(uint bits) {
-    return (float(bits >> 8u) + 0.5) * (1.0 / 16777216.0);
+    return (float(bits >> 9u) + 0.5) * (1.0 / 8388608.0);
 }
 
 // Two independent standard normal numbers (Box and Muller 1958) from two words of bits.
 vec2 normal_pair(uvec2 bits) {
-    float radius = sqrt(-2.0 * log(uniform01(bits.x)));
+    float radius = sqrt(max(-2.0 * log(uniform01(bits.x)), 0.0)); // a GPU's log just below 1 may exceed 0
     float angle = 6.28318530718 * uniform01(bits.y);
     return radius * vec2(cos(angle), sin(angle));
 }

@@ -4,8 +4,10 @@
 #include "lib/perlin.glsl"
 
 float simplex_corner(ivec3 node, vec3 offset, uint seed) {
+    uvec3 n = uvec3(node);
+    uint hash = pcg_word(pcg_word(pcg_word(seed ^ pcg_word(n.z)) + n.y) + n.x);
     float t = max(0.6 - dot(offset, offset), 0.0);
-    return t * t * t * t * lattice_gradient(node, offset, seed);
+    return t * t * t * t * lattice_gradient(hash, offset);
 }
 
 float simplex(vec3 at, uint seed) {

@@ -4,7 +4,7 @@
 //   sigma_mm = 1.5 - 0.5 z + 0.3 z^2 + 0.1 z^1.5 a^2 / (pi/2 - a)^2,  z in m, a in rad.
 // Kinect V1 (Nguyen, Izadi, Lovell, 3DIMPVT 2012) has the same form, see sensors/kinect-v1.toml.
 #include "lib/random.glsl"
-#include "lib/disparity.glsl"
+#include "lib/depth.glsl"
 
 uniform float base_sigma_mm = 1.5;      //@ [0, 100]   mm     constant term of the standard deviation
 uniform float linear_mm_per_m = -0.5;   //@ [-20, 20]  mm/m   term that is linear in distance
@@ -32,5 +32,5 @@ void main() {
         sigma += angle_mm * pow(z, angle_power) * ratio * ratio;
     }
     float noise = normal_pair(random_bits(pixel, u_seed, 0u).xy).x;
-    depth = displaced(z, clamp(sigma, 0.0, max_sigma_mm) * noise, 0.0);
+    depth = moved_by_mm(z, clamp(sigma, 0.0, max_sigma_mm) * noise);
 }

@@ -2,7 +2,8 @@
 // correlation_window: whether a 9x9 window finds the projected pattern at a dot.
 // The rule of BlenSor and render_kinect: more than 2/3 of the window's dots must have been seen,
 // and more than 2/3 must agree with their mean disparity, farther ones less strictly.
-// One pixel of the written layer is one 3x3 cell of the pattern, that is, one dot.
+// One pixel of the written layer is one 3x3 cell of the pattern, that is, one dot: 0 without a
+// match, else 1 + the place of the dot in its cell.
 #include "lib/dots.glsl"
 #include "lib/layers.glsl"
 #include "lib/disparity.glsl"
@@ -49,5 +50,5 @@ void main() {
             if (abs(disparity_px(depth) - mean) * weight < inlier_px) agree += 1.0;
         }
     }
-    if (agree > min_share * dots) dot_match = 1.0;
+    if (agree > min_share * dots) dot_match = 1.0 + float(dot_place(cell));
 }

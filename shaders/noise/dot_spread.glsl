@@ -5,14 +5,12 @@
 #include "lib/layers.glsl"
 #include "reason.glsl"
 
-uniform float radius_px = 3.1;  //@ [0.5, 5] px how far the depth of a dot reaches (BlenSor, render_kinect: 3.1)
+uniform float radius_px = 3.1;  //@ [0.5, 3.9] px how far the depth of a dot reaches (BlenSor, render_kinect: 3.1)
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;
 uniform sampler2D u_clean;
 uniform sampler2D u_dot_match;
-
-const int REACH_CELLS = 2; // of 3 px: covers the largest radius
 
 out float depth;
 out float reason;
@@ -21,21 +19,22 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     float here = texelFetch(u_depth, pixel, 0).r;
     reason = texelFetch(u_reason, pixel, 0).r;
-    depth = 0.0;
     float nearest = radius_px * radius_px;
-    for (int y = -REACH_CELLS; y <= REACH_CELLS; y++) {
-        for (int x = -REACH_CELLS; x <= REACH_CELLS; x++) {
+    ivec2 source = ivec2(-1);
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) { // dots two cells away are 4 px away or more
             ivec2 cell = pixel / CELL_PX + ivec2(x, y);
-            if (fetch(u_dot_match, cell) <= 0.0) continue;
-            ivec2 place = dot_pixel(cell);
+            int match = int(fetch(u_dot_match, cell));
+            ivec2 place = place_pixel(cell, match - 1);
             vec2 offset = vec2(place - pixel);
             float squared = dot(offset, offset);
-            if (squared < nearest) {
+            if (match > 0 && squared < nearest) {
                 nearest = squared;
-                depth = fetch(u_depth, place);
+                source = place;
             }
         }
     }
+    depth = fetch(u_depth, source);
     if (depth <= 0.0) {
         if (here > 0.0) reason = REASON_WINDOW;
     } else if (here <= 0.0) {

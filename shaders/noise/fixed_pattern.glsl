@@ -3,7 +3,7 @@
 // Defaults: measured on Kinect V2 recordings, 0.72-0.91 mm in all, rows alternating by -0.17 and
 // +0.20 mm, correlated along columns.
 #include "lib/random.glsl"
-#include "lib/disparity.glsl"
+#include "lib/depth.glsl"
 
 uniform float pixel_sigma_mm = 0.6;   //@ [0, 20] mm standard deviation of the error of a pixel
 uniform float column_sigma_mm = 0.45; //@ [0, 20] mm standard deviation of the error that a column shares
@@ -20,5 +20,5 @@ void main() {
     float column = normal_pair(random_bits(ivec2(pixel.x, 0), u_device_seed, 1u).xy).x;
     float row = (pixel.y & 1) == 1 ? 0.5 : -0.5;
     float error = pixel_sigma_mm * own + column_sigma_mm * column + row_step_mm * row;
-    depth = displaced(texelFetch(u_depth, pixel, 0).r, error, 0.0);
+    depth = moved_by_mm(texelFetch(u_depth, pixel, 0).r, error);
 }

@@ -1,17 +1,14 @@
 #version 330 core
 // infrared: the light that comes back, by Lambert's law and the inverse square of the distance.
-#include "lib/random.glsl"
 
 uniform float gain_counts = 6256.0;  //@ [0, 65535] counts a white wall at 1 m, facing; 16 x 391 of libfreenect2's units
 uniform float ambient_counts = 0.0;  //@ [0, 65535] counts light that is not the sensor's own
-uniform float speckle = 0.0;         //@ [0, 1]     1      relative standard deviation of laser speckle
 
 uniform sampler2D u_clean;
 uniform sampler2D u_normal;
 uniform sampler2D u_albedo;
 uniform sampler2D u_lit;
 uniform sampler2D u_rays;
-uniform uint u_seed;
 
 out float infrared;
 
@@ -24,6 +21,5 @@ void main() {
     float facing = max(-dot(texelFetch(u_normal, pixel, 0).xyz, normalize(ray)), 0.0);
     float distance_squared = dot(ray, ray) * depth * depth;
     float light = gain_counts * texelFetch(u_albedo, pixel, 0).r * facing / distance_squared;
-    float grain = 1.0 + speckle * normal_pair(random_bits(pixel, u_seed, 0u).xy).x;
-    infrared += light * texelFetch(u_lit, pixel, 0).r * max(grain, 0.0);
+    infrared += light * texelFetch(u_lit, pixel, 0).r;
 }

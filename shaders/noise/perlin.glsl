@@ -18,14 +18,15 @@ uniform sampler2D u_depth;
 out float depth;
 
 void main() {
+    float here = texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r;
     uint seed = field_seed(drift_hz);
     vec3 at = field_position(vec2(lattice_x_px, lattice_y_px), drift_hz);
     float sum = 0.0, weight = 1.0;
-    for (int octave = 0; octave < octaves; octave++) {
+    // The loop ends at once where there is nothing to move; a software rasteriser skips by loops only.
+    for (int octave = 0; octave < octaves && here > 0.0; octave++) {
         sum += weight * perlin(at, seed + uint(octave));
         at *= lacunarity;
         weight *= persistence;
     }
-    float here = texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r;
     depth = displaced(here, amplitude_mm * sum, amplitude_px * sum);
 }

@@ -14,7 +14,7 @@ uniform sampler2D u_depth;
 out float depth;
 
 void main() {
-    float noise = simplex(field_position(vec2(lattice_px), drift_hz), field_seed(drift_hz));
     float here = texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r;
+    float noise = simplex(field_position(vec2(lattice_px), drift_hz), field_seed(drift_hz));
     depth = displaced(here, amplitude_mm * noise, amplitude_px * noise);
 }

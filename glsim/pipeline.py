@@ -1,0 +1,255 @@
+"""From settings to frames: the file to read first.
+
+simulate(settings)   for each task of the plan:
+    source.load      -> a face (mesh in the canonical frame)
+    pose, parameters -> drawn from the frame's seed
+    Renderer         -> clean, normal, albedo, lit
+    ShaderChain      -> depth (noisy), reason, infrared
+    Readback         -> arrays, array stages
+    Frame            -> 16-bit images, in the order of the plan
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from glsim.camera import Intrinsics
+from glsim.config import Settings
+from glsim.distribution import DrawKeys
+from glsim.errors import ConfigError, MeshError
+from glsim.faces import open_source
+from glsim.faces.base import BadFace, Face, FaceSource
+from glsim.finish import FRAME_LAYERS, finish
+from glsim.frame import Frame, Rect, Skipped
+from glsim.gl.context import is_software, open_context
+from glsim.gl.source import Layer
+from glsim.gl.targets import Readback
+from glsim.mesh import Mesh
+from glsim.noise.chain import ShaderChain, run_array_stages
+from glsim.noise.stage import Stage
+from glsim.noise.view import FrameContext
+from glsim.plan import Task, make_tasks, stable_seed
+from glsim.pose import pose_matrix
+from glsim.render import Renderer
+from glsim.sensor import Sensor, load_sensor
+
+#: Faces that are evaluated together: a matrix product of this many rows keeps a core busy while
+#: the vertices of a batch stay in tens of megabytes.
+_FACE_BATCH = 32
+
+#: Frames in flight between drawing and reading. A GPU works behind the CPU's back and needs a few;
+#: the software rasteriser draws when told and only delays the frame.
+_RING_ON_GPU = 4
+
+#: A wall is a square of this half side, which fills any view up to 12 m.
+_WALL_MM = 20_000.0
+
+_WALL_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+
+_REASON = Layer("reason", "float")
+
+
+@dataclass(eq=False)
+class _InFlight:
+    readback: Readback
+    task: Task
+    face: Face
+    crop: Rect
+    context: FrameContext
+    values: dict[str, dict[str, float]]
+    pose: dict[str, float]
+    drawn: dict[str, float]
+
+
+def simulate(
+    settings: Settings,
+    tasks: Sequence[Task] | None = None,
+    *,
+    sources: Sequence[FaceSource] | None = None,
+    backend: str | None = None,
+    context: moderngl.Context | None = None,
+) -> Iterator[Frame | Skipped]:
+    """Make the frames of ``tasks`` (default: the whole plan), in order, one result each.
+
+    sources: what ``settings.source`` describes, if it is open already; any FaceSource will do.
+    backend: "egl" or "osmesa". context: one to draw in; by default one is opened and closed.
+    A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
+    and MeshError for a bad face if ``settings.strict``.
+    """
+    opened = list(sources) if sources is not None else open_sources(settings)
+    planned = make_tasks(settings, opened) if tasks is None else tasks
+    own_context = open_context(backend) if context is None else None
+    drawn_in = context or own_context
+    assert drawn_in is not None
+    try:
+        yield from Simulator(settings, opened, drawn_in).frames(planned)
+    finally:
+        if own_context is not None:
+            own_context.release()
+
+
+def open_sources(settings: Settings) -> list[FaceSource]:
+    """The face sources that the settings name. Raises ConfigError."""
+    return [
+        open_source(s, stable_seed("source", settings.seed, number))
+        for number, s in enumerate(settings.source)
+    ]
+
+
+class Simulator:
+    """A sensor on one GL context, making frames."""
+
+    def __init__(
+        self, settings: Settings, sources: Sequence[FaceSource], context: moderngl.Context
+    ) -> None:
+        self._settings, self._sources = settings, sources
+        self._context = context
+        self.sensor: Sensor = load_sensor(settings.sensor, settings.stage)
+        self._renderer = Renderer(context, self.sensor.rig)
+        self._chain = ShaderChain(context, self.sensor.stages)
+        # Array stages may read any layer; without them only what a Frame holds comes back.
+        arrays = any(stage.spec.function is not None for stage in self.sensor.stages)
+        self._wanted = FRAME_LAYERS + (("normal", "albedo", "lit") if arrays else ())
+        ring = 1 if is_software(context) else _RING_ON_GPU
+        self._readbacks = [Readback(context) for _ in range(ring)]
+        crop = settings.output.crop
+        image = self.sensor.rig.intrinsics
+        if crop is not None and crop > min(image.width, image.height):
+            raise ConfigError(
+                f"output.crop {crop} is larger than the sensor's {image.width}x{image.height}"
+            )
+
+    def frames(self, tasks: Sequence[Task]) -> Iterator[Frame | Skipped]:
+        """One result a task, in order."""
+        in_flight: deque[_InFlight | Skipped] = deque()
+        ring = len(self._readbacks)
+        for number, (task, face) in enumerate(self._faces(tasks)):
+            if len(in_flight) == ring:
+                yield self._deliver(in_flight.popleft())
+            in_flight.append(self._start(task, face, self._readbacks[number % ring]))
+        while in_flight:
+            yield self._deliver(in_flight.popleft())
+
+    def _faces(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
+        """Geometry in batches of tasks that share a source."""
+        start = 0
+        while start < len(tasks):
+            number = tasks[start].source
+            end = start
+            while end < len(tasks) and tasks[end].source == number and end - start < _FACE_BATCH:
+                end += 1
+            batch = tasks[start:end]
+            yield from zip(
+                batch, self._sources[number].load([task.key for task in batch]), strict=True
+            )
+            start = end
+
+    def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
+        """Queue all drawing of one frame."""
+        name = self._sources[task.source].name
+        try:
+            if isinstance(face, BadFace):
+                raise face.error
+            return self._draw(task, face, readback)
+        except MeshError as error:
+            if self._settings.strict:
+                raise
+            return Skipped(task.key, name, str(error))
+
+    def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
+        settings, rig = self._settings, self.sensor.rig
+        pose = {
+            name: getattr(settings.pose, name).draw(task.seeds, f"pose.{name}")
+            for name in type(settings.pose).model_fields
+        }
+        drawn, values = draw_values(self.sensor.stages, task.seeds)
+        meshes = [(face.mesh, pose_matrix(pose))]
+        if settings.scene.wall_mm is not None:
+            wall_mm = settings.scene.wall_mm.draw(task.seeds, "scene.wall_mm")
+            drawn["scene.wall_mm"] = wall_mm
+            meshes.append(
+                (_wall(settings.scene.wall_albedo), pose_matrix({"distance_mm": wall_mm}))
+            )
+        crop = crop_window(rig.intrinsics, pose, settings.output.crop)
+        layers, window = self._renderer.render(meshes, crop)
+        pool = self._renderer.pool
+        layers |= {
+            "depth": layers["clean"],
+            "reason": pool.take(_REASON, window),
+            "rays": self._renderer.rays,
+        }
+        blank = pool.framebuffer([layers["reason"]])
+        blank.use()
+        blank.clear(viewport=window)
+        context = FrameContext(
+            window,
+            rig.intrinsics.width,
+            rig.intrinsics.height,
+            task.seeds.frame,
+            task.seeds.sequence,
+            stable_seed("device", settings.seed, task.device),
+            task.key.time_s,
+            rig.intrinsics.fx * rig.baseline_m,
+        )
+        self._chain.run(pool, layers, context, values)
+        readback.request(pool, {n: t for n, t in layers.items() if n in self._wanted}, window)
+        unique = {id(t): t for t in layers.values() if t is not self._renderer.rays}
+        for target in unique.values():
+            pool.give_back(target)
+        return _InFlight(readback, task, face, crop, context, values, pose, drawn)
+
+    def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:
+        """Wait for one frame's layers and make them a Frame."""
+        if isinstance(item, Skipped):
+            return item
+        layers = item.readback.arrays()
+        run_array_stages(self.sensor.stages, layers, item.context, item.values)
+        task, face = item.task, item.face
+        return finish(
+            layers,
+            item.context.window,
+            item.crop,
+            self.sensor.rig.intrinsics,
+            self._settings.output,
+            key=task.key,
+            source=self._sources[task.source].name,
+            seed=task.seeds.frame,
+            pose=item.pose,
+            expression=face.expression,
+            parameters=item.drawn,
+            notes=face.notes,
+        )
+
+
+def draw_values(
+    stages: Sequence[Stage], seeds: DrawKeys
+) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """What was drawn from distributions, "stage.parameter" -> value, and all values by stage."""
+    values = {stage.name: stage.draw(lambda s, name: s.draw(seeds, name)) for stage in stages}
+    drawn = {
+        f"{stage.name}.{name}": values[stage.name][name]
+        for stage in stages
+        for name, setting in stage.settings.items()
+        if not setting.is_constant
+    }
+    return drawn, values
+
+
+def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) -> Rect:
+    """The square that is delivered, centred on the face and shifted to lie within the image."""
+    if side is None:
+        return Rect(0, 0, image.width, image.height)
+    centre = image.project(np.array([[pose["x_mm"], pose["y_mm"], pose["distance_mm"]]]))[0]
+    left = int(np.clip(round(centre[0] - side / 2), 0, image.width - side))
+    top = int(np.clip(round(centre[1] - side / 2), 0, image.height - side))
+    return Rect(left, top, side, side)
+
+
+def _wall(albedo: float) -> Mesh:
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+    return Mesh(corners * _WALL_MM, _WALL_FACES, np.full(4, albedo, dtype=np.float32))

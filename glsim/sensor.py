@@ -1,0 +1,183 @@
+"""Sensors as data: a TOML file holds the rig and the chain of noise stages.
+
+title = "..."
+[rig]
+width = 512
+height = 424
+focal_px = [365.456, 365.456]
+centre_px = [254.878, 205.395]
+[rig.distortion]          optional: k1, k2, k3, p1, p2
+[[rig.emitter]]
+position_m = [0.045, 0, 0]
+[[stage]]
+use = "axial"             shipped stage, path of a .glsl file, or file.py:function
+name = "axial"            optional; needed where a stage is used twice
+base_sigma_mm = 1.5       parameters: numbers or distributions
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+
+from glsim.camera import Distortion, Emitter, Intrinsics, SensorRig
+from glsim.config import read_toml, validate
+from glsim.distribution import Distribution, Drawn
+from glsim.errors import ConfigError, did_you_mean
+from glsim.noise.chain import check_chain
+from glsim.noise.stage import Stage, find, make_stage
+
+SENSOR_FOLDER = Path(__file__).parent / "sensors"
+
+_DRAWN: TypeAdapter[Distribution] = TypeAdapter(Drawn)
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class _EmitterTable(_Table):
+    position_m: tuple[float, float, float]
+
+
+class _DistortionTable(_Table):
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+
+class _RigTable(_Table):
+    width: int = Field(ge=8, le=8192)
+    height: int = Field(ge=8, le=8192)
+    focal_px: tuple[float, float]
+    centre_px: tuple[float, float]
+    emitter: tuple[_EmitterTable, ...] = ()
+    distortion: _DistortionTable = _DistortionTable()
+    deliver: Literal["undistorted", "raw"] = "undistorted"
+    near_m: float = Field(0.1, gt=0)
+    far_m: float = Field(12.0, gt=0)
+
+    @model_validator(mode="after")
+    def _check(self) -> _RigTable:
+        if min(self.focal_px) <= 0:
+            raise ValueError("focal_px must be above 0")
+        if self.near_m >= self.far_m:
+            raise ValueError(f"near_m {self.near_m} must be less than far_m {self.far_m}")
+        if any(e.position_m == (0.0, 0.0, 0.0) for e in self.emitter):
+            raise ValueError("an emitter at the camera itself throws no shadow: leave it out")
+        return self
+
+    def rig(self) -> SensorRig:
+        return SensorRig(
+            Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
+            tuple(Emitter(e.position_m) for e in self.emitter),
+            Distortion(**self.distortion.model_dump()),
+            self.deliver,
+            self.near_m,
+            self.far_m,
+        )
+
+
+class _SensorTable(_Table):
+    title: str
+    rig: _RigTable
+    stage: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A rig with its noise chain. ``file`` is where it was read from."""
+
+    name: str
+    title: str
+    rig: SensorRig
+    stages: tuple[Stage, ...]
+    file: Path
+
+    def describe(self) -> dict[str, Any]:
+        """JSON values that determine the sensor completely, for the header of a data set."""
+        i, d = self.rig.intrinsics, self.rig.distortion
+        return {
+            "name": self.name,
+            "title": self.title,
+            "width": i.width,
+            "height": i.height,
+            "focal_px": [i.fx, i.fy],
+            "centre_px": [i.cx, i.cy],
+            "distortion": {"k1": d.k1, "k2": d.k2, "k3": d.k3, "p1": d.p1, "p2": d.p2},
+            "deliver": self.rig.deliver,
+            "emitters_m": [list(e.position_m) for e in self.rig.emitters],
+            "stages": [
+                {"name": s.name, "use": s.spec.name}
+                | {k: v.model_dump(exclude_none=True) for k, v in s.settings.items()}
+                for s in self.stages
+            ],
+        }
+
+
+def sensor_names() -> list[str]:
+    """The sensors that come with glsim."""
+    return sorted(file.stem for file in SENSOR_FOLDER.glob("*.toml"))
+
+
+def load_sensor(
+    name: str, overrides: Mapping[str, Mapping[str, Distribution]] | None = None
+) -> Sensor:
+    """A shipped sensor by name, or a sensor file by path, with stage parameters overridden.
+
+    Raises ConfigError for an unknown sensor, key, stage or parameter, or a value out of range.
+    """
+    file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
+    if not name.endswith(".toml") and not file.is_file():
+        raise ConfigError(
+            f"no such sensor {name!r} ({did_you_mean(name, sensor_names())}; "
+            "your own: a path that ends in .toml)"
+        )
+    table = validate(_SensorTable, read_toml(file), str(file))
+    overrides = dict(overrides or {})
+    stages: list[Stage] = []
+    for number, entry in enumerate(table.stage):
+        stages.append(_stage(entry, f"{file}: stage {number + 1}", file.parent, overrides))
+    names = [stage.name for stage in stages]
+    for stage_name in names:
+        if names.count(stage_name) > 1:
+            raise ConfigError(
+                f'{file}: two stages are called {stage_name!r}: give each a name = "..."'
+            )
+    for stage_name in overrides:
+        if stage_name not in names:
+            raise ConfigError(
+                f"sensor {table.title!r} has no stage {stage_name!r} "
+                f"({did_you_mean(stage_name, names)})"
+            )
+    rig = table.rig.rig()
+    check_chain(stages, rig.baseline_m, str(file))
+    return Sensor(file.stem, table.title, rig, tuple(stages), file)
+
+
+def _stage(
+    entry: Mapping[str, Any],
+    where: str,
+    folder: Path,
+    overrides: Mapping[str, Mapping[str, Distribution]],
+) -> Stage:
+    settings = dict(entry)
+    use = settings.pop("use", None)
+    if not isinstance(use, str):
+        raise ConfigError(f'{where}: say which stage with use = "..."')
+    spec = find(use, folder)
+    name = settings.pop("name", spec.name)
+    drawn = {}
+    for key, value in settings.items():
+        try:
+            drawn[key] = _DRAWN.validate_python(value)
+        except ValidationError as error:
+            message = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise ConfigError(f"{where}: {name}.{key}: {message} (got {value!r})") from None
+    return make_stage(name, spec, {**drawn, **overrides.get(name, {})}, where)
