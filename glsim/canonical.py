@@ -5,8 +5,10 @@ decimetres, centimetres and millimetres can make it so (the intervals do not ove
 
 Axes: each of the 24 turns by quarter turns gives a height map seen from +z. A small relief of the
 middle of a face (nose, eye hollows, lips; left-right symmetric, convex) is slid over it, and the
-turn with the best correlation wins. Tried on ICT-FaceKit heads and face patches, neutral, with
-open mouth, noisy, tilted by 20 degrees and scaled by 0.8 to 1.25: all 24 turns come back.
+turn with the best correlation wins. Tried on 100 random neutral ICT-FaceKit people, whole heads
+and face patches: right in all, with a lead of 0.05 or more; on 40 at the height of an expression:
+wrong in one, whose pouting lips reach further than the nose. Noise of 1 mm, tilts of 20 degrees
+and scales of 0.8 and 1.25 do no harm. 0.1 s a mesh.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ ORIGIN_BEHIND_NOSE_MM: Final = 45.0
 
 MATCH_MIN: Final = 0.6  # faces match at 0.8 to 0.97, things without a nose below 0.4
 MATCH_TIE: Final = 0.02  # a lead too small to overrule the file's own axes
-MATCH_CLEAR: Final = 0.05  # the smallest lead of the right turn in the trials above
+MATCH_CLEAR: Final = 0.05  # the smallest lead over neutral faces in the trials above
 
 _AXES = re.compile(r"([+-][xyz]){3}", re.ASCII)
 

@@ -11,6 +11,8 @@
     yaw_deg = { uniform = [-30, 30] }
     [scene]
     wall_mm = 1500
+    [rig]                             over the rig of the sensor's file
+    deliver = "raw"
     [stage.axial]                     parameters of the sensor's noise stages
     base_sigma_mm = 2.0
     [output]
@@ -35,6 +37,9 @@ from glsim.errors import ConfigError, did_you_mean
 
 Layer = Literal["clean", "noisy", "infrared", "reason"]
 _Model = TypeVar("_Model", bound=BaseModel)
+DEFAULT_SUBJECTS = 10
+DEFAULT_FRAMES = 30
+DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
 
 
@@ -107,13 +112,14 @@ def _sources(value: object) -> object:
 class Settings(_Table):
     """Everything that determines a data set. The same settings give the same bytes."""
 
-    sensor: str = "kinect-v2-paper"
+    sensor: str = DEFAULT_SENSOR
     seed: int = Field(0, ge=0, lt=2**63)
     devices: int = Field(1, ge=1, description="virtual devices, each with its own fixed pattern")
     split: Annotated[tuple[float, float, float], BeforeValidator(_split)] = (0.70, 0.12, 0.18)
     source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
     pose: PoseSettings = PoseSettings()
     scene: SceneSettings = SceneSettings()
+    rig: dict[str, Any] = Field(default_factory=dict, description="over the sensor's [rig]")
     stage: dict[str, dict[str, Drawn]] = Field(default_factory=dict)
     output: OutputSettings = OutputSettings()
     strict: bool = Field(False, description="stop at the first bad mesh instead of recording it")
@@ -134,8 +140,12 @@ def load_settings(
     file: Path | None = None,
     assignments: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
+    source: Mapping[str, Any] | None = None,
 ) -> Settings:
     """Settings from a TOML file, then ``a.b=value`` assignments, then a nested mapping.
+
+    source: over the one [source] table. A source that makes its faces gets 10 subjects and 30
+    frames of each where neither file nor caller says.
 
     Raises ConfigError for a file that cannot be read, an unknown key or a bad value.
     """
@@ -144,8 +154,23 @@ def load_settings(
     for text in assignments:
         path, value = parse_assignment(text)
         _assign(tree, path, value, text)
-    _merge(tree, overrides or {})
-    return validate(Settings, tree, where)
+    merge_tables(tree, overrides or {})
+    if source:
+        if isinstance(tree.get("source"), list):
+            raise ConfigError(f"{where}: has several [[source]] tables: set them there")
+        merge_tables(tree.setdefault("source", {}), source)
+    settings = validate(Settings, tree, where)
+    return settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
+
+
+def _with_counts(source: SourceSettings) -> SourceSettings:
+    if source.kind == "folder":  # has an end of its own
+        return source
+    update = {
+        "subjects": source.subjects or DEFAULT_SUBJECTS,
+        "frames_per_subject": source.frames_per_subject or DEFAULT_FRAMES,
+    }
+    return source.model_copy(update=update)
 
 
 def read_toml(file: Path) -> dict[str, Any]:
@@ -189,10 +214,11 @@ def _assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> Non
     node[path[-1]] = value
 
 
-def _merge(tree: dict[str, Any], overrides: Mapping[str, Any]) -> None:
+def merge_tables(tree: dict[str, Any], overrides: Mapping[str, Any]) -> None:
+    """Put ``overrides`` over nested dicts, in place; tables are merged, all else is replaced."""
     for key, value in overrides.items():
         if isinstance(value, Mapping) and isinstance(tree.get(key), dict):
-            _merge(tree[key], value)
+            merge_tables(tree[key], value)
         else:
             tree[key] = dict(value) if isinstance(value, Mapping) else value
 

@@ -14,9 +14,6 @@ from glsim.errors import ConfigError
 from glsim.frame import Frame, Rect
 from glsim.reason import Reason
 
-#: The layers that a Frame is made of; a chain without an infrared stage lacks the last.
-FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
-
 _WITH_DEPTH = np.array([Reason(r).has_depth for r in sorted(Reason)])
 
 

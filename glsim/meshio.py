@@ -218,10 +218,13 @@ def _check_file(path: Path) -> int:
 
 
 def _declared(path: Path, suffix: str, size: int) -> list[int]:
-    """Counts a file promises in its head, so that a huge one is refused before it is read."""
+    """Counts a file promises, so that a huge one is refused before it fills the memory."""
     try:
         with path.open("rb") as file:
             head = file.read(4096)
+            if suffix == ".obj" and size > len("f 1 2 3\n") * MAX_TRIANGLES:
+                blocks = iter(lambda: file.read(1 << 24), b"")
+                return [sum(block.count(b"\nf ") for block in blocks)]
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
     if suffix == ".ply":

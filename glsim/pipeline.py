@@ -24,10 +24,9 @@ from glsim.distribution import DrawKeys
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource
-from glsim.finish import FRAME_LAYERS, finish
+from glsim.finish import finish
 from glsim.frame import Frame, Rect, Skipped
 from glsim.gl.context import is_software, open_context
-from glsim.gl.source import Layer
 from glsim.gl.targets import Readback
 from glsim.mesh import Mesh
 from glsim.noise.chain import ShaderChain, run_array_stages
@@ -36,7 +35,7 @@ from glsim.noise.view import FrameContext
 from glsim.plan import Task, make_tasks, stable_seed
 from glsim.pose import pose_matrix
 from glsim.render import Renderer
-from glsim.sensor import Sensor, load_sensor
+from glsim.sensor import Sensor, sensor_of
 
 #: Faces that are evaluated together: a matrix product of this many rows keeps a core busy while
 #: the vertices of a batch stay in tens of megabytes.
@@ -50,8 +49,6 @@ _RING_ON_GPU = 4
 _WALL_MM = 20_000.0
 
 _WALL_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-
-_REASON = Layer("reason", "float")
 
 
 @dataclass(eq=False)
@@ -109,12 +106,9 @@ class Simulator:
     ) -> None:
         self._settings, self._sources = settings, sources
         self._context = context
-        self.sensor: Sensor = load_sensor(settings.sensor, settings.stage)
+        self.sensor: Sensor = sensor_of(settings)
         self._renderer = Renderer(context, self.sensor.rig)
         self._chain = ShaderChain(context, self.sensor.stages)
-        # Array stages may read any layer; without them only what a Frame holds comes back.
-        arrays = any(stage.spec.function is not None for stage in self.sensor.stages)
-        self._wanted = FRAME_LAYERS + (("normal", "albedo", "lit") if arrays else ())
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -177,15 +171,6 @@ class Simulator:
             )
         crop = crop_window(rig.intrinsics, pose, settings.output.crop)
         layers, window = self._renderer.render(meshes, crop)
-        pool = self._renderer.pool
-        layers |= {
-            "depth": layers["clean"],
-            "reason": pool.take(_REASON, window),
-            "rays": self._renderer.rays,
-        }
-        blank = pool.framebuffer([layers["reason"]])
-        blank.use()
-        blank.clear(viewport=window)
         context = FrameContext(
             window,
             rig.intrinsics.width,
@@ -196,11 +181,7 @@ class Simulator:
             task.key.time_s,
             rig.intrinsics.fx * rig.baseline_m,
         )
-        self._chain.run(pool, layers, context, values)
-        readback.request(pool, {n: t for n, t in layers.items() if n in self._wanted}, window)
-        unique = {id(t): t for t in layers.values() if t is not self._renderer.rays}
-        for target in unique.values():
-            pool.give_back(target)
+        self._chain.run(self._renderer, layers, context, values, readback)
         return _InFlight(readback, task, face, crop, context, values, pose, drawn)
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:

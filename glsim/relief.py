@@ -15,13 +15,16 @@ GAIN: Final = (0.5, 2.0)  # relief may be half to twice as deep; anything else i
 CLIP_MM: Final = (-45.0, 15.0)  # depths beyond are hair, ears, background: they must not dominate
 HOLE_MM: Final = -30.0  # what a hole counts as: about the cheek's depth behind the nose tip
 COVERED: Final = 0.6  # of the relief must lie on the surface: an open mouth passes, an edge not
-RIDGE_MM: Final = 3.0  # a nose tip stands out by more than this over the points 10 mm beside it
+RIDGE_MM: Final = 6.0  # a nose tip stands out by more than this over the points 20 mm beside it
 FAR_MM: Final = 25.0  # the tip may lie this far behind the foremost point (chin, cap, fringe) ...
 FAR_COST: Final = 0.004  # ... and loses this much correlation for each mm more
+SKEW_COST: Final = 0.005  # so does each mm by which left and right differ, mean over 140 mm
+SKEW_CLIP_MM: Final = (-60.0, 15.0)  # the ears lie some 90 mm back: how far does not matter
 
 # Cells around the nose tip: 35 mm to either side, 50 mm down (chin), 55 mm up (brows).
 _X, _Y = np.meshgrid(np.arange(-7, 8) * CELL_MM, np.arange(-10, 12) * CELL_MM)
 _BELOW, _ABOVE, _SIDE = 10, 11, 7
+_WIDE = 14  # 70 mm: half a face for the comparison of left and right
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ def best_nose(points_mm: NDArray[np.floating]) -> Nose:
     padded = np.pad(top, ((_BELOW, _ABOVE), (_SIDE, _SIDE)), constant_values=-np.inf)
     rows = slice(_BELOW, _BELOW + height)
     beside = np.maximum(
-        padded[rows, _SIDE - 2 : _SIDE - 2 + width], padded[rows, _SIDE + 2 : _SIDE + 2 + width]
+        padded[rows, _SIDE - 4 : _SIDE - 4 + width], padded[rows, _SIDE + 4 : _SIDE + 4 + width]
     )
     y, x = np.nonzero(np.isfinite(top) & (top > beside + RIDGE_MM))
     if len(y) == 0:
@@ -76,6 +79,7 @@ def best_nose(points_mm: NDArray[np.floating]) -> Nose:
     gain = product / _NORMS**2
     fits = (gain > GAIN[0]) & (gain < GAIN[1]) & (surface.mean(axis=1) > COVERED)[:, None]
     score = np.where(fits, correlation, correlation * 0.5).max(axis=1)
+    score -= SKEW_COST * _skew(top, y, x)
     score -= FAR_COST * np.clip(top.max() - top[y, x] - FAR_MM, 0.0, None)
     best = int(np.argmax(score))
     middle = lower[:2] + (np.array([x[best], y[best]]) + 0.5) * CELL_MM
@@ -84,18 +88,30 @@ def best_nose(points_mm: NDArray[np.floating]) -> Nose:
     return Nose(float(score[best]), (float(tip[0]), float(tip[1]), float(near[:, 2].max())))
 
 
+def _skew(
+    top: NDArray[np.float64], y: NDArray[np.int64], x: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """(N,) mean difference between left and right of each candidate, mm."""
+    padded = np.pad(top, ((_BELOW, _ABOVE), (_WIDE, _WIDE)), constant_values=-np.inf)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (len(_X), 2 * _WIDE + 1))[y, x]
+    depth = np.clip(windows - top[y, x][:, None, None], *SKEW_CLIP_MM)
+    left, right = depth[:, :, :_WIDE], depth[:, :, : -_WIDE - 1 : -1]
+    return np.asarray(np.abs(left - right).mean(axis=(1, 2)))
+
+
 def _relief(scale: float) -> NDArray[np.float64]:
     """Depth behind the nose tip, mm: adult proportions as in any drawing manual.
 
-    Nose 21 mm high, its bridge falling over 40 mm upwards and its base over 16 mm downwards;
-    hollows beside the bridge, lips 28 mm below the tip.
+    Nose 21 mm high, its bridge falling over 40 mm upwards and its base over 16 mm downwards,
+    lips 28 mm below the tip; the hollows beside the bridge twice as deep as they are, because they
+    are what tells up from down.
     """
     x, y = _X / scale, _Y / scale
     base = np.interp(y, [-55, -45, 10, 25, 60], [-21, -19, -21, -24, -22]) - x**2 / (2 * 70)
     height = np.interp(y, [-16, -8, 0, 10, 20, 30, 40], [4, 11, 21, 19, 14, 6, 0])
     half_width = np.interp(y, [-14, 0, 10, 30], [13, 12, 10, 8])
     nose = height * np.exp(-((x / half_width) ** 4) / 2)
-    hollows = -8 * np.exp(-((np.abs(x) - 21) ** 2) / (2 * 8**2) - (y - 30) ** 2 / (2 * 13**2))
+    hollows = -14 * np.exp(-((np.abs(x) - 21) ** 2) / (2 * 8**2) - (y - 30) ** 2 / (2 * 13**2))
     lips = 6 * np.exp(-(x**2) / (2 * 20**2) - (y + 28) ** 2 / (2 * 10**2))
     return np.asarray((base + nose + hollows + lips) * scale)
 

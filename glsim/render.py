@@ -108,12 +108,12 @@ class Renderer:
         return layers, window
 
     def light_depth_map(
-        self, clean_m: NDArray[np.float32], normal: NDArray[np.float32], surface: Mesh
-    ) -> tuple[dict[str, Target], Rect]:
-        """The same layers for a depth map that exists already.
+        self, clean_m: NDArray[np.float32], normal: NDArray[np.float32], surface: Mesh | None
+    ) -> dict[str, Target]:
+        """The same layers, of the whole frame, for a depth map that exists already.
 
-        clean_m: (H, W) metres, normal: (H, W, 3) unit vectors towards the camera, and the map as
-        triangles in camera axes, y and z negated, millimetres, which throw the shadows.
+        clean_m: (H, W) metres, normal: (H, W, 3) unit vectors towards the camera; surface: what
+        throws the shadows, placed by ``pose_matrix({})``, or None for nothing.
         """
         image = self.rig.intrinsics
         window = Rect(0, 0, image.width, image.height)
@@ -123,9 +123,10 @@ class Renderer:
             "normal": self.pool.upload(NORMAL, np.pad(normal, ((0, 0), (0, 0), (0, 1)))),
             "albedo": self.pool.upload(ALBEDO, np.where(clean_m > 0, SKIN_ALBEDO, 0.0)),
         }
-        box = corners(surface.vertices_mm, view)
-        layers["lit"] = self._draw_lit(layers, window, [self._drawable(surface)], [view], box)
-        return layers, window
+        drawables = [] if surface is None else [self._drawable(surface)]
+        box = np.zeros((0, 3)) if surface is None else corners(surface.vertices_mm, view)
+        layers["lit"] = self._draw_lit(layers, window, drawables, [view] * len(drawables), box)
+        return layers
 
     def _drawable(self, mesh: Mesh) -> _Drawable:
         """The mesh on the GPU; its topology is uploaded once, its vertices each time."""
@@ -221,12 +222,13 @@ class Renderer:
         views: Sequence[NDArray[np.float32]],
         corners_m: NDArray[np.float64],
     ) -> Target:
-        """The share of the emitters that reaches each pixel; everything is lit without emitters."""
+        """The share of the emitters that reaches each pixel; all of them if nothing is in the way."""
+        emitters = self.rig.emitters if drawables else ()
         lit = self.pool.take(LIT, window)
         buffer = self.pool.framebuffer([lit])
         buffer.use()
-        buffer.clear(0.0 if self.rig.emitters else 1.0, viewport=window)
-        for emitter in self.rig.emitters:
+        buffer.clear(0.0 if emitters else 1.0, viewport=window)
+        for emitter in emitters:
             # Seen from the emitter through the pinhole of the camera that covers the window.
             box = emitter_view(
                 corners_m, window, self._pinhole, emitter.position_m, self.rig.near_m / 2
@@ -242,7 +244,7 @@ class Renderer:
             self.rays.texture.use(2)
             self._map.use(3)
             self._lit_pass.program["u_rays"], self._lit_pass.program["u_projector"] = 2, 3
-            self._lit_pass.program["u_weight"] = 1.0 / len(self.rig.emitters)
+            self._lit_pass.program["u_weight"] = 1.0 / len(emitters)
             self._lit_pass.render(moderngl.TRIANGLES, vertices=3)
             self.context.enable_only(moderngl.NOTHING)
         return lit

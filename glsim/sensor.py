@@ -25,7 +25,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from glsim.camera import Distortion, Emitter, Intrinsics, SensorRig
-from glsim.config import read_toml, validate
+from glsim.config import Settings, merge_tables, read_toml, validate
 from glsim.distribution import Distribution, Drawn
 from glsim.errors import ConfigError, did_you_mean
 from glsim.noise.chain import check_chain
@@ -126,11 +126,19 @@ def sensor_names() -> list[str]:
     return sorted(file.stem for file in SENSOR_FOLDER.glob("*.toml"))
 
 
-def load_sensor(
-    name: str, overrides: Mapping[str, Mapping[str, Distribution]] | None = None
-) -> Sensor:
-    """A shipped sensor by name, or a sensor file by path, with stage parameters overridden.
+def sensor_of(settings: Settings) -> Sensor:
+    """The sensor that the settings name, with their changes to its rig and its stages."""
+    return load_sensor(settings.sensor, settings.stage, settings.rig)
 
+
+def load_sensor(
+    name: str,
+    overrides: Mapping[str, Mapping[str, Distribution]] | None = None,
+    rig_overrides: Mapping[str, Any] | None = None,
+) -> Sensor:
+    """A shipped sensor by name, or a sensor file by path.
+
+    overrides: stage -> parameter -> setting. rig_overrides: over the file's [rig].
     Raises ConfigError for an unknown sensor, key, stage or parameter, or a value out of range.
     """
     file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
@@ -139,7 +147,9 @@ def load_sensor(
             f"no such sensor {name!r} ({did_you_mean(name, sensor_names())}; "
             "your own: a path that ends in .toml)"
         )
-    table = validate(_SensorTable, read_toml(file), str(file))
+    tree = read_toml(file)
+    merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
+    table = validate(_SensorTable, tree, str(file))
     overrides = dict(overrides or {})
     stages: list[Stage] = []
     for number, entry in enumerate(table.stage):

@@ -1,0 +1,24 @@
+"""Data sets on disk: making, resuming, checking and reading them."""
+
+from glsim.dataset.generate import generate
+from glsim.dataset.images import write_frame
+from glsim.dataset.reader import Dataset, Pair, Split, open_dataset
+from glsim.dataset.run import Progress, Summary, Workers, available_workers, write_dataset
+from glsim.dataset.verify import verify
+from glsim.dataset.work import FrameMaker
+
+__all__ = [
+    "Dataset",
+    "FrameMaker",
+    "Pair",
+    "Progress",
+    "Split",
+    "Summary",
+    "Workers",
+    "available_workers",
+    "generate",
+    "open_dataset",
+    "verify",
+    "write_dataset",
+    "write_frame",
+]

@@ -23,6 +23,8 @@ INSTALL_HINT = {
     "osmesa": "apt-get install libosmesa6",
 }
 
+_DEVICE_FUNCTIONS = (b"eglQueryDevicesEXT", b"eglQueryDeviceStringEXT")
+
 #: OpenGL 3.3 core is all the shaders need; every Mesa since 2013 and every GPU driver has it.
 GL_VERSION = (3, 3)
 
@@ -131,6 +133,31 @@ def describe(context: moderngl.Context) -> dict[str, str]:
         "renderer": str(info["GL_RENDERER"]),
         "version": str(info["GL_VERSION"]),
     }
+
+
+def egl_devices() -> list[str]:
+    """The EGL devices of this machine, in the order of GLSIM_EGL_DEVICE; [] without EGL.
+
+    Extensions EGL_EXT_device_enumeration and EGL_EXT_device_query; EGL_EXTENSIONS is from egl.h.
+    """
+    extensions_name, limit = 0x3055, 16
+    try:
+        egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
+        egl.eglGetProcAddress.restype = ctypes.c_void_p
+        addresses = [egl.eglGetProcAddress(name) for name in _DEVICE_FUNCTIONS]
+    except (OSError, AttributeError):
+        return []
+    if not all(addresses):
+        return []
+    query = ctypes.CFUNCTYPE(
+        ctypes.c_uint, ctypes.c_int, ctypes.POINTER(ctypes.c_void_p), ctypes.POINTER(ctypes.c_int)
+    )(addresses[0])
+    describe_device = ctypes.CFUNCTYPE(ctypes.c_char_p, ctypes.c_void_p, ctypes.c_int)(addresses[1])
+    found, count = (ctypes.c_void_p * limit)(), ctypes.c_int()
+    if not query(limit, found, ctypes.byref(count)):
+        return []
+    texts = [describe_device(found[n], extensions_name) for n in range(count.value)]
+    return [(text or b"").decode() or "no extensions" for text in texts]
 
 
 def is_software(context: moderngl.Context) -> bool:

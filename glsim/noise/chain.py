@@ -13,16 +13,22 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.gl.program import link
-from glsim.gl.source import ShaderSource
-from glsim.gl.targets import Target, TargetPool
+from glsim.gl.source import Layer, ShaderSource
+from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.stage import ENABLED, Stage, shipped
 from glsim.noise.view import FrameContext, StageView
+from glsim.render import Renderer
 
 #: Stage name -> parameter -> value, for one frame.
 Values = Mapping[str, Mapping[str, float]]
 
 #: The layers that exist before the first stage.
 INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
+
+#: The layers that a Frame is made of; a chain without an infrared stage lacks the last.
+FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
+
+_REASON = Layer("reason", "float")
 
 #: The uniforms, besides layers, that a stage may declare, and where their values come from.
 _BOUND = {
@@ -86,11 +92,32 @@ class ShaderChain:
             for stage in stages
             if stage.spec.source is not None
         ]
+        # Array stages may read any layer; without them only what a Frame holds comes back.
+        arrays = any(stage.spec.function is not None for stage in stages)
+        self._wanted = FRAME_LAYERS + (("normal", "albedo", "lit") if arrays else ())
 
     def run(
-        self, pool: TargetPool, layers: dict[str, Target], frame: FrameContext, values: Values
+        self,
+        renderer: Renderer,
+        clean_layers: Mapping[str, Target],
+        frame: FrameContext,
+        values: Values,
+        readback: Readback,
     ) -> None:
-        """Replace in ``layers`` what the stages write; what they replace goes back to the pool."""
+        """Draw all stages over the renderer's layers and queue the copy of the result.
+
+        The targets, those of ``clean_layers`` included, go back to the renderer's pool.
+        """
+        pool = renderer.pool
+        layers = {
+            **clean_layers,
+            "depth": clean_layers["clean"],
+            "reason": pool.take(_REASON, frame.window),
+            "rays": renderer.rays,
+        }
+        blank = pool.framebuffer([layers["reason"]])
+        blank.use()
+        blank.clear(viewport=frame.window)
         self._context.enable_only(moderngl.NOTHING)
         for step in self._passes:
             if not values[step.name][ENABLED]:
@@ -100,6 +127,12 @@ class ShaderChain:
                 layers[name] = target
                 if old is not None and not any(old is other for other in layers.values()):
                     pool.give_back(old)
+        readback.request(
+            pool, {name: layers[name] for name in self._wanted if name in layers}, frame.window
+        )
+        del layers["rays"]  # stays the renderer's
+        for target in {id(target): target for target in layers.values()}.values():
+            pool.give_back(target)
 
 
 class _Pass:

@@ -9,7 +9,7 @@
 uniform float base_sigma_mm = 1.5;      //@ [0, 100]   mm     constant term of the standard deviation
 uniform float linear_mm_per_m = -0.5;   //@ [-20, 20]  mm/m   term that is linear in distance
 uniform float quadratic_mm_per_m2 = 0.3;//@ [0, 50]    mm/m^2 term that is quadratic in distance
-uniform float quadratic_from_m = 0.0;   //@ [0, 5]     m      distance from which the quadratic term counts
+uniform float quadratic_from_m = 0.0;   //@ [0, 5]     m      distance at which the quadratic term is 0
 uniform float angle_mm = 0.1;           //@ [0, 20]    mm     size of the angle's term at 1 m
 uniform float angle_power = 1.5;        //@ [-2, 3]    1      power of the distance in the angle's term
 uniform float angle_from_deg = 0.0;     //@ [0, 90]    deg    angle below which its term is left out

@@ -1,0 +1,124 @@
+"""``glsim corrupt``: sensor noise on depth maps that exist already."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from glsim.cli.common import (
+    ConfigOption,
+    Debug,
+    Quiet,
+    SeedOption,
+    SensorOption,
+    SetOption,
+    Verbose,
+    console,
+    overrides,
+    say,
+)
+from glsim.errors import ConfigError, DatasetError
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim corrupt clean.png -o noisy.png
+
+glsim corrupt maps/ -o noisy/ --sensor kinect-v2-paper --seed 3
+
+glsim corrupt clean.png -o noisy.png --backend numpy --focal-px 575.8 --centre-px 320,240
+"""
+
+
+def corrupt(
+    clean: Annotated[Path, typer.Argument(help="A 16-bit depth PNG, or a folder of them.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="The noisy PNG, or a folder.")],
+    sensor: SensorOption = None,
+    assignments: SetOption = None,
+    seed: SeedOption = None,
+    depth_unit_mm: Annotated[float | None, typer.Option(help="Step of the depth files.")] = None,
+    focal_px: Annotated[
+        float | None, typer.Option(help="Focal length of the maps; default: the sensor's.")
+    ] = None,
+    centre_px: Annotated[
+        str | None, typer.Option(help="Principal point x,y; default: the sensor's, or the middle.")
+    ] = None,
+    config: ConfigOption = None,
+    backend: Annotated[
+        str | None, typer.Option(help="egl, osmesa, or numpy (no OpenGL needed).")
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Put a sensor's noise on clean depth maps; 0 means no depth, before and after.
+
+    In a folder every .png is taken, sub-folders included, and keeps its name; the noise of a map
+    depends on the seed and on its name. Maps that cannot be read are named and left out.
+    """
+    from glsim.cli.files import read_depth, write_bytes
+    from glsim.config import load_settings
+    from glsim.corrupt import Corrupter
+    from glsim.dataset.images import encode_png
+
+    settings = load_settings(
+        config,
+        assignments or [],
+        overrides(sensor=sensor, seed=seed, output__depth_unit_mm=depth_unit_mm),
+    )
+    pairs = _pairs(clean, out)
+    focal = None if focal_px is None else (focal_px, focal_px)
+    centre = None if centre_px is None else _two_numbers(centre_px)
+    failures = 0
+    with ExitStack() as stack:
+        by_shape: dict[tuple[int, int], Corrupter] = {}
+        for source, target, name in pairs:
+            try:
+                depth = read_depth(source)
+            except DatasetError as error:
+                if source == clean:
+                    raise
+                failures += 1
+                console.print(f"skipped {error}", style="yellow", markup=False)
+                continue
+            shape = (depth.shape[0], depth.shape[1])
+            if shape not in by_shape:
+                corrupter = Corrupter(settings, shape, backend, focal, centre)
+                by_shape[shape] = stack.enter_context(corrupter)
+            write_bytes(encode_png(by_shape[shape].corrupt(depth, name).noisy), target)
+    say(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")
+    if failures:
+        raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
+
+
+def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path, str]]:
+    """(input, output, name that decides the noise) for a file or for all PNGs of a folder."""
+    if not clean.exists():
+        raise ConfigError(f"{clean}: no such file or folder")
+    if clean.is_file():
+        target = out / clean.name if out.is_dir() else out
+        if target.suffix.lower() != ".png":
+            raise ConfigError(f"-o {out}: give a name that ends in .png, or an existing folder")
+        pairs = [(clean, target, clean.stem)]
+    else:
+        if out.is_file():
+            raise ConfigError(f"-o {out}: is a file; {clean} is a folder, so give a folder")
+        names = sorted(p.relative_to(clean) for p in clean.rglob("*.png"))
+        if not names:
+            raise ConfigError(f"{clean}: holds no .png files")
+        pairs = [(clean / name, out / name, name.with_suffix("").as_posix()) for name in names]
+    for source, target, _ in pairs:
+        if target.exists() and target.samefile(source):
+            raise ConfigError(f"-o {out}: would overwrite the clean map {source}")
+    return pairs
+
+
+def _two_numbers(text: str) -> tuple[float, float]:
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(f"--centre-px {text}: give two numbers, x,y") from None
+    return x, y

@@ -1,0 +1,135 @@
+"""What is written down about a frame and about a chunk of frames."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from glsim.dataset.files import to_json
+from glsim.errors import DatasetError
+from glsim.frame import Frame, Skipped
+from glsim.plan import Task
+
+Record = dict[str, Any]
+
+
+def _identity(task: Task, source: str) -> Record:
+    return {
+        "index": task.index,
+        "split": task.split,
+        "subject": task.subject,
+        "sequence": task.key.sequence,
+        "frame": task.key.frame,
+        "time_s": float(task.key.time_s),
+        "source": source,
+        "path": task.key.path,
+    }
+
+
+def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, object]]) -> Record:
+    """The manifest's record of a frame.
+
+    Seeds are 16 hexadecimal digits: JSON readers in other languages round integers above 2**53.
+    files: layer -> name, size, crc32; and for a file within a shard its member and its offset.
+    """
+    return _identity(task, frame.source) | {
+        "device": task.device,
+        "seeds": {name: f"{seed:016x}" for name, seed in task.seeds._asdict().items()},
+        "pose": dict(frame.pose),
+        "expression": dict(frame.expression),
+        "parameters": dict(frame.parameters),
+        "intrinsics": asdict(frame.intrinsics),
+        "window": list(frame.window),
+        "depth_offset_mm": float(frame.depth_offset_mm),
+        "notes": dict(frame.notes),
+        "files": dict(files),
+    }
+
+
+def skipped_record(task: Task, skipped: Skipped) -> Record:
+    """The record of a frame that could not be made."""
+    return _identity(task, skipped.source) | {"why": skipped.why}
+
+
+def metadata_row(record: Record) -> Record:
+    """A record as a row for the image-folder loader of Hugging Face ``datasets``.
+
+    That loader turns each ``<layer>_file_name`` (relative to the split's folder) into an image
+    column, and wants the same columns with the same types in every row and split: so only what
+    every frame has, and no nested tables.
+    """
+    split = record["split"] + "/"
+    row = {
+        f"{layer}_file_name": file["name"].removeprefix(split)
+        for layer, file in record["files"].items()
+    }
+    names = ("index", "subject", "sequence", "frame", "time_s", "source", "device")
+    row |= {name: record[name] for name in names}
+    row |= {name: float(value) for name, value in record["pose"].items()}
+    row |= {name: float(record["intrinsics"][name]) for name in ("fx", "fy", "cx", "cy")}
+    return row | {"depth_offset_mm": record["depth_offset_mm"]}
+
+
+@dataclass(frozen=True)
+class ChunkSummary:
+    """What a chunk holds: numbers of frames, bytes of images, and the check of its shard."""
+
+    chunk: int
+    frames: int
+    skipped: int
+    bytes: int
+    shard: dict[str, Any] | None = None
+
+    @property
+    def total(self) -> int:
+        """Frames made and skipped."""
+        return self.frames + self.skipped
+
+
+@dataclass(frozen=True)
+class ChunkRecord:
+    """A chunk's summary with its manifest lines and skipped lines (JSON, each with its newline)."""
+
+    summary: ChunkSummary
+    frames: list[str]
+    skipped: list[str]
+
+    @property
+    def head(self) -> str:
+        """The first line of the chunk's file: a CRC32 over everything, then the summary."""
+        summary = to_json(asdict(self.summary), f"chunk {self.summary.chunk}")
+        crc32 = zlib.crc32("".join([summary, *self.frames, *self.skipped]).encode())
+        return f"{crc32:08x} {summary}\n"
+
+    def dump(self) -> bytes:
+        """The bytes of the chunk's file."""
+        return "".join([self.head, *self.frames, *self.skipped]).encode()
+
+
+def parse_head(line: str) -> ChunkSummary:
+    """A chunk file's first line, unchecked. DatasetError if it is not one."""
+    try:
+        return ChunkSummary(**json.loads(line[9:]))
+    except (ValueError, TypeError):
+        raise DatasetError("a chunk record is damaged") from None
+
+
+def build_chunk(head: str, frames: list[str], skipped: list[str]) -> ChunkRecord:
+    """A chunk record from its lines. DatasetError if they do not match the CRC32."""
+    record = ChunkRecord(parse_head(head), frames, skipped)
+    if record.head != head:
+        raise DatasetError(f"the record of chunk {record.summary.chunk} is damaged")
+    return record
+
+
+def parse_chunk(data: bytes) -> ChunkRecord:
+    """The inverse of ``ChunkRecord.dump``. DatasetError if the bytes are damaged."""
+    try:
+        head, *lines = data.decode().splitlines(keepends=True)
+    except ValueError:
+        raise DatasetError("a chunk record is damaged") from None
+    count = parse_head(head).frames
+    return build_chunk(head, lines[:count], lines[count:])

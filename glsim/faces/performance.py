@@ -1,0 +1,171 @@
+"""FACS performances: which action units a subject shows in a sequence, and how strongly when.
+
+Independent of the face model: names are plain strings, "AU12" for both sides, "AU12_L" or "AU12_R"
+for one. Everything is a pure function of (seed, subject, sequence number); no state anywhere.
+
+Codes are modelled on those of posed FACS data sets: single units, the pairs of the FACS manual
+(P. Ekman, W. V. Friesen, J. C. Hager, "Facial Action Coding System", 2002) and the prototypes of
+the basic emotions (EMFACS). Timing: expressions of emotion mostly last 0.5-4 s (P. Ekman,
+"Darwin, deception, and facial expression", Ann. N.Y. Acad. Sci. 1000, 2003); smiles rise in about
+0.4-0.7 s and fall more slowly (K. L. Schmidt, J. F. Cohn, Y. Tian, Biol. Psychol. 65, 2003);
+a blink closes in about 0.1 s and opens in about 0.2 s (F. VanderWerf et al., J. Neurophysiol. 89,
+2003).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Units of one sequence, joined by "+"; a trailing L or R asks for one side.
+CODES: tuple[str, ...] = (
+    "12+25", "1+2", "4+7+9", "20+26", "6+12+25", "26", "18", "4", "43", "15+17",
+    "27", "1+4+15", "1+2+5+26", "9+10", "12L", "23", "16+25", "22+25", "6+12", "28",
+    "10+25", "14", "1", "2", "5", "7", "9", "12", "17", "20+25", "24", "1+2+4+5+20+25",
+    "4+5+7+23", "14R", "10L", "2R", "45", "6+43", "25+26", "15", "6+12+26", "4+17+24",
+    "1+2+5+27", "12+14", "18+22+25", "2L", "12R+14R", "1+4",
+)  # fmt: skip
+
+LATERAL_UNITS = frozenset((1, 2, 4, 5, 6, 7, 9, 10, 12, 14, 15, 16, 20, 43, 45))
+DURATION_S = (1.2, 2.0)  # of a sequence, neutral to neutral
+ONSET_SHARE = (0.22, 0.36)  # of the duration
+OFFSET_SHARE = (0.30, 0.44)
+DELAY_SHARE = 0.06  # how much later than the first unit others start, at most
+PEAK = (0.55, 1.0)
+ASYMMETRY = 0.15  # sides of one unit differ by up to this share of the peak
+ASYMMETRIC_SHARE = 0.35  # of the lateral units
+BLINK_S = (0.30, 0.40)
+
+
+def rng_for(seed: int, *words: str | int) -> np.random.Generator:
+    """A generator that depends on ``seed`` and ``words`` alone (BLAKE2b, then Philox)."""
+    text = "\x1f".join([str(int(seed)), *(str(word) for word in words)])
+    digest = hashlib.blake2b(text.encode(), digest_size=16).digest()
+    key = np.frombuffer(digest, dtype="<u8").copy()
+    return np.random.Generator(np.random.Philox(key=key))
+
+
+def smootherstep(value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """0...1 with zero speed and acceleration at both ends."""
+    t = np.clip(value, 0.0, 1.0)
+    return np.asarray(t * t * t * (t * (6.0 * t - 15.0) + 10.0))
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Onset, apex and offset of one unit. Seconds; ``peak`` in [0, 1]."""
+
+    peak: float
+    start_s: float
+    apex_s: float
+    release_s: float
+    end_s: float
+
+    def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Intensity (N,) in [0, peak] at times (N,)."""
+        rise = smootherstep((time_s - self.start_s) / (self.apex_s - self.start_s))
+        fall = smootherstep((self.end_s - time_s) / (self.end_s - self.release_s))
+        return np.asarray(self.peak * rise * fall)
+
+
+@dataclass(frozen=True)
+class Performance:
+    """One sequence: its FACS code, its length, and a curve for every unit."""
+
+    code: str
+    duration_s: float
+    curves: Mapping[str, Curve]
+
+    @property
+    def peak_s(self) -> float:
+        """When the expression as a whole is strongest."""
+        latest = max(curve.apex_s for curve in self.curves.values())
+        earliest = min(curve.release_s for curve in self.curves.values())
+        return 0.5 * (latest + earliest) if latest <= earliest else earliest
+
+    def intensities(self, times_s: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Unit -> intensity (N,) in [0, 1] at times (N,)."""
+        times = np.asarray(times_s, dtype=np.float64)
+        return {unit: curve.at(times) for unit, curve in self.curves.items()}
+
+    def at(self, time_s: float) -> dict[str, float]:
+        """Unit -> intensity in (0, 1] at one time; units at rest are left out."""
+        values = self.intensities(np.array([time_s]))
+        return {unit: float(value[0]) for unit, value in values.items() if value[0] > 0.0}
+
+    def frame_times(self, count: int) -> NDArray[np.float64]:
+        """``count`` times (count,), evenly spread from neutral to neutral, the peak among them."""
+        if count == 1:
+            return np.array([self.peak_s])
+        times = np.linspace(0.0, self.duration_s, count)
+        nearest = 1 if count == 2 else 1 + int(np.argmin(np.abs(times[1:-1] - self.peak_s)))
+        times[nearest] = self.peak_s
+        return times
+
+
+def performance_for(seed: int, subject: str, number: int) -> Performance:
+    """What ``subject`` performs in sequence ``number`` (0, 1, ...).
+
+    Codes come in an order of the subject's own; all are used before one comes again.
+    """
+    order = rng_for(seed, "codes", subject, number // len(CODES)).permutation(len(CODES))
+    code = CODES[int(order[number % len(CODES)])]
+    rng = rng_for(seed, "performance", subject, number)
+    duration = float(rng.uniform(*DURATION_S))
+    onset, offset = float(rng.uniform(*ONSET_SHARE)), float(rng.uniform(*OFFSET_SHARE))
+    curves: dict[str, Curve] = {}
+    for word in code.split("+"):
+        number_of_unit = int(word.rstrip("LR"))
+        peak = float(rng.uniform(*PEAK))
+        curve = _curve(rng, number_of_unit, peak, duration, onset, offset)
+        unequal = rng.random() < ASYMMETRIC_SHARE
+        weaker = 1.0 - float(rng.uniform(0.0, ASYMMETRY))
+        left_weaker = rng.random() < 0.5
+        unit = f"AU{number_of_unit}"
+        if word[-1] in "LR":
+            curves[f"{unit}_{word[-1]}"] = curve
+        elif unequal and number_of_unit in LATERAL_UNITS:
+            for side, is_weaker in (("L", left_weaker), ("R", not left_weaker)):
+                scale = weaker if is_weaker else 1.0
+                curves[f"{unit}_{side}"] = Curve(
+                    peak * scale, curve.start_s, curve.apex_s, curve.release_s, curve.end_s
+                )
+        else:
+            curves[unit] = curve
+    return Performance(code, duration, curves)
+
+
+def _curve(
+    rng: np.random.Generator, unit: int, peak: float, duration: float, onset: float, offset: float
+) -> Curve:
+    """The timing of one unit in a sequence whose units share ``onset`` and ``offset`` shares."""
+    delay = float(rng.uniform(0.0, DELAY_SHARE))
+    early = float(rng.uniform(0.0, DELAY_SHARE))
+    if unit == 45:
+        length, middle = float(rng.uniform(*BLINK_S)), 0.5 * duration
+        start, end = middle - length / 3, middle + 2 * length / 3
+        return Curve(1.0, start, middle, middle + 0.02, end)
+    return Curve(
+        peak=peak,
+        start_s=duration * delay,
+        apex_s=duration * (delay + onset),
+        release_s=duration * (1.0 - offset - early),
+        end_s=duration * (1.0 - early),
+    )
+
+
+def sequence_name(number: int, performance: Performance) -> str:
+    """Path-safe and unique for a subject, such as "s03_1+2+5"."""
+    return f"s{number:02d}_{performance.code}"
+
+
+def sequence_number(name: str) -> int:
+    """The number in a name made by ``sequence_name``. Raises ValueError for other names."""
+    head, _, code = name.partition("_")
+    if not (head.startswith("s") and head[1:].isdigit() and code):
+        raise ValueError(f"{name!r} is not a sequence name such as 's03_1+2'")
+    return int(head[1:])

@@ -1,0 +1,134 @@
+"""Which part of the face a vertex belongs to, and how bright it is at 860 nm.
+
+Reflectivity relative to a white wall (0.85-0.9 absolute). Skin at 860 nm reflects 0.5-0.6 on
+average, 0.40-0.68 over people (C. C. Cooksey, D. W. Allen, B. K. Tsai, J. Res. NIST 122, 2017;
+J. A. Jacquez et al., J. Appl. Physiol. 8, 1955): 0.60-0.65 of the wall; hair and brows 0.05-0.3,
+sclera 0.4-0.6, lips close to skin, pupil dark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.faces.performance import rng_for
+from glsim.faces.procedural import mouth
+from glsim.faces.procedural.eyes import IRIS_RADIUS, PUPIL_RADIUS
+from glsim.faces.procedural.sculpt import Array, smoothstep
+from glsim.faces.procedural.template import (
+    PART_EAR,
+    PART_EYE_LINING,
+    PART_EYEBALL,
+    PART_MOUTH_LINING,
+    PART_SKIN,
+    PART_TEETH,
+    Template,
+)
+from glsim.faces.procedural.volumes import EYE_RADIUS
+
+REGIONS: tuple[str, ...] = (
+    "skin", "brow", "hair", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose",
+    "lids", "forehead", "cheek", "chin", "mouth", "teeth",
+)  # fmt: skip
+
+# Mean, sd, low and high of one person's reflectivity at 860 nm, relative to a white wall.
+SKIN_ALBEDO = (0.60, 0.045, 0.45, 0.75)
+HAIR_ALBEDO = (0.20, 0.06, 0.08, 0.32)
+FIXED_ALBEDO: Mapping[str, float] = {
+    "sclera": 0.50,
+    "iris": 0.20,
+    "pupil": 0.06,
+    "mouth": 0.35,
+    "teeth": 0.60,
+}
+LIPS_OF_SKIN = 0.92  # lips against the person's skin
+STUBBLE_OF_SKIN = 0.9  # a bald scalp
+
+# Hairline: height above which there is hair (mm) against z (mm), forehead to nape.
+HAIRLINE_Z = (-200.0, -150.0, -115.0, -98.0, -84.0, -70.0, -62.0, -52.0, -35.0, -15.0, 3.0, 20.0)
+HAIRLINE_Y = (-62.0, -58.0, -45.0, -16.0, 8.0, 14.0, 30.0, 48.0, 64.0, 74.0, 80.0, 84.0)
+
+
+def hair_share(points: Array, soft_mm: float = 6.0) -> Array:
+    """(V,) how much hair grows at each point of the skin, rising within ``soft_mm``."""
+    line = np.interp(points[:, 2], HAIRLINE_Z, HAIRLINE_Y)
+    return np.asarray(smoothstep(-2.0, soft_mm, points[:, 1] - line))
+
+
+def brow_share(points: Array) -> Array:
+    """(V,) how much brow grows: an arch of about 45 x 7 mm, thinner outwards."""
+    x, y = np.abs(points[:, 0]), points[:, 1]
+    s = np.clip((x - 9.0) / 44.0, 0.0, 1.0)
+    arch = 30.5 + 7.0 * np.sin(np.pi * np.minimum(0.78 * s, 1.0)) - 4.5 * s**3
+    half = 4.4 - 2.9 * s
+    inside = smoothstep(7.0, 12.0, x) * smoothstep(54.0, 47.0, x) * (points[:, 2] > -45)
+    return np.asarray(inside * np.exp(-(((y - arch) / half) ** 4)))
+
+
+def make_regions(template: Template) -> NDArray[np.uint8]:
+    """(V,) index into REGIONS."""
+    points, part = template.points, template.part
+    x, y, z = np.abs(points[:, 0]), points[:, 1], points[:, 2]
+    label = np.zeros(len(points), dtype=np.uint8)
+
+    def paint(name: str, where: np.ndarray) -> None:
+        label[where] = REGIONS.index(name)
+
+    skin = part == PART_SKIN
+    front = skin & (z > -50)
+    paint("forehead", front & (y > 40))
+    paint("cheek", front & (y < 4) & (y > -62) & (x > 22))
+    paint("chin", front & (y < -63) & (x < 30))
+    paint(
+        "neck", skin & (y < -60 - 0.45 * np.maximum(z + 40, 0)) & (y < -88 + (z < 0) * 20 + 0 * z)
+    )
+    paint("neck", skin & (z < -92) & (y < 0))
+    nose_half = np.interp(y, (-30, -15, 5, 25), (17.5, 17.0, 12.0, 8.0))
+    paint("nose", front & (y > -29.5) & (y < 26) & (x < nose_half) & (z > 8))
+    ball = np.hypot(x - 32, (y - 15) * 1.25)
+    paint("lids", front & (ball < 17) & (z > -25) & (label != REGIONS.index("nose")))
+    paint("hair", skin & (hair_share(points) > 0.5))
+    paint("brow", front & (brow_share(points) > 0.5))
+    paint("lips", front & (mouth.on_lips(x, y) > 0.5) & (z > -20))
+    paint("ear", part == PART_EAR)
+    paint("mouth", part == PART_MOUTH_LINING)
+    paint("teeth", part == PART_TEETH)
+    ball_angle = np.arcsin(np.array([PUPIL_RADIUS, IRIS_RADIUS]) / EYE_RADIUS) + 0.01
+    paint("sclera", part == PART_EYEBALL)
+    paint("iris", (part == PART_EYEBALL) & (template.eye_angle < ball_angle[1]))
+    paint("pupil", (part == PART_EYEBALL) & (template.eye_angle < ball_angle[0]))
+    paint("lids", part == PART_EYE_LINING)
+    return label
+
+
+def draw_albedo(
+    template: Template, regions: NDArray[np.uint8], seed: int, subject: str, hair_mm: float
+) -> NDArray[np.float32]:
+    """(V,) one subject's reflectivity in [0, 1]; a pure function of its arguments."""
+    rng = rng_for(seed, "albedo", subject)
+
+    def person(law: tuple[float, float, float, float]) -> float:
+        mean, sd, low, high = law
+        return float(np.clip(rng.normal(mean, sd), low, high))
+
+    skin, hair = person(SKIN_ALBEDO), person(HAIR_ALBEDO)
+    points, on_skin = template.points, template.part == PART_SKIN
+    x, y, z = np.abs(points[:, 0]), points[:, 1], points[:, 2]
+    albedo = np.full(len(points), skin)
+    # blood and glands: low-frequency patches of a few per cent, and cheeks a little darker
+    phases = rng.uniform(0, 2 * np.pi, (6, 3))
+    waves = rng.normal(0, 0.06, (6, 3))
+    patches = sum(np.cos(points @ w + p.sum()) for w, p in zip(waves, phases, strict=True))
+    albedo *= 1.0 + 0.008 * patches
+    lips = mouth.on_lips(x, y) * (on_skin & (z > -20))
+    albedo += lips * (LIPS_OF_SKIN * skin - albedo)
+    scalp = hair_share(points) * on_skin
+    cover = hair if hair_mm > 0.8 else STUBBLE_OF_SKIN * skin
+    albedo += scalp * (cover - albedo)
+    brow = 0.85 * brow_share(points) * on_skin
+    albedo += brow * (min(hair, 0.28) - albedo)
+    for name, value in FIXED_ALBEDO.items():
+        albedo[regions == REGIONS.index(name)] = value
+    return np.asarray(np.clip(albedo, 0.02, 0.95), dtype=np.float32)

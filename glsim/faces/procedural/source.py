@@ -1,0 +1,112 @@
+"""The face source: subjects "p0000", "p0001", ... without end, each performing FACS sequences."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError
+from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.performance import performance_for, sequence_name, sequence_number
+from glsim.faces.procedural.parameters import sample_identity
+from glsim.faces.procedural.regions import REGIONS
+from glsim.faces.procedural.subject import Subject, make_subject, model
+from glsim.mesh import Mesh
+
+CACHED_SUBJECTS = 4
+BATCH = 64  # frames evaluated at once: 15 MB of vertices
+
+
+class ProceduralFaces:
+    """Parametric heads made of code alone.
+
+    seed: decides every identity and performance. frames_per_sequence: length of a sequence.
+    """
+
+    name = "procedural"
+
+    def __init__(self, seed: int = 0, frames_per_sequence: int = 30) -> None:
+        if frames_per_sequence < 1:
+            raise ConfigError(f"frames_per_sequence is {frames_per_sequence}: give 1 or more")
+        self.seed = seed
+        self.frames_per_sequence = frames_per_sequence
+        self._cache: OrderedDict[str, Subject] = OrderedDict()
+
+    def __getstate__(self) -> dict[str, object]:
+        """Settings only: a worker builds its own subjects."""
+        return {**self.__dict__, "_cache": OrderedDict()}
+
+    @property
+    def regions(self) -> NDArray[np.uint8]:
+        """(V,) index into REGIONS, the same for all subjects."""
+        return model().regions
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """What the numbers in ``regions`` mean."""
+        return REGIONS
+
+    def subjects(self, count: int | None) -> list[str]:
+        """The first ``count`` subjects. Raises ConfigError for None: there is no last one."""
+        if count is None:
+            raise ConfigError("procedural faces never end: give a number of subjects")
+        return [f"p{number:04d}" for number in range(count)]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """The first ``count`` frames of a subject, sequence by sequence.
+
+        A sequence runs from neutral to neutral with the peak among its frames; the last one does
+        so too, with as many frames as are left.
+        """
+        if count is None:
+            raise ConfigError("procedural faces never end: give a number of frames a subject")
+        keys: list[FaceKey] = []
+        number = 0
+        while len(keys) < count:
+            length = min(self.frames_per_sequence, count - len(keys))
+            performance = performance_for(self.seed, subject, number)
+            name = sequence_name(number, performance)
+            keys += [
+                FaceKey(subject, name, frame, float(time_s))
+                for frame, time_s in enumerate(performance.frame_times(length))
+            ]
+            number += 1
+        return keys
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+        """One face a key, in order; frames of one subject are evaluated together."""
+        for subject, group in groupby(keys, key=lambda key: key.subject):
+            listed = list(group)
+            for first in range(0, len(listed), BATCH):
+                yield from self._load_batch(subject, listed[first : first + BATCH])
+
+    def _load_batch(self, subject: str, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        person = self._subject(subject)
+        expressions = [self._expression(key) for key in keys]
+        faces = model().template.faces
+        heads = person.frames(expressions)
+        for key, head, expression in zip(keys, heads, expressions, strict=True):
+            yield Face(key, Mesh(head, faces, person.albedo), expression)
+
+    def _expression(self, key: FaceKey) -> dict[str, float]:
+        """Unit -> intensity at a key's time, zeros left out."""
+        try:
+            number = sequence_number(key.sequence)
+        except ValueError as error:
+            raise ConfigError(f"procedural faces: {error}") from None
+        return performance_for(self.seed, key.subject, number).at(key.time_s)
+
+    def _subject(self, name: str) -> Subject:
+        """A subject, from the cache or made now."""
+        if name not in self._cache:
+            if not (name.startswith("p") and name[1:].isdigit()):
+                raise ConfigError(f"no procedural subject {name!r}: they are p0000, p0001, ...")
+            self._cache[name] = make_subject(sample_identity(self.seed, name), self.seed, name)
+            while len(self._cache) > CACHED_SUBJECTS:
+                self._cache.popitem(last=False)
+        self._cache.move_to_end(name)
+        return self._cache[name]

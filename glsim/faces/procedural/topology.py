@@ -1,0 +1,140 @@
+"""The triangles of the skin: grid, crown, and the slits of the eyes and the mouth.
+
+A slit runs along one row between two corner columns. Its lips (the lids, the lips of the mouth)
+exist twice: the grid's own vertices are the upper lip, added ones the lower. From both, rings
+lead inwards, and the last ring is zipped shut, so that an open mouth or eye shows no hole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glsim.faces.procedural.grid import (
+    COLUMNS,
+    EYE_KNOT,
+    HALF_COLUMNS,
+    MOUTH_KNOT,
+    ROWS,
+    knot_row,
+)
+from glsim.faces.procedural.sculpt import IntArray
+
+EYE_COLUMNS = (11, 26)  # medial and lateral canthus (x = 17.1 and 45.9 mm)
+MOUTH_COLUMN = 17  # the corner of the mouth (x = 26.4 mm)
+EYE_RINGS = 2
+MOUTH_RINGS = 4
+SLIT_NONE, SLIT_EYE, SLIT_MOUTH = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class SkinTopology:
+    """What each skin vertex is, and the triangles.
+
+    row, column: (V,) grid position, column signed (positive: the subject's left).
+    slit: (V,) SLIT_*; ring: (V,) 0 on the skin, 1... inwards from a slit's lips.
+    low: (V,) True for vertices of a lower lip and its rings, and for the skin below a slit's row.
+    faces: (F, 3) int32, counter-clockwise seen from outside.
+    """
+
+    row: IntArray
+    column: IntArray
+    slit: IntArray
+    ring: IntArray
+    low: np.ndarray
+    faces: IntArray
+
+
+class _Builder:
+    """Collects vertices and triangles."""
+
+    def __init__(self) -> None:
+        self.vertices: list[tuple[int, int, int, int, bool]] = []
+        self.triangles: list[tuple[int, int, int]] = []
+
+    def vertex(self, row: int, column: int, slit: int, ring: int, low: bool) -> int:
+        self.vertices.append((row, column, slit, ring, low))
+        return len(self.vertices) - 1
+
+    def quad(self, a: int, b: int, c: int, d: int) -> None:
+        """Two triangles; a corner that two of its ends share leaves one."""
+        for triangle in ((a, b, c), (a, c, d)):
+            if len(set(triangle)) == 3:
+                self.triangles.append(triangle)
+
+
+def signed_column(index: int) -> int:
+    """Column number 0..COLUMNS-1 to the signed column: left positive, right negative."""
+    return index if index <= HALF_COLUMNS else index - COLUMNS
+
+
+def build_topology() -> SkinTopology:
+    """The skin of the head."""
+    build = _Builder()
+    eye_row, mouth_row = knot_row(EYE_KNOT), knot_row(MOUTH_KNOT)
+    slit_spans = {
+        eye_row: [(SLIT_EYE, EYE_COLUMNS), (SLIT_EYE, (-EYE_COLUMNS[1], -EYE_COLUMNS[0]))],
+        mouth_row: [(SLIT_MOUTH, (-MOUTH_COLUMN, MOUTH_COLUMN))],
+    }
+    upper: dict[tuple[int, int], int] = {}
+    lower: dict[tuple[int, int], int] = {}
+    for row in range(ROWS):
+        for index in range(COLUMNS):
+            column = signed_column(index)
+            slit = SLIT_NONE
+            for kind, (start, end) in slit_spans.get(row, []):
+                slit = kind if start <= column <= end else slit
+            low = mouth_row < row
+            upper[row, column] = lower[row, column] = build.vertex(row, column, slit, 0, low)
+    for row, spans in slit_spans.items():
+        for kind, (start, end) in spans:
+            for column in range(start + 1, end):
+                lower[row, column] = build.vertex(row, column, kind, 0, True)
+    pole = build.vertex(0, 0, SLIT_NONE, -1, False)
+    columns = [signed_column(index) for index in range(COLUMNS)]
+    ring_of = list(zip(columns, columns[1:] + columns[:1], strict=True))
+    for here, there in ring_of:
+        build.quad(pole, upper[0, here], upper[0, there], upper[0, there])
+    for row in range(ROWS - 1):
+        for here, there in ring_of:
+            build.quad(
+                lower[row, here], upper[row + 1, here], upper[row + 1, there], lower[row, there]
+            )
+    for row, spans in slit_spans.items():
+        for kind, (start, end) in spans:
+            _line_slit(build, upper, lower, row, kind, start, end)
+    table = np.array(build.vertices)
+    return SkinTopology(
+        row=table[:, 0].astype(np.int32),
+        column=table[:, 1].astype(np.int32),
+        slit=table[:, 2].astype(np.int32),
+        ring=table[:, 3].astype(np.int32),
+        low=table[:, 4].astype(bool),
+        faces=np.array(build.triangles, dtype=np.int32),
+    )
+
+
+def _line_slit(
+    build: _Builder,
+    upper: dict[tuple[int, int], int],
+    lower: dict[tuple[int, int], int],
+    row: int,
+    kind: int,
+    start: int,
+    end: int,
+) -> None:
+    """The rings inwards from a slit's lips, and the seam that closes the last of them."""
+    span = range(start, end + 1)
+    top, bottom = {c: upper[row, c] for c in span}, {c: lower[row, c] for c in span}
+    for ring in range(1, (EYE_RINGS if kind == SLIT_EYE else MOUTH_RINGS) + 1):
+        inner_top = {c: build.vertex(row, c, kind, ring, False) for c in span}
+        inner_bottom = dict(inner_top)
+        for c in list(span)[1:-1]:
+            inner_bottom[c] = build.vertex(row, c, kind, ring, True)
+        for c in list(span)[:-1]:
+            build.quad(top[c], inner_top[c], inner_top[c + 1], top[c + 1])
+            build.quad(inner_bottom[c], bottom[c], bottom[c + 1], inner_bottom[c + 1])
+        top, bottom = inner_top, inner_bottom
+    for c in list(span)[:-1]:
+        build.quad(top[c], bottom[c], bottom[c + 1], top[c + 1])

@@ -1,0 +1,33 @@
+"""Twin of shaders/lib/dots.glsl: the projected pattern, one dot in each cell."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.frame import Rect
+from glsim.noise.twins.random import random_bits
+
+CELL_PX = 3
+
+
+Whole = NDArray[np.int64]
+
+
+def dot_place(x: Whole, y: Whole) -> Whole:
+    """Which of the 9 pixels of a cell has the dot, 0 to 8 in reading order. Broadcast."""
+    return (random_bits(x, y, 0xD075, 0)[0] % np.uint32(9)).astype(np.int64)
+
+
+def place_pixel(x: Whole, y: Whole, place: Whole) -> tuple[Whole, Whole]:
+    """Column and row of a pixel of a cell, in pixels of the frame."""
+    return x * CELL_PX + place % CELL_PX, y * CELL_PX + place // CELL_PX
+
+
+def cells(window: Rect, around: int = 0) -> Rect:
+    """The cells that a window touches, in cells, and ``around`` more on each side."""
+    left, top = window.left // CELL_PX, window.top // CELL_PX
+    right = -(-(window.left + window.width) // CELL_PX)
+    bottom = -(-(window.top + window.height) // CELL_PX)
+    more = 2 * around
+    return Rect(left - around, top - around, right - left + more, bottom - top + more)

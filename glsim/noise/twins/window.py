@@ -1,0 +1,82 @@
+"""Twins of the stages of structured light: correlation_window and dot_spread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.noise.twins.depth import disparity_px
+from glsim.noise.twins.dots import CELL_PX, cells, dot_place, place_pixel
+from glsim.noise.twins.layers import Image, Values, fetch, pixels, reasons_of_taken
+from glsim.noise.view import Layers, StageView
+from glsim.reason import Reason
+
+_REACH_PX = 4  # 9x9
+_REACH_CELLS = 2  # 4 px from a dot lie within two cells of its own
+
+
+def correlation_window(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """Whether a 9x9 window finds the projected pattern at each dot: 1 + its place in its cell."""
+    around = cells(view.window, _REACH_CELLS)
+    place = dot_place(*pixels(around))
+    x, y = place_pixel(*pixels(around), place)
+    depth = fetch(layers["depth"], view.window, x, y)
+    seen = depth > 0
+    disparity = disparity_px(depth, view.focal_baseline_px_m)
+    own = (slice(_REACH_CELLS, -_REACH_CELLS),) * 2
+    dots, found, total, agree = (np.zeros(seen[own].shape, np.float32) for _ in range(4))
+    neighbours = []
+    for part in _shifts(around.height, around.width):
+        dx, dy = np.abs(x[part] - x[own]), np.abs(y[part] - y[own])
+        near = np.maximum(dx, dy) <= _REACH_PX
+        used = near & seen[part]
+        dots += near
+        found += used
+        total += np.where(used, disparity[part], np.float32(0.0))
+        neighbours.append((used, disparity[part], _weight(dx, dy)))
+    share = p["min_share"]
+    enough = found > share * dots
+    mean = total / np.maximum(found, np.float32(1.0))
+    for used, value, weight in neighbours:
+        agree += used & (np.abs(value - mean) * weight < p["inlier_px"])
+    match = seen[own] & enough & (agree > share * dots)
+    return {"dot_match": np.where(match, place[own] + 1, 0).astype(np.float32)}
+
+
+def dot_spread(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """Every pixel takes the depth of the nearest matched dot, or none."""
+    window, here = view.window, layers["depth"]
+    around = cells(window, 1)
+    match = fetch(layers["dot_match"], cells(window), *pixels(around)).astype(np.int64)
+    dot_x, dot_y = place_pixel(*pixels(around), match - 1)
+    value = fetch(here, window, dot_x, dot_y)
+    x, y = pixels(window)
+    column, row = x // CELL_PX - around.left, y // CELL_PX - around.top
+    nearest = np.full(here.shape, p["radius_px"] * p["radius_px"], np.float32)
+    depth = np.zeros(here.shape, np.float32)
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            at = row + dy, column + dx
+            offset_x, offset_y = dot_x[at] - x, dot_y[at] - y
+            squared = (offset_x * offset_x + offset_y * offset_y).astype(np.float32)
+            closer = (match[at] > 0) & (squared < nearest)
+            nearest = np.where(closer, squared, nearest)
+            depth = np.where(closer, value[at], depth)
+    return {"depth": depth, "reason": reasons_of_taken(layers, depth, Reason.WINDOW)}
+
+
+def _weight(dx: NDArray[np.int64], dy: NDArray[np.int64]) -> Image:
+    """Of a dot's deviation, by its offset from the centre in pixels: farther ones count less."""
+    x, y = np.float32(1.2) * dx.astype(np.float32), np.float32(1.2) * dy.astype(np.float32)
+    squared = x * x + y * y
+    return np.reciprocal(np.where(squared > 0, squared, np.float32(1.0)))
+
+
+def _shifts(height: int, width: int) -> Iterator[tuple[slice, slice]]:
+    """Images of the inner part's size, each shifted by whole cells, in the shader's order."""
+    reach = 2 * _REACH_CELLS
+    for top in range(reach + 1):
+        for left in range(reach + 1):
+            yield slice(top, height - reach + top), slice(left, width - reach + left)

@@ -1,0 +1,137 @@
+"""Pictures for people: shaded depth, differences, reasons, contact sheets. 8-bit BGR arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim import depthmap
+from glsim.camera import Intrinsics
+from glsim.frame import Frame
+from glsim.reason import Reason
+
+Picture = NDArray[np.uint8]
+
+#: Light from the upper left behind the camera, in camera axes (y down), and a fill from the right.
+_KEY_LIGHT = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.70])
+_FILL_LIGHT = np.array([0.70, -0.10, -0.70]) / np.linalg.norm([0.70, -0.10, -0.70])
+
+_BACKGROUND = (38, 32, 28)
+_TEXT = (235, 235, 235)
+
+#: Differences beyond this are drawn in the colour of this.
+DIFFERENCE_MM = 20.0
+
+#: BGR, one a reason: greys and greens where there is depth, saturated colours where it is missing.
+_REASON_COLOURS = {
+    Reason.VALID: (150, 150, 150),
+    Reason.NO_SURFACE: _BACKGROUND,
+    Reason.SHADOW: (200, 60, 40),
+    Reason.OUT_OF_RANGE: (180, 40, 160),
+    Reason.LOW_SIGNAL: (30, 30, 200),
+    Reason.EDGE: (30, 140, 240),
+    Reason.DROPPED: (60, 60, 120),
+    Reason.WINDOW: (40, 210, 240),
+    Reason.MOVED: (120, 200, 60),
+    Reason.GROWN: (200, 220, 90),
+    Reason.SATURATED: (240, 240, 240),
+    Reason.UNWRAP: (220, 120, 220),
+    Reason.MIXED: (90, 120, 250),
+}
+
+
+def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
+    """(H, W, 3): the depth map as a matte surface under two lights."""
+    normal = depthmap.normals(np.asarray(depth_m, dtype=np.float32), intrinsics.rays())
+    key = np.clip(normal @ _KEY_LIGHT, 0, 1)
+    fill = np.clip(normal @ _FILL_LIGHT, 0, 1)
+    grey = np.clip(20 + 195 * key + 55 * fill, 0, 255).astype(np.uint8)
+    picture = np.repeat(grey[..., None], 3, axis=2)
+    picture[depth_m <= 0] = _BACKGROUND
+    return picture
+
+
+def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Picture:
+    """(H, W, 3): noisy minus clean where both have depth; blue nearer, red farther."""
+    share = np.clip((noisy_m - clean_m) * 1000.0 / DIFFERENCE_MM, -1, 1)[..., None]
+    white, near, far = (np.array(c, float) for c in ((245, 245, 245), (190, 80, 30), (40, 40, 190)))
+    colour = white + np.where(share < 0, -share * (near - white), share * (far - white))
+    picture = colour.astype(np.uint8)
+    picture[(clean_m <= 0) | (noisy_m <= 0)] = _BACKGROUND
+    return picture
+
+
+def reasons(codes: NDArray[np.uint8]) -> Picture:
+    """(H, W, 3): the colour of each pixel's reason."""
+    palette = np.array([_REASON_COLOURS[Reason(r)] for r in sorted(Reason)], dtype=np.uint8)
+    return palette[codes]
+
+
+def strip(frame: Frame, side: int = 320) -> Picture:
+    """One frame as a row: shaded clean, shaded noisy, difference, reasons; cut to the face."""
+    part = frame.intrinsics.cropped(*frame.window)
+    cells = [
+        shaded(frame.clean_m, part),
+        shaded(frame.noisy_m, part),
+        difference(frame.clean_m, frame.noisy_m),
+        reasons(frame.reason_codes),
+    ]
+    cut = _surface_slices(frame.clean_m)
+    cells = [cell[cut] for cell in cells]
+    return np.hstack([_fit(cell, side) for cell in cells])
+
+
+def contact_sheet(frames: Sequence[Frame], title: str, side: int = 300) -> Picture:
+    """Rows of ``strip`` under headings, with a legend of differences and reasons."""
+    width = 4 * side
+    head = np.full((66, width, 3), _BACKGROUND, np.uint8)
+    _write(head, title, (10, 26), 0.62)
+    headings = ("clean, shaded", "noisy, shaded", "noisy - clean", "invalid or altered")
+    for column, text in enumerate(headings):
+        _write(head, text, (column * side + 10, 56), 0.5)
+    used = sorted({Reason(int(c)) for f in frames for c in np.unique(f.reason_codes)})
+    rows = [strip(frame, side) for frame in frames]
+    return np.vstack([head, *rows, _legend(width, used)])
+
+
+def _legend(width: int, used: Sequence[Reason]) -> Picture:
+    lines = 1 + len(used)
+    bar = np.full((24 * lines + 14, width, 3), _BACKGROUND, np.uint8)
+    ramp = np.linspace(-DIFFERENCE_MM, DIFFERENCE_MM, 240, dtype=np.float32)[None] / 1000.0
+    bar[8:22, 10:250] = np.repeat(difference(np.ones_like(ramp), 1 + ramp), 14, axis=0)
+    _write(bar, f"-{DIFFERENCE_MM:.0f} to +{DIFFERENCE_MM:.0f} mm", (260, 21), 0.45)
+    for line, code in enumerate(used, start=1):
+        y = 24 * line + 8
+        bar[y : y + 14, 10:34] = _REASON_COLOURS[code]
+        cv2.rectangle(bar, (10, y), (34, y + 14), (90, 90, 90), 1)
+        _write(bar, f"{int(code)} {code.name.lower()}: {code.help}", (44, y + 12), 0.45)
+    return bar
+
+
+def _surface_slices(depth_m: NDArray[np.float32], margin_px: int = 6) -> tuple[slice, slice]:
+    """Rows and columns that hold any depth, with a margin; everything if there is none."""
+    rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
+    if len(rows) == 0:
+        return slice(None), slice(None)
+    return (
+        slice(max(0, int(rows[0]) - margin_px), int(rows[-1]) + 1 + margin_px),
+        slice(max(0, int(columns[0]) - margin_px), int(columns[-1]) + 1 + margin_px),
+    )
+
+
+def _fit(picture: Picture, side: int) -> Picture:
+    """Scaled by whole pixels' nearest neighbour to fit a square, centred."""
+    scale = side / max(picture.shape[:2])
+    size = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
+    resized = cv2.resize(picture, size, interpolation=cv2.INTER_NEAREST)
+    cell = np.full((side, side, 3), _BACKGROUND, np.uint8)
+    top, left = (side - size[1]) // 2, (side - size[0]) // 2
+    cell[top : top + size[1], left : left + size[0]] = resized
+    return cell
+
+
+def _write(picture: Picture, text: str, at: tuple[int, int], size: float) -> None:
+    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _TEXT, 1, cv2.LINE_AA)

@@ -1,0 +1,168 @@
+"""A stand-in for the simulator, fast and deterministic, with faults on demand."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glsim.camera import Intrinsics
+from glsim.config import Settings, load_settings
+from glsim.dataset import Summary, write_dataset
+from glsim.distribution import DrawKeys
+from glsim.errors import MeshError
+from glsim.faces.base import FaceKey
+from glsim.frame import Frame, Rect, Skipped
+from glsim.plan import Task, stable_seed
+
+CAMERA = Intrinsics(32, 24, 40.0, 40.0, 16.0, 12.0)
+WINDOW = Rect(4, 2, 20, 18)
+SENSOR = {"name": "fake", "stages": [{"name": "noise", "sigma_mm": 2.0}]}
+
+
+def make_settings(**output: Any) -> Settings:
+    return load_settings(overrides={"output": output, "source": {"kind": "procedural"}})
+
+
+def make_tasks(subjects: int = 8, frames: int = 20) -> list[Task]:
+    splits = ["train", "test", "train", "val"]
+    tasks = []
+    for s in range(subjects):
+        for f in range(frames):
+            key = FaceKey(f"s{s:03d}", "smile.1", f, f / 30)
+            seeds = DrawKeys(stable_seed(s, f), stable_seed(s), 2**64 - 1 - s)
+            tasks.append(Task(len(tasks), splits[s % 4], f"s{s:03d}", 0, key, seeds, s % 2))
+    return tasks
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What goes wrong at the frame with this index: once, if ``once`` is a path.
+
+    full: the file that ``.glsim/temporary/<pid>-<name>`` of the folder ``out`` would have been lies
+    on a full disk from then on.
+    """
+
+    kind: str
+    index: int
+    once: str = ""
+    out: str = ""
+    name: str = "file"
+
+    def strikes(self, index: int) -> bool:
+        if index != self.index:
+            return False
+        if self.once:
+            try:
+                Path(self.once).touch(exist_ok=False)
+            except FileExistsError:
+                return False
+        return True
+
+
+def fake_frames(
+    settings: Settings,
+    tasks: Iterable[Task],
+    faults: tuple[Fault, ...] = (),
+    skip_every: int = 0,
+    delay_s: float = 0.0,
+    ahead: int = 3,
+) -> Iterator[Frame | Skipped]:
+    """Frames whose pixels are a function of the seed; reads ``ahead`` tasks at once."""
+    tasks = iter(tasks)
+    while batch := list(islice(tasks, ahead)):
+        for task in batch:
+            time.sleep(delay_s)
+            for fault in faults:
+                if fault.strikes(task.index):
+                    strike(fault)
+            if any(fault.kind == "lose" and fault.strikes(task.index) for fault in faults):
+                continue
+            if skip_every and task.index % skip_every == skip_every - 1:
+                yield Skipped(task.key, "fake", "no triangles")
+            else:
+                yield fake_frame(task, settings.output.depth_unit_mm)
+
+
+def strike(fault: Fault) -> None:
+    if fault.kind == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if fault.kind == "interrupt":
+        raise KeyboardInterrupt
+    if fault.kind == "mesh":
+        raise MeshError("the mesh has a hole")
+    if fault.kind == "bug":
+        raise ZeroDivisionError("one by zero")
+    if fault.kind == "sleep":
+        time.sleep(0.5)
+    if fault.kind == "full":
+        name = f"{os.getpid()}-{fault.name}"
+        Path(fault.out, ".glsim", "temporary", name).symlink_to("/dev/full")
+
+
+def fake_frame(task: Task, unit_mm: float = 1.0, offset_mm: float = 0.0) -> Frame:
+    rng = np.random.default_rng(task.seeds.frame)
+    shape = (WINDOW.height, WINDOW.width)
+    clean = rng.uniform(0.8, 1.0, shape).astype(np.float32)
+    noisy = (clean + rng.normal(0, 0.002, shape)).astype(np.float32)
+    noisy[rng.random(shape) < 0.1] = 0
+    return Frame(
+        task.key,
+        "fake",
+        task.seeds.frame,
+        CAMERA,
+        WINDOW,
+        clean,
+        noisy,
+        rng.uniform(0, 70000, shape).astype(np.float32),
+        rng.integers(0, 12, shape).astype(np.uint8),
+        depth_unit_mm=unit_mm,
+        depth_offset_mm=offset_mm,
+        pose={"yaw_deg": float(rng.normal()), "distance_mm": np.float32(900)},
+        expression={"smile": 0.5} if task.key.frame % 2 else {},
+        parameters={"axial.sigma_mm": float(rng.uniform())},
+        notes={"unit": "mm"},
+    )
+
+
+def make(
+    out: Path,
+    settings: Settings | None = None,
+    tasks: list[Task] | None = None,
+    *,
+    workers: int = 1,
+    progress: Any = None,
+    renderer: str = "fake renderer",
+    **faults: Any,
+) -> Summary:
+    """A data set of fake frames."""
+    return write_dataset(
+        settings or make_settings(),
+        make_tasks() if tasks is None else tasks,
+        out,
+        partial(fake_frames, **faults),
+        sensor=SENSOR,
+        renderer=renderer,
+        workers=workers,
+        progress=progress,
+    )
+
+
+def children() -> list[int]:
+    """The child processes of this one."""
+    tasks = Path("/proc/self/task").glob("*/children")
+    return [int(pid) for task in tasks for pid in task.read_text().split()]
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    """Every file of a folder by its name, but for the lock."""
+    files = (path for path in out.rglob("*") if path.is_file() and path.name != "lock")
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in files}

@@ -1,0 +1,128 @@
+"""Faces for tests: an analytic head, and a small FaceXModel folder in ICT-FaceKit's layout."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.faces.ict_facekit.facs import known_shapes
+
+ROWS, COLUMNS = 61, 49
+
+
+def analytic_face(
+    *, rows: int = ROWS, columns: int = COLUMNS, open_mm: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The front of a head in canonical axes, mm, not centred: 150 wide, 220 high, 21 mm of nose.
+
+    The nose tip is at (3, 12, 60); the left cheek is 2 mm fuller than the right.
+    """
+    x, y = np.meshgrid(np.linspace(-72, 72, columns), np.linspace(-110, 105, rows))
+    z = 40 - x**2 / (2 * 80) - y**2 / (2 * 220)
+    ridge = np.interp(y, [-18, -8, 0, 12, 26, 42], [0, 12, 20, 17, 10, 0])
+    width = np.interp(y, [-18, 0, 15, 40], [14, 12, 9, 8])
+    z += ridge * np.exp(-((np.abs(x) / width) ** 3))
+    for side in (-1, 1):
+        z -= 12 * np.exp(-(((x - side * 23) / 12) ** 2) - ((y - 30) / 16) ** 2)  # eye hollows
+    z += 5 * np.exp(-((x / 24) ** 2) - ((y + 32) / 7) ** 2)  # lips
+    z += 4 * np.exp(-((x / 18) ** 2) - ((y + 70) / 14) ** 2)  # chin
+    z += 2 * np.exp(-(((x - 40) / 15) ** 2) - ((y + 5) / 20) ** 2)  # the fuller cheek
+    y = y - open_mm * np.clip((-32 - y) / 40, 0, 1)
+    vertices = np.stack([x + 3, y + 12, z], axis=-1).reshape(-1, 3)
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    right, up = first + 1, first + columns
+    faces = np.concatenate(
+        [np.stack([first, right, up], axis=1), np.stack([right, up + 1, up], axis=1)]
+    )
+    return vertices, faces
+
+
+def write_face_x_model(folder: Path) -> Path:
+    """A FaceXModel folder: same files, materials and JSON keys, few vertices, in centimetres.
+
+    One quad strip per connected part; the parts of M_BackHead touch only M_Face.
+    """
+    folder.mkdir(parents=True)
+    face, _ = analytic_face(rows=21, columns=17)
+    parts: list[tuple[str, NDArray[np.float64], int]] = [("M_Face", face / 10, 17)]
+    parts += [
+        ("M_BackHead", _patch((0, 0, -8), 12, 15), 4),  # back of the head
+        ("M_BackHead", _patch((0, -2, 0), 3, 2), 4),  # mouth socket
+        ("M_BackHead", _patch((3.1, 4, 2), 2, 2), 4),
+        ("M_BackHead", _patch((-3.1, 4, 2), 2, 2), 4),
+        ("M_GumsTongue", _patch((0, -2, 1), 3, 2), 4),
+        ("M_Teeth", _patch((0, -2, 1.5), 3, 1), 4),
+    ]
+    for side, x in (("Left", 3.1), ("Right", -3.1)):
+        parts.append((f"M_Sclera{side}", _ball((x, 4.0, 1.0), 1.2, 10), 10))
+        parts.append((f"M_Iris{side}", _patch((x, 4.0, 2.1), 0.9, 0.9), 4))
+    parts.append(("M_LacrimalFluid", _patch((3, 4, 2.3), 0.5, 0.5), 4))
+    parts.append(("M_EyeLashes", _patch((3, 4.5, 2.3), 0.5, 0.5), 4))
+
+    neutral = np.concatenate([points for _, points, _ in parts])
+    lines: list[str] = ["# a comment", "mtllib ICTFaceModelMaterial.mtl"]
+    start, material = 1, ""
+    for name, points, columns in parts:
+        if name != material:
+            lines.append(f"usemtl {name}")
+            material = name
+        for row in range(len(points) // columns - 1):
+            for column in range(columns - 1):
+                a = start + row * columns + column
+                corners = (a, a + 1, a + columns + 1, a + columns)
+                lines.append("f " + " ".join(f"{c}/{c}" for c in corners))
+        start += len(points)
+    tail = "\n".join(lines) + "\n"
+    # Multi-PIE 48-59: twelve points around the mouth at (3, -20) mm.
+    angle = np.arange(12) * np.pi / 6
+    outline = np.stack([0.3 + 2.4 * np.cos(angle), -2.0 + 1.2 * np.sin(angle)], axis=1)
+    landmarks = np.zeros(68, dtype=int)
+    front = parts[0][1]
+    for index, point in enumerate(outline, start=48):
+        landmarks[index] = int(np.argmin(np.linalg.norm(front[:, :2] - point, axis=1)))
+    expressions = sorted(known_shapes())
+    (folder / "vertex_indices.json").write_text(
+        json.dumps({"expressions": expressions, "idx_to_landmark_verts": landmarks.tolist()})
+    )
+    (folder / "generic_neutral_mesh.obj").write_text(_vertex_lines(neutral) + tail)
+    rng = np.random.default_rng(0)
+    for mode in range(100):
+        moved = neutral + rng.normal(size=3) * 0.3 / (mode + 1)
+        (folder / f"identity{mode:03d}.obj").write_text(_vertex_lines(moved) + tail)
+    for name in expressions:
+        moved = neutral.copy()
+        if name == "jawOpen":
+            moved[neutral[:, 1] < -3, 1] -= 4.0
+        elif name.endswith("_L"):
+            moved[neutral[:, 0] > 1, 2] += 0.2
+        elif name.endswith("_R"):
+            moved[neutral[:, 0] < -1, 2] += 0.2
+        else:
+            moved[:, 2] += 0.1
+        (folder / f"{name}.obj").write_text(_vertex_lines(moved) + tail)
+    return folder
+
+
+def _vertex_lines(vertices: NDArray[np.float64]) -> str:
+    return "".join(f"v {x:.6g} {y:.6g} {z:.6g}\n" for x, y, z in vertices)
+
+
+def _patch(middle: tuple[float, float, float], width: float, height: float) -> NDArray[np.float64]:
+    """Four by four points facing +z."""
+    x, y = np.meshgrid(np.linspace(-width, width, 4) / 2, np.linspace(-height, height, 4) / 2)
+    z = -0.05 * (x**2 + y**2)
+    return np.asarray(np.stack([x, y, z], axis=-1).reshape(-1, 3) + np.array(middle))
+
+
+def _ball(middle: tuple[float, float, float], radius: float, columns: int) -> NDArray[np.float64]:
+    """Rings of a sphere about the z axis, from the front."""
+    polar, around = np.meshgrid(
+        np.linspace(0.05, np.pi - 0.05, 9), np.linspace(0, 2 * np.pi, columns), indexing="ij"
+    )
+    ring = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
+    )
+    return np.asarray(radius * ring.reshape(-1, 3) + np.array(middle))

@@ -1,0 +1,64 @@
+"""The PNG encoder against two decoders of others."""
+
+from __future__ import annotations
+
+import io
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from glsim.dataset.png import encode_png
+
+
+def decoded(data: bytes) -> np.ndarray:
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    return image
+
+
+def make_image(dtype: type, height: int, width: int, top: int, bottom: int, seed: int):
+    rng = np.random.default_rng(seed)
+    image = np.zeros((height, width), dtype)
+    rows = image[top : height - bottom]
+    rows[...] = rng.integers(0, np.iinfo(dtype).max, rows.shape, dtype, endpoint=True)
+    rows[rng.random(rows.shape) < 0.3] = 0
+    return image
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from([np.uint8, np.uint16]),
+    st.integers(1, 40),
+    st.integers(1, 300),
+    st.integers(0, 41),
+    st.integers(0, 41),
+    st.integers(0, 9),
+)
+def test_any_image_survives(dtype, height, width, top, bottom, seed) -> None:
+    image = make_image(dtype, height, width, top, bottom, seed)
+    data = encode_png(image)
+    read = decoded(data)
+    assert read.dtype == dtype
+    np.testing.assert_array_equal(read, image)
+    with Image.open(io.BytesIO(data)) as checked:
+        checked.verify()  # every checksum
+    with Image.open(io.BytesIO(data)) as other:
+        np.testing.assert_array_equal(np.asarray(other), image)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("shape", [(424, 512), (1, 1), (1080, 1920)])
+def test_empty_full_and_strided_images(dtype, shape) -> None:
+    full = make_image(dtype, *shape, 0, 0, 1)
+    for image in (np.zeros(shape, dtype), full, full[::-1], np.full(shape, 255, dtype)):
+        np.testing.assert_array_equal(decoded(encode_png(image)), image)
+
+
+def test_same_image_same_bytes_and_empty_rows_cost_nothing() -> None:
+    image = make_image(np.uint16, 424, 512, 150, 150, 1)
+    assert encode_png(image) == encode_png(image.copy())
+    assert len(encode_png(image)) < len(encode_png(image[150:-150])) + 900
