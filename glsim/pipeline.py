@@ -11,8 +11,9 @@ simulate(settings)   for each task of the plan:
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -65,7 +66,7 @@ class _InFlight:
 
 def simulate(
     settings: Settings,
-    tasks: Sequence[Task] | None = None,
+    tasks: Iterable[Task] | None = None,
     *,
     sources: Sequence[FaceSource] | None = None,
     backend: str | None = None,
@@ -118,7 +119,7 @@ class Simulator:
                 f"output.crop {crop} is larger than the sensor's {image.width}x{image.height}"
             )
 
-    def frames(self, tasks: Sequence[Task]) -> Iterator[Frame | Skipped]:
+    def frames(self, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
         """One result a task, in order."""
         in_flight: deque[_InFlight | Skipped] = deque()
         ring = len(self._readbacks)
@@ -129,19 +130,12 @@ class Simulator:
         while in_flight:
             yield self._deliver(in_flight.popleft())
 
-    def _faces(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
+    def _faces(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
         """Geometry in batches of tasks that share a source."""
-        start = 0
-        while start < len(tasks):
-            number = tasks[start].source
-            end = start
-            while end < len(tasks) and tasks[end].source == number and end - start < _FACE_BATCH:
-                end += 1
-            batch = tasks[start:end]
-            yield from zip(
-                batch, self._sources[number].load([task.key for task in batch]), strict=True
-            )
-            start = end
+        for number, run in itertools.groupby(tasks, key=lambda task: task.source):
+            while batch := list(itertools.islice(run, _FACE_BATCH)):
+                keys = [task.key for task in batch]
+                yield from zip(batch, self._sources[number].load(keys), strict=True)
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue all drawing of one frame."""

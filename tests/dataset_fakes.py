@@ -95,8 +95,6 @@ def fake_frames(
 def strike(fault: Fault) -> None:
     if fault.kind == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
-    if fault.kind == "interrupt":
-        raise KeyboardInterrupt
     if fault.kind == "mesh":
         raise MeshError("the mesh has a hole")
     if fault.kind == "bug":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -16,6 +17,7 @@ from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.chain import _Pass
 from glsim.noise.stage import shipped
 from glsim.noise.twins import TWINS
+from glsim.noise.twins.dots import cells
 from glsim.noise.view import FrameContext
 from glsim.reason import Reason
 
@@ -26,17 +28,18 @@ Layers = Mapping[str, Image]
 Z_MAX = 4.5
 
 WIDTH, HEIGHT = 256, 212
+WHOLE = Rect(0, 0, WIDTH, HEIGHT)
 FOCAL_PX, BASELINE_M = 365.456, 0.075
-
-FRAME = FrameContext(
-    Rect(0, 0, WIDTH, HEIGHT), WIDTH, HEIGHT, 0x1234_5678_9ABC_DEF0, 77, 4242, 0.0,
-    FOCAL_PX * BASELINE_M,
-)  # fmt: skip
+FOCAL_BASELINE = FOCAL_PX * BASELINE_M
 
 
-def frame(seed: int = 0, **changes: object) -> FrameContext:
+def frame(seed: int = 0, **changes: Any) -> FrameContext:
     """A frame of the tests' size; ``changes`` by the names of FrameContext."""
-    return replace(FRAME, seed=FRAME.seed + seed, **changes)  # type: ignore[arg-type]
+    at = FrameContext(WHOLE, WIDTH, HEIGHT, 0x123456789ABC + seed, 77, 4242, 0.0, FOCAL_BASELINE)
+    return replace(at, **changes)
+
+
+FRAME = frame()
 
 
 def values(use: str, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -48,7 +51,8 @@ def values(use: str, parameters: Mapping[str, float]) -> dict[str, float]:
 
 def run_twin(use: str, layers: Layers, at: FrameContext = FRAME, **p: float) -> dict[str, Image]:
     """What the twin of a stage writes. Layers are of the window."""
-    return TWINS[use](at.view(use), layers, values(use, p))
+    with np.errstate(all="raise"):
+        return TWINS[use](at.view(use), layers, values(use, p))
 
 
 def run_shader(
@@ -80,79 +84,112 @@ def _pass(context: moderngl.Context, use: str) -> _Pass:
 
 
 def _upload(pool: TargetPool, name: str, image: Image, window: Rect) -> Target:
-    kind = {1: "float", 2: "vec2", 4: "vec4"}[image.shape[2] if image.ndim == 3 else 1]
-    source = shipped()["correlation_window"].source
-    assert source is not None
-    small = next(layer for layer in source.writes)  # the one layer that has another size
-    target = pool.take(small if name == small.name else Layer(name, kind), window)
+    layer = Layer(name, {1: "float", 2: "vec2", 4: "vec4"}[image.shape[2] if image.ndim > 2 else 1])
+    if name == "dot_match":
+        source = shipped()["correlation_window"].source
+        assert source is not None
+        layer = source.writes[0]
+    target = pool.take(layer, window)
     target.texture.write(np.ascontiguousarray(image).tobytes(), viewport=target.drawn)
     return target
 
 
-def plane(
-    at: FrameContext = FRAME, z_m: float = 0.9, tilt_deg: float = 0.0, turn_deg: float = 0.0
+def flat(
+    depth_m: float | NDArray[np.floating], angle_deg: float = 0.0, at: FrameContext = FRAME
 ) -> dict[str, Image]:
-    """All layers of a plane that fills the window; tilted about y, then turned about the axis."""
-    window = at.window
-    x = (np.arange(window.left, window.left + window.width) + 0.5 - at.width / 2) / FOCAL_PX
-    y = (np.arange(window.top, window.top + window.height) + 0.5 - at.height / 2) / FOCAL_PX
-    rays = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
-    tilt, turn = np.radians(tilt_deg), np.radians(turn_deg)
-    normal = np.array(
-        [np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt), 0.0]
+    """All layers of a window with the depths given and one angle between normal and axis.
+
+    They need not fit together: stages look at each for itself.
+    """
+    angle = np.radians(angle_deg)
+    return layers_of(
+        np.broadcast_to(depth_m, (at.window.height, at.window.width)),
+        np.array([np.sin(angle), 0.0, -np.cos(angle), 0.0]),
+        at,
     )
-    depth = z_m * normal[2] / (rays @ normal[:2] + normal[2])
-    return surface(depth.astype(np.float32), rays, normal)
 
 
-def surface(depth: Image, rays: NDArray[np.float64], normal: NDArray[np.float64]) -> dict[str, Image]:
-    """All layers of a depth map, with one normal."""
+def layers_of(
+    depth: NDArray[np.floating], normal: NDArray[np.floating], at: FrameContext = FRAME
+) -> dict[str, Image]:
+    """All layers of a surface of skin, fully lit, from depths and normals (h, w, 4) of the window.
+
+    The rays are a pinhole's with the centre in the middle of the frame.
+    """
     valid = depth > 0
     layers = {
         "clean": depth,
         "depth": depth,
-        "rays": rays,
+        "rays": rays(at),
         "normal": np.where(valid[..., None], normal, 0.0),
         "albedo": np.where(valid, 0.6, 0.0),
         "lit": valid,
         "reason": np.where(valid, float(Reason.VALID), float(Reason.NO_SURFACE)),
     }
-    return {name: np.ascontiguousarray(image, np.float32) for name, image in layers.items()}
+    return {name: np.array(image, np.float32) for name, image in layers.items()}
 
 
-def scene(at: FrameContext = FRAME, seed: int = 0) -> dict[str, Image]:
+def rays(at: FrameContext = FRAME) -> NDArray[np.float64]:
+    """(h, w, 2) x/z and y/z of each pixel of the window."""
+    left, top, width, height = at.window
+    x = (left + np.arange(width) + 0.5 - at.width / 2) / FOCAL_PX
+    y = (top + np.arange(height) + 0.5 - at.height / 2) / FOCAL_PX
+    return np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
+
+
+def plane(
+    z_m: float, tilt_deg: float, turn_deg: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Depth and normal of a plane through the axis at z, over the whole frame."""
+    tilt, turn = np.radians(tilt_deg), np.radians(turn_deg)
+    normal = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt), 0])
+    return z_m * normal[2] / (rays() @ normal[:2] + normal[2]), normal
+
+
+def scene(seed: int = 0) -> dict[str, Image]:
     """A slanted wall, slanted patches before it, nothing beside it, holes, and random signals."""
     rng = np.random.default_rng(seed)
-    layers = plane(replace(at, window=Rect(0, 0, at.width, at.height)), 1.4, 35.0, 20.0)
-    clean = layers["clean"]
-    normal = layers["normal"]
+    depth, direction = plane(1.4, 35.0, 20.0)
+    normal = np.broadcast_to(direction, (*depth.shape, 4)).copy()
     for _ in range(12):
-        left, top = rng.integers(0, at.width - 20), rng.integers(0, at.height - 20)
-        rect = Rect(int(left), int(top), int(rng.integers(3, 80)), int(rng.integers(3, 80)))
-        patch = plane(
-            replace(at, window=Rect(0, 0, at.width, at.height)),
-            rng.uniform(0.5, 1.3), rng.uniform(0, 60), rng.uniform(0, 360),
-        )  # fmt: skip
-        clean[rect.slices] = patch["clean"][rect.slices]
-        normal[rect.slices] = patch["normal"][rect.slices]
-    clean[:, : at.width // 6] = 0.0
-    normal[:, : at.width // 6] = 0.0
-    layers |= surface(clean, layers["rays"], normal)
-    depth, reason = clean.copy(), layers["reason"]
-    holes = (rng.random(clean.shape) < 0.03) & (clean > 0)
-    depth[holes], reason[holes] = 0.0, float(Reason.DROPPED)
-    layers |= {"depth": depth, "lit": rng.random(clean.shape, np.float32)}
-    layers |= {"albedo": rng.random(clean.shape, np.float32)}
-    layers |= {"infrared": 200 * rng.random(clean.shape, np.float32)}
-    layers |= run_twin("correlation_window", layers, replace(at, window=Rect(0, 0, at.width, at.height)))
-    return crop(layers, at)
+        size, low = rng.integers(3, 80, 2), rng.integers(0, (WIDTH - 20, HEIGHT - 20))
+        rect = Rect(int(low[0]), int(low[1]), int(size[0]), int(size[1])).slices
+        patch, direction = plane(rng.uniform(0.5, 1.3), rng.uniform(0, 60), rng.uniform(0, 360))
+        depth[rect], normal[rect] = patch[rect], direction
+    depth[:, : WIDTH // 6] = 0.0
+    layers = layers_of(depth, normal)
+    holes = (rng.random(depth.shape) < 0.03) & (depth > 0)
+    layers["depth"][holes], layers["reason"][holes] = 0.0, float(Reason.DROPPED)
+    layers["lit"], layers["albedo"], light = rng.random((3, *depth.shape), np.float32)
+    return {**layers, "infrared": 200 * light, **run_twin("correlation_window", layers)}
 
 
 def crop(layers: Layers, at: FrameContext) -> dict[str, Image]:
     """The window of layers of the whole frame."""
-    from glsim.noise.twins.dots import cells
+    return {
+        name: image[(cells(at.window) if name == "dot_match" else at.window).slices].copy()
+        for name, image in layers.items()
+    }
 
-    cut = {name: image[at.window.slices] for name, image in layers.items() if name != "dot_match"}
-    if "dot_match" in layers:
-        cut["dot_match"] = layers["dot_match"][cells(at.window).slices]
-    return {name: np.ascontiguousarray(image) for name, image in cut.items()}
+
+def z_mean(samples: NDArray[Any], expected: float = 0.0) -> float:
+    """How many standard errors the mean of independent samples is away from ``expected``."""
+    numbers = np.asarray(samples, np.float64).ravel()
+    return float((numbers.mean() - expected) / (numbers.std() / np.sqrt(numbers.size)))
+
+
+def z_sd(samples: NDArray[Any], expected: float) -> float:
+    """The same of the standard deviation of normal samples, in its own standard errors."""
+    numbers = np.asarray(samples, np.float64).ravel()
+    return float((numbers.std(ddof=1) / expected - 1.0) * np.sqrt(2.0 * (numbers.size - 1)))
+
+
+def z_rate(hits: NDArray[np.bool_], expected: float) -> float:
+    """The same of the share of hits."""
+    error = np.sqrt(expected * (1.0 - expected) / hits.size)
+    return float((hits.mean() - expected) / error)
+
+
+def z_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """The same of the correlation of samples that should have none."""
+    return float(np.corrcoef(a.ravel(), b.ravel())[0, 1] * np.sqrt(a.size))

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -238,7 +239,7 @@ def test_full_disk_at_shards_and_at_the_end(tmp_path: Path, undisturbed, name: s
         ({"output": {"crop": 128}}, r"was begun with output.crop = null, not 128"),
         ({"output": {"layers": ["clean"]}}, r'output.layers = \["clean", "noisy"\], not'),
         ({"pose": {"yaw_deg": 3}}, r"pose.yaw_deg.constant = 0.0, not 3.0"),
-        ({"source": {"subjects": 3}}, r"source.0.subjects = null, not 3"),
+        ({"source": {"subjects": 3}}, r"source.0.subjects = (null|10), not 3"),
     ],
 )
 def test_other_settings_are_refused(tmp_path: Path, changes: dict, message: str) -> None:
@@ -253,6 +254,8 @@ def test_another_plan_or_renderer_is_refused(tmp_path: Path) -> None:
     make(tmp_path)
     with pytest.raises(ConfigError, match="planned_frames = 160, not 140"):
         make(tmp_path, tasks=make_tasks(7))
+    with pytest.raises(ConfigError, match="was begun with other faces: the files of a source"):
+        make(tmp_path, tasks=[*make_tasks()[1:], replace(make_tasks()[0], device=7)])
     with pytest.raises(ConfigError, match='renderer = "fake renderer", not "another"'):
         make(tmp_path, renderer="another")
     (tmp_path / ".glsim" / "plan.json").unlink()  # the header says it, too

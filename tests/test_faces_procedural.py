@@ -170,7 +170,7 @@ def test_regions(source: ProceduralFaces) -> None:
 
 
 def test_surface_is_manifold_and_faces_outwards() -> None:
-    """Every directed edge once; the head is open only at the shoulders, the pieces at their rims."""
+    """Every directed edge once; open only at the shoulders and the pieces' hidden rims."""
     faces = model().template.faces
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     code = edges[:, 0] * 1_000_000 + edges[:, 1]

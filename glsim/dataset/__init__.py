@@ -1,10 +1,9 @@
 """Data sets on disk: making, resuming, checking and reading them."""
 
-from glsim.dataset.generate import generate
+from glsim.dataset.checks import verify
 from glsim.dataset.images import write_frame
 from glsim.dataset.reader import Dataset, Pair, Split, open_dataset
-from glsim.dataset.run import Progress, Summary, Workers, available_workers, write_dataset
-from glsim.dataset.verify import verify
+from glsim.dataset.run import Progress, Summary, Workers, available_workers, generate, write_dataset
 from glsim.dataset.work import FrameMaker
 
 __all__ = [

@@ -27,9 +27,14 @@ from glsim.errors import DatasetError
 
 log = logging.getLogger(__name__)
 
-#: The environment of workers: one thread each, for Mesa's llvmpipe (0 = none besides the caller's),
-#: OpenMP and OpenBLAS.
-_SINGLE_THREADED = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+#: The environment of workers: one thread each, as there is a process a core already. The first is
+#: for Mesa's llvmpipe (0 = none besides the caller's), the last for OpenCV.
+_SINGLE_THREADED = {
+    "LP_NUM_THREADS": "0",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OPENCV_FOR_THREADS_NUM": "1",
+}
 _START = (
     "import sys; descriptor, *sys.path = sys.argv[1:];"
     "from glsim.dataset.worker import main; main(int(descriptor))"

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -24,7 +25,7 @@ from glsim.dataset.record import ChunkSummary
 from glsim.dataset.store import Store
 from glsim.dataset.work import Event, FrameMaker, Job, render
 from glsim.errors import ConfigError, DatasetError
-from glsim.plan import Task
+from glsim.plan import Task, make_tasks
 from glsim.reason import Reason
 
 log = logging.getLogger(__name__)
@@ -109,10 +110,48 @@ class _Tally:
 def available_workers(workers: Workers = "auto") -> int:
     """The number of worker processes; "auto" is the number of cores that this process may use."""
     if workers == "auto":
-        return len(os.sched_getaffinity(0))
+        # Where the system cannot say which cores are ours (macOS), all are.
+        affinity = getattr(os, "sched_getaffinity", None)
+        return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
     if workers < 1:
         raise ConfigError(f"workers = {workers}: at least one is needed")
     return workers
+
+
+def generate(
+    settings: Settings,
+    out: Path,
+    *,
+    workers: Workers = "auto",
+    backend: str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Summary:
+    """Make the data set that ``settings`` describe in the folder ``out``; again to resume.
+
+    The same settings on the same renderer give the same bytes. backend: "egl" or "osmesa".
+    Raises what ``write_dataset`` and ``glsim.pipeline.simulate`` raise.
+    """
+    # Here, because reading a data set needs no OpenGL.
+    from glsim.gl.context import describe, open_context
+    from glsim.pipeline import open_sources, simulate
+    from glsim.sensor import sensor_of
+
+    sensor = sensor_of(settings)
+    sources = open_sources(settings)
+    tasks = make_tasks(settings, sources)
+    context = open_context(backend)
+    renderer = describe(context)["renderer"]
+    context.release()
+    return write_dataset(
+        settings,
+        tasks,
+        out,
+        partial(simulate, sources=sources, backend=backend),
+        sensor=sensor.describe(),
+        renderer=renderer,
+        workers=workers,
+        progress=progress,
+    )
 
 
 def write_dataset(

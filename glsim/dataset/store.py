@@ -157,12 +157,18 @@ def _refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[st
     old, new = _flat(begun), _flat(json.loads(to_json(identity, str(out))))
     for name in [*new, *old]:
         ours = name.split(".")[0] in identity and name not in _FREE_SETTINGS
-        if ours and old.get(name) != new.get(name):
+        if not ours or old.get(name) == new.get(name):
+            continue
+        if name == "plan":
             raise ConfigError(
-                f"{out} was begun with {name.removeprefix('settings.')} = "
-                f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: give the same "
-                "settings, or choose another folder"
+                f"{out} was begun with other faces: the files of a source have changed: restore "
+                "them, or choose another folder"
             )
+        raise ConfigError(
+            f"{out} was begun with {name.removeprefix('settings.')} = "
+            f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: continue with the "
+            "same, or choose another folder"
+        )
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

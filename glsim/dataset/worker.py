@@ -54,10 +54,6 @@ def main(descriptor: int) -> None:
 
 
 def _work(connection: Connection[object, object], parent: int) -> None:
-    import cv2
-
-    cv2.setNumThreads(1)  # a process a core is there already
-
     def chunks() -> Iterator[Chunk]:
         while True:
             connection.send(Ask())

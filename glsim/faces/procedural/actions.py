@@ -109,8 +109,8 @@ UNITS: tuple[Unit, ...] = (
     Unit("AU18", "lip pucker: incisivii labii", (
         Pull((26, -49, 12), (13, 12, 24), (-10.0, 0, 6.0)),
         Pull((8, -49, 22), (14, 11, 26), (-2.0, 0, 7.0)),
-        Pull((5, -44, 22), (10, 6, 22), (0, 2.0, 1.2), UPPER),
-        Pull((5, -55, 22), (10, 7, 22), (0, -2.0, 1.2), LOWER),
+        Pull((5, -41, 22), (10, 4.5, 22), (0, 2.2, 1.5), UPPER),
+        Pull((5, -58, 22), (10, 5, 22), (0, -2.2, 1.5), LOWER),
     )),
     Unit("AU20", "lip stretcher: risorius", (
         Pull((28, -51, 10), (13, 12, 24), (8.0, -2.2, -4.6)),
@@ -139,8 +139,8 @@ UNITS: tuple[Unit, ...] = (
          jaw_slide=(0, -1.0, 0.8)),
     Unit("AU27", "mouth stretch: pterygoids, digastric", jaw_deg=20.0, jaw_slide=(0, -2.0, 2.5)),
     Unit("AU28", "lip suck: orbicularis oris", (
-        Pull((6, -44, 22), (19, 6, 22), (0, -4.5, -5.0), UPPER),
-        Pull((6, -56, 22), (19, 7, 22), (0, 5.0, -5.5), LOWER),
+        Pull((6, -44, 22), (19, 7, 22), (0, -2.6, -4.6), UPPER),
+        Pull((6, -56, 22), (19, 8, 22), (0, 3.2, -5.0), LOWER),
     ), jaw_deg=2.0),
     Unit("AU43", "eyes closed: levator palpebrae relaxed", (
         Pull((32, 28, 6), (18, 5, 20), (0, -1.2, 0.2)),

@@ -23,6 +23,7 @@ from glsim.faces.procedural.template import PART_EAR, PART_EYEBALL, PART_TEETH, 
 TMJ = (0.0, -1.0, -78.0)  # axis of the temporomandibular joint, mm; just before the tragus
 JAW_LIMIT_DEG = 22.0  # about 45 mm between the incisors; normal maximum 40-55 mm
 SIDE_BLEND_MM = 12.0  # a one-sided unit fades across the midline
+SIDEWAYS_MM = 10.0  # sideways pulls fade to 0 at the midline over this
 LID_KEEPS = 0.85  # lids follow the skin pulled round them by 1 - this
 SIDES = ("L", "R")
 LID_COLUMNS = 8  # (upper, lower) x (linear, square) x (left, right)
@@ -46,8 +47,8 @@ def jaw_share(template: Template, canvas: Canvas) -> Array:
     """(V,) 1 on the mandible, 0 on the skull and low on the neck."""
     count = len(template.points)
     y, z = canvas.y[:count], canvas.z[:count]
-    share = (1.0 - canvas.upper[:count]) * smoothstep(-100.0, -60.0, z)
-    share = share * smoothstep(-155.0, -98.0, y)
+    share = (1.0 - canvas.upper[:count]) * smoothstep(-115.0, -55.0, z)
+    share = share * smoothstep(-165.0, -90.0, y)
     share = np.where(template.part == PART_TEETH, template.low, share)
     return np.where(np.isin(template.part, (PART_EAR, PART_EYEBALL)), 0.0, share)
 
@@ -55,13 +56,17 @@ def jaw_share(template: Template, canvas: Canvas) -> Array:
 def unit_field(canvas: Canvas, unit: Unit) -> Array:
     """Both sides of a unit's pulls (N, 3)."""
     field = np.zeros_like(canvas.points)
+    sideways = np.clip(canvas.points[:, 0] / SIDEWAYS_MM, -1.0, 1.0)
     for pull in unit.pulls:
         weight = canvas.near(pull.center, pull.radii)
         if pull.lips == UPPER:
             weight = weight * canvas.upper
         elif pull.lips == LOWER:
             weight = weight * (1.0 - canvas.upper)
-        field += canvas.vector(*pull.move) * weight[:, None]
+        across, up, out = pull.move
+        field += weight[:, None] * np.stack(
+            [sideways * across, np.full_like(weight, up), np.full_like(weight, out)], axis=1
+        )
     return field
 
 

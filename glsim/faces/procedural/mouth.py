@@ -16,8 +16,8 @@ CORNER_X = 26.4
 CUPID_X = 5.5  # peaks of Cupid's bow
 UPPER_LIP, LOWER_LIP = 8.4, 10.4  # vermilion heights at the midline and below it
 SULCUS_Y = -65.5
-RING_DEPTH = (2.0, 5.5, 14.0, 30.0)  # mm behind the lip's edge, ring by ring
-RING_SPREAD = (0.0, 0.6, 2.5, 3.0)  # mm up (upper lip) or down (lower lip)
+RING_DEPTH = (2.0, 5.0, 10.0, 17.0, 25.0, 33.0)  # mm behind the lip's edge, ring by ring
+RING_SPREAD = (0.0, 0.6, 2.0, 3.0, 3.0, 1.5)  # mm up (upper lip) or down (lower lip)
 
 
 def stomion_line(x: Array) -> Array:

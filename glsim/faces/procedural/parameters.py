@@ -89,7 +89,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _p("canthal_tilt", 0, 0.9, "F", "height of the outer corner", -0.2),
     _p("eye_depth", 0, 1.1, "H", "globe behind the orbital rim", 0.2),
     _p("lid_hood", 0, 0.9, "E", "fullness above the upper lid", 0.1, 0.3),
-    _p("tear_trough", 0.3, 0.5, "E", "depth of the furrow under the lower lid", 0.0, -0.2, template=0.0),
+    _p("tear_trough", 0.3, 0.5, "E", "furrow under the lower lid", 0.0, -0.2, template=0.0),
     _p("eye_level_asymmetry", 0, 0.5, "F", "left eye higher than the right"),
     # the mouth
     _p("mouth_width", 52.7, 3.2, "F", "ch-ch", 0.3),
@@ -112,7 +112,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _p("adams_apple", 1.2, 1.2, "E", "laryngeal prominence", 0.7, low=0.0, template=0.0),
     _p("ear_length", 62, 3.6, "F", "sa-sba", 0.4),
     _p("ear_protrusion", 0, 5.0, "F", "angle of the ear to the head", 0.1, unit="deg"),
-    _p("hair_volume", 3, 3.0, "E", "thickness of the hair cap; 0 is bald", -0.3, low=0.0, high=9, template=0.0),
+    _p("hair_volume", 3, 3.0, "E", "hair cap; 0 is bald", -0.3, low=0.0, high=9, template=0.0),
 )  # fmt: skip
 
 BY_NAME: Mapping[str, Parameter] = {p.name: p for p in PARAMETERS}

@@ -79,12 +79,10 @@ def make_regions(template: Template) -> NDArray[np.uint8]:
     skin = part == PART_SKIN
     front = skin & (z > -50)
     paint("forehead", front & (y > 40))
-    paint("cheek", front & (y < 4) & (y > -62) & (x > 22))
-    paint("chin", front & (y < -63) & (x < 30))
-    paint(
-        "neck", skin & (y < -60 - 0.45 * np.maximum(z + 40, 0)) & (y < -88 + (z < 0) * 20 + 0 * z)
-    )
-    paint("neck", skin & (z < -92) & (y < 0))
+    paint("cheek", skin & (z > -62) & (y < 4) & (y > -66) & (x > 22))
+    paint("chin", front & (y < -63) & (x < 24))
+    jaw_line = np.interp(z, (-92.0, -60.0, -20.0, 5.0, 15.0), (-20.0, -68.0, -88.0, -94.0, -99.0))
+    paint("neck", skin & (y < np.where(z < -92, 0.0, jaw_line)))
     nose_half = np.interp(y, (-30, -15, 5, 25), (17.5, 17.0, 12.0, 8.0))
     paint("nose", front & (y > -29.5) & (y < 26) & (x < nose_half) & (z > 8))
     ball = np.hypot(x - 32, (y - 15) * 1.25)

@@ -82,10 +82,10 @@ class Subject:
 def neutral_head(identity: Mapping[str, float]) -> Array:
     """The neutral head (V, 3) float64 mm of an identity (parameter -> value)."""
     shared = model()
-    change = np.array([identity[p.name] - p.template for p in PARAMETERS], dtype=np.float32)
-    return np.asarray(
-        shared.template.points + (change @ shared.identity).reshape(-1, 3), dtype=np.float64
-    )
+    head = shared.template.points.ravel().copy()
+    for p, field in zip(PARAMETERS, shared.identity, strict=True):
+        head += (identity[p.name] - p.template) * field
+    return head.reshape(-1, 3)
 
 
 def make_subject(identity: Mapping[str, float], seed: int, name: str) -> Subject:

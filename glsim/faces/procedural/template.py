@@ -63,7 +63,9 @@ def skin_points(topology: SkinTopology) -> Array:
     column = np.abs(topology.column)
     rays = make_rays(topology.row, column, np.zeros(len(column)))
     eye_low = topology.low & (topology.slit == SLIT_EYE)
-    shift = eyes.open_lids(rays.origins[:, 0], (topology.row - knot_row(EYE_KNOT)).astype(np.float64), eye_low)
+    shift = eyes.open_lids(
+        rays.origins[:, 0], (topology.row - knot_row(EYE_KNOT)).astype(np.float64), eye_low
+    )
     mouth_rows = topology.row - knot_row(MOUTH_KNOT)
     line = mouth.stomion_line(rays.origins[:, 0]) - mouth.STOMION_Y
     shift += (

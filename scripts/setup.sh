@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# Sets up .venv with an editable install, and the Debian packages that OpenGL needs. Quick when
+# nothing is left to do. Usage: scripts/setup.sh EXTRA (an extra of pyproject.toml, e.g. test)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+extra=${1:?say which extra, e.g. test}
+
+# Debian package: a file of its that must be there.
+declare -A needed=(
+    [libegl1]=libEGL.so.1
+    [libgl1-mesa-dri]=swrast_dri.so
+    [libosmesa6]=libOSMesa.so.8
+    [libgl1]=libGL.so.1
+)
+if [ "$extra" = test ]; then # Open3D, against which the tests check
+    needed+=([libusb-1.0-0]=libusb-1.0.so.0 [libgomp1]=libgomp.so.1 [libx11-6]=libX11.so.6)
+fi
+missing=()
+for package in "${!needed[@]}"; do
+    find /usr/lib /lib -name "${needed[$package]}" -print -quit 2>/dev/null | grep -q . || missing+=("$package")
+done
+python=${PYTHON:-python3}
+"$python" -c 'import venv, ensurepip' 2>/dev/null || missing+=(python3-venv)
+if [ ${#missing[@]} -gt 0 ]; then
+    if [ "$(id -u)" = 0 ]; then sudo=(); elif command -v sudo >/dev/null; then sudo=(sudo); else
+        echo "glsim needs Debian packages: run as root: apt-get install ${missing[*]}" >&2
+        exit 1
+    fi
+    "${sudo[@]}" apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+fi
+
+stamp=.venv/.installed-$extra
+if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
+    [ -x .venv/bin/python ] || "$python" -m venv .venv
+    .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[$extra]"
+    touch "$stamp"
+fi
