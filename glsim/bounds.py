@@ -35,7 +35,9 @@ class Tangents(NamedTuple):
 
 def corners(vertices_mm: NDArray[np.float32], view: NDArray[np.float32]) -> NDArray[np.float64]:
     """(8, 3) camera-frame metres: the corners of the mesh's bounding box. Raises MeshError."""
-    low, high = vertices_mm.min(axis=0), vertices_mm.max(axis=0)
+    # Column by column: NumPy reduces (V, 3) along its long axis ten times slower.
+    columns = np.ascontiguousarray(vertices_mm.T)
+    low, high = columns.min(axis=1), columns.max(axis=1)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         bad = int((~np.isfinite(vertices_mm).all(axis=1)).sum())
         raise MeshError(f"{bad} vertices are NaN or infinite: repair the mesh")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -39,13 +41,15 @@ void main() {
     numbers = vec4(uniform01(bits.x), uniform01(bits.y), normal_pair(bits.xy));
 }
 """
+Draw = Callable[..., tuple[NDArray[np.uint32], NDArray[np.float32]]]
+
 SIZE = Rect(0, 0, 512, 32)
 X, Y = np.arange(512)[None, :], np.arange(424)[:, None]
 SEED = 0xC0FFEE
 
 
 @pytest.fixture(scope="module")
-def draw(context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) -> object:
+def draw(context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) -> Draw:
     file: Path = tmp_path_factory.mktemp("hash") / "bits.glsl"
     file.write_text(SHADER)
     program = link(context, load_source(file))
@@ -53,7 +57,7 @@ def draw(context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) ->
     pool = TargetPool(context, SIZE.width, SIZE.height)
     targets = [pool.take(Layer(name, "vec4"), SIZE) for name in ("high", "low", "numbers")]
 
-    def run(**uniforms: object) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    def run(**uniforms: Any) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
         for name, value in {"u_ramp": False, **uniforms}.items():
             program[name] = value
         context.enable_only(moderngl.NOTHING)
@@ -65,14 +69,17 @@ def draw(context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) ->
             np.frombuffer(target.texture.read(), np.float32).reshape(SIZE.height, SIZE.width, 4)
             for target in targets
         )
-        return (high.astype(np.uint32) << 16) | low.astype(np.uint32), numbers
+        bits: NDArray[np.uint32] = (high.astype(np.uint32) << 16) | low.astype(np.uint32)
+        return bits, numbers
 
     return run
 
 
 @pytest.mark.parametrize("offset", [(0, 0), (-300, -20), (2**31 - 600, -(2**31)), (65500, 3)])
 @pytest.mark.parametrize(("seed", "number"), [(0, 0), (1, 1), (2**32 - 1, 2), (SEED, 0xF1E1D)])
-def test_twin_gives_the_bits_of_the_shader(draw, offset, seed, number) -> None:
+def test_twin_gives_the_bits_of_the_shader(
+    draw: Draw, offset: tuple[int, int], seed: int, number: int
+) -> None:
     bits, numbers = draw(u_offset=offset, u_seed=seed, u_draw=number)
     x, y = offset[0] + X, offset[1] + Y[: SIZE.height]
     twin = random_bits(x, y, seed, number)
@@ -85,7 +92,7 @@ def test_twin_gives_the_bits_of_the_shader(draw, offset, seed, number) -> None:
     assert np.quantile(off, 0.999) < 1e-5
 
 
-def test_shader_numbers_stay_within_bounds(draw) -> None:
+def test_shader_numbers_stay_within_bounds(draw: Draw) -> None:
     bits, numbers = draw(u_offset=(0, 0), u_seed=1, u_draw=0, u_ramp=True)
     assert bits[0, 0, 0] == 0
     assert bits[1, 0, 0] == 2**32 - 1
@@ -139,7 +146,7 @@ def test_uniform() -> None:
 
 
 @pytest.mark.parametrize("lag", [(0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0), (0, 64), (64, 0)])
-def test_neighbours_are_independent(lag) -> None:
+def test_neighbours_are_independent(lag: tuple[int, int]) -> None:
     dy, dx = lag
     for word in random_bits(X, Y, SEED, 0):
         u = uniform01(word)
@@ -163,7 +170,7 @@ def test_rows_columns_and_diagonals_have_no_mean_of_their_own() -> None:
     ("seed", "number"),
     [(SEED + 1, 0), (SEED + 2, 0), (SEED ^ 2**28, 0), (SEED, 1), (SEED, 2), (SEED + 1, 1)],
 )
-def test_seeds_and_draws_are_independent(seed, number) -> None:
+def test_seeds_and_draws_are_independent(seed: int, number: int) -> None:
     first = [uniform01(word) for word in random_bits(X, Y, SEED, 0)]
     second = [uniform01(word) for word in random_bits(X, Y, seed, number)]
     for a in first:

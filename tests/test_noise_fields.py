@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import moderngl
 import numpy as np
@@ -39,7 +40,7 @@ MOMENTS = GRADIENTS.T @ GRADIENTS / 16
 
 @pytest.fixture(params=FIELDS, name="field")
 def _field(request: pytest.FixtureRequest) -> Field:
-    return FIELDS[request.param]
+    return FIELDS[str(request.param)]
 
 
 def points(seed: int = 0, count: int = COUNT) -> fields.Vector:
@@ -115,7 +116,14 @@ def test_correlation_falls_with_distance_alike_in_all_directions(field: Field) -
         step = distance * np.array(direction) / np.linalg.norm(direction)
         return float(np.corrcoef(here, field(moved(at, step), 1))[0, 1])
 
-    directions = [[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, -1, 0], [1, 1, 1]]
+    directions: list[list[float]] = [
+        [1.0, 0, 0],
+        [0, 1, 0],
+        [0, 0, 1],
+        [1, 1, 0],
+        [1, -1, 0],
+        [1, 1, 1],
+    ]
     near = [correlation(d, 0.05) for d in directions]
     half = [correlation(d, 0.35) for d in directions]
     assert min(near) > 0.95
@@ -172,7 +180,7 @@ def test_without_drift_frames_are_independent(use: str) -> None:
 @pytest.mark.parametrize("use", FIELDS)
 def test_with_drift_the_field_moves_on(use: str) -> None:
     frames = [sequence(use, seed, seed / 30, 0.5) for seed in range(4)]
-    for before, after in zip(frames, frames[1:], strict=False):
+    for before, after in pairwise(frames):
         assert 0.0 < np.abs(after - before).max() < 8.0 * 0.5 / 30
         assert np.corrcoef(before.ravel(), after.ravel())[0, 1] > 0.98
     later = sequence(use, 300, 10.0, 0.5)

@@ -1,4 +1,4 @@
-"""The stages at depth edges: how far lateral noise moves them, how often edge_dropout loses them."""
+"""The stages at depth edges: how far lateral moves them, how often edge_dropout loses them."""
 
 from __future__ import annotations
 
@@ -135,7 +135,8 @@ def test_what_makes_an_edge(context: moderngl.Context) -> None:
     def lost(other: float, **p: float) -> NDArray[np.bool_]:
         layers = step(other)
         depth = run_shader(context, "edge_dropout", layers, probability=1.0, **p)["depth"]
-        return ((depth == 0) & (layers["depth"] > 0))[INNER]
+        gone: NDArray[np.bool_] = (depth == 0) & (layers["depth"] > 0)
+        return gone[INNER]
 
     assert not lost(NEAR + 0.029).any()
     assert lost(NEAR + 0.031)[:, EDGE - 10 : EDGE - 8].all()

@@ -62,7 +62,7 @@ def corrupt(
     from glsim.cli.files import read_depth, write_bytes
     from glsim.config import load_settings
     from glsim.corrupt import Corrupter
-    from glsim.dataset.images import encode_png
+    from glsim.dataset.png import encode_png
 
     settings = load_settings(
         config,
