@@ -7,7 +7,9 @@ VENV := .venv/bin
 
 demo:
 	@scripts/setup.sh demo
-	@$(VENV)/glsim demo -o demo
+	@$(VENV)/glsim generate -o demo/data --subjects 12 --frames-per-subject 30 --crop 160 \
+	    --layers clean,noisy,infrared,reason --set pose.yaw_deg='{ uniform = [-25, 25], per = "sequence" }'
+	@$(VENV)/glsim preview demo/data -o demo --frames 8
 
 test: check
 	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest

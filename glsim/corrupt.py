@@ -16,7 +16,7 @@ from glsim.errors import ConfigError
 from glsim.faces.base import FaceKey
 from glsim.finish import finish
 from glsim.frame import Frame, Rect, decode_depth
-from glsim.gl.context import open_context
+from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.noise.chain import ShaderChain, run_array_stages, run_twins
 from glsim.noise.view import FrameContext
@@ -102,6 +102,7 @@ class Corrupter:
             layers = self._array_layers(depth_m)
             run_twins(self.sensor.stages, layers, context, values)
         else:
+            make_current(self._context)
             seen = self._renderer.light_depth_map(
                 depth_m,
                 depthmap.normals(depth_m, self.rig.rays()),
@@ -121,7 +122,6 @@ class Corrupter:
             seed=seed,
             parameters=drawn,
         )
-
 
     def _array_layers(self, depth_m: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
         """The layers that a chain starts from, without GL."""
@@ -151,7 +151,5 @@ def _rig_for(
         centre_px = (image.cx, image.cy) if own else (width / 2, height / 2)
     return replace(
         rig,
-        intrinsics=Intrinsics(
-            width, height, *(focal_px or (image.fx, image.fy)), *centre_px
-        ),
+        intrinsics=Intrinsics(width, height, *(focal_px or (image.fx, image.fy)), *centre_px),
     )

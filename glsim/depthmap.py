@@ -38,7 +38,7 @@ def normals(depth_m: NDArray[np.float32], rays: NDArray[np.float32]) -> NDArray[
 def _difference(
     points: NDArray[np.float32], depth_m: NDArray[np.float32], axis: int
 ) -> NDArray[np.float32]:
-    """Mean of the steps to the neighbours on the same surface; a step in the image plane if none."""
+    """Mean step to the neighbours on the same surface; a step in the image plane if none."""
     n = depth_m.shape[axis]
     first, last = (np.take(points, range(a, b), axis) for a, b in ((0, n - 1), (1, n)))
     z0, z1 = (np.take(depth_m, range(a, b), axis) for a, b in ((0, n - 1), (1, n)))

@@ -68,7 +68,8 @@ def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray
             f"{unit_mm} mm: choose a larger --depth-unit-mm"
         )
     np.maximum(units, 1.0, out=units, where=depth_m > 0)
-    return units.astype(np.uint16)
+    encoded: NDArray[np.uint16] = units.astype(np.uint16)
+    return encoded
 
 
 def decode_depth(units: NDArray[np.uint16], unit_mm: float = 1.0) -> NDArray[np.float32]:

@@ -27,7 +27,7 @@ from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource
 from glsim.finish import finish
 from glsim.frame import Frame, Rect, Skipped
-from glsim.gl.context import is_software, open_context
+from glsim.gl.context import is_software, make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.mesh import Mesh
 from glsim.noise.chain import ShaderChain, run_array_stages
@@ -108,6 +108,7 @@ class Simulator:
         self._settings, self._sources = settings, sources
         self._context = context
         self.sensor: Sensor = sensor_of(settings)
+        make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
         self._chain = ShaderChain(context, self.sensor.stages)
         ring = 1 if is_software(context) else _RING_ON_GPU
@@ -151,6 +152,7 @@ class Simulator:
 
     def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
         settings, rig = self._settings, self.sensor.rig
+        make_current(self._context)  # whoever takes the frames may use another between two
         pose = {
             name: getattr(settings.pose, name).draw(task.seeds, f"pose.{name}")
             for name in type(settings.pose).model_fields
@@ -182,6 +184,7 @@ class Simulator:
         """Wait for one frame's layers and make them a Frame."""
         if isinstance(item, Skipped):
             return item
+        make_current(self._context)
         layers = item.readback.arrays()
         run_array_stages(self.sensor.stages, layers, item.context, item.values)
         task, face = item.task, item.face

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from glsim import depthmap
 from glsim.camera import Intrinsics
+from glsim.dataset import Pair
+from glsim.finish import explain
 from glsim.frame import Frame
 from glsim.reason import Reason
 
@@ -67,24 +70,53 @@ def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Pi
 def reasons(codes: NDArray[np.uint8]) -> Picture:
     """(H, W, 3): the colour of each pixel's reason."""
     palette = np.array([_REASON_COLOURS[Reason(r)] for r in sorted(Reason)], dtype=np.uint8)
-    return palette[codes]
+    picture: Picture = palette[codes]
+    return picture
 
 
-def strip(frame: Frame, side: int = 320) -> Picture:
-    """One frame as a row: shaded clean, shaded noisy, difference, reasons; cut to the face."""
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a row of a contact sheet is drawn from: (H, W) metres, metres, codes; a caption."""
+
+    clean_m: NDArray[np.float32]
+    noisy_m: NDArray[np.float32]
+    reason: NDArray[np.uint8]
+    intrinsics: Intrinsics
+    caption: str = ""
+
+
+def of_frame(frame: Frame) -> Shown:
+    """A simulated frame, cut to its window."""
     part = frame.intrinsics.cropped(*frame.window)
+    return Shown(frame.clean_m, frame.noisy_m, frame.reason_codes, part)
+
+
+def of_pair(pair: Pair) -> Shown:
+    """A frame of a data set. Where it has no reason layer, the depths tell what they can."""
+    clean_m, noisy_m = pair.clean_mm / np.float32(1000), pair.noisy_mm / np.float32(1000)
+    if "reason" in pair.record["files"]:
+        codes = np.asarray(pair.reason, dtype=np.uint8)
+    else:
+        codes = explain(clean_m, noisy_m, np.zeros_like(clean_m))
+    caption = f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}"
+    return Shown(clean_m, noisy_m, codes, pair.intrinsics, caption)
+
+
+def strip(shown: Shown, side: int = 320) -> Picture:
+    """One frame as a row: shaded clean, shaded noisy, difference, reasons; cut to the face."""
     cells = [
-        shaded(frame.clean_m, part),
-        shaded(frame.noisy_m, part),
-        difference(frame.clean_m, frame.noisy_m),
-        reasons(frame.reason_codes),
+        shaded(shown.clean_m, shown.intrinsics),
+        shaded(shown.noisy_m, shown.intrinsics),
+        difference(shown.clean_m, shown.noisy_m),
+        reasons(shown.reason),
     ]
-    cut = _surface_slices(frame.clean_m)
-    cells = [cell[cut] for cell in cells]
-    return np.hstack([_fit(cell, side) for cell in cells])
+    cut = _surface_slices(shown.clean_m)
+    row = np.hstack([_fit(cell[cut], side) for cell in cells])
+    _write(row, shown.caption, (10, 16), 0.4)
+    return row
 
 
-def contact_sheet(frames: Sequence[Frame], title: str, side: int = 300) -> Picture:
+def contact_sheet(rows: Sequence[Shown], title: str, side: int = 300) -> Picture:
     """Rows of ``strip`` under headings, with a legend of differences and reasons."""
     width = 4 * side
     head = np.full((66, width, 3), _BACKGROUND, np.uint8)
@@ -92,9 +124,9 @@ def contact_sheet(frames: Sequence[Frame], title: str, side: int = 300) -> Pictu
     headings = ("clean, shaded", "noisy, shaded", "noisy - clean", "invalid or altered")
     for column, text in enumerate(headings):
         _write(head, text, (column * side + 10, 56), 0.5)
-    used = sorted({Reason(int(c)) for f in frames for c in np.unique(f.reason_codes)})
-    rows = [strip(frame, side) for frame in frames]
-    return np.vstack([head, *rows, _legend(width, used)])
+    used = sorted({Reason(int(code)) for row in rows for code in np.unique(row.reason)})
+    strips = [strip(row, side) for row in rows]
+    return np.vstack([head, *strips, _legend(width, used)])
 
 
 def _legend(width: int, used: Sequence[Reason]) -> Picture:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -222,7 +223,7 @@ class Renderer:
         views: Sequence[NDArray[np.float32]],
         corners_m: NDArray[np.float64],
     ) -> Target:
-        """The share of the emitters that reaches each pixel; all of them if nothing is in the way."""
+        """The share of the emitters that reaches a pixel; all of them if nothing is in the way."""
         emitters = self.rig.emitters if drawables else ()
         lit = self.pool.take(LIT, window)
         buffer = self.pool.framebuffer([lit])
@@ -282,4 +283,5 @@ class Renderer:
 
 def _set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float32]) -> None:
     """GL wants columns first."""
-    program[name].write(np.ascontiguousarray(matrix.T))
+    uniform: Any = program[name]
+    uniform.write(np.ascontiguousarray(matrix.T))

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Sets up .venv with an editable install, and the Debian packages that OpenGL needs. Quick when
-# nothing is left to do. Usage: scripts/setup.sh EXTRA (an extra of pyproject.toml, e.g. test)
+# nothing is left to do. Usage: scripts/setup.sh demo | EXTRA (an extra of pyproject.toml: test)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 extra=${1:?say which extra, e.g. test}
@@ -30,9 +30,11 @@ if [ ${#missing[@]} -gt 0 ]; then
     DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
 
+target=.
+[ "$extra" = demo ] || target=".[$extra]"
 stamp=.venv/.installed-$extra
 if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
     [ -x .venv/bin/python ] || "$python" -m venv .venv
-    .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[$extra]"
+    .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt -e "$target"
     touch "$stamp"
 fi

@@ -69,7 +69,7 @@ def draw(context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) ->
             np.frombuffer(target.texture.read(), np.float32).reshape(SIZE.height, SIZE.width, 4)
             for target in targets
         )
-        bits: NDArray[np.uint32] = (high.astype(np.uint32) << 16) | low.astype(np.uint32)
+        bits: NDArray[np.uint32] = high.astype(np.uint32) * np.uint32(65536) + low.astype(np.uint32)
         return bits, numbers
 
     return run

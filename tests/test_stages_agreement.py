@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import moderngl
 import numpy as np
 import pytest
-from stage_harness import Image, crop, flat, frame, run_shader, run_twin, scene
+from stage_harness import FRAME, Image, crop, flat, frame, run_shader, run_twin, scene
 
 from glsim.frame import Rect
 from glsim.gl.source import Layer
@@ -83,7 +83,10 @@ def test_neutral_settings_change_nothing(
     context: moderngl.Context, use: str, p: Mapping[str, float]
 ) -> None:
     layers = scene()
-    for written in (run_shader(context, use, layers, **p), run_twin(use, layers, **p)):
+    for written in (
+        run_shader(context, use, layers, FRAME, **p),
+        run_twin(use, layers, FRAME, **p),
+    ):
         for name, image in written.items():
             np.testing.assert_array_equal(image, layers[name])
 
@@ -132,11 +135,11 @@ def test_cells_are_the_targets_pixels() -> None:
 def test_depth_and_reason_fit(use: str, p: Mapping[str, float]) -> None:
     """Depth goes or comes only with a reason."""
     layers = scene(1)
-    written = {**layers, **run_twin(use, layers, **p)}
+    written = {**layers, **run_twin(use, layers, FRAME, **p)}
     before, after = layers["depth"] > 0, written["depth"] > 0
     with_depth = np.isin(written["reason"], [r for r in Reason if r.has_depth])
     np.testing.assert_array_equal(after, with_depth)
-    if "reason" not in run_twin(use, layers, **p):
+    if "reason" not in run_twin(use, layers, FRAME, **p):
         np.testing.assert_array_equal(after, before)
     assert not np.isin(written["reason"][before & ~after], layers["reason"][before]).any()
 
@@ -145,7 +148,10 @@ def test_depth_and_reason_fit(use: str, p: Mapping[str, float]) -> None:
 def test_no_depth_is_rounded_or_moved_away(context: moderngl.Context, use: str) -> None:
     p = {"millimetre_quantise": {"step_mm": 100.0}, "gaussian": {"sigma_mm": 100.0}}.get(use, {})
     layers = flat(0.02)
-    for written in (run_shader(context, use, layers, **p), run_twin(use, layers, **p)):
+    for written in (
+        run_shader(context, use, layers, FRAME, **p),
+        run_twin(use, layers, FRAME, **p),
+    ):
         assert (written["depth"] > 0).all()
 
 

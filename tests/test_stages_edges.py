@@ -134,7 +134,7 @@ def test_dropout_at_edges_only(context: moderngl.Context, probability: float, ra
 def test_what_makes_an_edge(context: moderngl.Context) -> None:
     def lost(other: float, **p: float) -> NDArray[np.bool_]:
         layers = step(other)
-        depth = run_shader(context, "edge_dropout", layers, probability=1.0, **p)["depth"]
+        depth = run_shader(context, "edge_dropout", layers, frame(), probability=1.0, **p)["depth"]
         gone: NDArray[np.bool_] = (depth == 0) & (layers["depth"] > 0)
         return gone[INNER]
 

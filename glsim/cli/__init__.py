@@ -8,7 +8,7 @@ import traceback
 import click
 import typer
 
-from glsim.cli import corrupt, describe, generate, render
+from glsim.cli import corrupt, describe, generate, preview, render
 from glsim.cli.common import console, options
 from glsim.errors import ConfigError, GlsimError
 
@@ -23,6 +23,7 @@ app = typer.Typer(
 )
 app.command("render", epilog=render.EXAMPLES)(render.render)
 app.command("generate", epilog=generate.EXAMPLES)(generate.generate)
+app.command("preview", epilog=preview.EXAMPLES)(preview.preview)
 app.command("corrupt", epilog=corrupt.EXAMPLES)(corrupt.corrupt)
 app.command("sensors", epilog=describe.SENSORS_EXAMPLES)(describe.sensors)
 app.command("stages", epilog=describe.STAGES_EXAMPLES)(describe.stages)

@@ -27,18 +27,18 @@ from glsim.cli.common import (
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.dataset import Progress, Summary
+    from glsim.dataset import Progress, Summary, Workers
 
 EXAMPLES = """
 [bold]Examples[/bold]
 
 glsim generate -o data --subjects 10 --frames-per-subject 30
 
-glsim generate -o data --source ict-facekit --root FaceXModel --subjects 100 --crop 128 --sensor kinect-v2-paper
+glsim generate -o data --source ict-facekit --root FaceXModel --subjects 100 --crop 128
 
 glsim generate -o data --source folder --root scans --format webdataset --workers 4
 
-glsim generate -o data --subjects 50 --set pose.yaw_deg={uniform=[-30,30]} --set axial.base_sigma_mm={uniform=[1,3]}
+glsim generate -o data --set pose.yaw_deg={uniform=[-30,30]} --sensor kinect-v2-paper
 
 The same command again resumes an interrupted run and checks a finished one.
 """
@@ -46,9 +46,7 @@ The same command again resumes an interrupted run and checks a finished one.
 
 def generate(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the data set.")],
-    source: Annotated[
-        str | None, typer.Option(help="procedural, ict-facekit or folder.")
-    ] = None,
+    source: Annotated[str | None, typer.Option(help="procedural, ict-facekit or folder.")] = None,
     root: Annotated[
         Path | None, typer.Option(help="Folder of the meshes or of the face model.")
     ] = None,
@@ -97,13 +95,11 @@ def generate(
     )
     settings = load_settings(config, assignments or [], tree, face_options)
     with _bar() as progress:
-        summary = run(
-            settings, out, workers=_workers(workers), backend=backend, progress=progress
-        )
+        summary = run(settings, out, workers=_workers(workers), backend=backend, progress=progress)
     _report(summary, out)
 
 
-def _workers(text: str) -> int | str:
+def _workers(text: str) -> Workers:
     if text == "auto":
         return "auto"
     if not text.isdigit() or int(text) < 1:
@@ -127,6 +123,7 @@ def _bar() -> Iterator[Callable[[Progress], None] | None]:
     )
     with rich_progress.Progress(*columns, console=console) as bar:
         task = bar.add_task("frames", total=None, rate="", skipped=0)
+
         def update(state: Progress) -> None:
             elapsed = bar.tasks[0].elapsed or 0.0
             rate = (state.done - state.reused) / elapsed if elapsed > 0 else 0.0

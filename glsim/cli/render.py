@@ -61,7 +61,7 @@ def render(
     from glsim.frame import LAYERS, Frame
     from glsim.meshio import load_mesh
     from glsim.pipeline import simulate
-    from glsim.preview import contact_sheet
+    from glsim.preview import contact_sheet, of_frame
 
     given = overrides(
         sensor=sensor, seed=seed, output__crop=crop, output__depth_unit_mm=depth_unit_mm
@@ -74,7 +74,7 @@ def render(
         assert isinstance(frame, Frame), "strict: a bad face raises"
         paths = write_frame(frame, out, face.stem, LAYERS)
         preview = out / f"{face.stem}_preview.png"
-        write_picture(contact_sheet([frame], f"{face.name}, {settings.sensor}"), preview)
+        write_picture(contact_sheet([of_frame(frame)], f"{face.name}, {settings.sensor}"), preview)
         listed([*paths, preview])
         valid = int((frame.noisy_m > 0).sum())
         say(f"{int((frame.clean_m > 0).sum())} pixels of surface, {valid} measured")

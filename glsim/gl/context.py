@@ -6,7 +6,7 @@ import ctypes
 import ctypes.util
 import logging
 import os
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import moderngl
 
@@ -34,7 +34,7 @@ def chosen_backend(backend: str | None = None) -> Backend | None:
     name = backend or os.environ.get("GLSIM_BACKEND") or None
     if name is not None and name not in BACKENDS:
         raise DeviceError(f"no such backend {name!r}: {did_you_mean(name, BACKENDS)}")
-    return cast("Backend | None", name)
+    return name
 
 
 def open_context(backend: str | None = None) -> moderngl.Context:
@@ -57,20 +57,33 @@ def open_context(backend: str | None = None) -> moderngl.Context:
             continue
         if failures:
             log.warning("using %s, because %s", name, failures[0])
-        context.gc_mode = "auto"
+        context.gc_mode = "context_gc"  # "auto" would free them in whichever context is current
         keep_freed_memory()
         return context
     raise DeviceError("no OpenGL context: " + "; ".join(failures))
+
+
+def make_current(context: moderngl.Context) -> None:
+    """Direct this thread's GL calls to ``context``, and free what nobody holds any more.
+
+    Several contexts may live in a process, and calls for one that is not current go to another
+    without an error. Costs 0.3 us where nothing changes.
+    """
+    context.__enter__()
+    context.gc()
 
 
 def _open_egl() -> moderngl.Context:
     device = os.environ.get("GLSIM_EGL_DEVICE", "")
     if device and not device.isdigit():
         raise DeviceError(f"GLSIM_EGL_DEVICE={device}: give a number")
-    index = {"device_index": int(device)} if device else {}
+    index: dict[str, Any] = {"device_index": int(device)} if device else {}
     require = GL_VERSION[0] * 100 + GL_VERSION[1] * 10
     context: moderngl.Context = moderngl.create_context(
-        standalone=True, backend="egl", require=require, **index
+        standalone=True,
+        backend="egl",  # type: ignore[arg-type]
+        require=require,
+        **index,
     )
     return context
 

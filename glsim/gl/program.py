@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import moderngl
 
@@ -36,7 +37,7 @@ def link(
         source = vertex if "vertex_shader" in str(error) else fragment
         raise ShaderError(f"{source.file}: {source.locate(str(error))}") from None
     for name, parameter in fragment.parameters.items():
-        uniform = program.get(name, None)
+        uniform: Any = program.get(name, None)
         if uniform is None:
             continue  # declared but unused: the driver removed it
         where = f"{parameter.file}:{parameter.line}"

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import moderngl
 import numpy as np
@@ -31,7 +31,7 @@ FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 _REASON = Layer("reason", "float")
 
 #: The uniforms, besides layers, that a stage may declare, and where their values come from.
-_BOUND = {
+_BOUND: dict[str, Callable[[StageView], object]] = {
     "u_seed": lambda view: view.seed,
     "u_sequence_seed": lambda view: view.sequence_seed,
     "u_device_seed": lambda view: view.device_seed,

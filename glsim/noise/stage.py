@@ -78,7 +78,7 @@ def array_stage(
     """Mark a function as a stage: name=(type, default, low, high, unit, help) a parameter."""
 
     def mark(function: ArrayFunction) -> ArrayFunction:
-        code = function.__code__  # type: ignore[attr-defined]
+        code = function.__code__
         declared = {
             name: Parameter(name, *spec, Path(code.co_filename), code.co_firstlineno)
             for name, spec in parameters.items()

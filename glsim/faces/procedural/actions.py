@@ -4,8 +4,8 @@ A pull moves a soft ellipsoid of skin (exp(-d^2), d = 1 at ``radii``) by ``move`
 intensity. x points away from the midline; left and right are separate units ("AU12_L"). ``lips``
 restricts a pull to skin above or below the line of the mouth. Muscles and directions follow
 P. Ekman, W. V. Friesen, J. C. Hager, "Facial Action Coding System", 2002; sizes follow excursions
-of posed maxima (lip corner 10-16 mm, brow 5-10 mm: A. D. Linstrom et al., Arch. Facial Plast.
-Surg. 2000; C. Trotman et al., Cleft Palate Craniofac. J. 1998).
+of posed maxima (lip corner 10-16 mm, brow 5-10 mm: C. J. Linstrom et al., Am. J. Otol. 21,
+2000; C. Trotman et al., Cleft Palate Craniofac. J. 1998).
 """
 
 from __future__ import annotations

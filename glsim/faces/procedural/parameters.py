@@ -9,7 +9,7 @@ Sources (short names in the table):
   A   ANSUR II, C. C. Gordon et al., NATICK/TR-15/007, 2014 (US Army personnel)
   Z   Z. Zhuang, B. Bradtmiller, "Head-and-face anthropometric survey of U.S. respirator users",
       J. Occup. Environ. Hyg. 2, 2005 (skin to skin; F measures go-go pressed to the bone)
-  H   R. T. Hertel's exophthalmometry, in Farkas 1994; C. J. Bolanos Gil de Montes 1999
+  H   M. E. Migliori, G. J. Gladstone, Am. J. Ophthalmol. 98, 1984 (exophthalmometry, adults)
   E   estimated for this model: no norm exists; the sd keeps 3-sigma heads human
 ``male`` is the correlation with the sex factor (Farkas' male and female means differ by about
 twice that many sd), ``fat`` that with the fat factor.

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.performance import performance_for, sequence_name, sequence_number
 from glsim.faces.procedural.parameters import sample_identity
 from glsim.faces.procedural.regions import REGIONS
 from glsim.faces.procedural.subject import Subject, make_subject, model
+from glsim.faces.sequences import performed_expression, performed_frames
 from glsim.mesh import Mesh
 
 CACHED_SUBJECTS = 4
@@ -57,25 +57,8 @@ class ProceduralFaces:
         return [f"p{number:04d}" for number in range(count)]
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """The first ``count`` frames of a subject, sequence by sequence.
-
-        A sequence runs from neutral to neutral with the peak among its frames; the last one does
-        so too, with as many frames as are left.
-        """
-        if count is None:
-            raise ConfigError("procedural faces never end: give a number of frames a subject")
-        keys: list[FaceKey] = []
-        number = 0
-        while len(keys) < count:
-            length = min(self.frames_per_sequence, count - len(keys))
-            performance = performance_for(self.seed, subject, number)
-            name = sequence_name(number, performance)
-            keys += [
-                FaceKey(subject, name, frame, float(time_s))
-                for frame, time_s in enumerate(performance.frame_times(length))
-            ]
-            number += 1
-        return keys
+        """The first ``count`` frames of a subject, sequence by sequence."""
+        return performed_frames(self.seed, subject, count, self.frames_per_sequence)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """One face a key, in order; frames of one subject are evaluated together."""
@@ -86,19 +69,11 @@ class ProceduralFaces:
 
     def _load_batch(self, subject: str, keys: Sequence[FaceKey]) -> Iterator[Face]:
         person = self._subject(subject)
-        expressions = [self._expression(key) for key in keys]
+        expressions = [performed_expression(self.seed, key) for key in keys]
         faces = model().template.faces
         heads = person.frames(expressions)
         for key, head, expression in zip(keys, heads, expressions, strict=True):
             yield Face(key, Mesh(head, faces, person.albedo), expression)
-
-    def _expression(self, key: FaceKey) -> dict[str, float]:
-        """Unit -> intensity at a key's time, zeros left out."""
-        try:
-            number = sequence_number(key.sequence)
-        except ValueError as error:
-            raise ConfigError(f"procedural faces: {error}") from None
-        return performance_for(self.seed, key.subject, number).at(key.time_s)
 
     def _subject(self, name: str) -> Subject:
         """A subject, from the cache or made now."""

@@ -1,7 +1,7 @@
 """Two smooth rows of teeth, seen only when the lips part.
 
 Millimetres. The arch is a parabola, about 55 mm wide at the second molars and 40 mm deep
-(J. Burris & E. Harris, Am. J. Orthod. 2000: upper arch width 50-60 mm); upper incisors show
+(B. G. Burris, E. F. Harris, Angle Orthod. 70, 2000: upper arch width 50-60 mm); upper incisors show
 8-9 mm of crown.
 """
 

@@ -2,8 +2,9 @@
 
 Millimetres, canonical frame, subject's left half (the other half is its mirror image). Positions
 follow mean adult landmarks (both sexes): L. G. Farkas, "Anthropometry of the Head and Face",
-2nd ed. 1994 (n-gn 118, n-sn 52, zy-zy 135, go-go 100, eu-eu 152, g-op 190, al-al 34, en-en 33,
-ex-ex 91, ch-ch 52); globe 24 mm across and 16 mm in front of the lateral rim (Hertel, ibid.).
+2nd ed. 1994 (n-gn 118, n-sn 52, zy-zy 135, eu-eu 148, g-op 193, al-al 34, en-en 33, ex-ex 91,
+ch-ch 52); the globe is 24 mm across, its apex 16 mm in front of the lateral orbital rim
+(Migliori & Gladstone 1984).
 """
 
 from __future__ import annotations

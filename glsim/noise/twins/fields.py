@@ -22,9 +22,9 @@ def _pcg(word: Words) -> Words:
 
 
 def _hash(node: tuple[Words, Words, Words], seed: int) -> Words:
-    """Bits of a lattice node."""
+    """Bits of a lattice node. The seed counts modulo 2^32, for octaves count up from it."""
     x, y, z = node
-    return _pcg(_pcg(_pcg(np.uint32(seed) ^ _pcg(z)) + y) + x)
+    return _pcg(_pcg(_pcg(np.uint32(seed % 2**32) ^ _pcg(z)) + y) + x)
 
 
 def _gradient(bits: Words, offset: Vector) -> Image:
@@ -51,19 +51,18 @@ def _words(whole: Image) -> Words:
 def perlin(at: Vector, seed: int) -> Image:
     """Gradient noise on a cubic lattice, about -1 to 1. ``at``: float32."""
     whole = [np.floor(part) for part in at]
-    f = [part - low for part, low in zip(at, whole, strict=True)]
+    f = [part - start for part, start in zip(at, whole, strict=True)]
     n = [_words(part) for part in whole]
     tx, ty, tz = (_fade(part) for part in f)
-    one = np.uint32(1)
+    low, high = np.uint32(0), np.uint32(1)
     rows = []
-    for corner in range(4):
-        y, z = np.uint32(corner & 1), np.uint32(corner >> 1)
+    for y, z in ((low, low), (high, low), (low, high), (high, high)):
         left, right = (
             _gradient(
                 _hash((n[0] + x, n[1] + y, n[2] + z), seed),
                 (f[0] - np.float32(x), f[1] - np.float32(y), f[2] - np.float32(z)),
             )
-            for x in (0 * one, one)
+            for x in (low, high)
         )
         rows.append(mix(left, right, tx))
     return mix(mix(rows[0], rows[1], ty), mix(rows[2], rows[3], ty), tz)
