@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.camera import Intrinsics
+from glsim.camera import SensorRig
 from glsim.errors import MeshError
 from glsim.frame import Rect
 
@@ -31,6 +32,42 @@ class Tangents(NamedTuple):
     bottom: float
     near_m: float
     far_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Where a rig's pixels look, lens included.
+
+    columns: (W, 2) least and largest x/z that a column sees; rows: (H, 2) the same of y/z.
+    """
+
+    rig: SensorRig
+    columns: NDArray[np.float64]
+    rows: NDArray[np.float64]
+
+    @staticmethod
+    def of(rig: SensorRig) -> Sight:
+        """Half a pixel is added around the rays; a whole one where a lens stretches them."""
+        rays, image = rig.rays().astype(np.float64), rig.intrinsics
+        spread = np.array([-1.0, 1.0]) if rig.is_raw else np.array([-0.5, 0.5])
+        x, y = rays[..., 0], rays[..., 1]
+        return Sight(
+            rig,
+            np.stack([x.min(axis=0), x.max(axis=0)], axis=1) + spread / image.fx,
+            np.stack([y.min(axis=1), y.max(axis=1)], axis=1) + spread / image.fy,
+        )
+
+    def window(self, box: Tangents) -> Rect:
+        """The pixels that look into ``box``; of width or height 0 if none does."""
+        spans = []
+        for seen, low, high in (
+            (self.columns, box.left, box.right),
+            (self.rows, box.top, box.bottom),
+        ):
+            inside = np.flatnonzero((seen[:, 1] > low) & (seen[:, 0] < high))
+            spans.append((int(inside[0]), len(inside)) if len(inside) else (0, 0))
+        (left, width), (top, height) = spans
+        return Rect(left, top, width, height)
 
 
 def corners(vertices_mm: NDArray[np.float32], view: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -59,12 +96,13 @@ def tangents(
 
 
 def image_window(
-    corners_m: NDArray[np.float64], image: Intrinsics, near_m: float, visible: Rect | None
+    corners_m: NDArray[np.float64], sight: Sight, visible: Rect | None
 ) -> Rect:
     """The window of the image that a mesh can touch, with margin; the whole image if unsure.
 
     visible: the crop that is delivered, or None for all. Raises MeshError if nothing is in view.
     """
+    image, near_m = sight.rig.intrinsics, sight.rig.near_m
     whole = Rect(0, 0, image.width, image.height)
     if visible is not None:
         whole = _grown(visible, whole)
@@ -77,32 +115,32 @@ def image_window(
     box = tangents(corners_m, (0.0, 0.0, 0.0), near_m)
     if box is None:
         return whole
-    left, top = box.left * image.fx + image.cx, box.top * image.fy + image.cy
-    right, bottom = box.right * image.fx + image.cx, box.bottom * image.fy + image.cy
-    if right <= 0 or bottom <= 0 or left >= image.width or top >= image.height:
+    exact = sight.window(box)
+    if 0 in exact.intersection(visible or whole)[2:]:
+        left, top = box.left * image.fx + image.cx, box.top * image.fy + image.cy
+        right, bottom = box.right * image.fx + image.cx, box.bottom * image.fy + image.cy
+        seen = f"{image.width}x{image.height}"
+        if visible is not None:
+            seen = f"the crop of {visible.width}x{visible.height} at {visible.left}, {visible.top}"
         raise MeshError(
             f"the mesh is out of view: it would span columns {left:.0f} to {right:.0f} and rows "
-            f"{top:.0f} to {bottom:.0f} of {image.width}x{image.height}"
+            f"{top:.0f} to {bottom:.0f} of {seen}"
         )
-    exact = Rect(
-        math.floor(left), math.floor(top),
-        math.ceil(right) - math.floor(left), math.ceil(bottom) - math.floor(top),
-    )  # fmt: skip
     return _grown(exact, whole)
 
 
 def emitter_view(
     corners_m: NDArray[np.float64],
     window: Rect,
-    image: Intrinsics,
+    sight: Sight,
     origin_m: tuple[float, float, float],
-    near_m: float,
 ) -> Tangents:
     """What an emitter must see to light ``window``: directions, and the range of all depths.
 
     Whatever throws a shadow into the window lies, seen from the emitter, in the direction of a
     point that the camera sees there. Raises MeshError if the emitter is inside the scene.
     """
+    near_m = sight.rig.near_m / 2  # an emitter may stand before the camera
     all_of_it = tangents(corners_m, origin_m, near_m)
     if all_of_it is None:
         raise MeshError(
@@ -110,9 +148,9 @@ def emitter_view(
             f"{near_m * 1000:.0f} mm: check units, axes and distance"
         )
     z = np.clip([corners_m[:, 2].min(), corners_m[:, 2].max()], near_m, None)
-    columns = np.array([window.left, window.left + window.width])
-    rows = np.array([window.top, window.top + window.height])
-    x, y = (columns - image.cx) / image.fx, (rows - image.cy) / image.fy
+    rows, columns = window.slices
+    x = sight.columns[columns, 0].min(), sight.columns[columns, 1].max()
+    y = sight.rows[rows, 0].min(), sight.rows[rows, 1].max()
     seen = np.array([(a * d, b * d, d) for d in z for a in x for b in y])
     lit = tangents(seen, origin_m, 0.0)
     if lit is None:

@@ -74,7 +74,7 @@ class Intrinsics:
 
 @dataclass(frozen=True)
 class Distortion:
-    """The radial-tangential lens model of OpenCV (k1, k2, p1, p2, k3), in normalised coordinates."""
+    """The radial-tangential lens model of OpenCV, in normalised coordinates."""
 
     k1: float = 0.0
     k2: float = 0.0

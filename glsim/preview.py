@@ -62,14 +62,14 @@ def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Pi
     share = np.clip((noisy_m - clean_m) * 1000.0 / DIFFERENCE_MM, -1, 1)[..., None]
     white, near, far = (np.array(c, float) for c in ((245, 245, 245), (190, 80, 30), (40, 40, 190)))
     colour = white + np.where(share < 0, -share * (near - white), share * (far - white))
-    picture = colour.astype(np.uint8)
+    picture: Picture = colour.astype(np.uint8)
     picture[(clean_m <= 0) | (noisy_m <= 0)] = _BACKGROUND
     return picture
 
 
 def reasons(codes: NDArray[np.uint8]) -> Picture:
     """(H, W, 3): the colour of each pixel's reason."""
-    palette = np.array([_REASON_COLOURS[Reason(r)] for r in sorted(Reason)], dtype=np.uint8)
+    palette: Picture = np.array([_REASON_COLOURS[Reason(r)] for r in sorted(Reason)], np.uint8)
     picture: Picture = palette[codes]
     return picture
 

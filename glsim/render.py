@@ -19,7 +19,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bounds import Tangents, corners, emitter_view, image_window, union
+from glsim.bounds import Sight, Tangents, corners, emitter_view, image_window, union
 from glsim.camera import Emitter, Intrinsics, SensorRig
 from glsim.frame import Rect
 from glsim.gl.program import link_files
@@ -67,7 +67,7 @@ class Renderer:
     def __init__(self, context: moderngl.Context, rig: SensorRig) -> None:
         self.context, self.rig = context, rig
         image, pinhole = rig.intrinsics, rig.pinhole()
-        self._pinhole = pinhole
+        self._pinhole, self._sight = pinhole, Sight.of(rig)
         self.pool = TargetPool(context, image.width, image.height)
         self._camera_pool = (
             TargetPool(context, pinhole.width, pinhole.height) if rig.is_raw else self.pool
@@ -100,8 +100,7 @@ class Renderer:
         the targets back to ``pool``. Raises MeshError if the first mesh, the face, is not in view.
         """
         boxes = [corners(mesh.vertices_mm, view) for mesh, view in meshes]
-        image, near = self.rig.intrinsics, self.rig.near_m
-        window = union([image_window(box, image, near, visible) for box in boxes])
+        window = union([image_window(box, self._sight, visible) for box in boxes])
         drawables = [self._drawable(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
         layers = self._draw_surface(drawables, views, window)
@@ -230,10 +229,7 @@ class Renderer:
         buffer.use()
         buffer.clear(0.0 if emitters else 1.0, viewport=window)
         for emitter in emitters:
-            # Seen from the emitter through the pinhole of the camera that covers the window.
-            box = emitter_view(
-                corners_m, window, self._pinhole, emitter.position_m, self.rig.near_m / 2
-            )
+            box = emitter_view(corners_m, window, self._sight, emitter.position_m)
             self._draw_map(emitter, box, drawables, views)
             buffer.use()
             buffer.viewport = window

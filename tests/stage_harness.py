@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from glsim.frame import Rect
 from glsim.gl.source import Layer
 from glsim.gl.targets import Readback, Target, TargetPool
-from glsim.noise.chain import _Pass
+from glsim.noise.chain import StagePass
 from glsim.noise.stage import shipped
 from glsim.noise.twins import TWINS
 from glsim.noise.twins.dots import cells
@@ -77,10 +77,10 @@ def _pool(context: moderngl.Context, width: int, height: int) -> TargetPool:
 
 
 @lru_cache(maxsize=32)
-def _pass(context: moderngl.Context, use: str) -> _Pass:
+def _pass(context: moderngl.Context, use: str) -> StagePass:
     source = shipped()[use].source
     assert source is not None
-    return _Pass(context, use, source)
+    return StagePass(context, use, source)
 
 
 def _upload(pool: TargetPool, name: str, image: Image, window: Rect) -> Target:

@@ -48,7 +48,7 @@ X, Y = np.arange(512)[None, :], np.arange(424)[:, None]
 SEED = 0xC0FFEE
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def draw(context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) -> Draw:
     file: Path = tmp_path_factory.mktemp("hash") / "bits.glsl"
     file.write_text(SHADER)

@@ -11,7 +11,6 @@ from stage_harness import FRAME, Image, crop, flat, frame, run_shader, run_twin,
 
 from glsim.frame import Rect
 from glsim.gl.source import Layer
-from glsim.gl.targets import scaled
 from glsim.noise.stage import shipped
 from glsim.noise.twins import TWINS
 from glsim.noise.twins.dots import cells
@@ -127,8 +126,8 @@ def test_cells_are_the_targets_pixels() -> None:
     for left in range(4):
         for size in range(1, 8):
             window = Rect(left, 2 * left, size, size + 1)
-            assert cells(window) == scaled(window, source.writes[0])
-            assert scaled(window, Layer("depth", "float")) == window
+            assert cells(window) == source.writes[0].window(window)
+            assert Layer("depth", "float").window(window) == window
 
 
 @pytest.mark.parametrize(("use", "p"), CASES)

@@ -77,7 +77,7 @@ BackendOption = Annotated[
 
 
 def overrides(**values: Any) -> dict[str, Any]:
-    """Options that were given, as nested settings: output__crop=128 is {"output": {"crop": 128}}."""
+    """Options that were given, nested: output__crop=128 is {"output": {"crop": 128}}."""
     tree: dict[str, Any] = {}
     for name, value in values.items():
         if value is None:

@@ -13,15 +13,16 @@ third of the frame's size. Other ``u_`` uniforms are bound by glsim from a close
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from math import ceil, floor, isfinite
 from pathlib import Path
 
 from glsim import reason
 from glsim.errors import ShaderError
+from glsim.frame import Rect
 
 #: The folder of the shipped shaders; includes are looked up beside the file, then here.
 SHADER_ROOT = Path(__file__).resolve().parents[2] / "shaders"
@@ -63,7 +64,7 @@ class Parameter:
 
     def problem(self, value: float) -> str | None:
         """Why ``value`` cannot be used, or None."""
-        if not math.isfinite(value):
+        if not isfinite(value):
             return f"{value} is not a finite number"
         if self.type != "float" and value != int(value):
             return f"{value} is not a whole number"
@@ -85,6 +86,15 @@ class Layer:
     def components(self) -> int:
         """Numbers a pixel."""
         return _LAYER_TYPES[self.type]
+
+    def window(self, frame_window: Rect) -> Rect:
+        """A window of the frame in the pixels of this layer, which may be larger or smaller."""
+        if self.scale == 1:
+            return frame_window
+        left, top, width, height = frame_window
+        columns = floor(left * self.scale), ceil((left + width) * self.scale)
+        rows = floor(top * self.scale), ceil((top + height) * self.scale)
+        return Rect(columns[0], rows[0], columns[1] - columns[0], rows[1] - rows[0])
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ class TargetPool:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             texture.repeat_x = texture.repeat_y = False
             target = Target(texture, layer, Rect(0, 0, *size))
-        drawn = scaled(window, layer)
+        drawn = layer.window(window)
         if target.drawn is not None and not drawn.contains(target.drawn):
             framebuffer = self.framebuffer([target])
             framebuffer.use()
@@ -80,16 +80,6 @@ class TargetPool:
         return target
 
 
-def scaled(window: Rect, layer: Layer) -> Rect:
-    """A window of the frame in the pixels of a layer that may be larger or smaller."""
-    if layer.scale == 1:
-        return window
-    left, top = math.floor(window.left * layer.scale), math.floor(window.top * layer.scale)
-    right = math.ceil((window.left + window.width) * layer.scale)
-    bottom = math.ceil((window.top + window.height) * layer.scale)
-    return Rect(left, top, right - left, bottom - top)
-
-
 class Readback:
     """One frame's layers on their way to memory, through a pixel buffer.
 
@@ -107,7 +97,7 @@ class Readback:
         self._parts = []
         end = 0
         for name, target in targets.items():
-            rect, components = scaled(window, target.layer), target.layer.components
+            rect, components = target.layer.window(window), target.layer.components
             self._parts.append((name, rect, components, end))
             end += rect.width * rect.height * components * _BYTES_A_NUMBER
         if self._buffer is None or self._buffer.size < end:

@@ -88,7 +88,7 @@ class ShaderChain:
     def __init__(self, context: moderngl.Context, stages: Sequence[Stage]) -> None:
         self._context = context
         self._passes = [
-            _Pass(context, stage.name, stage.spec.source)
+            StagePass(context, stage.name, stage.spec.source)
             for stage in stages
             if stage.spec.source is not None
         ]
@@ -135,7 +135,7 @@ class ShaderChain:
             pool.give_back(target)
 
 
-class _Pass:
+class StagePass:
     """One shader stage: a full-window draw from layers to layers."""
 
     def __init__(self, context: moderngl.Context, name: str, source: ShaderSource) -> None:
@@ -156,6 +156,7 @@ class _Pass:
         frame: FrameContext,
         values: Mapping[str, float],
     ) -> dict[str, Target]:
+        """Draw the frame's window; the written layers, by name. Raises ConfigError."""
         view = frame.view(self.name)
         for name in self._bound:
             self._program[name] = _BOUND[name](view)

@@ -21,8 +21,9 @@ float perlin(vec3 at, uint seed) {
     vec3 f = at - whole;
     uvec3 n = uvec3(ivec3(whole));
     vec3 t = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
-    float plane[2];
-    for (uint k = 0u; k < 2u; k++) {
+    float plane[2] = float[2](0.0, 0.0);
+    uint planes = t.z > 0.0 ? 2u : 1u; // on a plane of nodes the next one has no weight
+    for (uint k = 0u; k < planes; k++) {
         uint hz = pcg_word(seed ^ pcg_word(n.z + k));
         float row[2];
         for (uint j = 0u; j < 2u; j++) {

@@ -21,6 +21,7 @@ void main() {
     float here = texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r;
     uint seed = field_seed(drift_hz);
     vec3 at = field_position(vec2(lattice_x_px, lattice_y_px), drift_hz);
+    if (drift_hz <= 0.0) at.z = 0.0; // a field that stands still is a plane of nodes: half the work
     float sum = 0.0, weight = 1.0;
     // The loop ends at once where there is nothing to move; a software rasteriser skips by loops only.
     for (int octave = 0; octave < octaves && here > 0.0; octave++) {

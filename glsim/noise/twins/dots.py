@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.frame import Rect
+from glsim.gl.source import Layer
 from glsim.noise.twins.random import random_bits
 
 CELL_PX = 3
-
+_CELLS = Layer("dot_match", "float", Fraction(1, CELL_PX))
 
 Whole = NDArray[np.int64]
 
@@ -26,8 +29,6 @@ def place_pixel(x: Whole, y: Whole, place: Whole) -> tuple[Whole, Whole]:
 
 def cells(window: Rect, around: int = 0) -> Rect:
     """The cells that a window touches, in cells, and ``around`` more on each side."""
-    left, top = window.left // CELL_PX, window.top // CELL_PX
-    right = -(-(window.left + window.width) // CELL_PX)
-    bottom = -(-(window.top + window.height) // CELL_PX)
+    left, top, width, height = _CELLS.window(window)
     more = 2 * around
-    return Rect(left - around, top - around, right - left + more, bottom - top + more)
+    return Rect(left - around, top - around, width + more, height + more)

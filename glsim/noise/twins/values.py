@@ -67,6 +67,8 @@ def perlin(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     """A sum of octaves of gradient noise."""
     seed = fields.field_seed(view, p["drift_hz"])
     at = fields.field_position(view, p["lattice_x_px"], p["lattice_y_px"], p["drift_hz"])
+    if p["drift_hz"] <= 0:  # a field that stands still is a plane of nodes
+        at = (at[0], at[1], np.float32(0.0) * at[2])
     lacunarity, persistence = p["lacunarity"], p["persistence"]
     total, weight = np.zeros(1, np.float32), np.float32(1.0)
     for octave in range(int(p["octaves"])):

@@ -1,0 +1,47 @@
+"""What every test may use: one OpenGL context for the session, and strict arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+import pytest
+from scenes import face_mesh
+
+from glsim.gl.context import make_current, open_context
+from glsim.mesh import Mesh
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--regenerate", action="store_true", help="write the golden frames instead of comparing"
+    )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _strict_arithmetic() -> Iterator[None]:
+    """An overflow, an invalid operation or a division by zero in NumPy is an error."""
+    before = np.seterr(all="raise")
+    yield
+    np.seterr(**before)
+
+
+@pytest.fixture(scope="session")
+def _session_context() -> Iterator[moderngl.Context]:
+    opened = open_context()
+    yield opened
+    opened.release()
+
+
+@pytest.fixture
+def context(_session_context: moderngl.Context) -> moderngl.Context:
+    """The session's context, current again whatever the test before has opened."""
+    make_current(_session_context)
+    return _session_context
+
+
+@pytest.fixture(scope="session")
+def face() -> Mesh:
+    """The analytic face, the same object for all tests."""
+    return face_mesh()
