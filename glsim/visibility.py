@@ -51,5 +51,4 @@ def ever_seen(
         context.release()
     corners = np.zeros(int(faces.max()) + 1, dtype=bool)
     corners[faces[shown[1:]]] = True
-    near: NDArray[np.bool_] = corners[faces].any(axis=1)
-    return near
+    return np.asarray(corners[faces].any(axis=1), dtype=np.bool_)

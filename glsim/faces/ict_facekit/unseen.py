@@ -65,4 +65,4 @@ def _turn(yaw: float, pitch: float) -> NDArray[np.float32]:
     about_y = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     c, s = np.cos(pitch), np.sin(pitch)
     about_x = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-    return (about_x @ about_y).astype(np.float32)
+    return np.asarray(about_x @ about_y, dtype=np.float32)
