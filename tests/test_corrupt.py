@@ -21,12 +21,16 @@ from glsim.reason import Reason
 SENSORS = ["ideal", "kinect-v1", "kinect-v2", "kinect-v2-paper"]
 
 
+def turned_face(context: moderngl.Context, crop: int | None = 160) -> NDArray[np.uint16]:
+    """Before a wall, in whole millimetres."""
+    pose = {"distance_mm": 900, "yaw_deg": 20}
+    settings = settings_for(scene={"wall_mm": 1300}, pose=pose, output={"crop": crop})
+    return frames_of(context, settings, face_mesh())[0].clean
+
+
 @pytest.fixture
 def clean(context: moderngl.Context) -> NDArray[np.uint16]:
-    """A turned face before a wall, in whole millimetres."""
-    pose = {"distance_mm": 900, "yaw_deg": 20}
-    settings = settings_for(scene={"wall_mm": 1300}, pose=pose, output={"crop": 160})
-    return frames_of(context, settings, face_mesh())[0].clean
+    return turned_face(context)
 
 
 def corrupted(
@@ -42,14 +46,18 @@ def corrupted(
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_both_backends_agree(sensor: str, clean: NDArray[np.uint16]) -> None:
+def test_both_backends_agree(context: moderngl.Context, sensor: str) -> None:
+    """The edges of shadows differ: the mesh of a map ends at the centres of its pixels, for the
+    NumPy march pixels are squares.
+    """
+    clean = turned_face(context, crop=None)
     drawn, computed = corrupted(sensor, clean), corrupted(sensor, clean, backend="numpy")
     one, other = drawn.noisy.astype(int), computed.noisy.astype(int)
-    assert ((one > 0) == (other > 0)).mean() >= 0.998
+    assert ((one > 0) == (other > 0)).mean() >= 0.995
     both = (one > 0) & (other > 0)
     assert both.mean() > 0.7
     assert (np.abs(one - other)[both] <= 1).mean() >= 0.999
-    assert (drawn.reason == computed.reason).mean() >= 0.998
+    assert (drawn.reason == computed.reason).mean() >= 0.995
     np.testing.assert_array_equal(drawn.clean, clean)
     np.testing.assert_array_equal(computed.clean, clean)
     if sensor != "ideal":
