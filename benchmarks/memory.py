@@ -23,7 +23,9 @@ def resident_mb() -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Resident memory of a worker over many frames.")
-    parser.add_argument("--ict-root", type=Path, help="FaceXModel folder; default: procedural faces")
+    parser.add_argument(
+        "--ict-root", type=Path, help="FaceXModel folder; default: procedural faces"
+    )
     parser.add_argument("--frames", type=int, default=20_000)
     arguments = parser.parse_args()
 
