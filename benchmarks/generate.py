@@ -8,8 +8,8 @@ peers' noise is glsim's own NumPy twin of the same chain: vectorised, and alread
 window of the face, which is more than their users would write; "full frame" rows do without that.
 What a peer lacks is what its users would add: PNGs by OpenCV at its default settings.
 
-CPU seconds count, for they do not depend on what else the machine does; wall is printed beside them.
-Open3D and pyrender run in processes of their own (pyrender leaves the GL state unusable for others).
+CPU seconds count, for they depend least on what else the machine does; wall is beside them. Each
+contender runs in a process of its own (pyrender leaves the GL state unusable for others).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from benchmarks.faces import settings_for, source_for
 
 
 def resident_mb() -> float:
-    """This process' resident memory, from /proc (Linux)."""
+    """Resident memory of this process, from /proc (Linux)."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 

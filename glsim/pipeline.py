@@ -116,9 +116,7 @@ class Simulator:
         self.sensor: Sensor = sensor_of(settings)
         make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
-        self._chain = ShaderChain(
-            context, self.sensor.stages, infrared="infrared" in layers
-        )
+        self._chain = ShaderChain(context, self.sensor.stages, infrared="infrared" in layers)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop

@@ -53,9 +53,13 @@ def test_help_of_every_command_has_examples(capsys: pytest.CaptureFixture[str]) 
         assert f"glsim {command}" in capsys.readouterr().out
 
 
-def test_render_writes_five_files(face_file: Path, here: Path) -> None:
-    command = ["render", str(face_file), "-o", "out", "--axes", "+x+y+z", "--unit", "mm", "-q"]
+def test_render_writes_five_files(
+    face_file: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["render", str(face_file), "-o", "out", "--axes", "+x+y+z", "--unit", "mm"]
     assert run(*command, "--seed", "3", "--set", "axial.base_sigma_mm=2.5") == 0
+    assert capsys.readouterr().err.count("face_clean.png") == 1, "one mesh, one frame"
+    assert len(list((here / "out").iterdir())) == 5
     for layer in LAYERS:
         image = cv2.imread(str(here / "out" / f"face_{layer}.png"), cv2.IMREAD_UNCHANGED)
         assert image.shape == (424, 512)
@@ -139,6 +143,16 @@ def test_bad_meshes_are_one_line_and_status_1(
     (here / "noise.stl").write_bytes(bytes(range(256)) * 3)
     for name in ("missing.obj", "empty.obj", "noise.stl"):
         assert name in fails(capsys, 1, "render", name)
+
+
+def test_a_folder_of_nothing_but_bad_meshes_fails_and_records_them(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "scans").mkdir()
+    (here / "scans" / "noise.stl").write_bytes(bytes(range(256)) * 3)
+    arguments = ["generate", "-o", "data", "--source", "folder", "--root", "scans"]
+    assert "no frame could be made" in fails(capsys, 1, *arguments, "--workers", "1")
+    assert "noise.stl" in (here / "data" / "skipped.jsonl").read_text()
 
 
 def test_a_shader_that_does_not_compile_is_named_with_its_line(

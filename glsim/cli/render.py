@@ -55,7 +55,7 @@ def render(
     Writes FACE_clean.png, FACE_noisy.png, FACE_infrared.png, FACE_reason.png and FACE_preview.png.
     """
     from glsim.cli.files import write_picture
-    from glsim.config import load_settings
+    from glsim.config import SourceSettings, load_settings
     from glsim.dataset import write_frame
     from glsim.faces.one import OneMesh
     from glsim.frame import LAYERS, Frame
@@ -69,7 +69,8 @@ def render(
     settings = load_settings(config, assignments or [], {**given, "strict": True})
     loaded = load_mesh(face, unit=unit, axes=axes)
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
-    one = settings.model_copy(update={"source": settings.source[:1]})
+    single = SourceSettings(subjects=1, frames_per_subject=1)
+    one = settings.model_copy(update={"source": (single,)})
     for frame in simulate(one, sources=[source], backend=backend):
         assert isinstance(frame, Frame), "strict: a bad face raises"
         paths = write_frame(frame, out, face.stem, LAYERS)
