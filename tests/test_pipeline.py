@@ -95,12 +95,13 @@ def test_other_processes_and_backends_give_the_same_bytes(
         timeout=120,
     )
     assert done.returncode == 0, done.stderr
-    if done.stderr.split("(")[0] not in str(context.info["GL_RENDERER"]):
-        pytest.skip(f"another renderer: {done.stderr}")
+    same_renderer = done.stderr.split("(")[0] in str(context.info["GL_RENDERER"])
     for sensor, theirs in zip(
         ("kinect-v1", "kinect-v2", "kinect-v2-paper"), json.loads(done.stdout), strict=True
     ):
-        assert list(made(context, moving_settings(sensor, output={"crop": 128})).values()) == theirs
+        ours = list(made(context, moving_settings(sensor, output={"crop": 128})).values())
+        assert len(theirs) == len(set(theirs)) == len(ours)
+        assert ours == theirs or not same_renderer
 
 
 def test_two_simulations_may_be_taken_in_turn(context: moderngl.Context) -> None:
