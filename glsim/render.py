@@ -24,12 +24,8 @@ from glsim.frame import Rect
 from glsim.gl.program import link_files
 from glsim.gl.source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
-from glsim.mesh import Mesh
+from glsim.mesh import SKIN_ALBEDO, Mesh
 from glsim.pose import pose_matrix
-
-#: Diffuse reflectivity of skin at 860 nm relative to a white wall, where a mesh has none of its
-#: own: 0.5-0.6 of the light (NIST reflectance data of skin, Cooksey 2017) over 0.85-0.9.
-SKIN_ALBEDO = 0.6
 
 CLEAN = Layer("clean", "float")
 NORMAL = Layer("normal", "vec4")
