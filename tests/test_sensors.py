@@ -188,6 +188,15 @@ def test_dark_surfaces_are_lost_by_the_kinect_v2(context: moderngl.Context) -> N
     assert (codes == Reason.LOW_SIGNAL).all()
 
 
+@pytest.mark.parametrize("z_m", [0.7, 2.0])
+def test_infrared_falls_with_the_square_of_the_distance(
+    context: moderngl.Context, z_m: float
+) -> None:
+    """6256 counts from white at 1 m; skin has 0.6 of it."""
+    frame = on_plane(context, "kinect-v2", z_m, "infrared")
+    assert frame.infrared.max() == pytest.approx(0.6 * 6256 / z_m**2, abs=0.6)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
