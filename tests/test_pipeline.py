@@ -200,3 +200,12 @@ def test_a_face_at_the_camera_is_skipped(context: moderngl.Context, crop: int | 
 def test_a_data_set_of_nobody_is_an_error() -> None:
     with pytest.raises(ConfigError, match=r"source 'folder' needs --root"):
         next(simulate(load_settings(overrides={"source": {"kind": "folder"}})))
+
+
+def test_a_mesh_wound_inside_out_is_skipped_not_empty(context: moderngl.Context) -> None:
+    mesh = face_mesh()
+    inside_out = Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.faces[:, ::-1]))
+    settings = load_settings(overrides={"source": {"subjects": 1, "frames_per_subject": 1}})
+    (result,) = simulate(settings, sources=[OneMesh(inside_out)], context=context)
+    assert isinstance(result, Skipped)
+    assert "inside out" in result.why
