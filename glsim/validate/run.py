@@ -8,10 +8,11 @@ from collections.abc import Callable, Sequence
 import moderngl
 
 from glsim.gl.context import open_context
-from glsim.validate import depth, edges, heads, walls
+from glsim.validate import depth, edges, heads, structured, walls
 from glsim.validate.bench import Bench
 from glsim.validate.lab import Lab
 from glsim.validate.report import Check, Measured, Report, complete
+from glsim.validate.sheet_structured import KINECT_V1, KINECT_V2_PAPER
 from glsim.validate.sheet_v2 import ANTI_CHECKS, CHECKS
 
 Examination = Callable[[Lab], dict[str, Measured]]
@@ -37,6 +38,25 @@ _V2: tuple[Examination, ...] = (
     depth.offsets,
     heads.heads,
 )
+
+_V1: tuple[Examination, ...] = (
+    structured.v1_noise,
+    structured.v1_steps,
+    structured.v1_shadow,
+    structured.v1_range,
+)
+
+_PAPER: tuple[Examination, ...] = (
+    structured.paper_noise,
+    structured.paper_window,
+    structured.paper_geometry,
+)
+
+#: Sensors with a sheet of their own, by name of their file.
+_SHEETS: dict[str, tuple[Sequence[Check], Sequence[Examination]]] = {
+    "kinect-v1": (KINECT_V1, _V1),
+    "kinect-v2-paper": (KINECT_V2_PAPER, _PAPER),
+}
 
 
 def validate(
@@ -76,4 +96,4 @@ def examine(lab: Lab) -> Report:
 
 
 def _sheet(lab: Lab) -> tuple[Sequence[Check], Sequence[Examination]]:
-    return (*CHECKS, *ANTI_CHECKS), _V2
+    return _SHEETS.get(lab.bench.sensor.name, ((*CHECKS, *ANTI_CHECKS), _V2))
