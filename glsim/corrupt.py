@@ -19,7 +19,7 @@ from glsim.frame import Frame, Rect, decode_depth
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.noise.chain import ShaderChain, run_array_stages, run_twins
-from glsim.noise.view import FrameContext
+from glsim.noise.view import FrameContext, Optics
 from glsim.pipeline import draw_values
 from glsim.plan import stable_seed
 from glsim.render import SKIN_ALBEDO, Renderer
@@ -95,6 +95,7 @@ class Corrupter:
             stable_seed("device", self._settings.seed, 0),
             0.0,
             image.fx * self.rig.baseline_m,
+            Optics.of(self.rig, float(depth_m[depth_m > 0].min(initial=np.inf)), supersample=1),
         )
         if not depth_m.any():  # nothing to see, nothing to light
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))

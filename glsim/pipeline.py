@@ -32,7 +32,7 @@ from glsim.gl.targets import Readback
 from glsim.mesh import Mesh
 from glsim.noise.chain import ShaderChain, run_array_stages
 from glsim.noise.stage import Stage
-from glsim.noise.view import FrameContext
+from glsim.noise.view import FrameContext, Optics
 from glsim.plan import Task, make_tasks, stable_seed
 from glsim.pose import pose_matrix
 from glsim.render import Renderer
@@ -176,6 +176,7 @@ class Simulator:
             stable_seed("device", settings.seed, task.device),
             task.key.time_s,
             rig.intrinsics.fx * rig.baseline_m,
+            Optics.of(rig, self._renderer.nearest_m),
         )
         self._chain.run(self._renderer, layers, context, values, readback)
         return _InFlight(readback, task, face, crop, context, values, pose, drawn)

@@ -25,6 +25,16 @@ Values = Mapping[str, Mapping[str, float]]
 #: The layers that exist before the first stage.
 INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
 
+#: The same on the grid of a rig's samples, and how uneven a pixel's are. Where nothing is
+#: supersampled they are the layers of the pixels.
+FINE_LAYERS = {
+    "fine_clean": "clean",
+    "fine_normal": "normal",
+    "fine_albedo": "albedo",
+    "fine_rays": "rays",
+    "uneven": "clean",
+}
+
 #: The layers that a Frame is made of; a chain without an infrared stage lacks the last.
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 
@@ -38,12 +48,16 @@ _BOUND: dict[str, Callable[[StageView], object]] = {
     "u_time_s": lambda view: view.time_s,
     "u_focal_baseline_px_m": lambda view: view.focal_baseline_px_m,
     "u_frame_size_px": lambda view: (view.width, view.height),
+    "u_emitter_m": lambda view: view.optics.emitter_m,
+    "u_modulation_mhz": lambda view: view.optics.modulation_mhz,
+    "u_supersample": lambda view: view.optics.supersample,
+    "u_nearest_m": lambda view: view.optics.nearest_m,
 }
 
 
 def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
     """Raise ConfigError where stages do not fit together or do not fit the rig."""
-    layers = set(INITIAL_LAYERS)
+    layers = {*INITIAL_LAYERS, *FINE_LAYERS}
     seen_array_stage: str | None = None
     for stage in stages:
         source = stage.spec.source
@@ -115,6 +129,9 @@ class ShaderChain:
             "reason": pool.take(_REASON, frame.window),
             "rays": renderer.rays,
         }
+        if renderer.fine_rays is not None and "fine_clean" in layers:
+            layers["fine_rays"] = renderer.fine_rays
+        layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
         blank = pool.framebuffer([layers["reason"]])
         blank.use()
         blank.clear(viewport=frame.window)
@@ -130,7 +147,7 @@ class ShaderChain:
         readback.request(
             pool, {name: layers[name] for name in self._wanted if name in layers}, frame.window
         )
-        del layers["rays"]  # stays the renderer's
+        del layers["rays"], layers["fine_rays"]  # stay the renderer's
         for target in {id(target): target for target in layers.values()}.values():
             pool.give_back(target)
 
@@ -202,6 +219,7 @@ def run_twins(
     """Run the whole chain on arrays, in place. Raises ConfigError for a shader without a twin."""
     from glsim.noise.twins import TWINS
 
+    layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
     for stage in stages:
         if not values[stage.name][ENABLED]:
             continue
