@@ -103,14 +103,19 @@ class Simulator:
     """A sensor on one GL context, making frames."""
 
     def __init__(
-        self, settings: Settings, sources: Sequence[FaceSource], context: moderngl.Context
+        self,
+        settings: Settings,
+        sources: Sequence[FaceSource],
+        context: moderngl.Context,
+        extra_layers: Sequence[str] = (),
     ) -> None:
-        self._settings, self._sources = settings, sources
+        """extra_layers: further layers of the stages that frames shall carry (``Frame.extra``)."""
+        self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
         self._context = context
         self.sensor: Sensor = sensor_of(settings)
         make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
-        self._chain = ShaderChain(context, self.sensor.stages)
+        self._chain = ShaderChain(context, self.sensor.stages, self._extra)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -195,6 +200,7 @@ class Simulator:
             item.crop,
             self.sensor.rig.intrinsics,
             self._settings.output,
+            self._extra,
             key=task.key,
             source=self._sources[task.source].name,
             seed=task.seeds.frame,

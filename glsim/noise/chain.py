@@ -99,7 +99,9 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
 class ShaderChain:
     """The shader stages of a sensor, linked for one context."""
 
-    def __init__(self, context: moderngl.Context, stages: Sequence[Stage]) -> None:
+    def __init__(
+        self, context: moderngl.Context, stages: Sequence[Stage], extra_layers: Sequence[str] = ()
+    ) -> None:
         self._context = context
         self._passes = [
             StagePass(context, stage.name, stage.spec.source)
@@ -108,7 +110,9 @@ class ShaderChain:
         ]
         # Array stages may read any layer; without them only what a Frame holds comes back.
         arrays = any(stage.spec.function is not None for stage in stages)
-        self._wanted = FRAME_LAYERS + (("normal", "albedo", "lit") if arrays else ())
+        self._wanted = (
+            *FRAME_LAYERS, *(("normal", "albedo", "lit") if arrays else ()), *extra_layers
+        )  # fmt: skip
 
     def run(
         self,

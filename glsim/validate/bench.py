@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -30,7 +30,8 @@ class Shots:
     frames_mm: (T, H, W) as delivered, whole mm. fine_mm: the same before rounding to uint16 (what
     the chain itself rounds stays). Both NaN where there is no depth. clean_mm: (H, W), NaN where
     there is nothing. infrared: (T, H, W) counts. reason: (T, H, W) codes. rays: (H, W, 2), x/z and
-    y/z. encoded: what the files would hold, (T, H, W) uint16.
+    y/z. encoded: what the files would hold, (T, H, W) uint16. extra: further layers that were
+    asked for, (T, H, W, components); a stage that is switched off leaves none.
     """
 
     frames_mm: Array
@@ -40,6 +41,7 @@ class Shots:
     reason: NDArray[np.uint8]
     rays: NDArray[np.float32]
     encoded: NDArray[np.uint16]
+    extra: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
     @property
     def residual_mm(self) -> Array:
@@ -61,6 +63,7 @@ class Shots:
             ),
             self.rays[rows, columns],
             self.encoded[..., rows, columns],
+            {name: layer[:, rows, columns] for name, layer in self.extra.items()},
         )  # fmt: skip
 
 
@@ -92,11 +95,13 @@ class Bench:
         changes: Changes | None = None,
         scene: str = "scene",
         seed: int | None = None,
+        extra: Sequence[str] = (),
     ) -> Shots:
         """Frames of a mesh in the camera frame, mm.
 
         crop: side of the square around the image of ``at_mm``; None: the whole image. changes:
         over the sensor's stages. scene: decides the noise, with the seed. seed: another device.
+        extra: layers of the stages to bring along.
         """
         x, y, z = at_mm
         overrides = {
@@ -114,7 +119,7 @@ class Bench:
             [1, -1, -1], np.float32
         )
         source = OneMesh(Mesh(canonical, mesh.faces, mesh.albedo), scene)
-        simulator = Simulator(settings, [source], self._context)
+        simulator = Simulator(settings, [source], self._context, extra)
         return _stacked(
             [f for f in simulator.frames(make_tasks(settings, [source])) if isinstance(f, Frame)]
         )
@@ -142,4 +147,13 @@ def _stacked(frames: list[Frame]) -> Shots:
         np.stack([frame.reason for frame in frames]),
         first.intrinsics.rays(),
         encoded,
+        {name: _whole(frames, name, shape) for name in first.extra},
     )
+
+
+def _whole(frames: list[Frame], name: str, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """An extra layer of frames of one window, pasted into (T, *shape, components)."""
+    layers = np.stack([frame.extra[name] for frame in frames])
+    out = np.zeros((len(frames), *shape, *layers.shape[3:]), np.float32)
+    out[:, *frames[0].window.slices] = layers
+    return out

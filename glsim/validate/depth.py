@@ -43,31 +43,40 @@ def quantisation(lab: Lab) -> dict[str, Measured]:
     }  # fmt: skip
 
 
-def validity(lab: Lab) -> dict[str, Measured]:
-    """Check 23: one wall at 3 m whose albedo grows from left to right."""
+def validity_curve(lab: Lab) -> tuple[Array, Array, float] | None:
+    """Amplitudes, share of valid pixels at each, and that at 11 and above. None without infrared.
+
+    One wall at 3 m whose albedo grows from left to right; the amplitude is that of a white wall
+    times the albedo.
+    """
     z, half_px = 3000.0, 64
-    image = lab.bench.rig.intrinsics
-    half_mm = half_px * z / image.fx
+    half_mm = half_px * z / lab.bench.rig.intrinsics.fx
     bright = float(lab.wall(z).centre(16, 16).infrared.mean()) / COUNTS_PER_AMPLITUDE
     if bright <= 0:
-        return {"23": Measured(why_not="the sensor gives no infrared")}
+        return None
     low, high = 1.0 / bright, min(17.0 / bright, 1.0)
     shots = lab.bench.shoot(
         scenes.albedo_ramp(z, half_mm, low, high), crop=2 * half_px, at_mm=(0, 0, z),
         scene="albedo ramp", frames=lab.many,
     ).centre(2 * half_px - 4, 96)  # fmt: skip
     reflects = low + (high - low) * (shots.rays[0, :, 0] * z / (2 * half_mm) + 0.5)
-    a = bright * reflects
+    amplitude = bright * reflects
     share = np.isfinite(shots.frames_mm).mean(axis=(0, 1))
     bins = np.arange(1.0, 17.0, 0.5)
-    which = np.digitize(a, bins) - 1
+    which = np.digitize(amplitude, bins) - 1
     used = np.unique(which[(which >= 0) & (which < len(bins))])
-    x = np.array([a[which == b].mean() for b in used])
+    x = np.array([amplitude[which == b].mean() for b in used])
     y = np.array([share[which == b].mean() for b in used])
-    above = share[a >= 11]
-    least = 100 * float(above.mean()) if above.size else float("nan")
-    return {"23": Measured({"a*": measure.crossing(x, y, 0.5), "valid": least},
-                           "amplitude from the infrared of a white wall times albedo")}  # fmt: skip
+    return x, y, measure.mean_of(share[amplitude >= 11])
+
+
+def validity(lab: Lab) -> dict[str, Measured]:
+    """Check 23."""
+    found = lab.once("validity", lambda: validity_curve(lab))
+    if found is None:
+        return {"23": Measured(why_not="not applicable: the sensor gives no infrared")}
+    amplitude, share, above = found
+    return {"23": Measured({"a*": measure.crossing(amplitude, share, 0.5), "valid": 100 * above})}
 
 
 def ranges(lab: Lab) -> dict[str, Measured]:

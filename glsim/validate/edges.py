@@ -13,6 +13,9 @@ from glsim.validate.report import Measured
 
 NEAR_MM = 900.0
 _EDGE_PX = 96
+#: The square that throws shadows: half its side; and the window around it.
+HALF_PX = 20.0
+_SHADOW_PX = 128
 
 
 def step(lab: Lab, far_mm: float, changes: Changes | None = None) -> Shots:
@@ -75,34 +78,44 @@ def silhouette(lab: Lab) -> dict[str, Measured]:
 
 
 def shadow_profile(lab: Lab, far_mm: float, horizontal: bool = True) -> tuple[Array, Array, Shots]:
-    """Pixels from the middle of a square at 0.9 m, and how light the background is there.
+    """Pixels from the axis through a square of +-20 px at 0.9 m, and how light the background is.
 
     Light is the infrared relative to the same wall alone, 0 to 1; NaN on the square.
     """
-    half = 20.0 * NEAR_MM / lab.bench.rig.intrinsics.fx
+    focal = lab.bench.rig.intrinsics.fx
+    half = HALF_PX * NEAR_MM / focal
     shots = lab.bench.shoot(
-        scenes.occluder(NEAR_MM, far_mm, half), crop=128, at_mm=(0, 0, NEAR_MM),
+        scenes.occluder(NEAR_MM, far_mm, half), crop=_SHADOW_PX, at_mm=(0, 0, NEAR_MM),
         scene=f"shadow {far_mm}", frames=lab.many,
     )  # fmt: skip
     bare = lab.bench.shoot(
-        scenes.wall(far_mm), 8, 128, at_mm=(0, 0, NEAR_MM), scene=f"unshadowed {far_mm}"
+        scenes.wall(far_mm), 8, _SHADOW_PX, at_mm=(0, 0, NEAR_MM), scene=f"unshadowed {far_mm}"
     )
     light = shots.infrared.mean(axis=0) / np.maximum(bare.infrared.mean(axis=0), 1.0)
     light = np.where(shots.clean_mm > far_mm - 1, light, np.nan)
-    band = slice(64 - 10, 64 + 10)
+    band = slice(_SHADOW_PX // 2 - 10, _SHADOW_PX // 2 + 10)
     image = light[band] if horizontal else light[:, band].T
     profile = np.array([measure.mean_of(column) for column in image.T])
-    return np.arange(128) - 63.5, profile, shots
+    rays = shots.rays[0, :, 0] if horizontal else shots.rays[:, 0, 1]
+    return np.asarray(rays * focal, np.float64), profile, shots
 
 
-def _darkness(place: Array, profile: Array) -> tuple[float, float]:
-    """Full shadow widths on the negative and on the positive side: the light that lacks, in px.
+def _shadow_width(place: Array, profile: Array, side: int) -> float:
+    """How wide the shadow beside the square is, on its negative or positive side, pixels.
 
-    Beside the square itself its own light bleeds over (point spread); it is not counted.
+    From the square's edge to where a sharp shadow with as little light in all would end: the
+    pixels beyond the darkest one count by the light they lack, those nearer wholly, for what is
+    light there is the square's own blurred rim.
     """
-    lack = np.clip(1.0 - np.nan_to_num(profile, nan=1.0), 0.0, 1.0)
-    lack = np.where(lack < 0.05, 0.0, lack)
-    return float(lack[place < 0].sum()), float(lack[place > 0].sum())
+    out = (side * place > HALF_PX) & np.isfinite(profile)
+    away, light = side * place[out] - HALF_PX, np.clip(profile[out], 0.0, 1.0)
+    order = np.argsort(away)
+    away, lack = away[order], 1.0 - light[order]
+    lack[lack < 0.05] = 0.0
+    if not lack.any():
+        return 0.0
+    darkest = int(lack.argmax())
+    return float(away[darkest] - 0.5 + lack[darkest:].sum())
 
 
 def shadows(lab: Lab) -> dict[str, Measured]:
@@ -110,11 +123,11 @@ def shadows(lab: Lab) -> dict[str, Measured]:
     found: dict[str, float] = {}
     others: list[float] = []
     for far in (1100, 1500, 2000):
-        place, profile, _ = shadow_profile(lab, far)
-        left, right = _darkness(place, profile)
-        found[f"{far / 1000:g} m"] = left
-        up, down = _darkness(*shadow_profile(lab, far, horizontal=False)[:2])
-        others += [right, up, down]
+        place, profile, _ = lab.once(f"shadow {far}", lambda z=far: shadow_profile(lab, z))
+        found[f"{far / 1000:g} m"] = _shadow_width(place, profile, -1)
+        others.append(_shadow_width(place, profile, 1))
+        place, profile, _ = shadow_profile(lab, far, horizontal=False)
+        others += [_shadow_width(place, profile, side) for side in (-1, 1)]
     found["other sides"] = max(others, key=abs)
     return {"20": Measured(found, _expected(lab)), "21": _penumbra(lab)}
 
@@ -126,12 +139,12 @@ def _expected(lab: Lab) -> str:
     baseline = float(np.mean([e.position_m[0] for e in emitters]))
     focal = lab.bench.rig.intrinsics.fx
     widths = (f"{shadow_px(baseline, focal, 0.9, z):.1f}" for z in (1.1, 1.5, 2.0))
-    return f"b f (1/Zo - 1/Zb) of this rig: {', '.join(widths)} px; width is the light that lacks"
+    return f"b f (1/Zo - 1/Zb) of this rig: {', '.join(widths)} px"
 
 
 def _penumbra(lab: Lab) -> Measured:
     """Check 21: plateaus of light on the shadowed side of a square before a wall at 2 m."""
-    place, profile, shots = shadow_profile(lab, 2000)
+    place, profile, shots = lab.once("shadow 2000", lambda: shadow_profile(lab, 2000))
     side = (place < 0) & np.isfinite(profile)
     inner = np.flatnonzero(side & (profile > 0.15) & (profile < 0.85))
     # A plateau: a column whose neighbours are as light as itself.
@@ -145,7 +158,8 @@ def _penumbra(lab: Lab) -> Measured:
             columns.append(int(column))
     if not columns:
         return Measured({"levels": 0.0}, "light falls from full to none within a pixel or two")
-    sigma = measure.sigma_temporal_map(shots.frames_mm[:, 54:74])
+    middle = slice(_SHADOW_PX // 2 - 10, _SHADOW_PX // 2 + 10)
+    sigma = measure.sigma_temporal_map(shots.frames_mm[:, middle])
     lit = measure.mean_of(sigma[:, place > 40])
     growth = [measure.mean_of(sigma[:, column]) / lit for column in columns]
     shares = ", ".join(f"{level:.2f}" for level in levels)

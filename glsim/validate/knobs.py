@@ -6,6 +6,7 @@ knobs.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from glsim.sensor import Sensor
@@ -20,17 +21,38 @@ class Knobs:
 
     white: leaves the noise of the phases alone (no floor, no fixed pattern, no rounding).
     no_filters: leaves the decoder's thresholds but none of its filters. no_rounding: depth stays
-    a real number. skin: the delay of light within skin.
+    a real number. skin: the delay of light within skin. phases: layers that hold
+    the phasors, real and imaginary part of 80 and 16 MHz and of 120 MHz.
     """
 
     white: Changes | None = None
     no_filters: Changes | None = None
     no_rounding: Changes | None = None
     skin: Changes | None = None
+    phases: tuple[str, ...] = ()
 
 
 def knobs_of(sensor: Sensor) -> Knobs:
     """What the stages of a sensor allow."""
     names = {stage.spec.name: stage.name for stage in sensor.stages}
-    rounding = names.get("millimetre_quantise")
-    return Knobs(no_rounding=None if rounding is None else {rounding: _OFF})
+
+    def changes(**by_spec: Mapping[str, float]) -> Changes | None:
+        """Those to stages that the sensor has; None if it has none of them."""
+        found = {names[spec]: dict(values) for spec, values in by_spec.items() if spec in names}
+        return found or None
+
+    rounding = changes(millimetre_quantise=_OFF)
+    if "tof_taps" not in names:
+        return Knobs(no_rounding=rounding)
+    return Knobs(
+        white=changes(
+            tof_light={"harmonic_2": 0.0, "harmonic_5": 0.0},
+            tof_floor=_OFF,
+            fixed_pattern=_OFF,
+            millimetre_quantise=_OFF,
+        ),
+        no_filters=changes(tof_bilateral=_OFF, tof_edge=_OFF),
+        no_rounding=rounding,
+        skin=changes(tof_light={"subsurface_mm": 7.0}),
+        phases=("phasor_a", "phasor_b"),
+    )

@@ -97,8 +97,8 @@ def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
     variance = np.nanmean(images**2)
     found = []
     for lag in lags:
-        directions = {lag, lag[::-1], (lag[0], -lag[1]), (lag[1], -lag[0])}
-        values = [_lagged(images, *d) for d in directions if d not in ((0, -0),)]
+        directions = {lag, lag[::-1], (lag[0], -lag[1]), (lag[1], -lag[0])} if lag[0] else {lag, lag[::-1]}
+        values = [_lagged(images, *d) for d in directions]
         found.append(np.mean(values) / variance)
     return np.array(found)
 

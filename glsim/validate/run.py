@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import moderngl
 
 from glsim.gl.context import open_context
-from glsim.validate import depth, edges, heads, structured, walls
+from glsim.validate import depth, edges, heads, phases, structured, walls
 from glsim.validate.bench import Bench
 from glsim.validate.lab import Lab
 from glsim.validate.report import Check, Measured, Report, complete
@@ -27,6 +27,7 @@ _V2: tuple[Examination, ...] = (
     walls.pattern,
     walls.exponent,
     walls.skin,
+    phases.phases,
     edges.mixed,
     edges.silhouette,
     edges.shadows,

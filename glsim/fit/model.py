@@ -1,0 +1,106 @@
+"""From the noise of a recording to the numbers of a sensor: amplitude, floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.camera import Intrinsics
+from glsim.fit.statistics import Statistics
+from glsim.validate.curves import white_sigma_mm
+
+Array = NDArray[np.float64]
+
+#: Noise over distance is averaged in so many classes of equal light.
+_CLASSES = 40
+_AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """sigma^2 = floor^2 + white(a)^2 + unit^2 / 12, a = amplitude * light.
+
+    amplitude: of a white wall at 1 m (libfreenect2's infrared units), and its standard error as a
+    share; infinite if the recording does not tell. light, sigma_mm: (N,) classes of pixels, the
+    light relative to a facing wall at 1 m.
+    """
+
+    amplitude: float
+    amplitude_error: float
+    floor_mm: float
+    light: Array
+    sigma_mm: Array
+
+    @property
+    def knows_amplitude(self) -> bool:
+        """Whether the recording determines the amplitude."""
+        return self.amplitude_error < 0.3
+
+
+def fit_model(
+    found: Statistics, image: Intrinsics, albedo: float, unit_mm: float, vignetting: float
+) -> Model:
+    """Amplitude and floor by weighted least squares over classes of equal light.
+
+    albedo: of the scene, relative to a white wall. vignetting: power of the cosine to the axis by
+    which the image darkens.
+    """
+    light = albedo * _light(found.mean_mm, image, vignetting)
+    used = found.smooth & np.isfinite(light) & (light > 0)
+    x, variance, weight = _classes(light[used], found.variance_mm2[used], found.frames)
+    rounding = unit_mm**2 / 12.0
+    misfit = np.empty(len(_AMPLITUDES))
+    floors = np.empty(len(_AMPLITUDES))
+    for number, amplitude in enumerate(_AMPLITUDES):
+        white = white_sigma_mm(amplitude * x) ** 2
+        floors[number] = max(float(np.average(variance - white - rounding, weights=weight)), 0.0)
+        misfit[number] = float((weight * (variance - white - rounding - floors[number]) ** 2).sum())
+    best = int(misfit.argmin())
+    # Where the misfit has risen by what one class is off on average: one standard error.
+    rise = misfit[best] / max(len(x) - 2, 1) if len(x) > 2 else np.inf
+    good = np.flatnonzero(misfit <= misfit[best] + max(rise, 1.0))
+    ends = good[0], good[-1]
+    error = 0.5 * float(np.log(_AMPLITUDES[ends[1]] / _AMPLITUDES[ends[0]]))
+    if ends[0] == 0 or ends[1] == len(_AMPLITUDES) - 1:
+        error = float("inf")
+    return Model(
+        float(_AMPLITUDES[best]), error, float(np.sqrt(floors[best])), x, np.sqrt(variance)
+    )
+
+
+def _light(mean_mm: Array, image: Intrinsics, vignetting: float) -> Array:
+    """(H, W) light of each pixel relative to a facing wall at 1 m; NaN without neighbours."""
+    rays = np.concatenate([image.rays(), np.ones((*mean_mm.shape, 1))], axis=-1).astype(np.float64)
+    points = rays * mean_mm[..., None] / 1000.0
+    lag = 4
+    along, down = np.full(points.shape, np.nan), np.full(points.shape, np.nan)
+    along[:, lag:-lag] = points[:, 2 * lag :] - points[:, : -2 * lag]
+    down[lag:-lag] = points[2 * lag :] - points[: -2 * lag]
+    normal = np.cross(down, along)
+    length = np.linalg.norm(points, axis=-1) * np.linalg.norm(normal, axis=-1)
+    facing = np.abs((normal * points).sum(axis=-1)) / np.where(length > 0, length, np.nan)
+    stretch = np.linalg.norm(rays, axis=-1)
+    distance = np.where(mean_mm > 0, stretch * mean_mm / 1000.0, np.nan)
+    return np.asarray(facing / distance**2 * stretch**-vignetting)
+
+
+def _classes(light: Array, variance: Array, frames: int) -> tuple[Array, Array, Array]:
+    """Mean light, mean variance and weight of classes of equal light."""
+    edges = np.geomspace(light.min() * 0.999, light.max() * 1.001, _CLASSES + 1)
+    which = np.digitize(light, edges) - 1
+    rows = []
+    for k in range(_CLASSES):
+        own = variance[which == k]
+        if own.size < 50:
+            continue
+        # Pixels of other stuff or at hidden edges are far noisier than most.
+        own_light = light[which == k]
+        kept = own <= 5.0 * np.median(own)
+        mean = float(own[kept].mean())
+        # Nine neighbours share their noise: about two ninths as many independent samples.
+        samples = kept.sum() * max(frames - 1, 1) * 0.22
+        weight = samples / max(2.0 * mean**2, 1e-12)
+        rows.append((float(own_light[kept].mean()), mean, weight))
+    return tuple(np.array(column) for column in zip(*rows, strict=True))  # type: ignore[return-value]
