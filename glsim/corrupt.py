@@ -127,13 +127,14 @@ class Corrupter:
     def _array_layers(self, depth_m: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
         """The layers that a chain starts from, without GL."""
         rays = self.rig.rays()
-        normal = np.pad(depthmap.normals(depth_m, rays), ((0, 0), (0, 0), (0, 1)))
+        albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
+        normal = np.dstack([depthmap.normals(depth_m, rays), albedo])
         return {
             "clean": depth_m,
             "depth": depth_m,
             "reason": np.zeros_like(depth_m),
             "normal": normal,
-            "albedo": np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0)),
+            "albedo": albedo,
             "lit": depthmap.lit_by_marching(depth_m, self.rig),
             "rays": rays,
         }

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from glsim.bounds import Sight, Tangents, corners, emitter_view, image_window, union
 from glsim.camera import Emitter, Intrinsics, SensorRig
 from glsim.frame import Rect
-from glsim.gl.program import link_files
-from glsim.gl.source import Layer
+from glsim.gl.program import link, link_files
+from glsim.gl.source import SHADER_ROOT, Layer, load_source
 from glsim.gl.targets import Target, TargetPool
 from glsim.mesh import Mesh
 from glsim.pose import pose_matrix
@@ -80,15 +80,20 @@ class Renderer:
         self.rays = self.pool.upload(_RAYS, rig.rays())
         scale = Fraction(rig.supersample)
         self.fine_rays: Target | None = None
-        self._drawn = (CLEAN, NORMAL, ALBEDO)
+        self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
         if rig.supersample > 1:
             fine_rays = Layer("fine_rays", "vec2", scale)
             self.fine_rays = self.pool.upload(fine_rays, rig.rays(rig.supersample))
-            self._drawn = tuple(replace(la, name=f"fine_{la.name}", scale=scale) for la in self._drawn)
-            self._centres_pass = self._fullscreen("render/centres.frag")
+            self._drawn = tuple(
+                replace(la, name=f"fine_{la.name}", scale=scale) for la in (CLEAN, NORMAL)
+            )
+            self._centres_pass = self._fullscreen(
+                "render/centres.frag", ("SIDE = 3", f"SIDE = {rig.supersample}")
+            )
         #: No depth of the scene that was rendered last is less.
         self.nearest_m = 0.0
-        self._surface = link_files(context, "render/surface.vert", "render/surface.frag")
+        drawing = "surface" if rig.supersample == 1 else "samples"
+        self._surface = link_files(context, "render/surface.vert", f"render/{drawing}.frag")
         self._projector = link_files(context, "render/projector.vert", "render/projector.frag")
         self._lit_pass = self._fullscreen("render/lit.frag")
         self._lens_pass = self._fullscreen("render/lens.frag") if rig.is_raw else None
@@ -96,14 +101,17 @@ class Renderer:
         fine = pinhole.finer(rig.supersample)
         self._depth = context.depth_renderbuffer((fine.width, fine.height))
         self._camera_buffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
+        self._clearing: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._map = context.depth_texture((_MAP_SIZE, _MAP_SIZE))
         self._map.compare_func = "<="
         self._map.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self._map_buffer = context.framebuffer([], self._map)
         self._drawables: OrderedDict[int, _Drawable] = OrderedDict()
 
-    def _fullscreen(self, fragment: str) -> moderngl.VertexArray:
-        program = link_files(self.context, "render/fullscreen.vert", fragment)
+    def _fullscreen(self, name: str, change: tuple[str, str] = ("", "")) -> moderngl.VertexArray:
+        """A pass over a window. change: of the shader's text, for a constant of the rig's."""
+        fragment = load_source(SHADER_ROOT / name)
+        program = link(self.context, replace(fragment, text=fragment.text.replace(*change)))
         return self.context.vertex_array(program, [])
 
     def render(
@@ -113,7 +121,7 @@ class Renderer:
 
         visible: the crop that will be delivered (None: all).
         Returns the layers clean, normal, albedo and lit, those of the finer grid if the rig has
-        one (fine_clean, fine_normal, fine_albedo, uneven), and the window they are drawn in; give
+        one (fine_clean, fine_normal, uneven), and the window they are drawn in; give
         the targets back to ``pool``. Raises MeshError if the first mesh, the face, is not in view.
         """
         boxes = [corners(mesh.vertices_mm, view) for mesh, view in meshes]
@@ -140,10 +148,11 @@ class Renderer:
         image = self.rig.intrinsics
         window = Rect(0, 0, image.width, image.height)
         view = pose_matrix({})
+        albedo = np.where(clean_m > 0, np.float32(SKIN_ALBEDO), np.float32(0.0))
         layers = {
             "clean": self.pool.upload(CLEAN, clean_m),
-            "normal": self.pool.upload(NORMAL, np.pad(normal, ((0, 0), (0, 0), (0, 1)))),
-            "albedo": self.pool.upload(ALBEDO, np.where(clean_m > 0, SKIN_ALBEDO, 0.0)),
+            "normal": self.pool.upload(NORMAL, np.dstack([normal, albedo])),
+            "albedo": self.pool.upload(ALBEDO, albedo),
         }
         casts = surface is not None and self.rig.shadow_map
         drawables = [self._drawable(surface)] if surface is not None and casts else []
@@ -210,12 +219,15 @@ class Renderer:
         if key not in self._camera_buffers:
             textures = [target.texture for target in targets]
             self._camera_buffers[key] = self.context.framebuffer(textures, self._depth)
+            self._clearing[key] = self.context.framebuffer(textures[:1], self._depth)
         buffer = self._camera_buffers[key]
         buffer.use()
         fine, drawn = pinhole.finer(self.rig.supersample), self._drawn[0].window(area)
         buffer.viewport = (0, 0, fine.width, fine.height)
         buffer.scissor = drawn
-        buffer.clear(viewport=drawn)
+        # Of samples only the depth is cleared: where there is none, nobody looks at the rest.
+        (buffer if self.rig.supersample == 1 else self._clearing[key]).clear(viewport=drawn)
+        buffer.use()
         self._draw_meshes([d.surface for d in drawables], self._surface, views)
         layers = {target.layer.name: target for target in targets}
         return layers if self._lens_pass is None else self._through_lens(layers, window)
@@ -247,7 +259,6 @@ class Renderer:
         for unit, (name, target) in enumerate(fine.items()):
             target.texture.use(unit)
             self._centres_pass.program[f"u_{name}"] = unit
-        self._centres_pass.program["u_supersample"] = self.rig.supersample
         self._centres_pass.render(moderngl.TRIANGLES, vertices=3)
         return {target.layer.name: target for target in targets}
 

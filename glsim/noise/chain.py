@@ -30,7 +30,6 @@ INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
 FINE_LAYERS = {
     "fine_clean": "clean",
     "fine_normal": "normal",
-    "fine_albedo": "albedo",
     "fine_rays": "rays",
     "uneven": "clean",
 }

@@ -5,9 +5,3 @@ float fetch(sampler2D layer, ivec2 pixel) {
     if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size))) return 0.0;
     return texelFetch(layer, pixel, 0).r;
 }
-
-vec4 fetch_all(sampler2D layer, ivec2 pixel) {
-    ivec2 size = textureSize(layer, 0);
-    if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size))) return vec4(0.0);
-    return texelFetch(layer, pixel, 0);
-}

@@ -1,7 +1,7 @@
 #version 330 core
 // tof_edge: libfreenect2's edge filter: removes pixels between two surfaces, and those that the
 // bilateral filter has marked.
-#include "lib/layers.glsl"
+#include "lib/loops.glsl"
 #include "reason.glsl"
 
 uniform float min_contrast = 0.05;  //@ [0, 10]   1  standard deviation over mean of the infrared in 3x3 (libfreenect2: edge_ab_std_dev_threshold)
@@ -27,14 +27,15 @@ void main() {
     ivec2 last = ivec2(u_frame_size_px) - 1;
     bool wanted = own.x > 0.0 && !any(equal(pixel, ivec2(0))) && !any(equal(pixel, last));
     float sum = 0.0, squares = 0.0, low = own.x, high = own.x;
-    for (int k = 0; k < 9 && wanted; k++) {
-        vec4 other = fetch_all(u_decoded, pixel + ivec2(k % 3, k / 3) - 1);
+    int k = wanted ? 0 : 8;
+    do {
+        vec4 other = texelFetch(u_decoded, pixel + ivec2(k % 3, k / 3) - 1, 0);
         sum += other.z;
         squares += other.z * other.z;
         float z = k != 4 && other.y > 0.0 ? other.y : own.x;
         low = min(low, z);
         high = max(high, z);
-    }
+    } while (++k < 9);
     float spread = sqrt(max(9.0 * squares - sum * sum, 0.0)) / 9.0;
     float contrast = spread / max(sum / 9.0, min_mean);
     float near_mm = 1000.0 * (own.x - low), far_mm = 1000.0 * (high - own.x);

@@ -45,15 +45,16 @@ void main() {
     // phases repeat (2 for 80, 16 and 120 MHz).
     float best = 1e6, best_turn = 0.0;
     float turns_of_third = f.z / f.y;
-    for (int turn = 0; turn < MOST_TURNS; turn++) {
+    int turn = 0;
+    bool more;
+    do {
         float third = fast * f.z / f.x + float(turn) * turns_of_third - phase.z;
         float misfit = abs(third - floor(third + 0.5));
-        if (misfit < best - 1e-4) {
-            best = misfit;
-            best_turn = float(turn);
-        }
-        if (abs(fract(float(turn + 1) * turns_of_third + 0.5) - 0.5) < 1e-3) break;
-    }
+        best_turn = misfit < best - 1e-4 ? float(turn) : best_turn;
+        best = min(best, misfit);
+        turn++;
+        more = abs(fract(float(turn) * turns_of_third + 0.5) - 0.5) > 1e-3;
+    } while (more && turn < MOST_TURNS);
     fast += best_turn * ratio;
     slow += best_turn;
     float third = phase.z + floor(fast * f.z / f.x - phase.z + 0.5);
