@@ -20,7 +20,9 @@ _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """sigma^2 = floor^2 + white(a)^2 + unit^2 / 12, a = amplitude * light.
+    """sigma^2 = floor^2 + (white(a) cosine)^2 + unit^2 / 12, a = amplitude * light.
+
+    The noise of the light is along the ray; cosine, of the ray to the axis, brings it to depth.
 
     amplitude: of a white wall at 1 m (libfreenect2's infrared units), and its standard error as a
     share; infinite if the recording does not tell. light, sigma_mm: (N,) classes of pixels, the
@@ -47,14 +49,17 @@ def fit_model(
     albedo: of the scene, relative to a white wall. vignetting: power of the cosine to the axis by
     which the image darkens.
     """
+    cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
     light = albedo * _light(found.mean_mm, image, vignetting)
     used = found.smooth & np.isfinite(light) & (light > 0)
-    x, variance, weight = _classes(light[used], found.variance_mm2[used], found.frames)
+    x, squared, variance, weight = _classes(
+        light[used], cosine[used] ** 2, found.variance_mm2[used], found.frames
+    )
     rounding = unit_mm**2 / 12.0
     misfit = np.empty(len(_AMPLITUDES))
     floors = np.empty(len(_AMPLITUDES))
     for number, amplitude in enumerate(_AMPLITUDES):
-        white = white_sigma_mm(amplitude * x) ** 2
+        white = squared * white_sigma_mm(amplitude * x) ** 2
         floors[number] = max(float(np.average(variance - white - rounding, weights=weight)), 0.0)
         misfit[number] = float((weight * (variance - white - rounding - floors[number]) ** 2).sum())
     best = int(misfit.argmin())
@@ -70,9 +75,15 @@ def fit_model(
     )
 
 
+def _rays(image: Intrinsics) -> Array:
+    """(H, W, 3) rays with z = 1."""
+    flat = image.rays().astype(np.float64)
+    return np.concatenate([flat, np.ones((*flat.shape[:2], 1))], axis=-1)
+
+
 def _light(mean_mm: Array, image: Intrinsics, vignetting: float) -> Array:
     """(H, W) light of each pixel relative to a facing wall at 1 m; NaN without neighbours."""
-    rays = np.concatenate([image.rays(), np.ones((*mean_mm.shape, 1))], axis=-1).astype(np.float64)
+    rays = _rays(image)
     points = rays * mean_mm[..., None] / 1000.0
     lag = 4
     along, down = np.full(points.shape, np.nan), np.full(points.shape, np.nan)
@@ -86,8 +97,10 @@ def _light(mean_mm: Array, image: Intrinsics, vignetting: float) -> Array:
     return np.asarray(facing / distance**2 * stretch**-vignetting)
 
 
-def _classes(light: Array, variance: Array, frames: int) -> tuple[Array, Array, Array]:
-    """Mean light, mean variance and weight of classes of equal light."""
+def _classes(
+    light: Array, squared: Array, variance: Array, frames: int
+) -> tuple[Array, Array, Array, Array]:
+    """Mean light, mean squared cosine, mean variance and weight of classes of equal light."""
     edges = np.geomspace(light.min() * 0.999, light.max() * 1.001, _CLASSES + 1)
     which = np.digitize(light, edges) - 1
     rows = []
@@ -96,11 +109,11 @@ def _classes(light: Array, variance: Array, frames: int) -> tuple[Array, Array, 
         if own.size < 50:
             continue
         # Pixels of other stuff or at hidden edges are far noisier than most.
-        own_light = light[which == k]
+        own_light, own_squared = light[which == k], squared[which == k]
         kept = own <= 5.0 * np.median(own)
         mean = float(own[kept].mean())
         # Nine neighbours share their noise: about two ninths as many independent samples.
         samples = kept.sum() * max(frames - 1, 1) * 0.22
         weight = samples / max(2.0 * mean**2, 1e-12)
-        rows.append((float(own_light[kept].mean()), mean, weight))
+        rows.append((own_light[kept].mean(), own_squared[kept].mean(), mean, weight))
     return tuple(np.array(column) for column in zip(*rows, strict=True))  # type: ignore[return-value]

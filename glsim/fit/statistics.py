@@ -136,6 +136,8 @@ def _pattern(mean: Array, noise: Array, smooth: Mask) -> tuple[float, float, flo
     A second difference along a row holds six times the variance of pixels and columns, one along
     a column that of pixels alone. noise: variance that temporal noise leaves in the mean.
     """
+    # Where the light is good; far walls would drown the pattern.
+    smooth = smooth & (noise <= np.median(noise[smooth]))
     left = mean_of(noise[smooth])
     across = _second_difference(mean, 1, _LAG_PX)[smooth]
     down = _second_difference(mean, 0, _LAG_PX)[smooth]
