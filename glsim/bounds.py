@@ -95,9 +95,7 @@ def tangents(
     return Tangents(*(float(v) for v in (x.min(), y.min(), x.max(), y.max(), z.min(), z.max())))
 
 
-def image_window(
-    corners_m: NDArray[np.float64], sight: Sight, visible: Rect | None
-) -> Rect:
+def image_window(corners_m: NDArray[np.float64], sight: Sight, visible: Rect | None) -> Rect:
     """The window of the image that a mesh can touch, with margin; the whole image if unsure.
 
     visible: the crop that is delivered, or None for all. Raises MeshError if nothing is in view.
@@ -130,15 +128,14 @@ def image_window(
 
 
 def emitter_view(
-    corners_m: NDArray[np.float64],
-    window: Rect,
-    sight: Sight,
-    origin_m: tuple[float, float, float],
+    corners_m: NDArray[np.float64], sight: Sight, origin_m: tuple[float, float, float]
 ) -> Tangents:
-    """What an emitter must see to light ``window``: directions, and the range of all depths.
+    """What an emitter must see to light the image: directions, and the range of all depths.
 
-    Whatever throws a shadow into the window lies, seen from the emitter, in the direction of a
-    point that the camera sees there. Raises MeshError if the emitter is inside the scene.
+    Whatever throws a shadow into the image lies, seen from the emitter, in the direction of a
+    point that the camera sees there. It is not cut to a crop, or the shadows' edges, drawn on
+    another grid, would not be those of the whole frame. Raises MeshError if the emitter is inside
+    the scene.
     """
     near_m = sight.rig.near_m / 2  # an emitter may stand before the camera
     all_of_it = tangents(corners_m, origin_m, near_m)
@@ -148,10 +145,8 @@ def emitter_view(
             f"{near_m * 1000:.0f} mm: check units, axes and distance"
         )
     z = np.clip([corners_m[:, 2].min(), corners_m[:, 2].max()], near_m, None)
-    rows, columns = window.slices
-    x = sight.columns[columns, 0].min(), sight.columns[columns, 1].max()
-    y = sight.rows[rows, 0].min(), sight.rows[rows, 1].max()
-    seen = np.array([(a * d, b * d, d) for d in z for a in x for b in y])
+    x, y = ((seen.min(), seen.max()) for seen in (sight.columns, sight.rows))
+    seen = np.array([(a * d, b * d, d) for d in z for a, b in itertools.product(x, y)])
     lit = tangents(seen, origin_m, 0.0)
     if lit is None:
         return all_of_it

@@ -32,8 +32,7 @@ class Corrupter:
     settings: sensor, seed, stage parameters and output.depth_unit_mm are used.
     backend: "egl", "osmesa", "numpy" (the twins; no GL at all) or None (a GL backend that works).
     centre_px, focal_px: of the camera that made the maps; by default the sensor's own for maps of
-        the sensor's size, and for smaller ones (crops) its focal length and the map's centre.
-    Raises ConfigError for a map that is larger than the sensor's image.
+        the sensor's size, and for others (crops) its focal length and the map's centre.
     """
 
     def __init__(

@@ -76,9 +76,9 @@ class Distribution(BaseModel):
         """The number for the frame that ``keys`` identify. normal is cut at three deviations."""
         if self.constant is not None:
             return self.constant
-        rng = np.random.Generator(
-            np.random.Philox(key=[getattr(keys, self.per), zlib.crc32(name.encode())])
-        )
+        # As unsigned integers: NumPy would make float64 of a list that holds one beyond 2**63.
+        key = np.array([getattr(keys, self.per), zlib.crc32(name.encode())], dtype=np.uint64)
+        rng = np.random.Generator(np.random.Philox(key=key))
         if self.uniform is not None:
             return float(rng.uniform(*self.uniform))
         if self.loguniform is not None:

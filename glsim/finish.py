@@ -38,9 +38,12 @@ def finish(
         visible.left - window.left, visible.top - window.top, visible.width, visible.height
     ).slices
     clean, noisy = layers["clean"][inside], layers["depth"][inside]
-    if not np.isfinite(noisy).all():
-        bad = int((~np.isfinite(noisy)).sum())
-        raise ConfigError(f"the noise stages left NaN or infinity in {bad} pixels of the depth")
+    for name in ("depth", "reason", "infrared"):
+        if name in layers and not np.isfinite(layers[name][inside]).all():
+            bad = int((~np.isfinite(layers[name][inside])).sum())
+            raise ConfigError(
+                f"the noise stages left NaN or infinity in {bad} pixels of the {name}"
+            )
     noisy = np.maximum(noisy, np.float32(0.0))
     reason = explain(clean, noisy, layers["reason"][inside])
     if output.clean_mask == "as-noisy":

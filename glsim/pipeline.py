@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -26,7 +26,7 @@ from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource
 from glsim.finish import finish
-from glsim.frame import Frame, Rect, Skipped
+from glsim.frame import LAYERS, Frame, Rect, Skipped
 from glsim.gl.context import is_software, make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.mesh import Mesh
@@ -71,11 +71,13 @@ def simulate(
     sources: Sequence[FaceSource] | None = None,
     backend: str | None = None,
     context: moderngl.Context | None = None,
+    layers: Collection[str] = LAYERS,
 ) -> Iterator[Frame | Skipped]:
     """Make the frames of ``tasks`` (default: the whole plan), in order, one result each.
 
     sources: what ``settings.source`` describes, if it is open already; any FaceSource will do.
     backend: "egl" or "osmesa". context: one to draw in; by default one is opened and closed.
+    layers: that will be looked at. Without "infrared" that image stays 0 unless a stage needs it.
     A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
     and MeshError for a bad face if ``settings.strict``.
     """
@@ -85,7 +87,7 @@ def simulate(
     drawn_in = context or own_context
     assert drawn_in is not None
     try:
-        yield from Simulator(settings, opened, drawn_in).frames(planned)
+        yield from Simulator(settings, opened, drawn_in, layers).frames(planned)
     finally:
         if own_context is not None:
             own_context.release()
@@ -107,6 +109,7 @@ class Simulator:
         settings: Settings,
         sources: Sequence[FaceSource],
         context: moderngl.Context,
+        layers: Collection[str] = LAYERS,
         extra_layers: Sequence[str] = (),
     ) -> None:
         """extra_layers: further layers of the stages that frames shall carry (``Frame.extra``)."""
@@ -115,7 +118,9 @@ class Simulator:
         self.sensor: Sensor = sensor_of(settings)
         make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
-        self._chain = ShaderChain(context, self.sensor.stages, self._extra)
+        self._chain = ShaderChain(
+            context, self.sensor.stages, self._extra, infrared="infrared" in layers
+        )
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -229,7 +234,9 @@ def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) 
     """The square that is delivered, centred on the face and shifted to lie within the image."""
     if side is None:
         return Rect(0, 0, image.width, image.height)
-    centre = image.project(np.array([[pose["x_mm"], pose["y_mm"], pose["distance_mm"]]]))[0]
+    # A face at or behind the camera has no place in the image; the renderer says so.
+    depth_mm = max(pose["distance_mm"], 1.0)
+    centre = image.project(np.array([[pose["x_mm"], pose["y_mm"], depth_mm]]))[0]
     left = int(np.clip(round(centre[0] - side / 2), 0, image.width - side))
     top = int(np.clip(round(centre[1] - side / 2), 0, image.height - side))
     return Rect(left, top, side, side)

@@ -21,8 +21,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _strict_arithmetic() -> Iterator[None]:
-    """An overflow, an invalid operation or a division by zero in NumPy is an error."""
-    before = np.seterr(all="raise")
+    """An overflow, an invalid operation or a division by zero in NumPy is an error.
+
+    Underflow is not: exp(-1000) is 0, as it should be, and numpy.testing itself underflows.
+    """
+    before = np.seterr(divide="raise", over="raise", invalid="raise")
     yield
     np.seterr(**before)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import moderngl
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.config import Settings, load_settings
+from glsim.faces.base import FaceKey
 from glsim.faces.one import OneMesh
 from glsim.frame import Frame, Rect
 from glsim.gl.context import make_current
@@ -186,3 +188,47 @@ def interior(depth_m: Array, margin_px: int = 2) -> NDArray[np.bool_]:
         for column in range(2 * margin_px + 1):
             inside &= valid[row : row + height, column : column + width]
     return inside
+
+
+#: A small pinhole in the words of a sensor file.
+SMALL_RIG = """
+title = "small"
+[rig]
+width = 96
+height = 80
+focal_px = [100.0, 100.0]
+centre_px = [48.0, 40.0]
+"""
+SMALL_EMITTER = "[[rig.emitter]]\nposition_m = [0.05, 0, 0]\n"
+
+
+def sensor_file(folder: Path, *stages: str, emitter: bool = False) -> str:
+    """A sensor file with the stages given as TOML lines; returns its path for ``sensor``."""
+    tables = "".join(f"[[stage]]\n{stage}\n" for stage in stages)
+    file = folder / "sensor.toml"
+    file.write_text(SMALL_RIG + (SMALL_EMITTER if emitter else "") + tables)
+    return str(file)
+
+
+def plate() -> Mesh:
+    """A square of 0.4 m in canonical mm: flat depth in 44 x 44 pixels of the small rig at 0.9 m."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * 200
+    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+
+
+class TwoSequences(OneMesh):
+    """One subject in two sequences of 12 frames, 30 a second."""
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """Whatever the count."""
+        return [FaceKey(subject, "ab"[n // 12], n % 12, (n % 12) / 30) for n in range(24)]
+
+
+def moving_settings(sensor: str = "kinect-v2", **overrides: Any) -> Settings:
+    """Settings whose faces turn and move from frame to frame."""
+    pose = {
+        "yaw_deg": {"uniform": [-30, 30]},
+        "x_mm": {"uniform": [-200, 200]},
+        "distance_mm": {"uniform": [700, 1200]},
+    }
+    return settings_for(sensor, pose=pose, **overrides)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import traceback
 
-import click
 import typer
 
 from glsim.cli import corrupt, describe, fit, generate, preview, render, validate
@@ -40,10 +39,12 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         result = app(args=arguments, standalone_mode=False)
         return result if isinstance(result, int) else 0
-    except click.ClickException as error:
-        error.show()
+    except typer.TyperException as error:  # a command line that it cannot read
+        message = getattr(error, "format_message", error.__str__)()
+        if message:  # a bare ``glsim`` has printed its help and says nothing more
+            sys.stderr.write(f"glsim: error: {message} (see --help)\n")
         return 2
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         console.print("interrupted: run the same command again to go on", style="yellow")
         return 1
     except GlsimError as error:

@@ -146,7 +146,7 @@ def generate(
         settings,
         tasks,
         out,
-        partial(simulate, sources=sources, backend=backend),
+        partial(simulate, sources=sources, backend=backend, layers=settings.output.layers),
         sensor=sensor.describe(),
         renderer=renderer,
         workers=workers,

@@ -35,13 +35,16 @@ _GENERATED = {"reason.glsl": reason.glsl}
 _INCLUDE = re.compile(r'^\s*#include\s+["<](?P<name>[^">]+)[">]\s*$')
 _UNIFORM = re.compile(
     r"^\s*uniform\s+(?P<type>\w+)\s+(?P<name>\w+)\s*(?:\[\s*\w+\s*\])?"
-    r"\s*(?:=\s*(?P<default>[^;]+?))?\s*;\s*(?://@(?P<note>.*))?"
+    r"\s*(?:=\s*(?P<default>[^;]+?))?\s*;\s*(?://@(?P<note>.*)|//.*|/\*.*)?$"
 )
 _OUT = re.compile(
-    r"^\s*(?:layout\s*\([^)]*\)\s*)?out\s+(?P<type>\w+)\s+(?P<name>\w+)\s*;(?P<rest>.*)"
+    r"^\s*(?:layout\s*\([^)]*\)\s*)?out\s+(?P<type>\w+)\s+(?P<name>\w+)\s*;"
+    r"(?P<rest>\s*(?:/[/*].*)?)$"
 )
+#: What begins like a declaration but is none of the above: several names, a block, a qualifier.
+_UNREADABLE = re.compile(r"^\s*(?:layout\s*\([^)]*\)\s*)?(?:uniform\s|out\s+\w+\s+[^;()]*;)")
 _NOTE = re.compile(
-    r"^\s*(?:\[(?P<low>[^,\]]+),(?P<high>[^,\]]+)\])?\s*(?P<unit>\S+)\s+(?P<help>\S.*)$"
+    r"^\s*(?:\[(?P<low>[^,\]]+),(?P<high>[^,\]]+)\])?\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
 )
 _SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
 _PARAMETER_TYPES = {"float": float, "int": int, "bool": bool}
@@ -159,6 +162,11 @@ def load_source(file: Path) -> ShaderSource:
                 Layer(
                     match["name"], match["type"], Fraction(scale["scale"]) if scale else Fraction(1)
                 )
+            )
+        elif _UNREADABLE.match(text) and not (file.suffix == ".vert" and _OUT.match(text)):
+            raise ShaderError(
+                f"{where}: declare one uniform or layer a line, as 'uniform TYPE NAME' or "
+                f"'out TYPE NAME', not {text.strip()!r}"
             )
     title = next((t[2:].strip() for t, _, _ in flat if t.startswith("//")), file.stem)
     return ShaderSource(

@@ -6,6 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -101,8 +102,6 @@ class Readback:
             self._parts.append((name, rect, components, end))
             end += rect.width * rect.height * components * _BYTES_A_NUMBER
         if self._buffer is None or self._buffer.size < end:
-            if self._buffer is not None:
-                self._buffer.release()
             self._buffer = self._context.buffer(reserve=end)
         for name, rect, components, offset in self._parts:
             pool.framebuffer([targets[name]]).read_into(
@@ -131,3 +130,9 @@ class Readback:
 def _part_bytes(part: tuple[str, Rect, int, int]) -> int:
     _, rect, components, _ = part
     return rect.width * rect.height * components * _BYTES_A_NUMBER
+
+
+def set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float32]) -> None:
+    """Set a matrix uniform; GL wants columns first."""
+    uniform: Any = program[name]
+    uniform.write(np.ascontiguousarray(matrix.T))

@@ -96,22 +96,33 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
 
 
 class ShaderChain:
-    """The shader stages of a sensor, linked for one context."""
+    """The shader stages of a sensor, linked for one context.
+
+    infrared: whether the infrared layer is to come back; extra_layers: what else is. A stage whose
+    layers nobody reads, and that are not to come back, is left out.
+    """
 
     def __init__(
-        self, context: moderngl.Context, stages: Sequence[Stage], extra_layers: Sequence[str] = ()
+        self,
+        context: moderngl.Context,
+        stages: Sequence[Stage],
+        extra_layers: Sequence[str] = (),
+        *,
+        infrared: bool = True,
     ) -> None:
         self._context = context
-        self._passes = [
-            StagePass(context, stage.name, stage.spec.source)
-            for stage in stages
-            if stage.spec.source is not None
-        ]
         # Array stages may read any layer; without them only what a Frame holds comes back.
-        arrays = any(stage.spec.function is not None for stage in stages)
-        self._wanted = (
-            *FRAME_LAYERS, *(("normal", "albedo", "lit") if arrays else ()), *extra_layers
-        )  # fmt: skip
+        wanted = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
+        if any(stage.spec.function is not None for stage in stages):
+            wanted = (*FRAME_LAYERS, "normal", "albedo", "lit")
+        self._wanted: tuple[str, ...] = (*wanted, *extra_layers)
+        self._passes: list[StagePass] = []
+        needed = set(self._wanted)
+        for stage in reversed(stages):
+            source = stage.spec.source
+            if source is not None and needed & {layer.name for layer in source.writes}:
+                self._passes.insert(0, StagePass(context, stage.name, source))
+                needed |= set(source.reads)
 
     def run(
         self,

@@ -38,6 +38,7 @@ STAGE_FOLDERS = ("noise", "tof")
 
 #: Every stage can be switched off by this name: ``--set axial.enabled=false``.
 ENABLED = "enabled"
+_ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage runs", Path(), 0)
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,11 @@ class Stage:
         values = {}
         for name, setting in self.settings.items():
             value = draw(setting, f"{self.name}.{name}")
-            parameter = self.spec.parameters.get(name)
-            if parameter is not None:
-                if parameter.type != "float":
-                    value = float(round(value))
-                if problem := parameter.problem(value):
-                    raise ConfigError(f"{self.name}.{name}: {problem}")
+            parameter = self.spec.parameters.get(name, _ENABLED)
+            if parameter.type != "float":
+                value = float(round(value))
+            if problem := parameter.problem(value):
+                raise ConfigError(f"{self.name}.{name}: {problem}")
             values[name] = value
         return values
 
@@ -137,9 +137,8 @@ def make_stage(
             raise ConfigError(
                 f"{where}: no such parameter {key!r} of stage {name!r} ({did_you_mean(key, known)})"
             )
-        parameter = spec.parameters.get(key)
-        for value in setting.bounds() if parameter is not None else ():
-            assert parameter is not None
+        parameter = spec.parameters.get(key, _ENABLED)
+        for value in setting.bounds():
             whole = round(value) if parameter.type != "float" and not setting.is_constant else value
             if problem := parameter.problem(whole):
                 raise ConfigError(f"{where}: {name}.{key}: {problem} ({parameter.help})")

@@ -20,6 +20,7 @@ from glsim.canonical import ORIGIN_BEHIND_NOSE_MM
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.ict_facekit.facs import known_shapes
 from glsim.faces.ict_facekit.topology import Topology, build_topology
+from glsim.faces.ict_facekit.unseen import seen_faces
 from glsim.objfile import read_obj, read_vertices
 
 IDENTITY_MODES: Final = 100
@@ -29,7 +30,7 @@ LANDMARKS: Final = 68  # Multi-PIE
 _NEUTRAL: Final = "generic_neutral_mesh.obj"
 _INDICES: Final = "vertex_indices.json"
 _GET_IT: Final = "git clone https://github.com/ICT-VGL/ICT-FaceKit"
-_CACHE_VERSION: Final = "1"  # raise it when what is cached changes
+_CACHE_VERSION: Final = "2"  # raise it when what is cached changes
 _LOG = logging.getLogger(__name__)
 
 
@@ -154,7 +155,19 @@ def _build(files: list[Path], expressions: tuple[str, ...], landmarks: NDArray[n
     basis[0] = (mean * MM_PER_UNIT - origin).ravel()
     if not np.isfinite(basis).all():
         raise MeshError(f"{files[0].parent}: a vertex is NaN or infinite; {_GET_IT} again")
-    return Model(basis, expressions, topology)
+    return _without_unseen(Model(basis, expressions, topology))
+
+
+def _without_unseen(model: Model) -> Model:
+    """The same model without the triangles, and then the vertices, that never come into view."""
+    topology = model.topology
+    faces = topology.faces[seen_faces(model)]
+    used, compact = np.unique(faces, return_inverse=True)
+    basis = model.basis.reshape(len(model.basis), -1, 3)[:, used].reshape(len(model.basis), -1)
+    kept = Topology(
+        compact.reshape(-1, 3).astype(np.int32), topology.kept[used], topology.region[used]
+    )
+    return Model(np.ascontiguousarray(basis), model.expressions, kept)
 
 
 def _write_cache(cache: Path, model: Model) -> Model:

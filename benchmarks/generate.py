@@ -1,0 +1,110 @@
+"""Pairs a second: glsim against Open3D and pyrender with NumPy noise, on the same meshes.
+
+    python -m benchmarks.generate [--ict-root FaceXModel] [--frames 300]
+
+Every contender gets the same faces (a new one every frame), makes clean depth, shadow and the noise
+of kinect-v2-paper at 512x424, and writes two 16-bit PNGs to disk, in one process on one core. The
+peers' noise is glsim's own NumPy twin of the same chain: vectorised, and already restricted to the
+window of the face, which is more than their users would write; "full frame" rows do without that.
+What a peer lacks is what its users would add: PNGs by OpenCV at its default settings.
+
+CPU seconds count, for they do not depend on what else the machine does; wall is printed beside them.
+Open3D and pyrender run in processes of their own (pyrender leaves the GL state unusable for others).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+CONTENDERS = {
+    "glsim": "glsim, 1 worker",
+    "open3d": "Open3D ray casting, window of the face",
+    "open3d-full": "Open3D ray casting, full frame",
+    "pyrender": "pyrender, window of the face",
+    "pyrender-full": "pyrender, full frame",
+}
+STEPS = ("face", "clean depth", "shadow", "noise", "PNG and disk", "other")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--ict-root", type=Path, help="FaceXModel folder; default: procedural faces")
+    parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--only", nargs="+", choices=CONTENDERS, default=list(CONTENDERS))
+    arguments = parser.parse_args()
+    results = {name: _run(name, arguments) for name in arguments.only}
+    _print(results, arguments)
+    if "glsim" in results:
+        _print_scaling(arguments)
+
+
+def _run(name: str, arguments: argparse.Namespace) -> dict[str, float]:
+    """One contender in a process of its own, single-threaded; its report."""
+    frames = arguments.frames if name == "glsim" else max(20, arguments.frames // 5)
+    environment = os.environ | {
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "LP_NUM_THREADS": "0",
+        "PYOPENGL_PLATFORM": "egl",
+    }
+    command = [sys.executable, "-m", "benchmarks.contender", name, str(frames)]
+    if arguments.ict_root:
+        command.append(str(arguments.ict_root.resolve()))
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [*command[:4], folder, *command[4:]],
+            env=environment, stdout=subprocess.PIPE, text=True, check=True,
+        )  # fmt: skip
+    report: dict[str, float] = json.loads(done.stdout.strip().splitlines()[-1])
+    return report
+
+
+def _print(results: dict[str, dict[str, float]], arguments: argparse.Namespace) -> None:
+    ours = results.get("glsim")
+    faces = "ICT-FaceKit" if arguments.ict_root else "procedural"
+    table = Table(title=f"kinect-v2-paper, {faces} faces, 512x424, ms of CPU a pair")
+    for column in ("contender", *STEPS, "CPU ms", "wall ms", "pairs/s", "glsim is"):
+        table.add_column(column, justify="left" if column == "contender" else "right")
+    for name, report in results.items():
+        ratio = f"{report['cpu_ms'] / ours['cpu_ms']:.1f}x" if ours and name != "glsim" else ""
+        table.add_row(
+            CONTENDERS[name],
+            *(f"{report[step]:.2f}" if step in report else "" for step in STEPS),
+            f"{report['cpu_ms']:.1f}",
+            f"{report['wall_ms']:.1f}",
+            f"{1000 / report['cpu_ms']:.0f}",
+            ratio,
+        )
+    Console(width=160).print(table)
+
+
+def _print_scaling(arguments: argparse.Namespace) -> None:
+    """What the second core adds, by ``glsim generate`` itself."""
+    from benchmarks.faces import settings_for
+    from glsim.dataset import generate
+
+    rates = {}
+    frames = 20 * arguments.frames
+    for workers in (1, 2):
+        with tempfile.TemporaryDirectory() as folder:
+            settings = settings_for(arguments.ict_root, frames)
+            summary = generate(settings, Path(folder) / "data", workers=workers)
+        rates[workers] = summary.rendered / summary.seconds
+        Console().print(
+            f"glsim generate, {workers} worker(s): {rates[workers]:.1f} pairs/s, "
+            f"{1000 * summary.cpu_seconds / summary.rendered:.2f} ms of CPU a pair"
+        )
+    Console().print(f"2 workers are {rates[2] / rates[1]:.2f}x as fast as 1")
+
+
+if __name__ == "__main__":
+    main()

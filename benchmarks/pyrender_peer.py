@@ -1,0 +1,75 @@
+"""Clean depth by pyrender from the camera and from the emitter; shadow from the two."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+
+import numpy as np
+import pyrender
+from numpy.typing import NDArray
+
+from benchmarks.contender import SHADOW_BIAS_M
+from glsim.camera import SensorRig
+from glsim.frame import Rect
+from glsim.mesh import Mesh
+from glsim.pose import pose_matrix
+
+
+class PyrenderRenderer:
+    """One off-screen renderer; each mesh is drawn twice, depth only."""
+
+    def __init__(
+        self, rig: SensorRig, step: Callable[[str], AbstractContextManager[None]]
+    ) -> None:
+        image = rig.intrinsics
+        self._step, self._rig = step, rig
+        self._renderer = pyrender.OffscreenRenderer(image.width, image.height)
+        self._camera = pyrender.IntrinsicsCamera(
+            image.fx, image.fy, image.cx, image.cy, znear=0.1, zfar=12.0
+        )
+        self._view = pose_matrix({"distance_mm": 900.0})
+        self._emitter = np.asarray(rig.emitters[0].position_m)
+        self._rays = rig.rays()
+
+    def __call__(
+        self, mesh: Mesh, window: Rect
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        with self._step("clean depth"):
+            points = mesh.vertices_mm @ self._view[:3, :3].T + self._view[:3, 3]
+            primitive = pyrender.Primitive(
+                positions=(points * (1, -1, -1)).astype(np.float32), indices=mesh.faces
+            )
+            drawn = pyrender.Mesh([primitive])
+            clean = self._depth(drawn, np.zeros(3))
+        with self._step("shadow"):
+            depth = clean[window.slices]
+            lit = self._lit(depth, self._depth(drawn, self._emitter), self._rays[window.slices])
+        return depth, lit
+
+    def _depth(self, drawn: pyrender.Mesh, origin_m: NDArray[np.float64]) -> NDArray[np.float32]:
+        scene = pyrender.Scene()
+        scene.add(drawn)
+        pose = np.eye(4)
+        pose[:3, 3] = origin_m * (1, -1, -1)  # OpenGL's camera looks along -z with y up
+        scene.add(self._camera, pose=pose)
+        depth: NDArray[np.float32] = self._renderer.render(
+            scene, flags=pyrender.RenderFlags.DEPTH_ONLY
+        )
+        return depth
+
+    def _lit(
+        self,
+        depth: NDArray[np.float32],
+        seen_by_emitter: NDArray[np.float32],
+        rays: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        image = self._rig.intrinsics
+        points = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1) * depth[..., None]
+        towards = points - self._emitter.astype(np.float32)
+        z = np.where(depth > 0, towards[..., 2], 1.0)
+        column = np.floor(image.fx * towards[..., 0] / z + image.cx).astype(int)
+        row = np.floor(image.fy * towards[..., 1] / z + image.cy).astype(int)
+        stored = seen_by_emitter[row.clip(0, image.height - 1), column.clip(0, image.width - 1)]
+        lit = (stored == 0) | (z < stored + SHADOW_BIAS_M)
+        return np.where(depth > 0, lit, False).astype(np.float32)
