@@ -87,7 +87,7 @@ def simulate(
     drawn_in = context or own_context
     assert drawn_in is not None
     try:
-        yield from Simulator(settings, opened, drawn_in, layers).frames(planned)
+        yield from Simulator(settings, opened, drawn_in, layers=layers).frames(planned)
     finally:
         if own_context is not None:
             own_context.release()
@@ -109,8 +109,8 @@ class Simulator:
         settings: Settings,
         sources: Sequence[FaceSource],
         context: moderngl.Context,
-        layers: Collection[str] = LAYERS,
         extra_layers: Sequence[str] = (),
+        layers: Collection[str] = LAYERS,
     ) -> None:
         """extra_layers: further layers of the stages that frames shall carry (``Frame.extra``)."""
         self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)

@@ -17,6 +17,13 @@ Array = NDArray[np.float64]
 _CLASSES = 40
 _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
 
+#: Below this amplitude phases are no longer Gaussian, and noise grows faster than its law.
+_LEAST_AMPLITUDE = 15.0
+
+#: What libfreenect2's 3 x 3 filter gains, and the variance of rounding a tap to whole LSB.
+_FILTER_GAIN = 2.99
+_TAP_ROUNDING_LSB2 = 1.0 / 12.0
+
 
 @dataclass(frozen=True, eq=False)
 class Model:
@@ -56,23 +63,33 @@ def fit_model(
         light[used], cosine[used] ** 2, found.variance_mm2[used], found.frames
     )
     rounding = unit_mm**2 / 12.0
-    misfit = np.empty(len(_AMPLITUDES))
-    floors = np.empty(len(_AMPLITUDES))
+    best, error, floor = _search(x, squared, variance - unit_mm**2 / 12.0, weight)
+    strong = best * x >= _LEAST_AMPLITUDE
+    if 3 <= strong.sum() < len(x):
+        best, error, floor = _search(
+            *(column[strong] for column in (x, squared, variance - unit_mm**2 / 12.0, weight))
+        )
+    return Model(best, error, floor, x, np.sqrt(variance))
+
+
+def _search(
+    light: Array, squared: Array, variance: Array, weight: Array
+) -> tuple[float, float, float]:
+    """The amplitude of least misfit, its standard error as a share, and the floor with it."""
+    misfit, floors = np.empty(len(_AMPLITUDES)), np.empty(len(_AMPLITUDES))
     for number, amplitude in enumerate(_AMPLITUDES):
-        white = squared * white_sigma_mm(amplitude * x) ** 2
-        floors[number] = max(float(np.average(variance - white - rounding, weights=weight)), 0.0)
-        misfit[number] = float((weight * (variance - white - rounding - floors[number]) ** 2).sum())
+        white = squared * white_sigma_mm(amplitude * light, _FILTER_GAIN, _TAP_ROUNDING_LSB2) ** 2
+        floors[number] = max(float(np.average(variance - white, weights=weight)), 0.0)
+        misfit[number] = float((weight * (variance - white - floors[number]) ** 2).sum())
     best = int(misfit.argmin())
-    # Where the misfit has risen by what one class is off on average: one standard error.
-    rise = misfit[best] / max(len(x) - 2, 1) if len(x) > 2 else np.inf
-    good = np.flatnonzero(misfit <= misfit[best] + max(rise, 1.0))
-    ends = good[0], good[-1]
-    error = 0.5 * float(np.log(_AMPLITUDES[ends[1]] / _AMPLITUDES[ends[0]]))
-    if ends[0] == 0 or ends[1] == len(_AMPLITUDES) - 1:
+    # One standard error is where the misfit has risen by what a class is off on average.
+    spare = len(light) - 2
+    rise = max(misfit[best] / spare, 1.0) if spare > 0 else np.inf
+    good = np.flatnonzero(misfit <= misfit[best] + rise)
+    error = 0.5 * float(np.log(_AMPLITUDES[good[-1]] / _AMPLITUDES[good[0]]))
+    if good[0] == 0 or good[-1] == len(_AMPLITUDES) - 1:
         error = float("inf")
-    return Model(
-        float(_AMPLITUDES[best]), error, float(np.sqrt(floors[best])), x, np.sqrt(variance)
-    )
+    return float(_AMPLITUDES[best]), error, float(np.sqrt(floors[best]))
 
 
 def _rays(image: Intrinsics) -> Array:

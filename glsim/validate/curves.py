@@ -51,16 +51,21 @@ TAP_SHOT_LSB = 0.0166
 AMPLITUDE_MULTIPLIERS = (1.3226, 1.0, 1.6129)
 
 
-def tap_phase_sigma_rad(amplitude: ArrayLike) -> Array:
-    """(3, ...) phase noise of three taps with read and shot noise at an amplitude (IR units)."""
+def tap_phase_sigma_rad(amplitude: ArrayLike, rounding_lsb2: float = 0.0) -> Array:
+    """(3, ...) phase noise of three taps with read and shot noise at an amplitude (IR units).
+
+    rounding_lsb2: variance that rounding adds to a tap.
+    """
     a = np.maximum(np.asarray(amplitude, np.float64), 1e-6)
     raw = np.stack([a / m for m in AMPLITUDE_MULTIPLIERS])
-    return np.sqrt(2.0 / 3.0 * (TAP_READ_LSB2 + TAP_SHOT_LSB * raw)) / raw
+    return np.sqrt(2.0 / 3.0 * (TAP_READ_LSB2 + rounding_lsb2 + TAP_SHOT_LSB * raw)) / raw
 
 
-def white_sigma_mm(amplitude: ArrayLike, gain: float = 3.0) -> Array:
+def white_sigma_mm(
+    amplitude: ArrayLike, gain: float = 3.0, rounding_lsb2: float = 0.0
+) -> Array:
     """Depth noise from the phases alone at an amplitude, after a filter that gains ``gain``."""
-    squares = (tap_phase_sigma_rad(amplitude) ** 2).sum(axis=0)
+    squares = (tap_phase_sigma_rad(amplitude, rounding_lsb2) ** 2).sum(axis=0)
     return np.asarray(FUSION_MM_PER_RAD / gain * np.sqrt(squares))
 
 
