@@ -64,6 +64,7 @@ def fit(
         read_recording,
         sensor_text,
     )
+    from glsim.sensor import load_sensor
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
@@ -72,7 +73,8 @@ def fit(
     shape = (recording.depth.shape[1], recording.depth.shape[2])
     image = _camera(tree["rig"], shape, focal_px, centre_px)
     found = measure(recording, image)
-    model = fit_model(found, image, albedo, depth_unit_mm, _vignetting(tree))
+    emitter = load_sensor(name).rig.emitter_m
+    model = fit_model(found, image, albedo, depth_unit_mm, _vignetting(tree), emitter)
     values = fitted_values(found, model)
     comments = [
         f"Fitted by glsim fit to {recording.where}: {found.frames} frames of {shape[1]}x{shape[0]}.",
@@ -121,7 +123,7 @@ def _vignetting(tree: dict[str, list[dict[str, float]]]) -> float:
 
 def _facts(found: Statistics, model: Model) -> list[tuple[str, str]]:
     """What was found, in words."""
-    known = f"{model.amplitude:.0f} +- {100 * model.amplitude_error:.0f} %"
+    known = f"{model.amplitude:.0f} +- {max(1.0, 100 * model.amplitude_error):.0f} %"
     facts = [
         ("amplitude of a white wall at 1 m", known if model.knows_amplitude else
          "not told by this recording (add far or dark walls): the base's is kept"),
@@ -146,7 +148,9 @@ def _print(found: Statistics, model: Model) -> None:
         out.print(f"{what}: {number}", soft_wrap=True)
     radii = sorted({cell.radius_px for cell in found.table})
     names = (f"{a:.0f} to {b:.0f} px" if b < 1000 else f"beyond {a:.0f} px" for a, b in radii)
-    table = Table("temporal sigma, mm", *names, box=None)
+    table = Table(box=None)
+    for name in ("temporal sigma, mm", *names):
+        table.add_column(name, no_wrap=True)
     for distance in sorted({cell.distance_m for cell in found.table}):
         sigma = {c.radius_px: c.sigma_mm for c in found.table if c.distance_m == distance}
         cells = (f"{sigma[r]:.2f}" if r in sigma else "" for r in radii)

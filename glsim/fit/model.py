@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 _CLASSES = 40
 _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
 
+#: Normals are differences over so many pixels to both sides.
+_LAG_PX = 4
+
 #: Below this amplitude phases are no longer Gaussian, and noise grows faster than its law.
 _LEAST_AMPLITUDE = 15.0
 
@@ -49,15 +52,20 @@ class Model:
 
 
 def fit_model(
-    found: Statistics, image: Intrinsics, albedo: float, unit_mm: float, vignetting: float
+    found: Statistics,
+    image: Intrinsics,
+    albedo: float,
+    unit_mm: float,
+    vignetting: float,
+    emitter_m: tuple[float, float, float],
 ) -> Model:
     """Amplitude and floor by weighted least squares over classes of equal light.
 
     albedo: of the scene, relative to a white wall. vignetting: power of the cosine to the axis by
-    which the image darkens.
+    which the image darkens. emitter_m: where the light comes from, camera frame.
     """
     cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
-    light = albedo * _light(found.mean_mm, image, vignetting)
+    light = albedo * _light(found.mean_mm, image, vignetting, emitter_m)
     used = found.smooth & np.isfinite(light) & (light > 0)
     x, squared, variance, weight = _classes(
         light[used], cosine[used] ** 2, found.variance_mm2[used], found.frames
@@ -86,7 +94,8 @@ def _search(
     spare = len(light) - 2
     rise = max(misfit[best] / spare, 1.0) if spare > 0 else np.inf
     good = np.flatnonzero(misfit <= misfit[best] + rise)
-    error = 0.5 * float(np.log(_AMPLITUDES[good[-1]] / _AMPLITUDES[good[0]]))
+    step = float(np.log(_AMPLITUDES[1] / _AMPLITUDES[0]))
+    error = 0.5 * max(float(np.log(_AMPLITUDES[good[-1]] / _AMPLITUDES[good[0]])), step)
     if good[0] == 0 or good[-1] == len(_AMPLITUDES) - 1:
         error = float("inf")
     return float(_AMPLITUDES[best]), error, float(np.sqrt(floors[best]))
@@ -98,20 +107,22 @@ def _rays(image: Intrinsics) -> Array:
     return np.concatenate([flat, np.ones((*flat.shape[:2], 1))], axis=-1)
 
 
-def _light(mean_mm: Array, image: Intrinsics, vignetting: float) -> Array:
+def _light(
+    mean_mm: Array, image: Intrinsics, vignetting: float, emitter_m: tuple[float, float, float]
+) -> Array:
     """(H, W) light of each pixel relative to a facing wall at 1 m; NaN without neighbours."""
     rays = _rays(image)
     points = rays * mean_mm[..., None] / 1000.0
-    lag = 4
     along, down = np.full(points.shape, np.nan), np.full(points.shape, np.nan)
-    along[:, lag:-lag] = points[:, 2 * lag :] - points[:, : -2 * lag]
-    down[lag:-lag] = points[2 * lag :] - points[: -2 * lag]
+    along[:, _LAG_PX:-_LAG_PX] = points[:, 2 * _LAG_PX :] - points[:, : -2 * _LAG_PX]
+    down[_LAG_PX:-_LAG_PX] = points[2 * _LAG_PX :] - points[: -2 * _LAG_PX]
     normal = np.cross(down, along)
-    length = np.linalg.norm(points, axis=-1) * np.linalg.norm(normal, axis=-1)
-    facing = np.abs((normal * points).sum(axis=-1)) / np.where(length > 0, length, np.nan)
+    from_emitter = points - np.asarray(emitter_m)
+    way = np.linalg.norm(from_emitter, axis=-1)
+    length = way * np.linalg.norm(normal, axis=-1)
+    facing = np.abs((normal * from_emitter).sum(axis=-1)) / np.where(length > 0, length, np.nan)
     stretch = np.linalg.norm(rays, axis=-1)
-    distance = np.where(mean_mm > 0, stretch * mean_mm / 1000.0, np.nan)
-    return np.asarray(facing / distance**2 * stretch**-vignetting)
+    return np.asarray(facing / np.where(way > 0, way, np.nan) ** 2 * stretch**-vignetting)
 
 
 def _classes(
