@@ -77,7 +77,7 @@ def fit(
     model = fit_model(found, image, albedo, depth_unit_mm, _vignetting(tree), emitter)
     values = fitted_values(found, model)
     comments = [
-        f"Fitted by glsim fit to {recording.where}: {found.frames} frames of {shape[1]}x{shape[0]}.",
+        f"Fitted by glsim fit to {found.frames} frames of {shape[1]}x{shape[0]}: {recording.where}",
         *(f"{what}: {number}" for what, number in _facts(found, model)),
         "What is not fitted is as in " + name + ".",
     ]

@@ -29,15 +29,15 @@ _COLOURS = {"pass": "green", "FAIL": "bold red", "exception": "yellow", "n/a": "
 
 
 def validate(
-    sensor: Annotated[str, typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file.")],
+    sensor: Annotated[str, typer.Argument(help="A shipped sensor (glsim sensors) or a .toml.")],
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the table as JSON.")
     ] = None,
     figure_file: Annotated[
-        Path | None, typer.Option("--figure", metavar="FILE.png", help="Draw noise, edges, shadows.")
+        Path | None, typer.Option("--figure", metavar="FILE.png", help="Draw noise and edges.")
     ] = None,
     markdown_file: Annotated[
-        Path | None, typer.Option("--markdown", metavar="FILE.md", help="Write the table as Markdown.")
+        Path | None, typer.Option("--markdown", metavar="FILE.md", help="Write it as Markdown.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same numbers.")] = 0,
     frames: Annotated[int, typer.Option(min=8, max=2000, help="Frames of each wall.")] = 64,

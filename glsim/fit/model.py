@@ -71,11 +71,11 @@ def fit_model(
         light[used], cosine[used] ** 2, found.variance_mm2[used], found.frames
     )
     rounding = unit_mm**2 / 12.0
-    best, error, floor = _search(x, squared, variance - unit_mm**2 / 12.0, weight)
+    best, error, floor = _search(x, squared, variance - rounding, weight)
     strong = best * x >= _LEAST_AMPLITUDE
     if 3 <= strong.sum() < len(x):
         best, error, floor = _search(
-            *(column[strong] for column in (x, squared, variance - unit_mm**2 / 12.0, weight))
+            *(column[strong] for column in (x, squared, variance - rounding, weight))
         )
     return Model(best, error, floor, x, np.sqrt(variance))
 

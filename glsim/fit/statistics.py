@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -78,7 +79,8 @@ def measure(recording: Recording, image: Intrinsics) -> Statistics:
             f"{recording.where}: only {int(smooth.sum())} pixels belong to smooth surfaces with "
             "depth in nearly all frames: record walls, a floor, a table, and do not move"
         )
-    pixel, column, step = _pattern(mean, np.where(steady, variance / np.maximum(count, 1), 0), smooth)
+    noise = np.where(steady, variance / np.maximum(count, 1), 0.0)
+    pixel, column, step = _pattern(mean, noise, smooth)
     edge, invalid, flying = _edges(recording, mean, steady)
     return Statistics(
         frames=len(depth),
@@ -162,8 +164,8 @@ def _table(mean: Array, variance: Array, smooth: Mask, image: Intrinsics) -> tup
     rays = image.rays().astype(np.float64)
     radius = np.hypot(rays[..., 0] * image.fx, rays[..., 1] * image.fy)
     cells = []
-    for near, far in zip(DISTANCES_M, DISTANCES_M[1:], strict=False):
-        for inner, outer in zip(RADII_PX, RADII_PX[1:], strict=False):
+    for near, far in pairwise(DISTANCES_M):
+        for inner, outer in pairwise(RADII_PX):
             scale = image.fx / 365.0
             here = smooth & (mean >= 1000 * near) & (mean < 1000 * far)
             here &= (radius >= inner * scale) & (radius < outer * scale)

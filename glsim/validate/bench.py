@@ -55,16 +55,15 @@ class Shots:
         rows = slice((h - height) // 2, (h - height) // 2 + height)
         columns = slice((w - width) // 2, (w - width) // 2 + width)
         return Shots(
-            *(
-                array[..., rows, columns]
-                for array in (
-                    self.frames_mm, self.fine_mm, self.clean_mm, self.infrared, self.reason
-                )
-            ),
+            self.frames_mm[:, rows, columns],
+            self.fine_mm[:, rows, columns],
+            self.clean_mm[rows, columns],
+            self.infrared[:, rows, columns],
+            self.reason[:, rows, columns],
             self.rays[rows, columns],
-            self.encoded[..., rows, columns],
+            self.encoded[:, rows, columns],
             {name: layer[:, rows, columns] for name, layer in self.extra.items()},
-        )  # fmt: skip
+        )
 
 
 class Bench:

@@ -41,7 +41,7 @@ def kde_phase_sigma_rad(amplitude: ArrayLike) -> Array:
     """(3, ...) phase noise at an amplitude of libfreenect2's infrared units; at most pi / 2."""
     a = np.asarray(amplitude, np.float64)
     inverse = np.stack([c0 + c1 * a + c2 * a**2 for c0, c1, c2 in _KDE])
-    return 1.0 / np.maximum(inverse, 2.0 / np.pi)
+    return np.asarray(1.0 / np.maximum(inverse, 2.0 / np.pi))
 
 
 #: Tap noise that reproduces the curve above within 7 % rms: variance = read + shot times the raw
@@ -61,16 +61,12 @@ def tap_phase_sigma_rad(amplitude: ArrayLike, rounding_lsb2: float = 0.0) -> Arr
     return np.sqrt(2.0 / 3.0 * (TAP_READ_LSB2 + rounding_lsb2 + TAP_SHOT_LSB * raw)) / raw
 
 
-def white_sigma_mm(
-    amplitude: ArrayLike, gain: float = 3.0, rounding_lsb2: float = 0.0
-) -> Array:
+def white_sigma_mm(amplitude: ArrayLike, gain: float = 3.0, rounding_lsb2: float = 0.0) -> Array:
     """Depth noise from the phases alone at an amplitude, after a filter that gains ``gain``."""
     squares = (tap_phase_sigma_rad(amplitude, rounding_lsb2) ** 2).sum(axis=0)
     return np.asarray(FUSION_MM_PER_RAD / gain * np.sqrt(squares))
 
 
-def shadow_px(
-    baseline_m: float, focal_px: float, occluder_m: float, background_m: float
-) -> float:
+def shadow_px(baseline_m: float, focal_px: float, occluder_m: float, background_m: float) -> float:
     """Width of the shadow that an occluder throws on a background, pixels."""
     return baseline_m * focal_px * (1.0 / occluder_m - 1.0 / background_m)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 #: Dark enough for grey printing, apart for the colour-blind (Okabe and Ito).
 _BLUE, _ORANGE, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
 
+_SIGMA_MM = r"$\sigma$ (mm)"
+
 _STYLE = {
     "font.family": "DejaVu Sans", "font.size": 7.5, "axes.titlesize": 8, "axes.titleweight": "bold",
     "axes.titlelocation": "left", "axes.spines.top": False, "axes.spines.right": False,
@@ -70,7 +72,7 @@ def _distance(axis: Axes, lab: Lab) -> None:
     if lab.knobs.white is not None:
         white = [lab.sigma_t(float(at), changes=lab.knobs.white) for at in z]
         axis.plot(z / 1000, white, "-", color=_GREEN, label="phase noise alone", lw=0.9)
-    axis.set(title="noise over distance", xlabel="z (m)", ylabel="σ (mm)", ylim=(0, None))
+    axis.set(title="noise over distance", xlabel="z (m)", ylabel=_SIGMA_MM, ylim=(0, None))
     axis.legend()
 
 
@@ -86,7 +88,7 @@ def _angle(axis: Axes, lab: Lab) -> None:
     published = curves.fankhauser_mm(0.9, np.radians(fine))
     axis.plot(fine, published, color=_GREY, label="Fankhauser 2015")
     axis.plot(angles, sigma, "o", color=_BLUE, label="spatial")
-    axis.set(title="noise over tilt, 0.9 m", xlabel="angle to the axis (deg)", ylabel="σ (mm)")
+    axis.set(title="noise over tilt, 0.9 m", xlabel="angle to the axis (deg)", ylabel=_SIGMA_MM)
     axis.set(ylim=(0, 1.15 * max(np.nanmax(sigma), published.max())))
     axis.legend()
 
@@ -121,21 +123,22 @@ def _edge(axis: Axes, lab: Lab) -> None:
     other = axis.twinx()
     bins = np.arange(-5, 5.01, 0.5)
     which = np.digitize(place.ravel(), bins)
-    lost = np.isnan(shots.fine_mm).ravel()
-    share = [100 * lost[which == b].mean() if (which == b).any() else 0 for b in range(1, len(bins))]
+    lost = np.isnan(shots.fine_mm).ravel().astype(np.float64)
+    share = [100 * measure.mean_of(lost[which == b]) for b in range(1, len(bins))]
     other.stairs(share, bins, color=_ORANGE)
     other.set(ylim=(0, 105))
     other.set_ylabel("without depth (%)", color=_ORANGE)
 
 
 def _shadow(axis: Axes, lab: Lab) -> None:
+    baseline, focal = lab.bench.rig.baseline_m, lab.bench.rig.intrinsics.fx
     for far, colour in ((1100, _BLUE), (1500, _ORANGE), (2000, _GREEN)):
-        place, profile, _ = lab.once(f"shadow {far}", lambda z=far: edges.shadow_profile(lab, z))
+        place, profile, _ = edges.shadow_of(lab, far)
         axis.plot(place + edges.HALF_PX, profile, color=colour, label=f"on {far / 1000:g} m")
-        baseline, focal = lab.bench.rig.baseline_m, lab.bench.rig.intrinsics.fx
-        axis.axvline(-curves.shadow_px(baseline, focal, 0.9, far / 1000), color=colour, ls=":", lw=0.8)
-    axis.set(title="shadow of an edge", xlabel="from the edge, at 0.9 m (px)", ylabel="light", xlim=(-30, 2))
-    axis.set(ylim=(-0.05, 1.1))
+        width = curves.shadow_px(baseline, focal, 0.9, far / 1000)
+        axis.axvline(-width, color=colour, ls=":", lw=0.8)
+    axis.set(title="shadow of an edge", xlabel="from the edge, at 0.9 m (px)", ylabel="light")
+    axis.set(xlim=(-30, 2), ylim=(-0.05, 1.1))
     axis.legend(title="dotted: b f (1/Zo - 1/Zb)", title_fontsize=6.5, loc="lower left")
 
 
@@ -149,7 +152,9 @@ def _wiggle(axis: Axes, lab: Lab) -> None:
 def _phase(axis: Axes, lab: Lab) -> None:
     from matplotlib.ticker import FixedLocator
 
-    axis.set(title="phase noise, unfiltered", xlabel="amplitude (IR units)", ylabel="σ (rad)")
+    axis.set(
+        title="phase noise, unfiltered", xlabel="amplitude (IR units)", ylabel=r"$\sigma$ (rad)"
+    )
     amplitudes = np.array([10, 15, 20, 30, 50, 70, 100], float)
     found = phases.phase_noise(lab, amplitudes)
     fine = np.geomspace(8, 120, 80)
@@ -191,7 +196,11 @@ def _radius(axis: Axes, lab: Lab) -> None:
     axis.plot(middle, curve / curve[0], "o-", color=_BLUE, label="wall at 1.5 m")
     axis.plot([50, 130, 185, 230, 265], np.array([1.33, 1.25, 1.34, 1.88, 3.6]) / 1.33, "^",
               color=_GREY, label="recording, 1.4 m", mfc="none")  # fmt: skip
-    axis.set(title="noise over radius", xlabel="from the centre (px)", ylabel="σ / σ(centre)")
+    axis.set(
+        title="noise over radius",
+        xlabel="from the centre (px)",
+        ylabel=r"$\sigma$ / $\sigma$(centre)",
+    )
     axis.set(ylim=(0, None))
     axis.legend()
 

@@ -21,13 +21,15 @@ class Knobs:
 
     white: leaves the noise of the phases alone (no floor, no fixed pattern, no rounding).
     no_filters: leaves the decoder's thresholds but none of its filters. no_rounding: depth stays
-    a real number. skin: the delay of light within skin. phases: layers that hold
-    the phasors, real and imaginary part of 80 and 16 MHz and of 120 MHz.
+    a real number. no_light_noise: taps measure light exactly. skin: the delay of light within
+    skin. phases: layers that hold the phasors, real and imaginary part of 80 and 16 MHz and of
+    120 MHz.
     """
 
     white: Changes | None = None
     no_filters: Changes | None = None
     no_rounding: Changes | None = None
+    no_light_noise: Changes | None = None
     skin: Changes | None = None
     phases: tuple[str, ...] = ()
 
@@ -53,6 +55,9 @@ def knobs_of(sensor: Sensor) -> Knobs:
         ),
         no_filters=changes(tof_bilateral=_OFF, tof_edge=_OFF),
         no_rounding=rounding,
+        no_light_noise=changes(
+            tof_taps={"read_variance": 0.0, "shot_variance": 0.0, "companding": 0.0}
+        ),
         skin=changes(tof_light={"subsurface_mm": 7.0}),
         phases=("phasor_a", "phasor_b"),
     )

@@ -97,7 +97,9 @@ def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
     variance = np.nanmean(images**2)
     found = []
     for lag in lags:
-        directions = {lag, lag[::-1], (lag[0], -lag[1]), (lag[1], -lag[0])} if lag[0] else {lag, lag[::-1]}
+        directions = {lag, lag[::-1]}
+        if lag[0] and lag[1]:
+            directions |= {(lag[0], -lag[1]), (lag[1], -lag[0])}
         values = [_lagged(images, *d) for d in directions]
         found.append(np.mean(values) / variance)
     return np.array(found)
@@ -152,7 +154,8 @@ def mixed_per_row(frames: Array, near_mm: float, far_mm: float) -> tuple[float, 
     between = (frames > near_mm + 20) & (frames < far_mm - 20)
     outside = (frames < near_mm - 20) | (frames > far_mm + 20)
     rows = frames.shape[0] * frames.shape[1]
-    return tuple(float(m.sum()) / rows for m in (between, outside, np.isnan(frames)))  # type: ignore[return-value]
+    counts = [float(m.sum()) / rows for m in (between, outside, np.isnan(frames))]
+    return counts[0], counts[1], counts[2]
 
 
 def sinusoids(
@@ -182,7 +185,7 @@ def without_trend(z_mm: Array, error_mm: Array) -> Array:
 
 
 def crossing(x: Array, share: Array, level: float) -> float:
-    """Where shares that rise with x first reach ``level`` for good, by interpolation; NaN if not."""
+    """Where shares that rise with x reach ``level`` for good, by interpolation; NaN if not."""
     below = np.flatnonzero(share < level)
     if len(below) == 0 or below[-1] + 1 >= len(x):
         return float("nan")

@@ -89,9 +89,7 @@ def phases(lab: Lab) -> dict[str, Measured]:
         for k, mhz in enumerate(curves.FREQUENCIES_MHZ)
         for a, i in wanted.items()
     }
-    fusion = found.raw_mm / (
-        curves.FUSION_MM_PER_RAD * np.sqrt((found.sigma_rad**2).sum(axis=0))
-    )
+    fusion = found.raw_mm / (curves.FUSION_MM_PER_RAD * np.sqrt((found.sigma_rad**2).sum(axis=0)))
     gain = (found.raw_mm / found.filtered_mm)[2:]
     return {
         "9": Measured(sigma),

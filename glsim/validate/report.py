@@ -28,7 +28,7 @@ class Band:
 
     @property
     def text(self) -> str:
-        """ "1.3 to 2.1 mm"."""
+        """The band in words, such as: 1.3 to 2.1 mm."""
         if self.low == self.high:
             number = _number(self.low)
         elif math.isinf(self.high):
@@ -42,13 +42,12 @@ class Band:
 
 @dataclass(frozen=True)
 class Check:
-    """One line of a validation sheet. ``exception``: why a failure is accepted, if it is."""
+    """One line of a validation sheet."""
 
     number: str
     what: str
     bands: tuple[Band, ...]
     source: str
-    exception: str = ""
 
 
 @dataclass(frozen=True)
@@ -56,12 +55,13 @@ class Measured:
     """Numbers by the keys of a check's bands, and what a reader should know.
 
     A number of None makes no sense for this sensor. why_not: set instead of numbers where the
-    whole check does not.
+    whole check does not. exception: why a failure is no fault of the sensor, if that was found out.
     """
 
     values: Mapping[str, float | None] = field(default_factory=dict)
     note: str = ""
     why_not: str = ""
+    exception: str = ""
 
 
 @dataclass(frozen=True)
@@ -100,12 +100,13 @@ class Outcome:
             return "n/a"
         if self.passed:
             return "pass"
-        return "exception" if self.check.exception else "FAIL"
+        return "exception" if self.measured.exception else "FAIL"
 
     @property
     def note(self) -> str:
         """Everything a reader should know, in one line."""
-        parts = (self.measured.why_not, self.check.exception, self.measured.note)
+        accepted = self.measured.exception if self.state == "exception" else ""
+        parts = (self.measured.why_not, accepted, self.measured.note)
         return "; ".join(part for part in parts if part)
 
     def as_json(self) -> dict[str, Any]:
@@ -173,7 +174,7 @@ class Report:
 
     def as_markdown(self) -> str:
         """The table for a page of documentation."""
-        lines = ["| # | check | measured | band | source | | note |", "|---|---|---|---|---|---|---|"]
+        lines = ["| # | check | measured | band | source | | note |", "|---" * 7 + "|"]
         for outcome in self.outcomes:
             cells = (
                 outcome.check.number,

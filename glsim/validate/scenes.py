@@ -1,4 +1,4 @@
-"""Scenes that sensors are validated on, as meshes in the camera frame: x right, y down, z forward, mm."""
+"""Scenes that sensors are validated on: meshes in the camera frame (x right, y down), mm."""
 
 from __future__ import annotations
 

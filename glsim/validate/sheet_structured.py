@@ -6,7 +6,7 @@ BlenSor agree on; ``kinect-v2-paper`` against the definitions of the model that 
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import sqrt
 
 from glsim.validate.curves import nguyen_mm, shadow_px
 from glsim.validate.report import Band, Check
@@ -31,7 +31,9 @@ def _around(key: str, value: float, share: float, unit: str) -> Band:
 
 def _shadows(focal_px: float) -> tuple[Band, ...]:
     widths = {z: shadow_px(0.075, focal_px, 0.9, z) for z in SHADOW_M}
-    return tuple(Band(f"{z:g} m", round(w - 1, 1), round(w + 1, 1), "px") for z, w in widths.items())
+    return tuple(
+        Band(f"{z:g} m", round(w - 1, 1), round(w + 1, 1), "px") for z, w in widths.items()
+    )
 
 
 KINECT_V1: tuple[Check, ...] = (
@@ -52,7 +54,8 @@ KINECT_V1: tuple[Check, ...] = (
           (*_shadows(580.0), Band("other sides", -1.0, 1.0, "px")), "geometry, 75 mm"),
     Check("7", "range: share valid outside 0.7 to 6 m; least share valid inside",
           (Band("outside", 0.0, 0.0, "%"), Band("inside", 99.0, 100.0, "%")), "BlenSor"),
-    Check("8", "field of view", (Band("across", 55.0, 59.0, "deg"), Band("down", 41.0, 45.0, "deg")),
+    Check("8", "field of view",
+          (Band("across", 55.0, 59.0, "deg"), Band("down", 41.0, 45.0, "deg")),
           "render_kinect"),
     Check("9", "levels of depth on a 10 cm ramp at 3 m: banded",
           (Band("levels", 3.0, 6.0),), ANCESTORS),

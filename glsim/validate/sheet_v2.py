@@ -16,6 +16,7 @@ LF2 = "libfreenect2"
 KDE = "Jaremo Lawin 2016"
 OWN = "derived"
 
+# fmt: off
 CHECKS: tuple[Check, ...] = (
     Check("1", "white wall, 0.9 m: spatial sigma", (Band("0.9 m", 1.0, 1.7, "mm"),),
           f"{FANK}; Tolgyessy 2021"),
@@ -96,6 +97,7 @@ CHECKS: tuple[Check, ...] = (
     Check("30", "normals of a noisy face: mean angle to the clean ones",
           (Band("angle", 12.0, 24.0, "deg"),), OWN),
 )
+# fmt: on
 
 _ANTI = "what a structured-light model shows"
 

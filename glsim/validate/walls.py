@@ -73,7 +73,8 @@ def amplitude(lab: Lab) -> dict[str, Measured]:
         return float(shots.centre(8, 2).infrared.mean())
 
     full = level(900)
-    others = {(a, r): level(900, r, a) for a, r in ((0, 0.6), (0, 0.3), (30, 1), (60, 1), (60, 0.5))}
+    views = ((0, 0.6), (0, 0.3), (30, 1), (60, 1), (60, 0.5))
+    others = {(angle, reflects): level(900, reflects, angle) for angle, reflects in views}
     off = [v / (full * r * np.cos(np.radians(a))) - 1 for (a, r), v in others.items()]
     worst = max(off, key=abs)
     return {"8": Measured({"ratio": full / level(1800), "deviation": 100 * worst})}
@@ -114,8 +115,8 @@ def radial(lab: Lab) -> dict[str, Measured]:
     far = sigma(*corner)
     note = "corner: the 24 x 24 px nearest to it that a 40 px crop centres on"
     if np.isinf(far):
-        # "1.8-6 (or invalid)": a corner without depth is as the sheet wants it.
-        return {"14": Measured({"r = 0.18": rim / centre, "corner": 6.0}, "corner invalid")}
+        values = {"r = 0.18": float(rim / centre), "corner": None}
+        return {"14": Measured(values, "no depth in the corner, which the sheet allows")}
     return {"14": Measured({"r = 0.18": float(rim / centre), "corner": far / centre}, note)}
 
 
@@ -127,7 +128,9 @@ def pattern(lab: Lab) -> dict[str, Measured]:
     frames = shots.residual_mm
     _, sigma = measure.fixed_pattern(frames)
     half = len(frames) // 2
-    first, second = (measure.fixed_pattern(part)[0].ravel() for part in (frames[:half], frames[half:]))
+    first, second = (
+        measure.fixed_pattern(part)[0].ravel() for part in (frames[:half], frames[half:])
+    )
     ok = np.isfinite(first) & np.isfinite(second)
     same = 0.0
     if ok.any() and first[ok].std() > 0 and second[ok].std() > 0:
@@ -147,5 +150,3 @@ def exponent(lab: Lab) -> dict[str, Measured]:
 def skin(lab: Lab) -> dict[str, Measured]:
     """Anti-check: frontal skin, albedo 0.6, at 0.9 m."""
     return {"A4": Measured({"sigma": lab.sigma_s(900, 0.6)})}
-
-
