@@ -50,6 +50,7 @@ _BOUND: dict[str, Callable[[StageView], object]] = {
     "u_emitter_m": lambda view: view.optics.emitter_m,
     "u_modulation_mhz": lambda view: view.optics.modulation_mhz,
     "u_supersample": lambda view: view.optics.supersample,
+    "u_focal_px": lambda view: view.optics.focal_px,
     "u_nearest_m": lambda view: view.optics.nearest_m,
 }
 

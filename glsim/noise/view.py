@@ -23,19 +23,20 @@ class Optics:
 
     emitter_m: the middle of the emitters, camera frame. modulation_mhz: three frequencies.
     supersample: samples a pixel along each axis in the fine layers (1: they are the layers).
-    nearest_m: nothing in the scene is nearer.
+    nearest_m: nothing in the scene is nearer. focal_px: of the columns.
     """
 
     emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     modulation_mhz: tuple[float, ...] = ()
     supersample: int = 1
     nearest_m: float = 0.0
+    focal_px: float = 1.0
 
     @classmethod
     def of(cls, rig: SensorRig, nearest_m: float, supersample: int | None = None) -> Optics:
         """Of a rig; supersample: where it is not the rig's."""
         samples = rig.supersample if supersample is None else supersample
-        return cls(rig.emitter_m, rig.modulation_mhz, samples, nearest_m)
+        return cls(rig.emitter_m, rig.modulation_mhz, samples, nearest_m, rig.intrinsics.fx)
 
 
 @dataclass(frozen=True)

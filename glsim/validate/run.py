@@ -54,7 +54,7 @@ _PAPER: tuple[Examination, ...] = (
 )
 
 #: Sensors with a sheet of their own, by name of their file.
-_SHEETS: dict[str, tuple[Sequence[Check], Sequence[Examination]]] = {
+SHEETS: dict[str, tuple[Sequence[Check], Sequence[Examination]]] = {
     "kinect-v1": (KINECT_V1, _V1),
     "kinect-v2-paper": (KINECT_V2_PAPER, _PAPER),
 }
@@ -97,4 +97,4 @@ def examine(lab: Lab) -> Report:
 
 
 def _sheet(lab: Lab) -> tuple[Sequence[Check], Sequence[Examination]]:
-    return _SHEETS.get(lab.bench.sensor.name, ((*CHECKS, *ANTI_CHECKS), _V2))
+    return SHEETS.get(lab.bench.sensor.name, ((*CHECKS, *ANTI_CHECKS), _V2))

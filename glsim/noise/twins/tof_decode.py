@@ -17,6 +17,7 @@ from glsim.reason import Reason
 #: libfreenect2's 3x3 Gaussian, by how many steps a neighbour is away.
 _KERNEL = {0: np.float32(0.1195716), 1: np.float32(0.1131098), 2: np.float32(0.1069973)}
 _KERNEL_UNIT = np.float32(2.99791)
+_STEEPEST = np.float32(12.0)
 _LOG2_E = np.float32(1.442695)
 _LOG10_2, _LOG2_10 = np.float32(0.301030), np.float32(3.321928)
 _MOST_TURNS = 64
@@ -165,7 +166,13 @@ def tof_floor(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
             white = uniform01(words[0]) + uniform01(words[1])
             white = white + uniform01(words[2]) + uniform01(words[3]) - np.float32(2.0)
             noise += _KERNEL[abs(dx) + abs(dy)] * white * np.float32(1.73205080757)
-    return {"depth": moved_by_mm(layers["depth"], p["sigma_mm"] * _KERNEL_UNIT * noise)}
+    normal, rays, depth = layers["normal"], layers["rays"], layers["depth"]
+    facing = normal[..., 0] * rays[..., 0] + normal[..., 1] * rays[..., 1] + normal[..., 2]
+    aside = np.sqrt(normal[..., 0] * normal[..., 0] + normal[..., 1] * normal[..., 1])
+    slope = np.minimum(aside / np.maximum(-facing, np.float32(1e-3)), _STEEPEST)
+    slanted = p["lateral_px"] * slope * np.float32(1000.0) * depth / view.optics.focal_px
+    sigma = np.sqrt(p["sigma_mm"] * p["sigma_mm"] + slanted * slanted).astype(np.float32)
+    return {"depth": moved_by_mm(depth, sigma * _KERNEL_UNIT * noise)}
 
 
 def _border(view: StageView) -> NDArray[np.bool_]:
