@@ -1,4 +1,4 @@
-"""Validation: what it measures against arrays with known answers, and that wrong sensors fail it."""
+"""Validation: its measurements against known answers, and that wrong sensors fail it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,22 @@ from stage_harness import Z_MAX, z_mean, z_sd
 from glsim.cli import main
 from glsim.errors import ConfigError
 from glsim.sensor import SENSOR_FOLDER
-from glsim.validate import Bench, Lab, curves, depth, edges, heads, measure, phases, report, run
-from glsim.validate import scenes, sheet_v2, structured, walls
+from glsim.validate import (
+    Bench,
+    Lab,
+    curves,
+    depth,
+    edges,
+    heads,
+    measure,
+    phases,
+    report,
+    run,
+    scenes,
+    sheet_v2,
+    structured,
+    walls,
+)
 from glsim.validate.report import Band, Check, Measured, Outcome, Report
 
 RNG = np.random.default_rng(5)
@@ -266,9 +280,7 @@ def test_a_chain_without_phases_is_not_asked_for_them(context: moderngl.Context)
 
 
 @pytest.mark.parametrize("sensor", ["kinect-v1", "kinect-v2-paper"])
-def test_structured_light_sensors_are_what_they_say(
-    context: moderngl.Context, sensor: str
-) -> None:
+def test_structured_light_sensors_are_what_they_say(context: moderngl.Context, sensor: str) -> None:
     found = run.examine(lab(context, sensor, 24))
     assert [o.check.number for o in found.outcomes if o.state != "pass"] == []
 
@@ -292,8 +304,10 @@ def test_shadow_widths_of_the_infrared(context: moderngl.Context) -> None:
 
 
 def test_command_writes_table_json_and_figure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    ripple = np.arange(600.0, 3001.0, 20.0), np.zeros(121)
+    monkeypatch.setattr(depth, "wiggle_curve", lambda _: ripple)  # 700 frames
     files = {name: tmp_path / f"out/{name}" for name in ("checks.json", "figure.png", "table.md")}
     status = main([
         "validate", "kinect-v2-paper", "--frames", "8", "--json", str(files["checks.json"]),
@@ -311,9 +325,7 @@ def test_command_writes_table_json_and_figure(
 def test_command_fails_for_a_wrong_sensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(
-        run.SHEETS, "kinect-v1", ((*sheet_v2.CHECKS[:5],), (walls.noise_level,))
-    )
+    monkeypatch.setitem(run.SHEETS, "kinect-v1", ((*sheet_v2.CHECKS[:5],), (walls.noise_level,)))
     assert main(["validate", "kinect-v1", "--frames", "8"]) == 1
     assert "FAIL" in capsys.readouterr().out
 

@@ -20,6 +20,9 @@ _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
 #: Normals are differences over so many pixels to both sides.
 _LAG_PX = 4
 
+#: Cosine of the most slanted surface that is looked at.
+_LEAST_FACING = 0.5
+
 #: Below this amplitude phases are no longer Gaussian, and noise grows faster than its law.
 _LEAST_AMPLITUDE = 15.0
 
@@ -110,7 +113,10 @@ def _rays(image: Intrinsics) -> Array:
 def _light(
     mean_mm: Array, image: Intrinsics, vignetting: float, emitter_m: tuple[float, float, float]
 ) -> Array:
-    """(H, W) light of each pixel relative to a facing wall at 1 m; NaN without neighbours."""
+    """(H, W) light of each pixel relative to a facing wall at 1 m.
+
+    NaN without neighbours, and on slanted surfaces, where noise has more causes.
+    """
     rays = _rays(image)
     points = rays * mean_mm[..., None] / 1000.0
     along, down = np.full(points.shape, np.nan), np.full(points.shape, np.nan)
@@ -121,6 +127,7 @@ def _light(
     way = np.linalg.norm(from_emitter, axis=-1)
     length = way * np.linalg.norm(normal, axis=-1)
     facing = np.abs((normal * from_emitter).sum(axis=-1)) / np.where(length > 0, length, np.nan)
+    facing[~(facing > _LEAST_FACING)] = np.nan
     stretch = np.linalg.norm(rays, axis=-1)
     return np.asarray(facing / np.where(way > 0, way, np.nan) ** 2 * stretch**-vignetting)
 
