@@ -65,6 +65,12 @@ def test_temporal_part_is_unbiased_and_leaves_the_fixed_pattern_out() -> None:
     assert abs(z_mean(part)) < Z_MAX
 
 
+@pytest.mark.parametrize("frames", [4, 64])
+def test_temporal_sigma_is_unbiased_for_any_number_of_frames(frames: int) -> None:
+    found = measure.sigma_temporal(RNG.normal(0, 2.0, (frames, 100, 100)))
+    assert found == pytest.approx(2.0, rel=0.02)
+
+
 def test_holes_do_not_count() -> None:
     frames = tilted_plane(32) + RNG.normal(0, 1.0, (60, 32, 32))
     whole = measure.sigma_temporal(frames)

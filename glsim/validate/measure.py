@@ -56,12 +56,21 @@ def temporal_part(frames: Array, least: int = 2) -> Array:
     return np.asarray((frames - mean) * scale)
 
 
-def sigma_temporal_map(frames: Array) -> Array:
-    """(H, W) standard deviation of each pixel over time; NaN below two valid frames."""
+def variance_temporal_map(frames: Array) -> Array:
+    """(H, W) unbiased variance of each pixel over time; NaN below two valid frames."""
     part = temporal_part(frames)
     count = np.isfinite(part).sum(axis=0)
     variance = np.nansum(part**2, axis=0) / np.maximum(count, 1)
-    return np.where(count > 1, np.sqrt(variance), np.nan)
+    return np.where(count > 1, variance, np.nan)
+
+
+def sigma_temporal_map(frames: Array) -> Array:
+    """(H, W) standard deviation of each pixel over time; NaN below two valid frames.
+
+    Unbiased for Gaussian noise: the root of an unbiased variance of n is (4n - 4) / (4n - 3) of it.
+    """
+    count = np.maximum(np.isfinite(frames).sum(axis=0), 2)
+    return np.asarray(np.sqrt(variance_temporal_map(frames)) * (4 * count - 3) / (4 * count - 4))
 
 
 def sigma_temporal(frames: Array) -> float:
@@ -83,7 +92,7 @@ def fixed_pattern(frames: Array) -> tuple[Array, float]:
     count = np.isfinite(frames).sum(axis=0)
     mean = np.where(count > 0, np.nansum(frames, axis=0) / np.maximum(count, 1), np.nan)
     pattern = without_plane(mean)
-    left = mean_of(sigma_temporal_map(frames) ** 2 / np.maximum(count, 1))
+    left = mean_of(variance_temporal_map(frames) / np.maximum(count, 1))
     return pattern, float(np.sqrt(max(mean_of(pattern**2) - left, 0.0)))
 
 
