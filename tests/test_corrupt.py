@@ -62,7 +62,8 @@ def test_both_backends_agree(context: moderngl.Context, sensor: str) -> None:
     np.testing.assert_array_equal(computed.clean, clean)
     if sensor != "ideal":
         assert (one != clean).mean() > 0.5
-        assert (drawn.reason == Reason.SHADOW).sum() > 50
+        # Time of flight fills all but the middle of a shadow from its sides.
+        assert (drawn.reason == Reason.SHADOW).sum() > (0 if sensor == "kinect-v2" else 50)
 
 
 @pytest.mark.parametrize("backend", [None, "numpy"])

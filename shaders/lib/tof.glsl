@@ -3,6 +3,7 @@
 // Constants of the decoder: libfreenect2, depth_packet_processor.cpp (Parameters).
 
 uniform vec3 u_modulation_mhz;
+uniform vec3 u_emitter_m; // the middle of the emitters, from the camera
 
 const float TWO_PI = 6.28318530718;
 

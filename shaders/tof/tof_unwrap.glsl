@@ -1,26 +1,12 @@
 #version 330 core
-// tof_unwrap: phases to depth, as libfreenect2 decodes them. The slow phase unwraps the fast one,
-// the third one tells which turn the slow one is in, and the three must agree. The distance is the
-// plain mean of the three counts of cycles; the emitter's place makes it a depth along the axis.
-#include "lib/tof.glsl"
-#include "reason.glsl"
-
-uniform float min_amplitude = 3.0;     //@ [0, 1000]  1   least amplitude of each frequency (libfreenect2: individual_ab_threshold)
-uniform float min_sum = 10.0;          //@ [0, 3000]  1   least sum of the three (ab_threshold)
-uniform float slope = -0.5330578;      //@ [-10, 10]  1   of the logarithm of the allowed disagreement over that of the amplitude (ab_confidence_slope)
-uniform float offset = 0.7694894;      //@ [-10, 10]  1   the same at amplitude 1 (ab_confidence_offset)
-uniform float min_disagreement = 0.3490659; //@ [0, 10] rad never less is allowed (min_dealias_confidence)
-uniform float max_disagreement = 0.6108653; //@ [0, 10] rad never more (max_dealias_confidence)
+// tof_unwrap: phases to depth along the axis, as libfreenect2 decodes them.
+#include "lib/unwrap.glsl"
 
 uniform sampler2D u_phasor_a;
 uniform sampler2D u_phasor_b;
 uniform sampler2D u_clean;
 uniform sampler2D u_lit;
 uniform sampler2D u_rays;
-uniform vec3 u_emitter_m;
-
-const int MOST_TURNS = 64;
-const float LOG10_2 = 0.301030, LOG2_10 = 3.321928; // as the decoder rounds them
 
 out float depth;
 out float reason;
@@ -31,53 +17,14 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 a = texelFetch(u_phasor_a, pixel, 0), b = texelFetch(u_phasor_b, pixel, 0);
     vec3 real = vec3(a.xz, b.x), imaginary = vec3(a.yw, b.y);
-    vec3 amplitude = sqrt(real * real + imaginary * imaginary);
-    float least = min(amplitude.x, min(amplitude.y, amplitude.z));
-    float most = max(amplitude.x, max(amplitude.y, amplitude.z));
-    float sum = amplitude.x + amplitude.y + amplitude.z;
-    vec3 phase = fract(atan(imaginary, real) / TWO_PI); // cycles, 0 to 1
-
-    vec3 f = u_modulation_mhz;
-    float ratio = f.x / f.y; // a whole number: cycles of the fast phase in one of the slow one
-    float fast = phase.x + floor(ratio * phase.y - phase.x + 0.5);
-    float slow = phase.y;
-    // The turn of the slow phase at which the third one fits best; as many as there are until all
-    // phases repeat (2 for 80, 16 and 120 MHz).
-    float best = 1e6, best_turn = 0.0;
-    float turns_of_third = f.z / f.y;
-    int turn = 0;
-    bool more;
-    do {
-        float third = fast * f.z / f.x + float(turn) * turns_of_third - phase.z;
-        float misfit = abs(third - floor(third + 0.5));
-        best_turn = misfit < best - 1e-4 ? float(turn) : best_turn;
-        best = min(best, misfit);
-        turn++;
-        more = abs(fract(float(turn) * turns_of_third + 0.5) - 0.5) > 1e-3;
-    } while (more && turn < MOST_TURNS);
-    fast += best_turn * ratio;
-    slow += best_turn;
-    float third = phase.z + floor(fast * f.z / f.x - phase.z + 0.5);
-
-    vec3 axis = normalize(f);
-    vec3 disagreement = cross(TWO_PI * vec3(fast, slow, third), axis);
-    float allowed = exp((log(max(most, 1e-6)) * slope * LOG10_2 + offset) * LOG2_10);
-    allowed = clamp(allowed, min_disagreement, max_disagreement);
-    float distance_m = (fast + slow + third) * HALF_WAVE_M_MHZ / (f.x + f.y + f.z);
-
-    vec3 ray = vec3(texelFetch(u_rays, pixel, 0).rg, 1.0);
-    float path = 2.0 * distance_m; // |P| + |P - E| = path, P = z ray
-    float z = (path * path - dot(u_emitter_m, u_emitter_m))
-        / (2.0 * max(path * length(ray) - dot(ray, u_emitter_m), 1e-6));
-
+    float sum;
+    int fate;
+    float distance_m = unwrapped(real, imaginary, sum, fate);
+    float z = along_axis(distance_m, texelFetch(u_rays, pixel, 0).rg);
     float clean = texelFetch(u_clean, pixel, 0).r;
     float lit = texelFetch(u_lit, pixel, 0).r;
-    reason = REASON_VALID;
+    reason = reason_of(fate, z, clean, lit);
     if (b.w >= 2.0) reason = REASON_SATURATED;
-    else if (least < min_amplitude || sum < min_sum) {
-        reason = clean <= 0.0 ? REASON_NO_SURFACE : (lit < 0.5 ? REASON_SHADOW : REASON_LOW_SIGNAL);
-    } else if (dot(disagreement, disagreement) > allowed * allowed || z <= 0.0) reason = REASON_UNWRAP;
-    else if (clean <= 0.0) reason = REASON_GROWN;
     depth = reason == REASON_VALID || reason == REASON_GROWN ? z : 0.0;
     infrared = b.z;
     bool edge = b.w == 1.0 || b.w == 3.0;
