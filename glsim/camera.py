@@ -50,6 +50,13 @@ class Intrinsics:
             dtype=np.float32,
         )
 
+    def finer(self, factor: int) -> Intrinsics:
+        """The same view with ``factor`` times as many pixels on a side."""
+        if factor == 1:
+            return self
+        size = self.width * factor, self.height * factor
+        return Intrinsics(*size, *(factor * v for v in (self.fx, self.fy, self.cx, self.cy)))
+
     def rays(self) -> FloatArray:
         """(H, W, 2) float32: x/z and y/z of the ray through each pixel's centre."""
         x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
@@ -142,6 +149,9 @@ class SensorRig:
 
     near_m, far_m: the clip planes of the rendering (the *measuring* range is a noise stage).
     deliver: "undistorted" puts the frame on the pinhole grid; "raw" on the grid of the lens.
+    supersample: samples a pixel along each axis for stages that add light up; odd.
+    modulation_mhz: of a time-of-flight camera, its three frequencies; else empty.
+    shadow_map: whether the renderer casts the shadows (else all is lit, and a stage does).
     """
 
     intrinsics: Intrinsics
@@ -150,6 +160,9 @@ class SensorRig:
     deliver: str = "undistorted"
     near_m: float = 0.1
     far_m: float = 12.0
+    supersample: int = 1
+    modulation_mhz: tuple[float, ...] = ()
+    shadow_map: bool = True
 
     @property
     def is_raw(self) -> bool:
@@ -163,9 +176,20 @@ class SensorRig:
             return 0.0
         return float(np.linalg.norm(self.emitters[0].position_m))
 
-    def rays(self) -> FloatArray:
-        """(H, W, 2) float32: x/z and y/z of the true ray through each delivered pixel."""
-        rays = self.intrinsics.rays()
+    @property
+    def emitter_m(self) -> tuple[float, float, float]:
+        """The middle of the emitters, camera frame, metres; the camera itself without any."""
+        if not self.emitters:
+            return (0.0, 0.0, 0.0)
+        x, y, z = np.mean([e.position_m for e in self.emitters], axis=0)
+        return (float(x), float(y), float(z))
+
+    def rays(self, factor: int = 1) -> FloatArray:
+        """(H, W, 2) float32: x/z and y/z of the true ray through each delivered pixel.
+
+        factor: through ``factor`` times as many points along each axis.
+        """
+        rays = self.intrinsics.finer(factor).rays()
         return self.distortion.undistort(rays).astype(np.float32) if self.is_raw else rays
 
     def pinhole(self) -> Intrinsics:

@@ -20,7 +20,7 @@ from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.mesh import SKIN_ALBEDO
 from glsim.noise.chain import ShaderChain, run_array_stages, run_twins
-from glsim.noise.view import FrameContext
+from glsim.noise.view import FrameContext, Optics
 from glsim.pipeline import draw_values
 from glsim.plan import stable_seed
 from glsim.render import Renderer
@@ -95,6 +95,7 @@ class Corrupter:
             stable_seed("device", self._settings.seed, 0),
             0.0,
             image.fx * self.rig.baseline_m,
+            Optics.of(self.rig, float(depth_m[depth_m > 0].min(initial=np.inf)), supersample=1),
         )
         if not depth_m.any():  # nothing to see, nothing to light
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))
@@ -126,13 +127,14 @@ class Corrupter:
     def _array_layers(self, depth_m: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
         """The layers that a chain starts from, without GL."""
         rays = self.rig.rays()
-        normal = np.pad(depthmap.normals(depth_m, rays), ((0, 0), (0, 0), (0, 1)))
+        albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
+        normal = np.dstack([depthmap.normals(depth_m, rays), albedo])
         return {
             "clean": depth_m,
             "depth": depth_m,
             "reason": np.zeros_like(depth_m),
             "normal": normal,
-            "albedo": np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0)),
+            "albedo": albedo,
             "lit": depthmap.lit_by_marching(depth_m, self.rig),
             "rays": rays,
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,12 +23,14 @@ def finish(
     crop: Rect,
     image: Intrinsics,
     output: OutputSettings,
+    extra: Sequence[str] = (),
     **identity: Any,
 ) -> Frame:
     """The delivered frame.
 
     layers: (h, w) float32 of ``window``, with depth and clean in metres.
-    crop: what is delivered of the sensor's image. identity: the fields of Frame that name it.
+    crop: what is delivered of the sensor's image. extra: names of layers that go along as they
+    are. identity: the fields of Frame that name it.
     Raises ConfigError if a stage left NaN or infinity behind.
     """
     visible = window.intersection(crop)
@@ -60,6 +62,7 @@ def finish(
         reason_codes=reason,
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
+        extra={name: layers[name][inside] for name in extra if name in layers},
         **identity,
     )
 

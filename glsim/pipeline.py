@@ -32,7 +32,7 @@ from glsim.gl.targets import Readback
 from glsim.mesh import Mesh
 from glsim.noise.chain import ShaderChain, run_array_stages
 from glsim.noise.stage import Stage
-from glsim.noise.view import FrameContext
+from glsim.noise.view import FrameContext, Optics
 from glsim.plan import Task, make_tasks, stable_seed
 from glsim.pose import pose_matrix
 from glsim.render import Renderer
@@ -87,7 +87,7 @@ def simulate(
     drawn_in = context or own_context
     assert drawn_in is not None
     try:
-        yield from Simulator(settings, opened, drawn_in, layers).frames(planned)
+        yield from Simulator(settings, opened, drawn_in, layers=layers).frames(planned)
     finally:
         if own_context is not None:
             own_context.release()
@@ -109,14 +109,18 @@ class Simulator:
         settings: Settings,
         sources: Sequence[FaceSource],
         context: moderngl.Context,
+        extra_layers: Sequence[str] = (),
         layers: Collection[str] = LAYERS,
     ) -> None:
-        self._settings, self._sources = settings, sources
+        """extra_layers: further layers of the stages that frames shall carry (``Frame.extra``)."""
+        self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
         self._context = context
         self.sensor: Sensor = sensor_of(settings)
         make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
-        self._chain = ShaderChain(context, self.sensor.stages, infrared="infrared" in layers)
+        self._chain = ShaderChain(
+            context, self.sensor.stages, self._extra, infrared="infrared" in layers
+        )
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -185,6 +189,7 @@ class Simulator:
             stable_seed("device", settings.seed, task.device),
             task.key.time_s,
             rig.intrinsics.fx * rig.baseline_m,
+            Optics.of(rig, self._renderer.nearest_m),
         )
         self._chain.run(self._renderer, layers, context, values, readback)
         return _InFlight(readback, task, face, crop, context, values, pose, drawn)
@@ -210,6 +215,7 @@ class Simulator:
             item.crop,
             self.sensor.rig.intrinsics,
             self._settings.output,
+            self._extra,
             key=task.key,
             source=self._sources[task.source].name,
             seed=task.seeds.frame,

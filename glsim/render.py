@@ -4,6 +4,9 @@
     mesh --projector.vert @emitter----> z-buffer
     clean + z-buffer --lit.frag-------> lit
 
+A rig that supersamples has the camera's layers drawn finer, as fine_clean and so on; the middle
+sample of a pixel is its clean depth (centres.frag), and the fine layers are kept for the stages.
+
 For a rig that keeps its lens distortion, the camera draws a wider pinhole image and lens.frag
 brings its layers to the distorted grid.
 """
@@ -12,7 +15,8 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 
 import moderngl
 import numpy as np
@@ -21,8 +25,8 @@ from numpy.typing import NDArray
 from glsim.bounds import Sight, Tangents, corners, emitter_view, image_window, union
 from glsim.camera import Emitter, Intrinsics, SensorRig
 from glsim.frame import Rect
-from glsim.gl.program import link_files
-from glsim.gl.source import Layer
+from glsim.gl.program import link, link_files
+from glsim.gl.source import SHADER_ROOT, Layer, load_source
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.mesh import SKIN_ALBEDO, Mesh
 from glsim.pose import pose_matrix
@@ -31,6 +35,7 @@ CLEAN = Layer("clean", "float")
 NORMAL = Layer("normal", "vec4")
 ALBEDO = Layer("albedo", "float")
 LIT = Layer("lit", "float")
+UNEVEN = Layer("uneven", "float")
 _RAYS = Layer("rays", "vec2")
 
 #: Texels of an emitter's z-buffer a camera pixel, so that shadow edges are finer than the image.
@@ -64,13 +69,30 @@ class Renderer:
             TargetPool(context, pinhole.width, pinhole.height) if rig.is_raw else self.pool
         )
         self.rays = self.pool.upload(_RAYS, rig.rays())
-        self._surface = link_files(context, "render/surface.vert", "render/surface.frag")
+        scale = Fraction(rig.supersample)
+        self.fine_rays: Target | None = None
+        self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
+        if rig.supersample > 1:
+            fine_rays = Layer("fine_rays", "vec2", scale)
+            self.fine_rays = self.pool.upload(fine_rays, rig.rays(rig.supersample))
+            self._drawn = tuple(
+                replace(la, name=f"fine_{la.name}", scale=scale) for la in (CLEAN, NORMAL)
+            )
+            self._centres_pass = self._fullscreen(
+                "render/centres.frag", ("SIDE = 3", f"SIDE = {rig.supersample}")
+            )
+        #: No depth of the scene that was rendered last is less.
+        self.nearest_m = 0.0
+        drawing = "surface" if rig.supersample == 1 else "samples"
+        self._surface = link_files(context, "render/surface.vert", f"render/{drawing}.frag")
         self._projector = link_files(context, "render/projector.vert", "render/projector.frag")
         self._lit_pass = self._fullscreen("render/lit.frag")
         self._lens_pass = self._fullscreen("render/lens.frag") if rig.is_raw else None
         set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
-        self._depth = context.depth_renderbuffer((pinhole.width, pinhole.height))
+        fine = pinhole.finer(rig.supersample)
+        self._depth = context.depth_renderbuffer((fine.width, fine.height))
         self._camera_buffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
+        self._clearing: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._map = context.depth_texture((_MAP_SIZE, _MAP_SIZE))
         self._map.compare_func = "<="
         self._map.filter = (moderngl.LINEAR, moderngl.LINEAR)
@@ -80,8 +102,10 @@ class Renderer:
         self._map_buffer = context.framebuffer([], self._map)
         self._drawables: OrderedDict[int, _Drawable] = OrderedDict()
 
-    def _fullscreen(self, fragment: str) -> moderngl.VertexArray:
-        program = link_files(self.context, "render/fullscreen.vert", fragment)
+    def _fullscreen(self, name: str, change: tuple[str, str] = ("", "")) -> moderngl.VertexArray:
+        """A pass over a window. change: of the shader's text, for a constant of the rig's."""
+        fragment = load_source(SHADER_ROOT / name)
+        program = link(self.context, replace(fragment, text=fragment.text.replace(*change)))
         return self.context.vertex_array(program, [])
 
     def render(
@@ -90,7 +114,8 @@ class Renderer:
         """Draw meshes, each with its (4, 4) matrix from canonical mm to camera m.
 
         visible: the crop that will be delivered (None: all).
-        Returns the layers clean, normal, albedo and lit, and the window they are drawn in; give
+        Returns the layers clean, normal, albedo and lit, those of the finer grid if the rig has
+        one (fine_clean, fine_normal, uneven), and the window they are drawn in; give
         the targets back to ``pool``. Raises MeshError if the first mesh, the face, is not in view.
         """
         boxes = [corners(mesh.vertices_mm, view) for mesh, view in meshes]
@@ -98,7 +123,12 @@ class Renderer:
         drawables = [self._drawable(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
         layers = self._draw_surface(drawables, views, window)
-        layers["lit"] = self._draw_lit(layers, window, drawables, views, np.concatenate(boxes))
+        if self.fine_rays is not None:
+            layers |= self._take_centres(layers, window)
+        corners_m = np.concatenate(boxes)
+        self.nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
+        casting = drawables if self.rig.shadow_map else []
+        layers["lit"] = self._draw_lit(layers, window, casting, views, corners_m)
         return layers, window
 
     def light_depth_map(
@@ -112,12 +142,14 @@ class Renderer:
         image = self.rig.intrinsics
         window = Rect(0, 0, image.width, image.height)
         view = pose_matrix({})
+        albedo = np.where(clean_m > 0, np.float32(SKIN_ALBEDO), np.float32(0.0))
         layers = {
             "clean": self.pool.upload(CLEAN, clean_m),
-            "normal": self.pool.upload(NORMAL, np.pad(normal, ((0, 0), (0, 0), (0, 1)))),
-            "albedo": self.pool.upload(ALBEDO, np.where(clean_m > 0, SKIN_ALBEDO, 0.0)),
+            "normal": self.pool.upload(NORMAL, np.dstack([normal, albedo])),
+            "albedo": self.pool.upload(ALBEDO, albedo),
         }
-        drawables = [] if surface is None else [self._drawable(surface)]
+        casts = surface is not None and self.rig.shadow_map
+        drawables = [self._drawable(surface)] if surface is not None and casts else []
         box = np.zeros((0, 3)) if surface is None else corners(surface.vertices_mm, view)
         layers["lit"] = self._draw_lit(layers, window, drawables, [view] * len(drawables), box)
         return layers
@@ -179,16 +211,20 @@ class Renderer:
     ) -> dict[str, Target]:
         pinhole, pool = self._pinhole, self._camera_pool
         area = window if self._lens_pass is None else Rect(0, 0, pinhole.width, pinhole.height)
-        targets = [pool.take(layer, area) for layer in (CLEAN, NORMAL, ALBEDO)]
+        targets = [pool.take(layer, area) for layer in self._drawn]
         key = tuple(target.texture.glo for target in targets)
         if key not in self._camera_buffers:
             textures = [target.texture for target in targets]
             self._camera_buffers[key] = self.context.framebuffer(textures, self._depth)
+            self._clearing[key] = self.context.framebuffer(textures[:1], self._depth)
         buffer = self._camera_buffers[key]
         buffer.use()
-        buffer.viewport = (0, 0, pinhole.width, pinhole.height)
-        buffer.scissor = area
-        buffer.clear(viewport=area)
+        fine, drawn = pinhole.finer(self.rig.supersample), self._drawn[0].window(area)
+        buffer.viewport = (0, 0, fine.width, fine.height)
+        buffer.scissor = drawn
+        # Of samples only the depth is cleared: where there is none, nobody looks at the rest.
+        (buffer if self.rig.supersample == 1 else self._clearing[key]).clear(viewport=drawn)
+        buffer.use()
         self._draw_meshes([d.surface for d in drawables], self._surface, views)
         layers = {target.layer.name: target for target in targets}
         return layers if self._lens_pass is None else self._through_lens(layers, window)
@@ -198,18 +234,30 @@ class Renderer:
         layers = {t.layer.name: self.pool.take(t.layer, window) for t in pinhole.values()}
         buffer = self.pool.framebuffer(list(layers.values()))
         buffer.use()
-        buffer.viewport = window
+        buffer.viewport = self._drawn[0].window(window)
         for unit, (name, target) in enumerate(pinhole.items()):
             target.texture.use(unit)
-            self._lens_pass.program[f"u_pinhole_{name}"] = unit
-        self.rays.texture.use(len(pinhole))
+            self._lens_pass.program[f"u_pinhole_{name.removeprefix('fine_')}"] = unit
+        (self.fine_rays or self.rays).texture.use(len(pinhole))
         self._lens_pass.program["u_rays"] = len(pinhole)
-        p = self._pinhole
+        p = self._pinhole.finer(self.rig.supersample)
         self._lens_pass.program["u_pinhole"] = (p.fx, p.fy, p.cx, p.cy)
         self._lens_pass.render(moderngl.TRIANGLES, vertices=3)
         for target in pinhole.values():
             self._camera_pool.give_back(target)
         return layers
+
+    def _take_centres(self, fine: dict[str, Target], window: Rect) -> dict[str, Target]:
+        """The layers of the pixels from those of their samples."""
+        targets = [self.pool.take(layer, window) for layer in (CLEAN, NORMAL, ALBEDO, UNEVEN)]
+        buffer = self.pool.framebuffer(targets)
+        buffer.use()
+        buffer.viewport = window
+        for unit, (name, target) in enumerate(fine.items()):
+            target.texture.use(unit)
+            self._centres_pass.program[f"u_{name}"] = unit
+        self._centres_pass.render(moderngl.TRIANGLES, vertices=3)
+        return {target.layer.name: target for target in targets}
 
     def _draw_lit(
         self,

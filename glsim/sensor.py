@@ -7,6 +7,9 @@ height = 424
 focal_px = [365.456, 365.456]
 centre_px = [254.878, 205.395]
 [rig.distortion]          optional: k1, k2, k3, p1, p2
+supersample = 3           optional: samples a pixel along each axis (1, 3 or 5)
+modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
+shadow_map = true         false: the renderer casts no shadows, a stage does
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
 [[stage]]
@@ -29,6 +32,7 @@ from glsim.config import Settings, merge_tables, read_toml, validate
 from glsim.distribution import Distribution, Drawn
 from glsim.errors import ConfigError, did_you_mean
 from glsim.noise.chain import check_chain
+from glsim.noise.light import check_light
 from glsim.noise.stage import Stage, find, make_stage
 
 SENSOR_FOLDER = Path(__file__).parent / "sensors"
@@ -63,6 +67,9 @@ class _RigTable(_Table):
     deliver: Literal["undistorted", "raw"] = "undistorted"
     near_m: float = Field(0.1, gt=0)
     far_m: float = Field(12.0, gt=0)
+    supersample: int = Field(1, ge=1, le=5)
+    modulation_mhz: tuple[float, float, float] | tuple[()] = ()
+    shadow_map: bool = True
 
     @model_validator(mode="after")
     def _check(self) -> _RigTable:
@@ -72,6 +79,10 @@ class _RigTable(_Table):
             raise ValueError(f"near_m {self.near_m} must be less than far_m {self.far_m}")
         if any(e.position_m == (0.0, 0.0, 0.0) for e in self.emitter):
             raise ValueError("an emitter at the camera itself throws no shadow: leave it out")
+        if self.supersample % 2 == 0:
+            raise ValueError(
+                f"supersample {self.supersample} must be odd: the middle sample is the pixel's depth"
+            )
         return self
 
     def rig(self) -> SensorRig:
@@ -82,6 +93,9 @@ class _RigTable(_Table):
             self.deliver,
             self.near_m,
             self.far_m,
+            self.supersample,
+            self.modulation_mhz,
+            self.shadow_map,
         )
 
 
@@ -115,6 +129,8 @@ class Sensor:
             "deliver": self.rig.deliver,
             "emitters_m": [list(e.position_m) for e in self.rig.emitters],
             "emitter_spreads_m": [e.spread_m for e in self.rig.emitters],
+            "modulation_mhz": list(self.rig.modulation_mhz),
+            "supersample": self.rig.supersample,
             "stages": [
                 {"name": s.name, "use": s.spec.name}
                 | {k: v.model_dump(exclude_none=True) for k, v in s.settings.items()}
@@ -169,6 +185,7 @@ def load_sensor(
                 f"({did_you_mean(stage_name, names)})"
             )
     rig = table.rig.rig()
+    check_light(stages, rig, str(file))
     check_chain(stages, rig.baseline_m, str(file))
     return Sensor(file.stem, table.title, rig, tuple(stages), file)
 

@@ -57,6 +57,7 @@ def test_render_writes_five_files(
     face_file: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     command = ["render", str(face_file), "-o", "out", "--axes", "+x+y+z", "--unit", "mm"]
+    command += ["--sensor", "kinect-v2-fankhauser"]
     assert run(*command, "--seed", "3", "--set", "axial.base_sigma_mm=2.5") == 0
     assert capsys.readouterr().err.count("face_clean.png") == 1, "one mesh, one frame"
     assert len(list((here / "out").iterdir())) == 5
@@ -115,9 +116,9 @@ def test_corrupt_takes_a_folder_and_names_what_it_cannot_read(
     ("arguments", "words"),
     [
         (["render", "face.obj", "--sensor", "kinect-v3"], "no such sensor 'kinect-v3'"),
-        (["render", "face.obj", "--set", "axal.base_sigma_mm=1"], "did you mean 'axial'"),
-        (["render", "face.obj", "--set", "axial.base_sigma=1"], "did you mean 'base_sigma_mm'"),
-        (["render", "face.obj", "--set", "axial.base_sigma_mm=1000"], "outside [0, 100] mm"),
+        (["render", "face.obj", "--set", "tof_flor.sigma_mm=1"], "did you mean 'tof_floor'"),
+        (["render", "face.obj", "--set", "tof_floor.sigma=1"], "did you mean 'sigma_mm'"),
+        (["render", "face.obj", "--set", "tof_floor.sigma_mm=1000"], "outside [0, 50] mm"),
         (["render", "face.obj", "--set", "axial.base_sigma_mm"], "write name=value"),
         (["render", "face.obj", "--config", "none.toml"], "none.toml: no such file"),
         (["generate", "-o", "d", "--source", "folder"], "needs --root"),

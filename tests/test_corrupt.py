@@ -62,7 +62,8 @@ def test_both_backends_agree(context: moderngl.Context, sensor: str) -> None:
     np.testing.assert_array_equal(computed.clean, clean)
     if sensor != "ideal":
         assert (one != clean).mean() > 0.5
-        assert (drawn.reason == Reason.SHADOW).sum() > 50
+        # Time of flight fills all but the middle of a shadow from its sides.
+        assert (drawn.reason == Reason.SHADOW).sum() > (0 if sensor == "kinect-v2" else 50)
 
 
 @pytest.mark.parametrize("backend", [None, "numpy"])
@@ -159,7 +160,7 @@ def test_the_noise_is_that_of_the_sensor(backend: str | None) -> None:
     only = {"axial": {"angle_mm": 0}, "millimetre_quantise": {"step_mm": 0.1}}
     off = {n: {"enabled": False} for n in ("lateral", "fixed_pattern", "edge_dropout", "shadow")}
     output = {"depth_unit_mm": 0.1}
-    frame = corrupted("kinect-v2", flat, "a", backend, stage=only | off, output=output)
+    frame = corrupted("kinect-v2-fankhauser", flat, "a", backend, stage=only | off, output=output)
     error_mm = (frame.noisy.astype(float) - 20_000) / 10
     assert abs(z_sd(error_mm, float(np.hypot(1.5 - 0.5 * 2 + 0.3 * 4, 0.1 / np.sqrt(12))))) < Z_MAX
 

@@ -33,7 +33,7 @@ def picture(expected: NDArray[np.uint16], found: NDArray[np.uint16]) -> NDArray[
     return np.kron(np.hstack(cells), np.ones((4, 4), np.uint8))
 
 
-@pytest.mark.parametrize("sensor", ["ideal", "kinect-v2"])
+@pytest.mark.parametrize("sensor", ["ideal", "kinect-v2", "kinect-v2-fankhauser"])
 @pytest.mark.parametrize("layer", ["clean", "noisy"])
 def test_frames_are_as_they_were(
     context: moderngl.Context,

@@ -55,11 +55,11 @@ def test_a_frame_is_the_same_whatever_was_made_before(
     context: moderngl.Context, sensor: str
 ) -> None:
     """Any part of the plan, in any order, by a Simulator that is new or has worked before."""
-    settings = moving_settings(
-        sensor,
-        output={"crop": 128},
-        stage={"axial": {"angle_mm": {"uniform": [0, 1]}}} if sensor != "kinect-v2-paper" else {},
-    )
+    drawn = {"uniform": [0, 1]}
+    stage = {
+        "kinect-v1": {"axial": {"angle_mm": drawn}}, "kinect-v2": {"tof_floor": {"sigma_mm": drawn}},
+    }.get(sensor, {})  # fmt: skip
+    settings = moving_settings(sensor, output={"crop": 128}, stage=stage)
     whole = made(context, settings)
     assert len(set(whole.values())) == 24
     sources, tasks = plan_of(settings)

@@ -59,7 +59,9 @@ def error_mm(frame: Frame) -> NDArray[np.float64]:
 
 
 def test_all_of_them_are_known() -> None:
-    assert SENSORS == ["ideal", "kinect-v1", "kinect-v2", "kinect-v2-paper"]
+    fast, azure = "kinect-v2-fast", "azure-kinect"
+    v2 = ["kinect-v2", "kinect-v2-fankhauser", fast, "kinect-v2-paper"]
+    assert SENSORS == [azure, "ideal", "kinect-v1", *v2]
     with pytest.raises(ConfigError, match=r"no such sensor 'kinect-v3' .did you mean 'kinect-v"):
         load_sensor("kinect-v3")
     with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):
@@ -95,7 +97,7 @@ def test_ideal_is_the_clean_depth_rounded(context: moderngl.Context) -> None:
 @pytest.mark.parametrize("z_m", [0.9, 2.0, 4.0])
 def test_kinect_v2_has_the_sigma_of_fankhauser(context: moderngl.Context, z_m: float) -> None:
     """The central term; over the crop the angle to the axis is that of the plane: none."""
-    error = error_mm(on_plane(context, "kinect-v2", z_m, "axial"))
+    error = error_mm(on_plane(context, "kinect-v2-fankhauser", z_m, "axial"))
     assert abs(z_mean(error)) < Z_MAX
     assert abs(z_sd(error, 1.5 - 0.5 * z_m + 0.3 * z_m**2)) < Z_MAX
 
@@ -104,7 +106,7 @@ def test_kinect_v2_has_the_sigma_of_fankhauser(context: moderngl.Context, z_m: f
 def test_kinect_v2_is_noisier_on_tilted_surfaces(
     context: moderngl.Context, tilt_deg: float
 ) -> None:
-    frame = on_plane(context, "kinect-v2", 1.0, "axial", tilt_deg=tilt_deg)
+    frame = on_plane(context, "kinect-v2-fankhauser", 1.0, "axial", tilt_deg=tilt_deg)
     clean, angle = frame.clean_m, np.radians(tilt_deg)
     ratio = (angle / (np.pi / 2 - angle)) ** 2
     seen = clean > 0
@@ -136,7 +138,7 @@ def test_structured_light_is_banded_in_eighths_of_a_pixel(
 
 def test_the_fixed_pattern_of_the_kinect_v2(context: moderngl.Context) -> None:
     """Pixels 0.6 mm, columns 0.45 mm, rows alternate by 0.37 mm."""
-    frame = on_plane(context, "kinect-v2", 1.0, "fixed_pattern")
+    frame = on_plane(context, "kinect-v2-fankhauser", 1.0, "fixed_pattern")
     error = 1000 * (frame.noisy_m.astype(float) - frame.clean_m)
     assert error.shape == (200, 200)
     by_row = error.mean(axis=1)
@@ -178,7 +180,9 @@ def test_dark_surfaces_are_lost_by_the_kinect_v2(context: moderngl.Context) -> N
     plane = Plane(1.0, 0).mesh(0.02)
     dark = Mesh(plane.vertices_mm, plane.faces, np.full(4, 80 / 6256, np.float32))
     off = {"shadow", "lateral", "axial", "fixed_pattern", "edge_dropout"}
-    settings = settings_for("kinect-v2", stage={name: {"enabled": False} for name in off})
+    settings = settings_for(
+        "kinect-v2-fankhauser", stage={name: {"enabled": False} for name in off}
+    )
     frames = frames_of(context, at_distance(settings, 1.0), moved(dark, 1.0), 40)
     lost = np.concatenate([(f.noisy == 0)[f.clean > 0] for f in frames])
     assert len(lost) > 5000

@@ -110,3 +110,12 @@ def words(text: str | None) -> list[str] | None:
     if not parts:
         raise ConfigError(f"{text!r}: give at least one name")
     return parts
+
+
+def two_numbers(option: str, text: str) -> tuple[float, float]:
+    """An option of the form x,y. Raises ConfigError."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(f"{option} {text}: give two numbers, x,y") from None
+    return x, y

@@ -19,6 +19,7 @@ from glsim.cli.common import (
     console,
     overrides,
     say,
+    two_numbers,
 )
 from glsim.errors import ConfigError, DatasetError
 
@@ -71,7 +72,7 @@ def corrupt(
     )
     pairs = _pairs(clean, out)
     focal = None if focal_px is None else (focal_px, focal_px)
-    centre = None if centre_px is None else _two_numbers(centre_px)
+    centre = None if centre_px is None else two_numbers("--centre-px", centre_px)
     failures = 0
     with ExitStack() as stack:
         by_shape: dict[tuple[int, int], Corrupter] = {}
@@ -114,11 +115,3 @@ def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path, str]]:
         if target.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite the clean map {source}")
     return pairs
-
-
-def _two_numbers(text: str) -> tuple[float, float]:
-    try:
-        x, y = (float(part) for part in text.split(","))
-    except ValueError:
-        raise ConfigError(f"--centre-px {text}: give two numbers, x,y") from None
-    return x, y

@@ -25,6 +25,15 @@ Values = Mapping[str, Mapping[str, float]]
 #: The layers that exist before the first stage.
 INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
 
+#: The same on the grid of a rig's samples, and how uneven a pixel's are. Where nothing is
+#: supersampled they are the layers of the pixels.
+FINE_LAYERS = {
+    "fine_clean": "clean",
+    "fine_normal": "normal",
+    "fine_rays": "rays",
+    "uneven": "clean",
+}
+
 #: The layers that a Frame is made of; a chain without an infrared stage lacks the last.
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 
@@ -38,12 +47,17 @@ _BOUND: dict[str, Callable[[StageView], object]] = {
     "u_time_s": lambda view: view.time_s,
     "u_focal_baseline_px_m": lambda view: view.focal_baseline_px_m,
     "u_frame_size_px": lambda view: (view.width, view.height),
+    "u_emitter_m": lambda view: view.optics.emitter_m,
+    "u_modulation_mhz": lambda view: view.optics.modulation_mhz,
+    "u_supersample": lambda view: view.optics.supersample,
+    "u_focal_px": lambda view: view.optics.focal_px,
+    "u_nearest_m": lambda view: view.optics.nearest_m,
 }
 
 
 def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
     """Raise ConfigError where stages do not fit together or do not fit the rig."""
-    layers = set(INITIAL_LAYERS)
+    layers = {*INITIAL_LAYERS, *FINE_LAYERS}
     seen_array_stage: str | None = None
     for stage in stages:
         source = stage.spec.source
@@ -85,19 +99,24 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
 class ShaderChain:
     """The shader stages of a sensor, linked for one context.
 
-    infrared: whether the infrared layer is to come back. A stage whose layers nobody reads, and
-    that are not to come back, is left out.
+    infrared: whether the infrared layer is to come back; extra_layers: what else is. A stage whose
+    layers nobody reads, and that are not to come back, is left out.
     """
 
     def __init__(
-        self, context: moderngl.Context, stages: Sequence[Stage], *, infrared: bool = True
+        self,
+        context: moderngl.Context,
+        stages: Sequence[Stage],
+        extra_layers: Sequence[str] = (),
+        *,
+        infrared: bool = True,
     ) -> None:
         self._context = context
         # Array stages may read any layer; without them only what a Frame holds comes back.
+        wanted = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         if any(stage.spec.function is not None for stage in stages):
-            self._wanted: tuple[str, ...] = (*FRAME_LAYERS, "normal", "albedo", "lit")
-        else:
-            self._wanted = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
+            wanted = (*FRAME_LAYERS, "normal", "albedo", "lit")
+        self._wanted: tuple[str, ...] = (*wanted, *extra_layers)
         self._passes: list[StagePass] = []
         needed = set(self._wanted)
         for stage in reversed(stages):
@@ -125,6 +144,9 @@ class ShaderChain:
             "reason": pool.take(_REASON, frame.window),
             "rays": renderer.rays,
         }
+        if renderer.fine_rays is not None and "fine_clean" in layers:
+            layers["fine_rays"] = renderer.fine_rays
+        layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
         blank = pool.framebuffer([layers["reason"]])
         blank.use()
         blank.clear(viewport=frame.window)
@@ -140,7 +162,7 @@ class ShaderChain:
         readback.request(
             pool, {name: layers[name] for name in self._wanted if name in layers}, frame.window
         )
-        del layers["rays"]  # stays the renderer's
+        del layers["rays"], layers["fine_rays"]  # stay the renderer's
         for target in {id(target): target for target in layers.values()}.values():
             pool.give_back(target)
 
@@ -212,6 +234,7 @@ def run_twins(
     """Run the whole chain on arrays, in place. Raises ConfigError for a shader without a twin."""
     from glsim.noise.twins import TWINS
 
+    layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
     for stage in stages:
         if not values[stage.name][ENABLED]:
             continue

@@ -33,6 +33,9 @@ ArrayFunction = Callable[
     [StageView, Layers, Mapping[str, float]], Mapping[str, NDArray[np.float32]]
 ]
 
+#: Where the shipped stages are, below shaders/.
+STAGE_FOLDERS = ("noise", "tof")
+
 #: Every stage can be switched off by this name: ``--set axial.enabled=false``.
 ENABLED = "enabled"
 _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage runs", Path(), 0)
@@ -94,8 +97,8 @@ def shipped() -> dict[str, StageSpec]:
     """The stages that come with glsim, by name. Text only; needs no GL."""
     from glsim.noise import array_stages
 
-    folder = SHADER_ROOT / "noise"
-    specs = [_shader_spec(file.stem, file) for file in sorted(folder.glob("*.glsl"))]
+    files = [f for folder in STAGE_FOLDERS for f in sorted((SHADER_ROOT / folder).glob("*.glsl"))]
+    specs = [_shader_spec(file.stem, file) for file in files]
     specs += [
         _array_spec(name, getattr(array_stages, name), array_stages.__file__ or "")
         for name in array_stages.__all__

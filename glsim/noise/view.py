@@ -10,10 +10,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.camera import SensorRig
 from glsim.frame import Rect
 
 #: Layers by name: (h, w) or (h, w, components) float32 arrays of the window.
 Layers = Mapping[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What stages that add light up know about the rig and the scene.
+
+    emitter_m: the middle of the emitters, camera frame. modulation_mhz: three frequencies.
+    supersample: samples a pixel along each axis in the fine layers (1: they are the layers).
+    nearest_m: nothing in the scene is nearer. focal_px: of the columns.
+    """
+
+    emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    modulation_mhz: tuple[float, ...] = ()
+    supersample: int = 1
+    nearest_m: float = 0.0
+    focal_px: float = 1.0
+
+    @classmethod
+    def of(cls, rig: SensorRig, nearest_m: float, supersample: int | None = None) -> Optics:
+        """Of a rig; supersample: where it is not the rig's."""
+        samples = rig.supersample if supersample is None else supersample
+        return cls(rig.emitter_m, rig.modulation_mhz, samples, nearest_m, rig.intrinsics.fx)
 
 
 @dataclass(frozen=True)
@@ -33,6 +56,7 @@ class FrameContext:
     device_seed: int
     time_s: float
     focal_baseline_px_m: float
+    optics: Optics = Optics()
 
     def view(self, stage: str) -> StageView:
         """The same for one stage, with seeds of its own. ``stage`` is its name in the chain."""
@@ -45,6 +69,7 @@ class FrameContext:
             _stage_seed(self.device_seed, stage),
             self.time_s,
             self.focal_baseline_px_m,
+            self.optics,
         )
 
 
@@ -60,6 +85,7 @@ class StageView:
     device_seed: int
     time_s: float
     focal_baseline_px_m: float
+    optics: Optics = Optics()
 
 
 def _stage_seed(seed: int, stage: str) -> int:

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from glsim.noise.twins import edges, signal, values, window
+from glsim.noise.twins import edges, signal, tof_decode, tof_light, tof_taps, values, window
 from glsim.noise.twins.layers import Image, Values
 from glsim.noise.view import Layers, StageView
 
@@ -48,5 +48,12 @@ TWINS: Final[dict[str, Twin]] = {
         signal.shadow,
         window.correlation_window,
         window.dot_spread,
+        tof_light.tof_shadow,
+        tof_light.tof_light,
+        tof_taps.tof_taps,
+        tof_decode.tof_bilateral,
+        tof_decode.tof_unwrap,
+        tof_decode.tof_edge,
+        tof_decode.tof_floor,
     )
 }

@@ -1,0 +1,76 @@
+"""What a time-of-flight camera's frequencies mean, and whether a sensor's parts fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from math import gcd
+
+from glsim.camera import SensorRig
+from glsim.errors import ConfigError
+from glsim.noise.stage import Stage
+
+#: Metres a second, as the Kinect V2's decoder takes it: its tables hold half wavelengths of 1875,
+#: 9375 and 1250 mm (libfreenect2, unambigious_dist 2083.333 mm = c / 2 / 72 MHz). Light that is
+#: encoded and decoded with the same number is at the right place whatever the number.
+SPEED_OF_LIGHT = 3.0e8
+
+#: Frequencies are taken as whole multiples of this when their common period is looked for.
+_GRID_MHZ = Fraction(1, 1000)
+
+
+def half_waves_m(modulation_mhz: Sequence[float]) -> tuple[float, ...]:
+    """The distance after which each frequency's phase repeats, metres."""
+    return tuple(SPEED_OF_LIGHT / 2e6 / mhz for mhz in modulation_mhz)
+
+
+def unambiguous_m(modulation_mhz: Sequence[float]) -> float:
+    """The distance after which all phases repeat together, metres."""
+    return SPEED_OF_LIGHT / 2e6 / float(gcd(*_whole(modulation_mhz)) * _GRID_MHZ)
+
+
+def _whole(modulation_mhz: Sequence[float]) -> list[int]:
+    return [round(Fraction(mhz) / _GRID_MHZ) for mhz in modulation_mhz]
+
+
+def check_light(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
+    """Raise ConfigError for ranges that contradict each other and for light that cannot work."""
+    for stage in stages:
+        if {"near_mm", "far_mm"} <= stage.settings.keys():
+            near, far = stage.settings["near_mm"].bounds()[1], stage.settings["far_mm"].bounds()[0]
+            if near >= far:
+                raise ConfigError(
+                    f"{where}: {stage.name}.near_mm {near:g} must be less than "
+                    f"{stage.name}.far_mm {far:g}"
+                )
+    timed = [s for s in stages if s.spec.source and "u_modulation_mhz" in s.spec.source.bound]
+    if not timed:
+        return
+    if not rig.emitters:
+        raise ConfigError(
+            f"{where}: stage {timed[0].name!r} measures the emitter's light, but the rig has no "
+            "emitter: give it one under [[rig.emitter]]"
+        )
+    _check_frequencies(rig.modulation_mhz, rig.far_m, where)
+
+
+def _check_frequencies(modulation_mhz: Sequence[float], far_m: float, where: str) -> None:
+    given = f"{where}: rig.modulation_mhz {[float(f) for f in modulation_mhz]}"
+    if len(modulation_mhz) != 3 or min(modulation_mhz) < 1:
+        raise ConfigError(f"{given}: give three frequencies above 1 MHz, e.g. [80, 16, 120]")
+    fast, slow, other = _whole(modulation_mhz)
+    if fast % slow or fast == slow:
+        raise ConfigError(
+            f"{given}: cannot be unwrapped: the first must be a whole multiple of the second"
+        )
+    reach = unambiguous_m(modulation_mhz)
+    if reach < far_m:
+        raise ConfigError(
+            f"{given}: cannot be unwrapped: the phases repeat after {reach:.2f} m, "
+            f"nearer than rig.far_m {far_m:g}"
+        )
+    # The slow phase repeats this often before all do; the third frequency must tell which time it is.
+    repeats = slow // gcd(fast, slow, other)
+    turns = Fraction(other, slow)
+    if len({(turns * n) % 1 for n in range(repeats)}) < repeats:
+        raise ConfigError(f"{given}: cannot be unwrapped: the third does not tell slow turns apart")

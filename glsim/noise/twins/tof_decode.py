@@ -1,0 +1,192 @@
+"""Twins of the decoder: tof_bilateral, tof_unwrap, tof_edge, and of tof_floor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.noise.twins.depth import moved_by_mm
+from glsim.noise.twins.layers import Image, Values, pixels
+from glsim.noise.twins.random import random_bits, uniform01
+from glsim.noise.twins.tof_light import TWO_PI, frequencies, half_wave_m_mhz
+from glsim.noise.view import Layers, StageView
+from glsim.reason import Reason
+
+#: libfreenect2's 3x3 Gaussian, by how many steps a neighbour is away.
+_KERNEL = {0: np.float32(0.1195716), 1: np.float32(0.1131098), 2: np.float32(0.1069973)}
+_KERNEL_UNIT = np.float32(2.99791)
+_STEEPEST = np.float32(12.0)
+_LOG2_E = np.float32(1.442695)
+_LOG10_2, _LOG2_10 = np.float32(0.301030), np.float32(3.321928)
+_MOST_TURNS = 64
+_TINY = np.float32(1e-20)
+_HALF = np.float32(0.5)
+_ZERO = np.float32(0.0)
+
+
+def tof_bilateral(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """Each phasor becomes a mean over 3x3, where neighbours with another phase count less."""
+    a, b = layers["phasor_a"], layers["phasor_b"]
+    real = np.stack([a[..., 0], a[..., 2], b[..., 0]], axis=-1)
+    imaginary = np.stack([a[..., 1], a[..., 3], b[..., 1]], axis=-1)
+    norm = real * real + imaginary * imaginary
+    unit = np.float32(1.0) / np.sqrt(np.maximum(norm, _TINY))
+    bright = (norm >= p["min_amplitude"] * p["min_amplitude"]).astype(np.float32)
+    least = bright * p["min_amplitude"] * p["min_amplitude"]
+    falloff = -_LOG2_E * p["sharpness"] * bright
+    sum_real, sum_imaginary = _KERNEL[0] * real, _KERNEL[0] * imaginary
+    total, apart = np.full_like(real, _KERNEL[0]), np.zeros_like(real)
+    around = np.concatenate([real, imaginary, norm, unit], axis=-1)
+    for steps, other in _neighbours(around):
+        other_real, other_imaginary, other_norm, other_unit = np.split(other, 4, axis=-1)
+        alike = (real * other_real + imaginary * other_imaginary) * unit * other_unit
+        away = _HALF - _HALF * alike
+        counts = (other_norm >= least).astype(np.float32)
+        weight = counts * _KERNEL[steps] * np.exp(falloff * away)
+        apart += counts * away
+        sum_real += weight * other_real
+        sum_imaginary += weight * other_imaginary
+        total += weight
+    kept = (~(b[..., 2] > 0) | _border(view))[..., None]
+    edge = (apart.max(axis=-1) >= p["max_edge"]) & ~kept[..., 0]
+    real = np.where(kept, real, sum_real / total)
+    imaginary = np.where(kept, imaginary, sum_imaginary / total)
+    both = np.stack([real, imaginary], axis=-1).reshape(*edge.shape, 6)
+    flags = b[..., 3] + edge.astype(np.float32)
+    filtered = np.concatenate([both[..., 4:], b[..., 2:3], flags[..., None]], axis=-1)
+    return {"phasor_a": both[..., :4], "phasor_b": filtered}
+
+
+def tof_unwrap(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """Phases to depth: unwrapped, compared, averaged, brought to the axis."""
+    a, b = layers["phasor_a"], layers["phasor_b"]
+    real = np.stack([a[..., 0], a[..., 2], b[..., 0]], axis=-1)
+    imaginary = np.stack([a[..., 1], a[..., 3], b[..., 1]], axis=-1)
+    amplitude = np.sqrt(real * real + imaginary * imaginary)
+    turns = np.arctan2(imaginary, real) / TWO_PI
+    fast, slow, third = unwrapped(turns - np.floor(turns), frequencies(view))
+    x, y, w = frequencies(view) / np.sqrt((frequencies(view) ** 2).sum())
+    u, v, t = TWO_PI * fast, TWO_PI * slow, TWO_PI * third
+    cross = v * w - t * y, t * x - u * w, u * y - v * x
+    disagreement = cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]
+    most = np.maximum(amplitude.max(axis=-1), np.float32(1e-6))
+    power = (np.log(most) * p["slope"] * _LOG10_2 + p["offset"]) * _LOG2_10
+    allowed = np.clip(np.exp(power), p["min_disagreement"], p["max_disagreement"])
+    distance = (fast + slow + third) * half_wave_m_mhz() / frequencies(view).sum()
+    z = along_axis(view, layers["rays"], distance)
+    clean, sums = layers["clean"], amplitude[..., 0] + amplitude[..., 1] + amplitude[..., 2]
+    dark = (amplitude.min(axis=-1) < p["min_amplitude"]) | (sums < p["min_sum"])
+    why_dark = np.where(layers["lit"] < _HALF, Reason.SHADOW, Reason.LOW_SIGNAL)
+    reason = np.select(
+        [b[..., 3] >= 2, dark, (disagreement > allowed * allowed) | (z <= 0), clean <= 0],
+        [
+            np.full(dark.shape, Reason.SATURATED),
+            np.where(clean <= 0, Reason.NO_SURFACE, why_dark),
+            np.full(dark.shape, Reason.UNWRAP),
+            np.full(dark.shape, Reason.GROWN),
+        ],
+        default=Reason.VALID,
+    )
+    has_depth = (reason == Reason.VALID) | (reason == Reason.GROWN)
+    depth = np.where(has_depth, z, _ZERO)
+    edge = (b[..., 3] == 1) | (b[..., 3] == 3)
+    parts = [depth, np.where(edge, _ZERO, depth), sums, edge.astype(np.float32)]
+    return {
+        "depth": depth,
+        "reason": reason.astype(np.float32),
+        "infrared": b[..., 2],
+        "decoded": np.stack(parts, axis=-1),
+    }
+
+
+def unwrapped(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image, Image]:
+    """Cycles of the fast, the slow and the third frequency from (..., 3) phases, 0 to 1."""
+    ratio, turns_of_third = f[0] / f[1], f[2] / f[1]
+    fast = phase[..., 0] + np.floor(ratio * phase[..., 1] - phase[..., 0] + _HALF)
+    best, best_turn = np.full_like(fast, 1e6), np.zeros_like(fast)
+    for turn in range(_MOST_TURNS):
+        third = fast * f[2] / f[0] + np.float32(turn) * turns_of_third - phase[..., 2]
+        misfit = np.abs(third - np.floor(third + _HALF))
+        best_turn = np.where(misfit < best - np.float32(1e-4), np.float32(turn), best_turn)
+        best = np.minimum(best, misfit)
+        following = np.float32(turn + 1) * turns_of_third + _HALF
+        if abs(following - np.floor(following) - _HALF) <= 1e-3:
+            break
+    fast = fast + best_turn * ratio
+    slow = phase[..., 1] + best_turn
+    return fast, slow, phase[..., 2] + np.floor(fast * f[2] / f[0] - phase[..., 2] + _HALF)
+
+
+def along_axis(view: StageView, rays: Image, distance_m: Image) -> Image:
+    """Depth from half the way emitter, surface, camera."""
+    emitter = np.asarray(view.optics.emitter_m, np.float32)
+    x, y = rays[..., 0], rays[..., 1]
+    path = np.float32(2.0) * distance_m
+    toward = x * emitter[0] + y * emitter[1] + emitter[2]
+    length = np.sqrt(x * x + y * y + np.float32(1.0))
+    below = np.float32(2.0) * np.maximum(path * length - toward, np.float32(1e-6))
+    depth: Image = (path * path - (emitter * emitter).sum()) / below
+    return depth
+
+
+def tof_edge(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """Removes pixels between two surfaces, and those that the bilateral filter has marked."""
+    own = layers["decoded"]
+    z, sums = own[..., 0], own[..., 2].copy()
+    squares, low, high = sums * sums, z.copy(), z.copy()
+    for _, other in _neighbours(own):
+        sums += other[..., 2]
+        squares += other[..., 2] * other[..., 2]
+        there = np.where(other[..., 1] > 0, other[..., 1], z)
+        low, high = np.minimum(low, there), np.maximum(high, there)
+    nine, mm = np.float32(9.0), np.float32(1000.0)
+    spread = np.sqrt(np.maximum(nine * squares - sums * sums, _ZERO)) / nine
+    contrast = spread / np.maximum(sums / nine, p["min_mean"])
+    near, far = mm * (z - low), mm * (high - z)
+    between = (contrast >= p["min_contrast"]) & (near > p["nearest_mm"])
+    between &= (far > p["farthest_mm"]) & (np.maximum(near, far) > p["larger_mm"])
+    inner = (z > 0) & ~_border(view)
+    lost = inner & (between | ((own[..., 3] > 0) & (p["remove_mixed"] > 0)))
+    why = np.where(between, np.float32(Reason.EDGE), np.float32(Reason.MIXED))
+    return {
+        "depth": np.where(lost, _ZERO, layers["depth"]),
+        "reason": np.where(lost, why, layers["reason"]),
+    }
+
+
+def tof_floor(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """Noise that does not depend on the light, alike in neighbours."""
+    x, y = pixels(view.window)
+    noise = np.zeros(layers["depth"].shape, np.float32)
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            words = random_bits(x + dx, y + dy, view.seed, 0)
+            white = uniform01(words[0]) + uniform01(words[1])
+            white = white + uniform01(words[2]) + uniform01(words[3]) - np.float32(2.0)
+            noise += _KERNEL[abs(dx) + abs(dy)] * white * np.float32(1.73205080757)
+    normal, rays, depth = layers["normal"], layers["rays"], layers["depth"]
+    facing = normal[..., 0] * rays[..., 0] + normal[..., 1] * rays[..., 1] + normal[..., 2]
+    aside = np.sqrt(normal[..., 0] * normal[..., 0] + normal[..., 1] * normal[..., 1])
+    slope = np.minimum(aside / np.maximum(-facing, np.float32(1e-3)), _STEEPEST)
+    slanted = p["lateral_px"] * slope * np.float32(1000.0) * depth / view.optics.focal_px
+    sigma = np.sqrt(p["sigma_mm"] * p["sigma_mm"] + slanted * slanted).astype(np.float32)
+    return {"depth": moved_by_mm(depth, sigma * _KERNEL_UNIT * noise)}
+
+
+def _border(view: StageView) -> NDArray[np.bool_]:
+    """The outermost pixels of the frame, which the decoder leaves alone."""
+    x, y = pixels(view.window)
+    return (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
+
+
+def _neighbours(image: Image) -> Iterator[tuple[int, Image]]:
+    """The 8 images beside (h, w, n), zero outside, each with its steps away; in reading order."""
+    height, width = image.shape[:2]
+    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)))
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            if dx or dy:
+                part = padded[1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
+                yield abs(dx) + abs(dy), part

@@ -1,0 +1,138 @@
+"""Twins of the light of a time-of-flight camera: tof_shadow, tof_light."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.frame import Rect
+from glsim.noise.light import SPEED_OF_LIGHT
+from glsim.noise.twins.layers import Image, Values, fetch, pixels
+from glsim.noise.view import Layers, StageView
+
+TWO_PI = np.float32(6.28318530718)
+_MM = np.float32(0.001)
+_FARTHEST_PX = 128
+
+
+def frequencies(view: StageView) -> NDArray[np.float32]:
+    """(3,) MHz."""
+    return np.asarray(view.optics.modulation_mhz, np.float32)
+
+
+def half_wave_m_mhz() -> np.float32:
+    """Half of a wave's length times its frequency."""
+    return np.float32(SPEED_OF_LIGHT / 2e6)
+
+
+def tof_shadow(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """Which share of three emitters reaches a pixel, by walking towards them in the image."""
+    z, whole = layers["clean"], Rect(0, 0, view.width, view.height)
+    emitter = np.asarray(view.optics.emitter_m, np.float32)
+    baseline = max(np.sqrt((emitter * emitter).sum()), np.float32(1e-6))
+    towards = emitter[:2] / max(np.sqrt((emitter[:2] * emitter[:2]).sum()), np.float32(1e-6))
+    sides = np.array([-1.0, 0.0, 1.0], np.float32)
+    reach = np.float32(view.focal_baseline_px_m) * (
+        np.float32(1.0) + _MM * p["spread_mm"] / baseline * sides
+    )
+    step = np.float32(1.0) / np.maximum(reach, np.float32(1e-3))
+    inverse = np.float32(1.0) / np.maximum(z, np.float32(1e-3))
+    nearest = np.float32(view.optics.nearest_m)
+    x, y = pixels(view.window)
+    hidden = np.zeros((*z.shape, 3), np.bool_)
+    walking, looking = z > nearest, np.ones(z.shape, np.bool_)
+    for k in range(1, _FARTHEST_PX + 1):
+        line = np.float32(1.0) / (inverse[..., None] + np.float32(k) * step)
+        column = np.floor(x.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[0])
+        row = np.floor(y.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[1])
+        column, row = column.astype(np.int64), row.astype(np.int64)
+        there = fetch(z, view.window, column, row)
+        before = line - there[..., None]
+        hides = (before >= _MM * p["bias_mm"]) & (before < _MM * p["thickness_mm"])
+        hidden |= hides & ((there > 0) & looking)[..., None]
+        inside = (column >= 0) & (column < whole.width) & (row >= 0) & (row < whole.height)
+        walking = walking & inside & (line.max(axis=-1) > nearest)
+        looking = walking
+        if not walking.any():
+            break
+    lit = np.float32(1.0) - hidden.sum(axis=-1).astype(np.float32) * np.float32(1.0 / 3.0)
+    return {"lit": np.where(z > 0, lit, np.float32(0.0))}
+
+
+def tof_light(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """The light of each pixel as phasors, one a frequency."""
+    side = view.optics.supersample
+    middle = (slice(side // 2, None, side),) * 2
+    z, lit = layers["fine_clean"][middle], layers["lit"]
+    found = np.where(layers["clean"] > 0, lit, np.float32(1.0))
+    light = _phasors(view, layers, p, middle, found)
+    mixed = (layers["uneven"] > _MM * p["smooth_mm"]) & (side > 1)
+    row, column = np.nonzero(mixed)
+    total = np.zeros((len(row), 7), np.float32)
+    share = np.float32(1.0) / np.float32(side * side)
+    around = _around(view, layers, row, column)
+    for k in range(side * side):
+        at = row * side + k // side, column * side + k % side
+        z = layers["fine_clean"][at]
+        total += _phasors(view, layers, p, at, share * _lit_of(z, *around))
+    light[mixed] = total
+    empty = np.zeros(light.shape[:2], np.float32)
+    a, b = (light[..., i] for i in range(4)), (light[..., i] for i in (4, 5, 6))
+    return {"light_a": np.stack([*a], axis=-1), "light_b": np.stack([*b, empty], axis=-1)}
+
+
+def _around(
+    view: StageView, layers: Layers, row: NDArray[np.int64], column: NDArray[np.int64]
+) -> tuple[Image, Image]:
+    """(9, N) depths and shares of light of the pixels around some pixels of the window."""
+    found = []
+    for name in ("clean", "lit"):
+        parts = []
+        for i in range(9):
+            x = np.clip(column + view.window.left + i % 3 - 1, 0, view.width - 1)
+            y = np.clip(row + view.window.top + i // 3 - 1, 0, view.height - 1)
+            parts.append(fetch(layers[name], view.window, x, y))
+        found.append(np.stack(parts))
+    return found[0], found[1]
+
+
+def _lit_of(z: Image, depths: Image, lits: Image) -> Image:
+    """The light on samples: that of the pixel around whose depth is nearest to the sample's."""
+    apart = np.where(depths > 0, np.abs(depths - z), np.float32(1e5))
+    alike = apart.argmin(axis=0)
+    lit = np.take_along_axis(lits, alike[None], axis=0)[0]
+    return np.where(apart.min(axis=0) < 1e5, lit, np.float32(1.0))
+
+
+def _phasors(
+    view: StageView,
+    layers: Layers,
+    p: Values,
+    at: tuple[slice, slice] | tuple[NDArray[np.int64], NDArray[np.int64]],
+    light: Image,
+) -> Image:
+    """(..., 7): real and imaginary part at each frequency, amplitude; of samples."""
+    z, normal, ray = (layers[f"fine_{name}"][at] for name in ("clean", "normal", "rays"))
+    emitter = np.asarray(view.optics.emitter_m, np.float32)
+    x, y = ray[..., 0], ray[..., 1]
+    stretch = np.sqrt(x * x + y * y + np.float32(1.0))
+    from_emitter = [z * x - emitter[0], z * y - emitter[1], z - emitter[2]]
+    way = np.sqrt(sum(part * part for part in from_emitter))
+    cosine = -sum(normal[..., i] * from_emitter[i] for i in range(3))
+    safe = np.where(z > 0, way, np.float32(1.0))
+    facing = np.maximum(cosine / safe, np.float32(0.0))
+    dimmed = light * facing / (safe * safe) * np.power(stretch, -p["vignetting"])
+    amplitude = np.where(z > 0, p["gain"] * normal[..., 3] * dimmed, np.float32(0.0))
+    delay = _MM * (p["offset_mm"] + p["subsurface_mm"])
+    distance = np.float32(0.5) * (z * stretch + way) + delay
+    turns = distance[..., None] * frequencies(view) / half_wave_m_mhz()
+    angle = TWO_PI * (turns - np.floor(turns))
+    c, s = np.cos(angle), np.sin(angle)
+    c2, s2 = c * c - s * s, np.float32(2.0) * s * c
+    c4, s4 = c2 * c2 - s2 * s2, np.float32(2.0) * s2 * c2
+    c5, s5 = c4 * c - s4 * s, s4 * c + c4 * s
+    real = amplitude[..., None] * (c + p["harmonic_2"] * c2 + p["harmonic_5"] * c5)
+    imaginary = amplitude[..., None] * (s - p["harmonic_2"] * s2 - p["harmonic_5"] * s5)
+    both = np.stack([real, imaginary], axis=-1).reshape(*amplitude.shape, 6)
+    phasors: Image = np.concatenate([both, amplitude[..., None]], axis=-1)
+    return phasors

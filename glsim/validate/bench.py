@@ -1,0 +1,158 @@
+"""The bench: a sensor that takes many frames of a scene, through the ordinary simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.camera import SensorRig
+from glsim.config import load_settings
+from glsim.faces.one import OneMesh
+from glsim.frame import Frame
+from glsim.mesh import Mesh
+from glsim.pipeline import Simulator
+from glsim.plan import make_tasks
+from glsim.sensor import Sensor, load_sensor
+from glsim.validate.measure import Array, with_nan
+
+#: Changes to a sensor's stages: stage -> parameter -> value.
+Changes = Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Shots:
+    """Frames of one static scene.
+
+    frames_mm: (T, H, W) as delivered, whole mm. fine_mm: the same before rounding to uint16 (what
+    the chain itself rounds stays). Both NaN where there is no depth. clean_mm: (H, W), NaN where
+    there is nothing. infrared: (T, H, W) counts. reason: (T, H, W) codes. rays: (H, W, 2), x/z and
+    y/z. encoded: what the files would hold, (T, H, W) uint16. extra: further layers that were
+    asked for, (T, H, W, components); a stage that is switched off leaves none.
+    """
+
+    frames_mm: Array
+    fine_mm: Array
+    clean_mm: Array
+    infrared: NDArray[np.float32]
+    reason: NDArray[np.uint8]
+    rays: NDArray[np.float32]
+    encoded: NDArray[np.uint16]
+    extra: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    @property
+    def residual_mm(self) -> Array:
+        """(T, H, W) delivered minus clean."""
+        return self.frames_mm - self.clean_mm
+
+    def centre(self, width: int = 64, height: int | None = None) -> Shots:
+        """The middle of the images."""
+        h, w = self.clean_mm.shape
+        height = width if height is None else height
+        rows = slice((h - height) // 2, (h - height) // 2 + height)
+        columns = slice((w - width) // 2, (w - width) // 2 + width)
+        return Shots(
+            self.frames_mm[:, rows, columns],
+            self.fine_mm[:, rows, columns],
+            self.clean_mm[rows, columns],
+            self.infrared[:, rows, columns],
+            self.reason[:, rows, columns],
+            self.rays[rows, columns],
+            self.encoded[:, rows, columns],
+            {name: layer[:, rows, columns] for name, layer in self.extra.items()},
+        )
+
+
+class Bench:
+    """Takes frames with one sensor in one GL context.
+
+    frames: how many of a scene, where a check asks for no other number.
+    """
+
+    def __init__(
+        self, sensor: str, context: moderngl.Context, seed: int = 0, frames: int = 64
+    ) -> None:
+        self.name, self.seed, self.frames = sensor, seed, frames
+        self.sensor: Sensor = load_sensor(sensor)
+        self._context = context
+
+    @property
+    def rig(self) -> SensorRig:
+        """The sensor's geometry."""
+        return self.sensor.rig
+
+    def shoot(
+        self,
+        mesh: Mesh,
+        frames: int | None = None,
+        crop: int | None = 72,
+        *,
+        at_mm: tuple[float, float, float] = (0.0, 0.0, 1000.0),
+        changes: Changes | None = None,
+        scene: str = "scene",
+        seed: int | None = None,
+        extra: Sequence[str] = (),
+    ) -> Shots:
+        """Frames of a mesh in the camera frame, mm.
+
+        crop: side of the square around the image of ``at_mm``; None: the whole image. changes:
+        over the sensor's stages. scene: decides the noise, with the seed. seed: another device.
+        extra: layers of the stages to bring along.
+        """
+        x, y, z = at_mm
+        overrides = {
+            "sensor": self.name,
+            "seed": self.seed if seed is None else seed,
+            "strict": True,
+            "pose": {"x_mm": x, "y_mm": y, "distance_mm": z},
+            "stage": dict(changes or {}),
+            "output": {} if crop is None else {"crop": crop},
+        }
+        settings = load_settings(
+            None, [], overrides, {"subjects": 1, "frames_per_subject": frames or self.frames}
+        )
+        canonical = (mesh.vertices_mm - np.array(at_mm, np.float32)) * np.array(
+            [1, -1, -1], np.float32
+        )
+        source = OneMesh(Mesh(canonical, mesh.faces, mesh.albedo), scene)
+        simulator = Simulator(settings, [source], self._context, extra)
+        return _stacked(
+            [f for f in simulator.frames(make_tasks(settings, [source])) if isinstance(f, Frame)]
+        )
+
+
+def _stacked(frames: list[Frame]) -> Shots:
+    """Frames of one window as arrays of the delivered image."""
+    first = frames[0]
+    shape = (first.intrinsics.height, first.intrinsics.width)
+
+    def pasted(name: str) -> NDArray[np.float32]:
+        out = np.zeros((len(frames), *shape), np.float32)
+        for image, frame in zip(out, frames, strict=True):
+            image[frame.window.slices] = getattr(frame, name)
+        return out
+
+    encoded = np.stack([frame.noisy for frame in frames])
+    clean = np.zeros(shape)
+    clean[first.window.slices] = first.clean_m * 1000.0
+    return Shots(
+        with_nan(encoded),
+        with_nan(pasted("noisy_m").astype(np.float64) * 1000.0),
+        with_nan(clean),
+        pasted("infrared_counts"),
+        np.stack([frame.reason for frame in frames]),
+        first.intrinsics.rays(),
+        encoded,
+        {name: _whole(frames, name, shape) for name in first.extra},
+    )
+
+
+def _whole(frames: list[Frame], name: str, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """An extra layer of frames of one window, pasted into (T, *shape, components)."""
+    layers = np.stack([frame.extra[name] for frame in frames])
+    out = np.zeros((len(frames), *shape, *layers.shape[3:]), np.float32)
+    out[:, *frames[0].window.slices] = layers
+    return out

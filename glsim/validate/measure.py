@@ -1,0 +1,255 @@
+"""What is measured on depth frames. Pure NumPy; depths in mm as float64, NaN = no depth.
+
+frames: (T, H, W), of one static scene. residual: frames minus what they should be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def with_nan(depth_mm: NDArray[np.generic]) -> Array:
+    """Depths in which 0 means nothing, as float64 in which NaN does."""
+    depth = np.array(depth_mm, np.float64)
+    depth[depth <= 0] = np.nan
+    return depth
+
+
+def without_plane(frames: Array) -> Array:
+    """Each frame minus its own best plane, by least squares over its valid pixels."""
+    height, width = frames.shape[-2:]
+    rows, columns = np.mgrid[:height, :width]
+    design = np.stack([np.ones(rows.size), rows.ravel(), columns.ravel()], axis=1)
+    design[:, 1:] -= design[:, 1:].mean(axis=0)
+    out = np.full(frames.shape, np.nan)
+    for image, flat in zip(
+        frames.reshape(-1, height * width), out.reshape(-1, height * width), strict=True
+    ):
+        valid = np.isfinite(image)
+        if valid.sum() > 3:
+            fit = np.linalg.lstsq(design[valid], image[valid], rcond=None)[0]
+            flat[valid] = image[valid] - design[valid] @ fit
+    return out
+
+
+def sigma_spatial(residual: Array) -> float:
+    """sigma_S: standard deviation of a frame about its best plane, rms over the frames."""
+    flat = without_plane(residual)
+    valid = np.isfinite(flat)
+    return float(np.sqrt((flat[valid] ** 2).mean())) if valid.any() else float("nan")
+
+
+def temporal_part(frames: Array, least: int = 2) -> Array:
+    """Frames minus the mean of each pixel, scaled so that their variance is unbiased.
+
+    Pixels with fewer than ``least`` valid frames become NaN.
+    """
+    count = np.isfinite(frames).sum(axis=0)
+    enough = count >= max(least, 2)
+    mean = np.where(enough, np.nansum(frames, axis=0) / np.maximum(count, 1), np.nan)
+    scale = np.sqrt(count / np.maximum(count - 1, 1))
+    return np.asarray((frames - mean) * scale)
+
+
+def variance_temporal_map(frames: Array) -> Array:
+    """(H, W) unbiased variance of each pixel over time; NaN below two valid frames."""
+    part = temporal_part(frames)
+    count = np.isfinite(part).sum(axis=0)
+    variance = np.nansum(part**2, axis=0) / np.maximum(count, 1)
+    return np.where(count > 1, variance, np.nan)
+
+
+def sigma_temporal_map(frames: Array) -> Array:
+    """(H, W) standard deviation of each pixel over time; NaN below two valid frames.
+
+    Unbiased for Gaussian noise: the root of an unbiased variance of n is (4n - 4) / (4n - 3) of it.
+    """
+    count = np.maximum(np.isfinite(frames).sum(axis=0), 2)
+    return np.asarray(np.sqrt(variance_temporal_map(frames)) * (4 * count - 3) / (4 * count - 4))
+
+
+def sigma_temporal(frames: Array) -> float:
+    """sigma_T: standard deviation of a pixel over time, mean over the pixels."""
+    return mean_of(sigma_temporal_map(frames))
+
+
+def mean_of(values: Array) -> float:
+    """The mean of what is not NaN; NaN where all is."""
+    valid = values[np.isfinite(values)]
+    return float(valid.mean()) if valid.size else float("nan")
+
+
+def fixed_pattern(frames: Array) -> tuple[Array, float]:
+    """(H, W) mean of each pixel minus the best plane, and its standard deviation.
+
+    What temporal noise leaves in a mean of so many frames is subtracted from the deviation.
+    """
+    count = np.isfinite(frames).sum(axis=0)
+    mean = np.where(count > 0, np.nansum(frames, axis=0) / np.maximum(count, 1), np.nan)
+    pattern = without_plane(mean)
+    left = mean_of(variance_temporal_map(frames) / np.maximum(count, 1))
+    return pattern, float(np.sqrt(max(mean_of(pattern**2) - left, 0.0)))
+
+
+def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
+    """(len(lags),) spatial autocorrelation at lags of (rows, columns) >= 0.
+
+    part: (T, H, W) or (H, W) of mean 0. A lag (a, b) is averaged with (b, a) and with the
+    mirrored diagonal.
+    """
+    images = part.reshape(-1, *part.shape[-2:])
+    variance = np.nanmean(images**2)
+    found = []
+    for lag in lags:
+        directions = {lag, lag[::-1]}
+        if lag[0] and lag[1]:
+            directions |= {(lag[0], -lag[1]), (lag[1], -lag[0])}
+        values = [_lagged(images, *d) for d in directions]
+        found.append(np.mean(values) / variance)
+    return np.array(found)
+
+
+def _lagged(images: Array, down: int, right: int) -> float:
+    height, width = images.shape[-2:]
+    first = images[:, : height - down, max(0, -right) : width - max(0, right)]
+    second = images[:, down:, max(0, right) : width + min(0, right)]
+    return float(np.nanmean(first * second))
+
+
+def temporal_autocorrelation(frames: Array) -> float:
+    """Correlation of a pixel with itself one frame later, fixed pattern removed.
+
+    Removing the mean of T frames makes white noise look anticorrelated by 1 / T, which is put
+    back.
+    """
+    part = frames - np.nanmean(frames, axis=0)
+    lag = np.nanmean(part[1:] * part[:-1]) / np.nanmean(part**2)
+    return float(lag + 1.0 / len(frames))
+
+
+def skew_kurtosis(samples: Array) -> tuple[float, float]:
+    """Skewness and excess kurtosis; both 0 for Gaussian noise."""
+    x = samples[np.isfinite(samples)]
+    x = (x - x.mean()) / x.std()
+    return float((x**3).mean()), float((x**4).mean() - 3.0)
+
+
+def edge_positions(frames: Array, near_mm: float, far_mm: float) -> Array:
+    """(T, H) column at which the foreground, on the left, ends: how many pixels it covers.
+
+    A pixel belongs to it if it has depth and is nearer than halfway to the background.
+    """
+    foreground = np.nan_to_num(frames, nan=np.inf) < 0.5 * (near_mm + far_mm)
+    return np.asarray(foreground.sum(axis=2), np.float64)
+
+
+def edge_jitter(positions: Array) -> float:
+    """Standard deviation of edge positions (T, H) about the best straight line, pixels."""
+    rows = np.arange(positions.shape[1])
+    line = np.polynomial.Polynomial.fit(rows, positions.mean(axis=0), 1)
+    return float((positions - line(rows)).std())
+
+
+def mixed_per_row(frames: Array, near_mm: float, far_mm: float) -> tuple[float, float, float]:
+    """Pixels a row between two surfaces, outside both, and without depth.
+
+    Between and outside mean by more than 20 mm from both.
+    """
+    between = (frames > near_mm + 20) & (frames < far_mm - 20)
+    outside = (frames < near_mm - 20) | (frames > far_mm + 20)
+    rows = frames.shape[0] * frames.shape[1]
+    counts = [float(m.sum()) / rows for m in (between, outside, np.isnan(frames))]
+    return counts[0], counts[1], counts[2]
+
+
+def sinusoids(
+    z_mm: Array, error_mm: Array, periods_mm: Sequence[float]
+) -> tuple[Array, Array, float]:
+    """Joint least-squares fit of offset, linear trend and one sinusoid a period.
+
+    Returns the amplitudes (len(periods),), their standard errors, and the rms of what is left.
+    """
+    at = 2 * np.pi * z_mm[:, None] / np.asarray(periods_mm, np.float64)
+    span = (z_mm - z_mm.mean()) / np.ptp(z_mm)
+    design = np.column_stack([np.ones_like(span), span, np.cos(at), np.sin(at)])
+    fit = np.linalg.lstsq(design, error_mm, rcond=None)[0]
+    residual = error_mm - design @ fit
+    spare = max(len(z_mm) - design.shape[1], 1)
+    covariance = np.linalg.pinv(design.T @ design) * (residual @ residual / spare)
+    n = len(periods_mm)
+    amplitude = np.hypot(fit[2 : 2 + n], fit[2 + n :])
+    error = np.sqrt(np.maximum(np.diag(covariance)[2 : 2 + n], np.diag(covariance)[2 + n :]))
+    return amplitude, error, float(np.sqrt((residual**2).mean()))
+
+
+def without_trend(z_mm: Array, error_mm: Array) -> Array:
+    """Errors minus their mean and linear trend."""
+    trend = np.polynomial.Polynomial.fit(z_mm, error_mm, 1)
+    return np.asarray(error_mm - trend(z_mm))
+
+
+def crossing(x: Array, share: Array, level: float) -> float:
+    """Where shares that rise with x reach ``level`` for good, by interpolation; NaN if not."""
+    below = np.flatnonzero(share < level)
+    if len(below) == 0 or below[-1] + 1 >= len(x):
+        return float("nan")
+    i = below[-1]
+    t = (level - share[i]) / (share[i + 1] - share[i])
+    return float(x[i] + t * (x[i + 1] - x[i]))
+
+
+def normals(depth_mm: Array, rays: NDArray[np.floating]) -> Array:
+    """(H, W, 3) unit normals by central differences; NaN where a neighbour has no depth.
+
+    rays: (H, W, 2), x/z and y/z of each pixel.
+    """
+    points = np.concatenate([rays * depth_mm[..., None], depth_mm[..., None]], axis=-1)
+    along = np.full(points.shape, np.nan)
+    down = np.full(points.shape, np.nan)
+    along[:, 1:-1] = points[:, 2:] - points[:, :-2]
+    down[1:-1] = points[2:] - points[:-2]
+    normal = np.cross(down, along)
+    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+
+def angular_error_deg(first: Array, second: Array) -> float:
+    """Mean angle between two fields of unit normals, where both exist."""
+    cosine = np.clip((first * second).sum(axis=-1), -1.0, 1.0)
+    return mean_of(np.degrees(np.arccos(cosine)))
+
+
+def eroded(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
+    """The mask without a rim of ``steps`` pixels (8 neighbours); outside the image is not mask."""
+    for _ in range(steps):
+        padded = np.pad(mask, 1)
+        neighbours = [
+            padded[r : r + mask.shape[0], c : c + mask.shape[1]] for r in range(3) for c in range(3)
+        ]
+        mask = np.logical_and.reduce(neighbours)
+    return mask
+
+
+def steps_mm(depth_mm: Array) -> Array:
+    """(H, W) largest difference between a pixel and its 8 neighbours; NaN neighbours count not."""
+    padded = np.pad(depth_mm, 1, constant_values=np.nan)
+    height, width = depth_mm.shape
+    largest = np.zeros_like(depth_mm)
+    for r in range(3):
+        for c in range(3):
+            difference = np.abs(padded[r : r + height, c : c + width] - depth_mm)
+            largest = np.fmax(largest, np.nan_to_num(difference))
+    return largest
+
+
+def longest_run(mask: NDArray[np.bool_]) -> int:
+    """The longest run of set pixels along a row."""
+    best = current = np.zeros(mask.shape[0], np.int64)
+    for column in range(mask.shape[1]):
+        current = np.where(mask[:, column], current + 1, 0)
+        best = np.maximum(best, current)
+    return int(best.max(initial=0))

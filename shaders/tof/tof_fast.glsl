@@ -1,0 +1,120 @@
+#version 330 core
+// tof_fast: the time-of-flight sensor in one step, for very large sets. On even surfaces the noise is
+// drawn as the chain of tof_light to tof_floor leaves it; only beside depth steps are phasors added up,
+// filtered and unwrapped. One sample a pixel, no taps: no companding, no saturation.
+#include "lib/surface_light.glsl"
+#include "lib/unwrap.glsl"
+#include "lib/alike.glsl"
+#include "lib/floor.glsl"
+#include "lib/depth.glsl"
+
+uniform float step_mm = 20.0;         //@ [0, 1000] mm  range of depth in 3x3 beyond which phasors are added up
+uniform float read_variance = 1.755;  //@ [0, 1e4]  LSB^2 variance of a tap without light, as in tof_taps
+uniform float shot_variance = 0.0166; //@ [0, 10]   LSB variance of a tap for one LSB of light, as in tof_taps
+uniform float sharpness = 5.0;        //@ [0, 100]  1   how fast the bilateral filter's weight falls, as in tof_bilateral
+uniform float max_edge = 2.5;         //@ [0, 8]    1   sum of the neighbours' distances that marks a pixel, as in tof_bilateral
+
+uniform sampler2D u_clean;
+uniform sampler2D u_normal;
+uniform sampler2D u_rays;
+uniform sampler2D u_lit;
+uniform uint u_seed;
+
+out float depth;
+out float reason;
+out float infrared;
+out vec4 decoded; // as tof_unwrap's
+
+// Light and phasors of a pixel that sees one surface.
+float seen(ivec2 pixel, out vec3 real, out vec3 imaginary) {
+    ivec2 at = clamp(pixel, ivec2(0), textureSize(u_clean, 0) - 1);
+    vec2 light = surface_light(texelFetch(u_clean, at, 0).r, texelFetch(u_normal, at, 0),
+        texelFetch(u_rays, at, 0).rg, texelFetch(u_lit, at, 0).r);
+    correlate(light.y, real, imaginary);
+    return light.x;
+}
+
+// Standard deviation of a phasor's parts after the filter.
+vec3 part_sigma(float amplitude) {
+    vec3 m = CONTRAST_MULTIPLIER;
+    vec3 variance = 2.0 / 3.0 * m * m * (read_variance + shot_variance * amplitude / m);
+    return sqrt(variance) / KERNEL_UNIT;
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy), last = textureSize(u_clean, 0) - 1;
+    float clean = texelFetch(u_clean, pixel, 0).r, lit = texelFetch(u_lit, pixel, 0).r;
+    vec2 ray = texelFetch(u_rays, pixel, 0).rg;
+    float low = clean, high = clean;
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) {
+            float z = texelFetch(u_clean, clamp(pixel + ivec2(x, y), ivec2(0), last), 0).r;
+            low = min(low, z);
+            high = max(high, z);
+        }
+    }
+    bool beside_step = high - low > 0.001 * step_mm;
+    // The blur of the lens and of the pixel's area: a third of a pixel^2, as weights 1/6, 2/3, 1/6.
+    // On an even surface the pixel's own light is taken for all.
+    vec3 mixed_real = vec3(0.0), mixed_imaginary = vec3(0.0);
+    float mixed_amplitude = 0.0;
+    int k = beside_step ? 0 : 4;
+    do {
+        ivec2 offset = ivec2(k % 3, k / 3) - 1;
+        vec3 r, i;
+        float weight = (offset.x == 0 ? 2.0 / 3.0 : 1.0 / 6.0) * (offset.y == 0 ? 2.0 / 3.0 : 1.0 / 6.0);
+        float light = seen(pixel + offset, r, i) * (beside_step ? weight : 1.0);
+        mixed_real += light * r;
+        mixed_imaginary += light * i;
+        mixed_amplitude += light;
+    } while (beside_step && ++k < 9);
+    // The bilateral filter; neighbours are taken as if each saw one surface.
+    vec3 unit = inversesqrt(max(mixed_real * mixed_real + mixed_imaginary * mixed_imaginary, 1e-20));
+    bool bright = mixed_amplitude >= min_amplitude;
+    vec3 sum_real = KERNEL_MIDDLE * mixed_real, sum_imaginary = KERNEL_MIDDLE * mixed_imaginary;
+    vec3 total = vec3(KERNEL_MIDDLE), apart = vec3(0.0);
+    k = beside_step ? 0 : 7;
+    do {
+        int place = k + int(k > 3);
+        ivec2 offset = ivec2(place % 3, place / 3) - 1;
+        vec3 r, i;
+        float a = seen(pixel + offset, r, i);
+        vec3 away = 0.5 - 0.5 * (mixed_real * r + mixed_imaginary * i) * unit;
+        vec3 counts = vec3(a >= min_amplitude || !bright);
+        vec3 weight = counts * kernel(offset) * (bright ? exp(-1.442695 * sharpness * away) : vec3(1.0));
+        apart += counts * away;
+        sum_real += weight * a * r;
+        sum_imaginary += weight * a * i;
+        total += weight;
+    } while (++k < 8);
+
+    float amplitude = mixed_amplitude;
+    vec3 sigma = part_sigma(amplitude);
+    uvec4 bits = random_bits(pixel, u_seed, 1u), more = random_bits(pixel, u_seed, 2u);
+    vec2 first = normal_pair(bits.xy), second = normal_pair(bits.zw), third = normal_pair(more.xy);
+    vec3 filtered_real = sum_real / total + sigma * vec3(first.x, second.x, third.x);
+    vec3 filtered_imaginary = sum_imaginary / total + sigma * vec3(first.y, second.y, third.y);
+    // An even surface: no noise here, for it comes at the end; but at the limit of the dark.
+    float dimmed = amplitude + max(sigma.x, max(sigma.y, sigma.z)) * first.x;
+    float kept = dimmed < 1.1 * min_amplitude ? 0.0 : 1.0;
+    vec3 real = beside_step ? filtered_real : kept * mixed_real;
+    vec3 imaginary = beside_step ? filtered_imaginary : kept * mixed_imaginary;
+
+    float sum;
+    int fate;
+    float distance_m = unwrapped(real, imaginary, sum, fate);
+    float z = along_axis(distance_m, ray);
+    bool nothing = mixed_amplitude <= 0.0 && clean <= 0.0;
+    reason = nothing ? REASON_NO_SURFACE : reason_of(fate, z, clean, lit);
+    bool valid = reason == REASON_VALID || reason == REASON_GROWN;
+
+    vec3 phase_sigma = sigma / max(amplitude, 1.0); // rad
+    float light_mm = beside_step ? 0.0 : 1000.0 * length(phase_sigma) / TWO_PI * HALF_WAVE_M_MHZ
+        / dot(u_modulation_mhz, vec3(1.0));
+    float variance = floor_variance(z, texelFetch(u_normal, pixel, 0).xyz, ray) + light_mm * light_mm;
+    float noise = alike_noise(pixel, u_seed, valid);
+    depth = valid ? moved_by_mm(z, sqrt(variance) * noise) : 0.0;
+    infrared = min(16.0 * amplitude, 65535.0);
+    bool edge = beside_step && max(apart.x, max(apart.y, apart.z)) >= max_edge;
+    decoded = vec4(depth, edge ? 0.0 : depth, sum, edge ? 1.0 : 0.0);
+}

@@ -1,0 +1,55 @@
+#version 330 core
+// tof_light: the light of each pixel as phasors, one a frequency: amplitude and phase.
+// Amplitude: Lambert's law and the inverse square of the way from the emitter; phase: half the way
+// from the emitter over the surface to the camera. A pixel that sees one smooth surface takes its
+// centre; one at an edge adds up the phasors of its samples, so that mixed pixels are what physics
+// makes of them and not a blend of depths.
+#include "lib/surface_light.glsl"
+#include "lib/loops.glsl"
+
+uniform float smooth_mm = 0.05;    //@ [0, 100]   mm error of the depth up to which a pixel's centre stands for its samples; 0: never
+
+uniform sampler2D u_clean;
+uniform sampler2D u_lit;
+uniform sampler2D u_uneven;
+uniform sampler2D u_fine_clean;
+uniform sampler2D u_fine_normal; // and in w the albedo
+uniform sampler2D u_fine_rays;
+uniform int u_supersample;
+
+out vec4 light_a; // real and imaginary part at the first and the second frequency
+out vec4 light_b; // at the third; the light itself; unused
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 sum_a = vec4(0.0), sum_b = vec4(0.0);
+    bool mixed = u_supersample > 1 && texelFetch(u_uneven, pixel, 0).r > 0.001 * smooth_mm;
+    int side = u_supersample, samples = mixed ? side * side : 1;
+    float share = 1.0 / float(samples);
+    int k = 0;
+    do { // an even pixel's only sample is the middle one
+        ivec2 at = pixel * side + (mixed ? ivec2(k % side, k / side) : ivec2(side / 2));
+        float z = texelFetch(u_fine_clean, at, 0).r;
+        // Light changes slowly on a surface: a sample takes that of the pixel around whose depth is
+        // nearest to its own.
+        ivec2 alike = pixel;
+        float nearest = 1e5;
+        int i = mixed ? 0 : 8;
+        do {
+            ivec2 beside = pixel + (mixed ? ivec2(i % 3, i / 3) - 1 : ivec2(0));
+            float there = texelFetch(u_clean, clamp(beside, ivec2(0), textureSize(u_clean, 0) - 1), 0).r;
+            float apart = there > 0.0 ? abs(there - z) : 1e5;
+            alike = apart < nearest ? beside : alike;
+            nearest = min(nearest, apart);
+        } while (++i < 9);
+        float lit = nearest < 1e5 ? texelFetch(u_lit, alike, 0).r : 1.0;
+        vec2 light = surface_light(z, texelFetch(u_fine_normal, at, 0),
+            texelFetch(u_fine_rays, at, 0).rg, share * lit);
+        vec3 real, imaginary;
+        correlate(light.y, real, imaginary);
+        sum_a += light.x * vec4(real.x, imaginary.x, real.y, imaginary.y);
+        sum_b += vec4(light.x * real.z, light.x * imaginary.z, light.x, 0.0);
+    } while (++k < samples);
+    light_a = sum_a;
+    light_b = sum_b;
+}

@@ -1,0 +1,47 @@
+#version 330 core
+// tof_shadow: which share of three emitters reaches a pixel, by walking towards them in the image.
+// The line from a point to an emitter beside the camera runs through the image along the baseline;
+// k pixels on its depth is 1 / (1 / z + k / F), F the focal length times the baseline (this is
+// where the width of shadows, F (1 / z_near - 1 / z_far), comes from). A surface at that depth or
+// not far before it hides the point. One image instead of a z-buffer for each emitter.
+uniform float spread_mm = 15.0;     //@ [0, 100]  mm how far the outer emitters are from the middle one; not published
+uniform float thickness_mm = 250.0; //@ [1, 5000] mm how thick things are taken to be; a head is that deep
+uniform float bias_mm = 1.0;        //@ [0, 50]   mm a surface must be this much before the line to hide a point
+
+#include "lib/loops.glsl"
+
+uniform sampler2D u_clean;
+uniform vec3 u_emitter_m;
+uniform float u_focal_baseline_px_m;
+uniform float u_nearest_m; // of the scene: nothing nearer throws a shadow
+
+const int FARTHEST_PX = 128;
+
+out float lit;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy), size = textureSize(u_clean, 0);
+    float z = texelFetch(u_clean, pixel, 0).r;
+    float baseline = max(length(u_emitter_m), 1e-6);
+    vec2 towards = u_emitter_m.xy / max(length(u_emitter_m.xy), 1e-6);
+    vec3 offsets = 1.0 + 0.001 * spread_mm / baseline * vec3(-1.0, 0.0, 1.0);
+    vec3 reach = u_focal_baseline_px_m * offsets;
+    // An emitter at the camera casts no shadow; one on its other side is not on this line.
+    vec3 step_per_px = 1.0 / max(reach, 1e-3);
+    float bias = 0.001 * bias_mm, thickness = 0.001 * thickness_mm;
+    float inverse = 1.0 / max(z, 1e-3);
+    vec3 hidden = vec3(0.0);
+    bool walking = z > u_nearest_m;
+    int k = 1;
+    do {
+        vec3 line = 1.0 / (inverse + float(k) * step_per_px);
+        ivec2 at = ivec2(floor(vec2(pixel) + 0.5 + float(k) * towards));
+        bool inside = all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size));
+        float there = inside ? texelFetch(u_clean, at, 0).r : 0.0;
+        vec3 depth_before = line - there;
+        hidden = max(hidden, there > 0.0
+            ? step(bias, depth_before) * (1.0 - step(thickness, depth_before)) : vec3(0.0));
+        walking = walking && inside && max(line.x, max(line.y, line.z)) > u_nearest_m;
+    } while (walking && ++k <= FARTHEST_PX);
+    lit = z > 0.0 ? 1.0 - dot(hidden, vec3(1.0 / 3.0)) : 0.0;
+}

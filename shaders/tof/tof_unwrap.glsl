@@ -1,0 +1,32 @@
+#version 330 core
+// tof_unwrap: phases to depth along the axis, as libfreenect2 decodes them.
+#include "lib/unwrap.glsl"
+
+uniform sampler2D u_phasor_a;
+uniform sampler2D u_phasor_b;
+uniform sampler2D u_clean;
+uniform sampler2D u_lit;
+uniform sampler2D u_rays;
+
+out float depth;
+out float reason;
+out float infrared;
+out vec4 decoded; // depth, m; the same or 0 if marked as an edge; sum of the amplitudes; flags
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 a = texelFetch(u_phasor_a, pixel, 0), b = texelFetch(u_phasor_b, pixel, 0);
+    vec3 real = vec3(a.xz, b.x), imaginary = vec3(a.yw, b.y);
+    float sum;
+    int fate;
+    float distance_m = unwrapped(real, imaginary, sum, fate);
+    float z = along_axis(distance_m, texelFetch(u_rays, pixel, 0).rg);
+    float clean = texelFetch(u_clean, pixel, 0).r;
+    float lit = texelFetch(u_lit, pixel, 0).r;
+    reason = reason_of(fate, z, clean, lit);
+    if (b.w >= 2.0) reason = REASON_SATURATED;
+    depth = reason == REASON_VALID || reason == REASON_GROWN ? z : 0.0;
+    infrared = b.z;
+    bool edge = b.w == 1.0 || b.w == 3.0;
+    decoded = vec4(depth, edge ? 0.0 : depth, sum, edge ? 1.0 : 0.0);
+}
