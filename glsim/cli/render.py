@@ -28,7 +28,7 @@ glsim render face.obj
 
 glsim render scan.ply -o out --sensor kinect-v2-paper --seed 7
 
-glsim render face.glb --set pose.yaw_deg=30 --set axial.base_sigma_mm=3 --set scene.wall_mm=1300
+glsim render face.glb --set pose.yaw_deg=30 --set tof_floor.sigma_mm=2 --set scene.wall_mm=1300
 """
 
 
