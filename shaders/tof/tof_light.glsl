@@ -32,19 +32,19 @@ void main() {
     do { // an even pixel's only sample is the middle one
         ivec2 place = mixed ? ivec2(k % side, k / side) : ivec2(side / 2);
         vec2 seen = texelFetch(u_fine_seen, pixel * side + place, 0).rg;
-        // Light and slope change slowly on a surface: a sample takes those of the pixel around whose
-        // depth is nearest to its own.
+        // Light and slope change slowly on a surface: a sample takes those of the pixel, of the four
+        // beside it and itself, whose depth is nearest to its own.
         ivec2 alike = pixel;
         float nearest = 1e5;
-        int i = mixed ? 0 : 8;
+        int i = mixed ? 0 : 4;
         do {
-            ivec2 beside = pixel + (mixed ? ivec2(i % 3, i / 3) - 1 : ivec2(0));
+            ivec2 beside = pixel + (i == 4 ? ivec2(0) : ivec2((i & 1) * (i - 2), (1 - (i & 1)) * (i - 1)));
             beside = clamp(beside, ivec2(0), textureSize(u_clean, 0) - 1);
             float there = texelFetch(u_clean, beside, 0).r;
             float apart = there > 0.0 ? abs(there - seen.r) : 1e5;
             alike = apart < nearest ? beside : alike;
             nearest = min(nearest, apart);
-        } while (++i < 9);
+        } while (++i < 5);
         // A speck that no pixel's centre sees: lit, and facing the camera.
         vec4 shape = nearest < 1e5 ? texelFetch(u_normal, alike, 0) : vec4(0.0, 0.0, -1.0, 0.0);
         float lit = nearest < 1e5 ? texelFetch(u_lit, alike, 0).r : 1.0;

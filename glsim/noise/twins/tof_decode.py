@@ -92,7 +92,7 @@ def tof_unwrap(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     has_depth = (reason == Reason.VALID) | (reason == Reason.GROWN)
     depth = np.where(has_depth, z, _ZERO)
     edge = (b[..., 3] == 1) | (b[..., 3] == 3)
-    parts = [depth, np.where(edge, _ZERO, depth), sums, edge.astype(np.float32)]
+    parts = [np.where(edge, _ZERO, depth), sums]
     return {
         "depth": depth,
         "reason": reason.astype(np.float32),
@@ -133,13 +133,13 @@ def along_axis(view: StageView, rays: Image, distance_m: Image) -> Image:
 
 def tof_edge(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     """Removes pixels between two surfaces, and those that the bilateral filter has marked."""
-    own = layers["decoded"]
-    z, sums = own[..., 0], own[..., 2].copy()
+    own, z = layers["decoded"], layers["depth"]
+    sums = own[..., 1].copy()
     squares, low, high = sums * sums, z.copy(), z.copy()
     for _, other in _neighbours(own):
-        sums += other[..., 2]
-        squares += other[..., 2] * other[..., 2]
-        there = np.where(other[..., 1] > 0, other[..., 1], z)
+        sums += other[..., 1]
+        squares += other[..., 1] * other[..., 1]
+        there = np.where(other[..., 0] > 0, other[..., 0], z)
         low, high = np.minimum(low, there), np.maximum(high, there)
     nine, mm = np.float32(9.0), np.float32(1000.0)
     spread = np.sqrt(np.maximum(nine * squares - sums * sums, _ZERO)) / nine
@@ -148,10 +148,10 @@ def tof_edge(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     between = (contrast >= p["min_contrast"]) & (near > p["nearest_mm"])
     between &= (far > p["farthest_mm"]) & (np.maximum(near, far) > p["larger_mm"])
     inner = (z > 0) & ~_border(view)
-    lost = inner & (between | ((own[..., 3] > 0) & (p["remove_mixed"] > 0)))
+    lost = inner & (between | ((own[..., 0] <= 0) & (p["remove_mixed"] > 0)))
     why = np.where(between, np.float32(Reason.EDGE), np.float32(Reason.MIXED))
     return {
-        "depth": np.where(lost, _ZERO, layers["depth"]),
+        "depth": np.where(lost, _ZERO, z),
         "reason": np.where(lost, why, layers["reason"]),
     }
 

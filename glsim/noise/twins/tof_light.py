@@ -37,21 +37,22 @@ def tof_shadow(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     )
     step = np.float32(1.0) / np.maximum(reach, np.float32(1e-3))
     inverse = np.float32(1.0) / np.maximum(z, np.float32(1e-3))
-    nearest = np.float32(view.optics.nearest_m)
+    nearest = np.float32(1.0) / np.maximum(np.float32(view.optics.nearest_m), np.float32(1e-3))
     x, y = pixels(view.window)
     hidden = np.zeros((*z.shape, 3), np.bool_)
-    walking, looking = z > nearest, np.ones(z.shape, np.bool_)
+    walking, looking = inverse < nearest, np.ones(z.shape, np.bool_)
     for k in range(1, _FARTHEST_PX + 1):
-        line = np.float32(1.0) / (inverse[..., None] + np.float32(k) * step)
+        line = inverse[..., None] + np.float32(k) * step
         column = np.floor(x.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[0])
         row = np.floor(y.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[1])
         column, row = column.astype(np.int64), row.astype(np.int64)
         there = fetch(z, view.window, column, row)
-        before = line - there[..., None]
-        hides = (before >= _MM * p["bias_mm"]) & (before < _MM * p["thickness_mm"])
+        surface = (np.float32(1.0) / np.maximum(there, np.float32(1e-3)))[..., None]
+        before, scale = surface - line, surface * line
+        hides = (before >= _MM * p["bias_mm"] * scale) & (before < _MM * p["thickness_mm"] * scale)
         hidden |= hides & ((there > 0) & looking)[..., None]
         inside = (column >= 0) & (column < whole.width) & (row >= 0) & (row < whole.height)
-        walking = walking & inside & (line.max(axis=-1) > nearest)
+        walking = walking & inside & (line.min(axis=-1) < nearest)
         looking = walking
         if not walking.any():
             break
@@ -84,12 +85,12 @@ def tof_light(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
 def _around(
     view: StageView, layer: Image, row: NDArray[np.int64], column: NDArray[np.int64]
 ) -> Image:
-    """(9, N, ...) a layer at the pixels around some pixels of the window."""
+    """(5, N, ...) a layer beside some pixels of the window and at them."""
     left, top, width, height = view.window
     parts = []
-    for i in range(9):
-        x = np.clip(column + left + i % 3 - 1, 0, view.width - 1) - left
-        y = np.clip(row + top + i // 3 - 1, 0, view.height - 1) - top
+    for dx, dy in ((0, -1), (-1, 0), (0, 1), (1, 0), (0, 0)):
+        x = np.clip(column + left + dx, 0, view.width - 1) - left
+        y = np.clip(row + top + dy, 0, view.height - 1) - top
         values = layer[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
         values[(x < 0) | (x >= width) | (y < 0) | (y >= height)] = 0.0
         parts.append(values)
