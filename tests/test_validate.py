@@ -211,7 +211,7 @@ def test_states() -> None:
 
 
 def test_report_passes_with_exceptions_only_and_is_written_in_full() -> None:
-    good = Report("s", "title", 0, 8, 1.0, (outcome(0.5), outcome(1.5, exception="known")))
+    good = Report("s", "title", "sheet", 0, 8, 1.0, (outcome(0.5), outcome(1.5, exception="known")))
     assert good.passed
     bad = replace(good, outcomes=(outcome(0.5), outcome(float("nan"))))
     assert not bad.passed
@@ -331,7 +331,8 @@ def test_command_writes_table_json_and_figure(
 def test_command_fails_for_a_wrong_sensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(run.SHEETS, "kinect-v1", ((*sheet_v2.CHECKS[:5],), (walls.noise_level,)))
+    sheet = run.Sheet("other", sheet_v2.CHECKS[:5], (walls.noise_level,))
+    monkeypatch.setitem(run.SHEETS, "kinect-v1", sheet)
     assert main(["validate", "kinect-v1", "--frames", "8"]) == 1
     assert "FAIL" in capsys.readouterr().out
 

@@ -86,7 +86,16 @@ def _print(report: Report) -> None:
     """The table on stdout; full width when piped, so that nothing is cut for grep."""
     from glsim.validate import band_texts, measured_texts
 
-    table = Table("#", "check", "measured", "band", "source", "", "note", title=report.title)
+    table = Table(
+        "#",
+        "check",
+        "measured",
+        "band",
+        "source",
+        "",
+        "note",
+        title=f"{report.title}\nchecks of the {report.sheet}",
+    )
     for outcome in report.outcomes:
         colour = _COLOURS[outcome.state]
         table.add_row(

@@ -31,6 +31,8 @@ float seen(ivec2 pixel, out vec3 real, out vec3 imaginary) {
     vec2 light = surface_light(texelFetch(u_clean, at, 0).r, texelFetch(u_normal, at, 0),
         texelFetch(u_rays, at, 0).rg, texelFetch(u_lit, at, 0).r);
     correlate(light.y, real, imaginary);
+    real = light.x > 0.0 ? real : vec3(0.0);
+    imaginary = light.x > 0.0 ? imaginary : vec3(0.0);
     return light.x;
 }
 
