@@ -138,8 +138,8 @@ def _shadow(axis: Axes, lab: Lab) -> None:
         width = curves.shadow_px(baseline, focal, 0.9, far / 1000)
         axis.axvline(-width, color=colour, ls=":", lw=0.8)
     axis.set(title="shadow of an edge", xlabel="from the edge, at 0.9 m (px)", ylabel="light")
-    axis.set(xlim=(-30, 2), ylim=(-0.05, 1.1))
-    axis.legend(title="dotted: b f (1/Zo - 1/Zb)", title_fontsize=6.5, loc="lower left")
+    axis.set(xlim=(-42, 2), ylim=(-0.05, 1.1))
+    axis.legend(title="dotted: expected", title_fontsize=6.5, loc="lower left")
 
 
 def _wiggle(axis: Axes, lab: Lab) -> None:
