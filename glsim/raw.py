@@ -42,7 +42,8 @@ def tap_codes(taps: NDArray[np.floating]) -> NDArray[np.uint16]:
     # 128 codes in each doubling from 128 on; below, a code is a value.
     above = 128 * (exponent - 6) + ((size - (1 << exponent)) >> (exponent - 7))
     codes = np.where(size < 128, size, above)
-    return (codes + np.where((taps < 0) & (codes > 0), 1024, 0)).astype(np.uint16)
+    signed: NDArray[np.uint16] = codes + np.where((taps < 0) & (codes > 0), 1024, 0)
+    return signed.astype(np.uint16)
 
 
 def pack(codes: NDArray[np.uint16]) -> bytes:

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from fractions import Fraction
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -25,11 +24,12 @@ from numpy.typing import NDArray
 from glsim.bounds import Sight, Tangents, corners, emitter_view, image_window, union
 from glsim.camera import Emitter, Intrinsics, SensorRig
 from glsim.frame import Rect
-from glsim.gl.program import link, link_files
-from glsim.gl.source import SHADER_ROOT, Layer, load_source
+from glsim.gl.program import link_files
+from glsim.gl.source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.mesh import Mesh
 from glsim.pose import pose_matrix
+from glsim.samples import Centres, sample_layer, samples_pass
 
 #: Diffuse reflectivity of skin at 860 nm relative to a white wall, where a mesh has none of its
 #: own: 0.5-0.6 of the light (NIST reflectance data of skin, Cooksey 2017) over 0.85-0.9.
@@ -39,7 +39,6 @@ CLEAN = Layer("clean", "float")
 NORMAL = Layer("normal", "vec4")
 ALBEDO = Layer("albedo", "float")
 LIT = Layer("lit", "float")
-UNEVEN = Layer("uneven", "float")
 _RAYS = Layer("rays", "vec2")
 
 #: Texels of an emitter's z-buffer a camera pixel, so that shadow edges are finer than the image.
@@ -76,15 +75,15 @@ class Renderer:
         self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
         drawing, lens = "surface", "lens"
         if rig.supersample > 1:
-            self._drawn = (Layer("fine_seen", "vec2", Fraction(rig.supersample)),)
             drawing, lens = "samples", "lens_samples"
-            self._centres_pass = self._samples_pass("render/centres.frag")
+            self._centres = Centres(context, rig, self.rays, self._drawn)
+            self._drawn = (sample_layer(rig),)
         #: No depth of the scene that was rendered last is less.
         self.nearest_m = 0.0
         self._surface = link_files(context, "render/surface.vert", f"render/{drawing}.frag")
         self._projector = link_files(context, "render/projector.vert", "render/projector.frag")
         self._lit_pass = self._fullscreen("render/lit.frag")
-        self._lens_pass = self._samples_pass(f"render/{lens}.frag") if rig.is_raw else None
+        self._lens_pass = samples_pass(context, rig, f"{lens}.frag") if rig.is_raw else None
         set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
         fine = pinhole.finer(rig.supersample)
         self._depth = context.depth_renderbuffer((fine.width, fine.height))
@@ -97,15 +96,6 @@ class Renderer:
 
     def _fullscreen(self, name: str) -> moderngl.VertexArray:
         program = link_files(self.context, "render/fullscreen.vert", name)
-        return self.context.vertex_array(program, [])
-
-    def _samples_pass(self, name: str) -> moderngl.VertexArray:
-        """A pass over a window; the number of samples is a constant, so that loops unroll."""
-        source, image = load_source(SHADER_ROOT / name), self.rig.intrinsics
-        text = source.text.replace("int SIDE = 3;", f"int SIDE = {self.rig.supersample};")
-        program = link(self.context, replace(source, text=text))
-        if "u_focal_px" in program:
-            program["u_focal_px"] = image.fx, image.fy
         return self.context.vertex_array(program, [])
 
     def render(
@@ -124,7 +114,7 @@ class Renderer:
         views = [view for _, view in meshes]
         layers = self._draw_surface(drawables, views, window)
         if self.rig.supersample > 1:
-            layers |= self._take_centres(layers["fine_seen"], window)
+            layers |= self._centres.take(self.pool, layers["fine_seen"], window)
         corners_m = np.concatenate(boxes)
         self.nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
         casting = drawables if self.rig.shadow_map else []
@@ -243,19 +233,6 @@ class Renderer:
         for target in pinhole.values():
             self._camera_pool.give_back(target)
         return layers
-
-    def _take_centres(self, samples: Target, window: Rect) -> dict[str, Target]:
-        """The layers of the pixels from their samples."""
-        targets = [self.pool.take(layer, window) for layer in (CLEAN, NORMAL, ALBEDO, UNEVEN)]
-        buffer = self.pool.framebuffer(targets)
-        buffer.use()
-        buffer.viewport = window
-        samples.texture.use(0)
-        self.rays.texture.use(1)
-        program = self._centres_pass.program
-        program["u_fine_seen"], program["u_rays"] = 0, 1
-        self._centres_pass.render(moderngl.TRIANGLES, vertices=3)
-        return {target.layer.name: target for target in targets}
 
     def _draw_lit(
         self,

@@ -1,7 +1,6 @@
-"""Raw frames: packed as libfreenect2 reads them, and decoded here once more, from the bytes alone."""
+"""Raw frames: packed as libfreenect2 reads them, decoded here once more from the bytes."""
 
 from __future__ import annotations
-
 
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from tof_harness import Camera, quad
 
 from glsim import raw
 from glsim.cli import main
-from glsim.errors import ConfigError
 from glsim.faces.one import OneMesh
 from glsim.frame import Frame
 from glsim.noise.twins import TWINS
@@ -56,7 +54,8 @@ def decode(taps: NDArray[np.int64], rays: NDArray[np.floating]) -> NDArray[np.fl
     phase_of = np.array([0, 2.094395, 4.18879])
     a = (m * np.cos(phase_of)[None, :, None, None]).sum(axis=1)
     b = (m * np.sin(-phase_of)[None, :, None, None]).sum(axis=1)
-    n80, n16, n120 = np.mod(np.arctan2(b, a), 2 * np.pi) / (2 * np.pi) * np.array([3, 15, 2])[:, None, None]
+    cycles = np.mod(np.arctan2(b, a), 2 * np.pi) / (2 * np.pi)
+    n80, n16, n120 = cycles * np.array([3, 15, 2])[:, None, None]
     fast = n80 + 3 * np.round((n16 - n80) / 3)
     first = np.abs((fast - n120) / 2 - np.round((fast - n120) / 2))
     second = np.abs((fast + 15 - n120) / 2 - np.round((fast + 15 - n120) / 2))
@@ -89,7 +88,7 @@ def test_packed_codes_are_read_back_one_by_one() -> None:
 
 @pytest.mark.parametrize("z_mm", [500.5, 900.0, 1800.0, 3000.0, 4500.0])
 def test_without_noise_the_distance_comes_back(context: moderngl.Context, z_mm: float) -> None:
-    """Light as strong at all distances as a white wall's at 0.2 m, or 11 bits would be the limit."""
+    """Light as of a white wall at 0.2 m at all distances, or 11 bits would be the limit."""
     cam = Camera.open(context)
     clean, window = cam.clean([quad(z_mm)])
     values = cam.values({

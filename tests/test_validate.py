@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,8 @@ from glsim.validate import (
     walls,
 )
 from glsim.validate.report import Band, Check, Measured, Outcome, Report
+
+figure_module = importlib.import_module("glsim.validate.figure")  # the name is its function's
 
 RNG = np.random.default_rng(5)
 
@@ -289,6 +292,32 @@ def test_a_chain_without_phases_is_not_asked_for_them(context: moderngl.Context)
 def test_structured_light_sensors_are_what_they_say(context: moderngl.Context, sensor: str) -> None:
     found = run.examine(lab(context, sensor, 24))
     assert [o.check.number for o in found.outcomes if o.state != "pass"] == []
+
+
+def test_a_sensor_that_sees_nearly_nothing_fails_and_does_not_break(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    text = (SENSOR_FOLDER / "kinect-v2-fankhauser.toml").read_text()
+    (tmp_path / "blind.toml").write_text(text.replace("near_mm = 500 ", "near_mm = 4400 "))
+    found = run.examine(lab(context, tmp_path / "blind.toml", 8))
+    assert {o.check.number for o in found.outcomes if o.state == "pass"} < {
+        "8", "19", "20", "24", "28", "29", "A3",
+    }  # fmt: skip
+    assert not found.passed
+
+
+def test_a_sensor_without_noise_fails_and_does_not_break(context: moderngl.Context) -> None:
+    found = run.examine(lab(context, "ideal", 8))
+    states = {o.check.number: o.state for o in found.outcomes}
+    assert {n for n in ("1", "2", "5", "12", "13", "27", "30") if states[n] != "FAIL"} == set()
+
+
+def test_without_matplotlib_it_says_so_first(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(figure_module, "find_spec", lambda _: None)
+    assert main(["validate", "kinect-v2", "--figure", "x.png"]) == 2
+    assert "pip install 'glsim[validate]'" in capsys.readouterr().err
 
 
 def test_a_scene_is_a_function_of_the_seed(context: moderngl.Context) -> None:

@@ -108,9 +108,7 @@ class Camera:
         """The same as ``shoot`` through the stages' twins, from the same clean layers."""
         layers, window = self.clean(meshes)
         layers |= {"depth": layers["clean"], "reason": np.zeros_like(layers["clean"])}
-        run_twins(
-            self.sensor.stages, layers, self.frame(window, seed), self.values(changes or {})
-        )
+        run_twins(self.sensor.stages, layers, self.frame(window, seed), self.values(changes or {}))
         return layers
 
 
@@ -142,5 +140,3 @@ def residual_mm(depth_m: Image) -> NDArray[np.float64]:
     basis = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
     z = 1000.0 * depth_m.ravel().astype(np.float64)
     return (z - basis @ np.linalg.lstsq(basis, z, rcond=None)[0]).reshape(depth_m.shape)
-
-

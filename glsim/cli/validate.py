@@ -54,10 +54,12 @@ def validate(
     from glsim.cli.files import write_bytes
     from glsim.errors import ConfigError
     from glsim.gl.context import open_context
-    from glsim.validate import Bench, Lab, examine, figure
+    from glsim.validate import Bench, Lab, check_matplotlib, examine, figure
 
     if figure_file is not None and figure_file.suffix.lower() != ".png":
         raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
+    if figure_file is not None:
+        check_matplotlib()
     context = open_context(backend)
     try:
         lab = Lab(Bench(sensor, context, seed, frames))

@@ -108,7 +108,7 @@ class ShaderChain:
     ) -> None:
         self._context = context
         # Array stages may read any layer; without them only what a Frame holds comes back.
-        wanted = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
+        wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         if any(stage.spec.function is not None for stage in stages):
             wanted = (*FRAME_LAYERS, "normal", "albedo", "lit")
         self._wanted: tuple[str, ...] = (*wanted, *extra_layers)

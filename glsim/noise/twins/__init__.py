@@ -12,7 +12,16 @@ from typing import Final
 
 import numpy as np
 
-from glsim.noise.twins import edges, signal, tof_decode, tof_fast, tof_light, tof_taps, values, window
+from glsim.noise.twins import (
+    edges,
+    signal,
+    tof_decode,
+    tof_fast,
+    tof_light,
+    tof_taps,
+    values,
+    window,
+)
 from glsim.noise.twins.layers import Image, Values
 from glsim.noise.view import Layers, StageView
 

@@ -79,9 +79,9 @@ def tof_unwrap(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
 def decoded(
     view: StageView, layers: Layers, p: Values, real: Image, imaginary: Image
 ) -> tuple[Image, Image, Image]:
-    """Depth, reason and sum of the amplitudes from (..., 3) parts: unwrapped, compared, averaged."""
+    """Depth, reason and sum of the amplitudes from (..., 3) parts of the phasors."""
     amplitude = np.sqrt(real * real + imaginary * imaginary)
-    turns = np.arctan2(imaginary, real) / TWO_PI
+    turns = (np.arctan2(imaginary, real) / TWO_PI).astype(np.float32)
     f = frequencies(view)
     fast, slow, third = unwrapped(turns - np.floor(turns), f)
     x, y, w = f / np.sqrt((f * f).sum())
@@ -197,7 +197,8 @@ def floor_variance(view: StageView, layers: Layers, p: Values, depth_m: Image) -
 def _border(view: StageView) -> NDArray[np.bool_]:
     """The outermost pixels of the frame, which the decoder leaves alone."""
     x, y = pixels(view.window)
-    return (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
+    border: NDArray[np.bool_] = (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
+    return border
 
 
 def _neighbours(image: Image) -> Iterator[tuple[int, Image]]:

@@ -46,8 +46,8 @@ def tof_fast(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     sigma = np.sqrt(np.float32(2 / 3) * m * m * variance) / KERNEL_UNIT
     bits, more = (random_bits(*pixels(view.window), view.seed, draw) for draw in (1, 2))
     noise = [normal_pair(*bits[:2]), normal_pair(*bits[2:]), normal_pair(*more[:2])]
-    real = real + sigma * np.stack([pair[0] for pair in noise], axis=-1)
-    imaginary = imaginary + sigma * np.stack([pair[1] for pair in noise], axis=-1)
+    real += sigma * np.stack([pair[0] for pair in noise], axis=-1)
+    imaginary += sigma * np.stack([pair[1] for pair in noise], axis=-1)
     dimmed = amplitude + sigma.max(axis=-1) * noise[0][0]
     kept = np.where(dimmed < np.float32(1.1) * p["min_amplitude"], _ZERO, _ONE)[..., None]
     real = np.where(beside[..., None], real, kept * mixed[..., 0:6:2])
@@ -76,7 +76,7 @@ def _filtered(
     """The bilateral filter on phasors whose neighbours see one surface each; what it marks."""
     real, imaginary = mixed[..., 0:6:2], mixed[..., 1:6:2]
     unit = _ONE / np.sqrt(np.maximum(real * real + imaginary * imaginary, np.float32(1e-20)))
-    bright = (mixed[..., 6:] >= p["min_amplitude"])
+    bright = mixed[..., 6:] >= p["min_amplitude"]
     total, apart = np.full_like(real, KERNEL[0]), np.zeros_like(real)
     sum_real, sum_imaginary = KERNEL[0] * real, KERNEL[0] * imaginary
     for dx, dy, part in _around(view, seen):
@@ -97,7 +97,7 @@ def _filtered(
 
 
 def _around(view: StageView, image: Image) -> Iterator[tuple[int, int, Image]]:
-    """The 9 images around (h, w, n) in reading order: zero outside the window, the border's beyond."""
+    """The 9 images around (h, w, n): zero outside the window, the border's beyond the frame."""
     left, top, width, height = view.window
     for dy in (-1, 0, 1):
         y = np.clip(np.arange(top, top + height) + dy, 0, view.height - 1) - top

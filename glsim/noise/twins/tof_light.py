@@ -142,14 +142,10 @@ def correlate(view: StageView, p: Values, distance_m: Image) -> tuple[Image, Ima
     return real, s - p["harmonic_2"] * s2 - p["harmonic_5"] * s5
 
 
-def phasors(
-    view: StageView, p: Values, z: Image, shape: Image, ray: Image, light: Image
-) -> Image:
+def phasors(view: StageView, p: Values, z: Image, shape: Image, ray: Image, light: Image) -> Image:
     """(..., 7): real and imaginary part at each frequency, amplitude; of surface elements."""
     amplitude, distance = surface_light(view, p, z, shape, ray, light)
     real, imaginary = correlate(view, p, distance)
     both = np.stack([real, imaginary], axis=-1).reshape(*amplitude.shape, 6)
-    together: Image = np.concatenate(
-        [amplitude[..., None] * both, amplitude[..., None]], axis=-1
-    )
+    together: Image = np.concatenate([amplitude[..., None] * both, amplitude[..., None]], axis=-1)
     return together
