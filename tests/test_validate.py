@@ -294,6 +294,14 @@ def test_structured_light_sensors_are_what_they_say(context: moderngl.Context, s
     assert [o.check.number for o in found.outcomes if o.state != "pass"] == []
 
 
+@pytest.fixture
+def _few_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests in which numbers do not matter."""
+    monkeypatch.setattr(walls, "_PATTERN_FRAMES", 16)
+    monkeypatch.setattr(depth, "_WIGGLE_FRAMES", 1)
+
+
+@pytest.mark.usefixtures("_few_frames")
 def test_a_sensor_that_sees_nearly_nothing_fails_and_does_not_break(
     context: moderngl.Context, tmp_path: Path
 ) -> None:
@@ -306,6 +314,7 @@ def test_a_sensor_that_sees_nearly_nothing_fails_and_does_not_break(
     assert not found.passed
 
 
+@pytest.mark.usefixtures("_few_frames")
 def test_a_sensor_without_noise_fails_and_does_not_break(context: moderngl.Context) -> None:
     found = run.examine(lab(context, "ideal", 8))
     states = {o.check.number: o.state for o in found.outcomes}
@@ -338,11 +347,10 @@ def test_shadow_widths_of_the_infrared(context: moderngl.Context) -> None:
 # --- the command --------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("_few_frames")
 def test_command_writes_table_json_and_figure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ripple = np.arange(600.0, 3001.0, 20.0), np.zeros(121)
-    monkeypatch.setattr(depth, "wiggle_curve", lambda _: ripple)  # 700 frames
     files = {name: tmp_path / f"out/{name}" for name in ("checks.json", "figure.png", "table.md")}
     status = main([
         "validate", "kinect-v2-paper", "--frames", "8", "--json", str(files["checks.json"]),

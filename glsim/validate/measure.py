@@ -26,15 +26,16 @@ def without_plane(frames: Array) -> Array:
     rows, columns = np.mgrid[:height, :width]
     design = np.stack([np.ones(rows.size), rows.ravel(), columns.ravel()], axis=1)
     design[:, 1:] -= design[:, 1:].mean(axis=0)
-    out = np.full(frames.shape, np.nan)
-    for image, flat in zip(
-        frames.reshape(-1, height * width), out.reshape(-1, height * width), strict=True
-    ):
-        valid = np.isfinite(image)
-        if valid.sum() > 3:
-            fit = np.linalg.lstsq(design[valid], image[valid], rcond=None)[0]
-            flat[valid] = image[valid] - design[valid] @ fit
-    return out
+    images = frames.reshape(-1, height * width)
+    out = np.full(images.shape, np.nan)
+    valid = np.isfinite(images)
+    whole = valid.all(axis=1)
+    out[whole] = images[whole] - images[whole] @ np.linalg.pinv(design).T @ design.T
+    for number in np.flatnonzero(~whole & (valid.sum(axis=1) > 3)):
+        own = valid[number]
+        fit = np.linalg.lstsq(design[own], images[number, own], rcond=None)[0]
+        out[number, own] = images[number, own] - design[own] @ fit
+    return out.reshape(frames.shape)
 
 
 def sigma_spatial(residual: Array) -> float:
