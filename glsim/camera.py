@@ -184,12 +184,9 @@ class SensorRig:
         x, y, z = np.mean([e.position_m for e in self.emitters], axis=0)
         return (float(x), float(y), float(z))
 
-    def rays(self, factor: int = 1) -> FloatArray:
-        """(H, W, 2) float32: x/z and y/z of the true ray through each delivered pixel.
-
-        factor: through ``factor`` times as many points along each axis.
-        """
-        rays = self.intrinsics.finer(factor).rays()
+    def rays(self) -> FloatArray:
+        """(H, W, 2) float32: x/z and y/z of the true ray through each delivered pixel."""
+        rays = self.intrinsics.rays()
         return self.distortion.undistort(rays).astype(np.float32) if self.is_raw else rays
 
     def pinhole(self) -> Intrinsics:

@@ -72,12 +72,14 @@ def simulate(
     backend: str | None = None,
     context: moderngl.Context | None = None,
     layers: Collection[str] = LAYERS,
+    extra_layers: Sequence[str] = (),
 ) -> Iterator[Frame | Skipped]:
     """Make the frames of ``tasks`` (default: the whole plan), in order, one result each.
 
     sources: what ``settings.source`` describes, if it is open already; any FaceSource will do.
     backend: "egl" or "osmesa". context: one to draw in; by default one is opened and closed.
     layers: that will be looked at. Without "infrared" that image stays 0 unless a stage needs it.
+    extra_layers: further layers of the stages that frames shall carry (``Frame.extra``).
     A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
     and MeshError for a bad face if ``settings.strict``.
     """
@@ -87,7 +89,7 @@ def simulate(
     drawn_in = context or own_context
     assert drawn_in is not None
     try:
-        yield from Simulator(settings, opened, drawn_in, layers=layers).frames(planned)
+        yield from Simulator(settings, opened, drawn_in, extra_layers, layers).frames(planned)
     finally:
         if own_context is not None:
             own_context.release()

@@ -4,8 +4,8 @@
     mesh --projector.vert @emitter----> z-buffer
     clean + z-buffer --lit.frag-------> lit
 
-A rig that supersamples has the camera's layers drawn finer, as fine_clean and so on; the middle
-sample of a pixel is its clean depth (centres.frag), and the fine layers are kept for the stages.
+A rig that supersamples has depth and albedo drawn on a finer grid (samples.frag); the middle sample
+of a pixel is its clean depth (centres.frag), and the samples are kept for the stages.
 
 For a rig that keeps its lens distortion, the camera draws a wider pinhole image and lens.frag
 brings its layers to the distorted grid.
@@ -15,8 +15,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from fractions import Fraction
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -25,17 +24,17 @@ from numpy.typing import NDArray
 from glsim.bounds import Sight, Tangents, corners, emitter_view, image_window, union
 from glsim.camera import Emitter, Intrinsics, SensorRig
 from glsim.frame import Rect
-from glsim.gl.program import link, link_files
-from glsim.gl.source import SHADER_ROOT, Layer, load_source
+from glsim.gl.program import link_files
+from glsim.gl.source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.mesh import SKIN_ALBEDO, Mesh
 from glsim.pose import pose_matrix
+from glsim.samples import Centres, sample_layer, samples_pass
 
 CLEAN = Layer("clean", "float")
 NORMAL = Layer("normal", "vec4")
 ALBEDO = Layer("albedo", "float")
 LIT = Layer("lit", "float")
-UNEVEN = Layer("uneven", "float")
 _RAYS = Layer("rays", "vec2")
 
 #: Texels of an emitter's z-buffer a camera pixel, so that shadow edges are finer than the image.
@@ -69,30 +68,22 @@ class Renderer:
             TargetPool(context, pinhole.width, pinhole.height) if rig.is_raw else self.pool
         )
         self.rays = self.pool.upload(_RAYS, rig.rays())
-        scale = Fraction(rig.supersample)
-        self.fine_rays: Target | None = None
         self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
+        drawing, lens = "surface", "lens"
         if rig.supersample > 1:
-            fine_rays = Layer("fine_rays", "vec2", scale)
-            self.fine_rays = self.pool.upload(fine_rays, rig.rays(rig.supersample))
-            self._drawn = tuple(
-                replace(la, name=f"fine_{la.name}", scale=scale) for la in (CLEAN, NORMAL)
-            )
-            self._centres_pass = self._fullscreen(
-                "render/centres.frag", ("SIDE = 3", f"SIDE = {rig.supersample}")
-            )
+            drawing, lens = "samples", "lens_samples"
+            self._centres = Centres(context, rig, self.rays, self._drawn)
+            self._drawn = (sample_layer(rig),)
         #: No depth of the scene that was rendered last is less.
         self.nearest_m = 0.0
-        drawing = "surface" if rig.supersample == 1 else "samples"
         self._surface = link_files(context, "render/surface.vert", f"render/{drawing}.frag")
         self._projector = link_files(context, "render/projector.vert", "render/projector.frag")
         self._lit_pass = self._fullscreen("render/lit.frag")
-        self._lens_pass = self._fullscreen("render/lens.frag") if rig.is_raw else None
+        self._lens_pass = samples_pass(context, rig, f"{lens}.frag") if rig.is_raw else None
         set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
         fine = pinhole.finer(rig.supersample)
         self._depth = context.depth_renderbuffer((fine.width, fine.height))
         self._camera_buffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
-        self._clearing: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._map = context.depth_texture((_MAP_SIZE, _MAP_SIZE))
         self._map.compare_func = "<="
         self._map.filter = (moderngl.LINEAR, moderngl.LINEAR)
@@ -102,10 +93,8 @@ class Renderer:
         self._map_buffer = context.framebuffer([], self._map)
         self._drawables: OrderedDict[int, _Drawable] = OrderedDict()
 
-    def _fullscreen(self, name: str, change: tuple[str, str] = ("", "")) -> moderngl.VertexArray:
-        """A pass over a window. change: of the shader's text, for a constant of the rig's."""
-        fragment = load_source(SHADER_ROOT / name)
-        program = link(self.context, replace(fragment, text=fragment.text.replace(*change)))
+    def _fullscreen(self, name: str) -> moderngl.VertexArray:
+        program = link_files(self.context, "render/fullscreen.vert", name)
         return self.context.vertex_array(program, [])
 
     def render(
@@ -115,7 +104,7 @@ class Renderer:
 
         visible: the crop that will be delivered (None: all).
         Returns the layers clean, normal, albedo and lit, those of the finer grid if the rig has
-        one (fine_clean, fine_normal, uneven), and the window they are drawn in; give
+        one (fine_seen, uneven), and the window they are drawn in; give
         the targets back to ``pool``. Raises MeshError if the first mesh, the face, is not in view.
         """
         boxes = [corners(mesh.vertices_mm, view) for mesh, view in meshes]
@@ -123,8 +112,8 @@ class Renderer:
         drawables = [self._drawable(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
         layers = self._draw_surface(drawables, views, window)
-        if self.fine_rays is not None:
-            layers |= self._take_centres(layers, window)
+        if self.rig.supersample > 1:
+            layers |= self._centres.take(self.pool, layers["fine_seen"], window)
         corners_m = np.concatenate(boxes)
         self.nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
         casting = drawables if self.rig.shadow_map else []
@@ -216,15 +205,12 @@ class Renderer:
         if key not in self._camera_buffers:
             textures = [target.texture for target in targets]
             self._camera_buffers[key] = self.context.framebuffer(textures, self._depth)
-            self._clearing[key] = self.context.framebuffer(textures[:1], self._depth)
         buffer = self._camera_buffers[key]
         buffer.use()
         fine, drawn = pinhole.finer(self.rig.supersample), self._drawn[0].window(area)
         buffer.viewport = (0, 0, fine.width, fine.height)
         buffer.scissor = drawn
-        # Of samples only the depth is cleared: where there is none, nobody looks at the rest.
-        (buffer if self.rig.supersample == 1 else self._clearing[key]).clear(viewport=drawn)
-        buffer.use()
+        buffer.clear(viewport=drawn)
         self._draw_meshes([d.surface for d in drawables], self._surface, views)
         layers = {target.layer.name: target for target in targets}
         return layers if self._lens_pass is None else self._through_lens(layers, window)
@@ -238,7 +224,7 @@ class Renderer:
         for unit, (name, target) in enumerate(pinhole.items()):
             target.texture.use(unit)
             self._lens_pass.program[f"u_pinhole_{name.removeprefix('fine_')}"] = unit
-        (self.fine_rays or self.rays).texture.use(len(pinhole))
+        self.rays.texture.use(len(pinhole))
         self._lens_pass.program["u_rays"] = len(pinhole)
         p = self._pinhole.finer(self.rig.supersample)
         self._lens_pass.program["u_pinhole"] = (p.fx, p.fy, p.cx, p.cy)
@@ -246,18 +232,6 @@ class Renderer:
         for target in pinhole.values():
             self._camera_pool.give_back(target)
         return layers
-
-    def _take_centres(self, fine: dict[str, Target], window: Rect) -> dict[str, Target]:
-        """The layers of the pixels from those of their samples."""
-        targets = [self.pool.take(layer, window) for layer in (CLEAN, NORMAL, ALBEDO, UNEVEN)]
-        buffer = self.pool.framebuffer(targets)
-        buffer.use()
-        buffer.viewport = window
-        for unit, (name, target) in enumerate(fine.items()):
-            target.texture.use(unit)
-            self._centres_pass.program[f"u_{name}"] = unit
-        self._centres_pass.render(moderngl.TRIANGLES, vertices=3)
-        return {target.layer.name: target for target in targets}
 
     def _draw_lit(
         self,

@@ -81,7 +81,7 @@ class _RigTable(_Table):
             raise ValueError("an emitter at the camera itself throws no shadow: leave it out")
         if self.supersample % 2 == 0:
             raise ValueError(
-                f"supersample {self.supersample} must be odd: the middle sample is the pixel's depth"
+                f"supersample {self.supersample} must be odd: the middle sample is the depth"
             )
         return self
 

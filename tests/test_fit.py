@@ -23,8 +23,7 @@ IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 EMITTER_M = (0.045, 0.0, 0.0)
 
 GAIN, FLOOR_MM = 250.0, 0.8
-PIXEL_MM, COLUMN_MM, ROW_STEP_MM = 0.7, 0.3, 0.5
-PATTERN_MM = float(np.sqrt(PIXEL_MM**2 + COLUMN_MM**2 + (ROW_STEP_MM / 2) ** 2))
+PATTERN = {"pixel_sigma_mm": 0.7, "column_sigma_mm": 0.3, "row_step_mm": 0.5}
 
 
 def write(folder: Path, frames: NDArray[np.generic]) -> Path:
@@ -34,47 +33,59 @@ def write(folder: Path, frames: NDArray[np.generic]) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def recording(_session_context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A kinect-v2 of other constants before six walls, side by side, 0.7 to 4.2 m away."""
+def pattern_mm(pattern: dict[str, float]) -> float:
+    """All of a fixed pattern as one standard deviation."""
+    step = pattern["row_step_mm"] / 2
+    return float(
+        np.sqrt(pattern["pixel_sigma_mm"] ** 2 + pattern["column_sigma_mm"] ** 2 + step**2)
+    )
+
+
+def record(context: moderngl.Context, sensor: str, folder: Path) -> Path:
+    """A sensor of other constants before six walls, side by side, 0.7 to 4.2 m away."""
     distances = (700.0, 1200.0, 1800.0, 2600.0, 3400.0, 4200.0)
     limits = np.linspace(-300, 300, len(distances) + 1) / IMAGE.fx
     strips = [
         scenes.rectangle((a * z, b * z), (-0.8 * z, 0.8 * z), z)
         for z, a, b in zip(distances, limits[:-1], limits[1:], strict=True)
     ]
-    shots = Bench("kinect-v2", _session_context, seed=3).shoot(
-        scenes.merged(*strips), 30, None,
-        changes={
-            "tof_light": {"gain": GAIN},
-            "tof_floor": {"sigma_mm": FLOOR_MM},
-            "fixed_pattern": {
-                "pixel_sigma_mm": PIXEL_MM, "column_sigma_mm": COLUMN_MM,
-                "row_step_mm": ROW_STEP_MM,
-            },
-        },
-    )  # fmt: skip
-    return write(tmp_path_factory.mktemp("recording"), shots.encoded)
+    light = "tof_fast" if sensor == "kinect-v2-fast" else "tof_light"
+    floor = "tof_fast" if sensor == "kinect-v2-fast" else "tof_floor"
+    changes: dict[str, dict[str, float]] = {light: {"gain": GAIN}, "fixed_pattern": PATTERN}
+    changes.setdefault(floor, {})["sigma_mm"] = FLOOR_MM
+    bench = Bench(sensor, context, seed=3)
+    shots = bench.shoot(scenes.merged(*strips), 30, None, changes=changes)
+    return write(folder, shots.encoded)
+
+
+@pytest.fixture(scope="module")
+def recording(_session_context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(_session_context, "kinect-v2", tmp_path_factory.mktemp("recording"))
+
+
+def check_loop(folder: Path, out: Path, base: str) -> None:
+    """The fitted file has the constants of the recording within a tenth."""
+    assert main(["fit", str(folder), "-o", str(out), "--base", base]) == 0
+    stages = {s["use"]: s for s in tomllib.loads(out.read_text())["stage"]}
+    fitted = {k: v for stage in stages.values() for k, v in stage.items()}
+    pattern = stages["fixed_pattern"]
+    assert fitted["gain"] == pytest.approx(GAIN, rel=0.1)
+    assert fitted["sigma_mm"] == pytest.approx(FLOOR_MM, rel=0.1)
+    assert pattern_mm(pattern) == pytest.approx(pattern_mm(PATTERN), rel=0.1)
+    assert pattern["pixel_sigma_mm"] == pytest.approx(PATTERN["pixel_sigma_mm"], rel=0.1)
+    assert pattern["row_step_mm"] == pytest.approx(PATTERN["row_step_mm"], rel=0.1)
+    sensor = load_sensor(str(out))
+    assert sensor.rig.intrinsics == IMAGE
+    assert [s.name for s in sensor.stages] == [s.name for s in load_sensor(base).stages]
 
 
 def test_the_loop_closes(recording: Path, tmp_path: Path) -> None:
-    out = tmp_path / "mine.toml"
-    assert main(["fit", str(recording), "-o", str(out), "--base", "kinect-v2"]) == 0
-    stages = {s["use"]: s for s in tomllib.loads(out.read_text())["stage"]}
-    pattern = stages["fixed_pattern"]
-    total = np.sqrt(
-        pattern["pixel_sigma_mm"] ** 2
-        + pattern["column_sigma_mm"] ** 2
-        + (pattern["row_step_mm"] / 2) ** 2
-    )
-    assert stages["tof_light"]["gain"] == pytest.approx(GAIN, rel=0.1)
-    assert stages["tof_floor"]["sigma_mm"] == pytest.approx(FLOOR_MM, rel=0.1)
-    assert total == pytest.approx(PATTERN_MM, rel=0.1)
-    assert pattern["pixel_sigma_mm"] == pytest.approx(PIXEL_MM, rel=0.1)
-    assert pattern["row_step_mm"] == pytest.approx(ROW_STEP_MM, rel=0.1)
-    sensor = load_sensor(str(out))
-    assert sensor.rig.intrinsics == IMAGE
-    assert {s.name for s in sensor.stages} == {s.name for s in load_sensor("kinect-v2").stages}
+    check_loop(recording, tmp_path / "mine.toml", "kinect-v2")
+
+
+def test_the_loop_closes_for_the_fast_sensor(context: moderngl.Context, tmp_path: Path) -> None:
+    folder = record(context, "kinect-v2-fast", tmp_path / "frames")
+    check_loop(folder, tmp_path / "mine.toml", "kinect-v2-fast")
 
 
 def test_what_it_prints(

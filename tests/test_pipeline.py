@@ -57,8 +57,9 @@ def test_a_frame_is_the_same_whatever_was_made_before(
     """Any part of the plan, in any order, by a Simulator that is new or has worked before."""
     drawn = {"uniform": [0, 1]}
     stage = {
-        "kinect-v1": {"axial": {"angle_mm": drawn}}, "kinect-v2": {"tof_floor": {"sigma_mm": drawn}},
-    }.get(sensor, {})  # fmt: skip
+        "kinect-v1": {"axial": {"angle_mm": drawn}},
+        "kinect-v2": {"tof_floor": {"sigma_mm": drawn}},
+    }.get(sensor, {})
     settings = moving_settings(sensor, output={"crop": 128}, stage=stage)
     whole = made(context, settings)
     assert len(set(whole.values())) == 24

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,8 @@ from glsim.validate import (
     walls,
 )
 from glsim.validate.report import Band, Check, Measured, Outcome, Report
+
+figure_module = importlib.import_module("glsim.validate.figure")  # the name is its function's
 
 RNG = np.random.default_rng(5)
 
@@ -211,7 +214,7 @@ def test_states() -> None:
 
 
 def test_report_passes_with_exceptions_only_and_is_written_in_full() -> None:
-    good = Report("s", "title", 0, 8, 1.0, (outcome(0.5), outcome(1.5, exception="known")))
+    good = Report("s", "title", "sheet", 0, 8, 1.0, (outcome(0.5), outcome(1.5, exception="known")))
     assert good.passed
     bad = replace(good, outcomes=(outcome(0.5), outcome(float("nan"))))
     assert not bad.passed
@@ -291,6 +294,41 @@ def test_structured_light_sensors_are_what_they_say(context: moderngl.Context, s
     assert [o.check.number for o in found.outcomes if o.state != "pass"] == []
 
 
+@pytest.fixture
+def _few_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests in which numbers do not matter."""
+    monkeypatch.setattr(walls, "_PATTERN_FRAMES", 16)
+    monkeypatch.setattr(depth, "_WIGGLE_FRAMES", 1)
+
+
+@pytest.mark.usefixtures("_few_frames")
+def test_a_sensor_that_sees_nearly_nothing_fails_and_does_not_break(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    text = (SENSOR_FOLDER / "kinect-v2-fankhauser.toml").read_text()
+    (tmp_path / "blind.toml").write_text(text.replace("near_mm = 500 ", "near_mm = 4400 "))
+    found = run.examine(lab(context, tmp_path / "blind.toml", 8))
+    assert {o.check.number for o in found.outcomes if o.state == "pass"} < {
+        "8", "19", "20", "24", "28", "29", "A3",
+    }  # fmt: skip
+    assert not found.passed
+
+
+@pytest.mark.usefixtures("_few_frames")
+def test_a_sensor_without_noise_fails_and_does_not_break(context: moderngl.Context) -> None:
+    found = run.examine(lab(context, "ideal", 8))
+    states = {o.check.number: o.state for o in found.outcomes}
+    assert {n for n in ("1", "2", "5", "12", "13", "27", "30") if states[n] != "FAIL"} == set()
+
+
+def test_without_matplotlib_it_says_so_first(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(figure_module, "find_spec", lambda _: None)
+    assert main(["validate", "kinect-v2", "--figure", "x.png"]) == 2
+    assert "pip install 'glsim[validate]'" in capsys.readouterr().err
+
+
 def test_a_scene_is_a_function_of_the_seed(context: moderngl.Context) -> None:
     at = lab(context, "kinect-v2", 8)
     first, again, other = (
@@ -309,11 +347,10 @@ def test_shadow_widths_of_the_infrared(context: moderngl.Context) -> None:
 # --- the command --------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("_few_frames")
 def test_command_writes_table_json_and_figure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ripple = np.arange(600.0, 3001.0, 20.0), np.zeros(121)
-    monkeypatch.setattr(depth, "wiggle_curve", lambda _: ripple)  # 700 frames
     files = {name: tmp_path / f"out/{name}" for name in ("checks.json", "figure.png", "table.md")}
     status = main([
         "validate", "kinect-v2-paper", "--frames", "8", "--json", str(files["checks.json"]),
@@ -331,7 +368,8 @@ def test_command_writes_table_json_and_figure(
 def test_command_fails_for_a_wrong_sensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(run.SHEETS, "kinect-v1", ((*sheet_v2.CHECKS[:5],), (walls.noise_level,)))
+    sheet = run.Sheet("other", sheet_v2.CHECKS[:5], (walls.noise_level,))
+    monkeypatch.setitem(run.SHEETS, "kinect-v1", sheet)
     assert main(["validate", "kinect-v1", "--frames", "8"]) == 1
     assert "FAIL" in capsys.readouterr().out
 

@@ -24,7 +24,6 @@ Image = NDArray[np.float32]
 Placed = tuple[Mesh, NDArray[np.float32]]
 
 FRAMED = ("clean", "depth", "reason", "infrared", "lit", "decoded", "phasor_a", "phasor_b")
-FINE = ("fine_clean", "fine_normal", "fine_rays", "uneven", "normal", "albedo", "rays", "lit")
 
 #: Everything that makes two frames of one scene differ from each other, or from the scene.
 QUIET = {
@@ -96,10 +95,8 @@ class Camera:
     def clean(self, meshes: Sequence[Placed]) -> tuple[dict[str, Image], Rect]:
         """The layers that the chain starts from, and their window."""
         layers, window = self.renderer.render(meshes)
-        rays = {"rays": self.renderer.rays}
-        if self.renderer.fine_rays is not None:
-            rays["fine_rays"] = self.renderer.fine_rays
-        self.readback.request(self.renderer.pool, {**layers, **rays}, window)
+        rays = self.renderer.rays
+        self.readback.request(self.renderer.pool, {**layers, "rays": rays}, window)
         arrays = {name: image.copy() for name, image in self.readback.arrays().items()}
         for target in layers.values():
             self.renderer.pool.give_back(target)

@@ -54,10 +54,12 @@ def validate(
     from glsim.cli.files import write_bytes
     from glsim.errors import ConfigError
     from glsim.gl.context import open_context
-    from glsim.validate import Bench, Lab, examine, figure
+    from glsim.validate import Bench, Lab, check_matplotlib, examine, figure
 
     if figure_file is not None and figure_file.suffix.lower() != ".png":
         raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
+    if figure_file is not None:
+        check_matplotlib()
     context = open_context(backend)
     try:
         lab = Lab(Bench(sensor, context, seed, frames))
@@ -86,7 +88,16 @@ def _print(report: Report) -> None:
     """The table on stdout; full width when piped, so that nothing is cut for grep."""
     from glsim.validate import band_texts, measured_texts
 
-    table = Table("#", "check", "measured", "band", "source", "", "note", title=report.title)
+    table = Table(
+        "#",
+        "check",
+        "measured",
+        "band",
+        "source",
+        "",
+        "note",
+        title=f"{report.title}\nchecks of the {report.sheet}",
+    )
     for outcome in report.outcomes:
         colour = _COLOURS[outcome.state]
         table.add_row(

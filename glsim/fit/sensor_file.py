@@ -19,7 +19,9 @@ BASES = ("kinect-v2-fast", "kinect-v2")
 #: Where sensors keep what is fitted: stage, parameter -> name of the fitted value.
 _PLACES: Mapping[tuple[str, str], str] = {
     ("tof_light", "gain"): "gain",
+    ("tof_fast", "gain"): "gain",
     ("tof_floor", "sigma_mm"): "floor_mm",
+    ("tof_fast", "sigma_mm"): "floor_mm",
     ("fixed_pattern", "pixel_sigma_mm"): "pixel_mm",
     ("fixed_pattern", "column_sigma_mm"): "column_mm",
     ("fixed_pattern", "row_step_mm"): "row_step_mm",

@@ -25,14 +25,9 @@ Values = Mapping[str, Mapping[str, float]]
 #: The layers that exist before the first stage.
 INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
 
-#: The same on the grid of a rig's samples, and how uneven a pixel's are. Where nothing is
-#: supersampled they are the layers of the pixels.
-FINE_LAYERS = {
-    "fine_clean": "clean",
-    "fine_normal": "normal",
-    "fine_rays": "rays",
-    "uneven": "clean",
-}
+#: Depth and albedo on the grid of a rig's samples, and how uneven a pixel's are. Where nothing is
+#: supersampled there are other layers in their places, which nobody reads.
+FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 
 #: The layers that a Frame is made of; a chain without an infrared stage lacks the last.
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
@@ -113,7 +108,7 @@ class ShaderChain:
     ) -> None:
         self._context = context
         # Array stages may read any layer; without them only what a Frame holds comes back.
-        wanted = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
+        wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         if any(stage.spec.function is not None for stage in stages):
             wanted = (*FRAME_LAYERS, "normal", "albedo", "lit")
         self._wanted: tuple[str, ...] = (*wanted, *extra_layers)
@@ -144,8 +139,6 @@ class ShaderChain:
             "reason": pool.take(_REASON, frame.window),
             "rays": renderer.rays,
         }
-        if renderer.fine_rays is not None and "fine_clean" in layers:
-            layers["fine_rays"] = renderer.fine_rays
         layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
         blank = pool.framebuffer([layers["reason"]])
         blank.use()
@@ -162,7 +155,7 @@ class ShaderChain:
         readback.request(
             pool, {name: layers[name] for name in self._wanted if name in layers}, frame.window
         )
-        del layers["rays"], layers["fine_rays"]  # stay the renderer's
+        del layers["rays"]  # stays the renderer's
         for target in {id(target): target for target in layers.values()}.values():
             pool.give_back(target)
 

@@ -69,7 +69,7 @@ def _check_frequencies(modulation_mhz: Sequence[float], far_m: float, where: str
             f"{given}: cannot be unwrapped: the phases repeat after {reach:.2f} m, "
             f"nearer than rig.far_m {far_m:g}"
         )
-    # The slow phase repeats this often before all do; the third frequency must tell which time it is.
+    # So often the slow phase repeats before all do; the third must tell which time it is.
     repeats = slow // gcd(fast, slow, other)
     turns = Fraction(other, slow)
     if len({(turns * n) % 1 for n in range(repeats)}) < repeats:

@@ -14,6 +14,10 @@ from glsim.validate.report import Measured
 WIGGLE_PERIODS_MM = (3125.0, 1562.0, 625.0, 417.0, 312.0, 208.0)
 FOUR_TAP_PERIOD_MM = 468.0
 
+#: Frames and side of the window of each of the 121 walls that wiggling is measured on.
+_WIGGLE_FRAMES = 6
+_WIGGLE_PX = 40
+
 #: Libfreenect2's infrared image is 16 times the mean amplitude.
 COUNTS_PER_AMPLITUDE = 16.0
 
@@ -35,7 +39,7 @@ def quantisation(lab: Lab) -> dict[str, Measured]:
     if lab.knobs.no_rounding is not None:
         exact = lab.wall(900, changes=lab.knobs.no_rounding).fine_mm
         added = lab.wall(900).frames_mm - exact
-        values["variance"] = float(np.nanvar(added))
+        values["variance"] = measure.mean_of((added - measure.mean_of(added)) ** 2)
     return {
         "22": Measured(values, "" if lab.knobs.no_rounding is not None else
                        "the chain's rounding cannot be switched off"),
@@ -97,7 +101,11 @@ def wiggle_curve(lab: Lab) -> tuple[Array, Array]:
     errors = []
     for z in distances:
         shots = lab.bench.shoot(
-            scenes.wall(float(z)), 6, 40, at_mm=(0, 0, float(z)), scene=f"wiggle {z:g}"
+            scenes.wall(float(z)),
+            _WIGGLE_FRAMES,
+            _WIGGLE_PX,
+            at_mm=(0, 0, float(z)),
+            scene=f"wiggle {z:g}",
         )
         errors.append(measure.mean_of(shots.fine_mm - shots.clean_mm))
     return distances, np.array(errors)
@@ -109,7 +117,7 @@ def wiggle(lab: Lab) -> dict[str, Measured]:
     if not np.isfinite(error).all():
         return {"26": Measured({}, f"no depth at {z[~np.isfinite(error)][0]:.0f} mm")}
     ripple = measure.without_trend(z, error)
-    noise = lab.sigma_t(2000) / np.sqrt(6 * 40 * 40 / 9)
+    noise = lab.sigma_t(2000) / np.sqrt(_WIGGLE_FRAMES * _WIGGLE_PX**2 / 9)
     _, _, left = measure.sinusoids(z, error, WIGGLE_PERIODS_MM)
     amplitudes, _, _ = measure.sinusoids(z, error, (*WIGGLE_PERIODS_MM, FOUR_TAP_PERIOD_MM))
     rms = float(np.sqrt((ripple**2).mean()))

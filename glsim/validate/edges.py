@@ -173,8 +173,8 @@ def _penumbra(lab: Lab) -> Measured:
     middle = slice(_SHADOW_PX // 2 - 10, _SHADOW_PX // 2 + 10)
     sigma = measure.sigma_temporal_map(shots.frames_mm[:, middle])
     lit = measure.mean_of(sigma[:, place > 40])
-    growth = [measure.mean_of(sigma[:, column]) / lit for column in columns]
+    growth = [measure.ratio(measure.mean_of(sigma[:, column]), lit) for column in columns]
     shares = ", ".join(f"{level:.2f}" for level in levels)
     return Measured(
-        {"levels": float(len(levels)), "sigma": float(np.nanmax(growth))}, f"levels {shares}"
+        {"levels": float(len(levels)), "sigma": float(np.fmax.reduce(growth))}, f"levels {shares}"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,16 +30,21 @@ _STYLE = {
 }  # fmt: skip
 
 
-def figure(lab: Lab) -> bytes:
-    """The PNG: eight panels, 180 mm wide, 300 dpi. Raises ConfigError without matplotlib."""
-    try:
-        import matplotlib as mpl
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
+def check_matplotlib() -> None:
+    """Raise ConfigError where no figure can be drawn, before minutes of measuring."""
+    if find_spec("matplotlib") is None:
         raise ConfigError(
             "--figure needs matplotlib, which is not installed: pip install 'glsim[validate]'"
-        ) from None
+        )
+
+
+def figure(lab: Lab) -> bytes:
+    """The PNG: eight panels, 180 mm wide, 300 dpi. Raises ConfigError without matplotlib."""
+    check_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     with mpl.rc_context(_STYLE):
         drawn = Figure(figsize=(7.1, 7.9), layout="constrained")
         FigureCanvasAgg(drawn)
@@ -89,7 +95,7 @@ def _angle(axis: Axes, lab: Lab) -> None:
     axis.plot(fine, published, color=_GREY, label="Fankhauser 2015")
     axis.plot(angles, sigma, "o", color=_BLUE, label="spatial")
     axis.set(title="noise over tilt, 0.9 m", xlabel="angle to the axis (deg)", ylabel=_SIGMA_MM)
-    axis.set(ylim=(0, 1.15 * max(np.nanmax(sigma), published.max())))
+    axis.set(ylim=(0, 1.15 * np.fmax(np.max(published), np.fmax.reduce(sigma))))
     axis.legend()
 
 
@@ -138,8 +144,8 @@ def _shadow(axis: Axes, lab: Lab) -> None:
         width = curves.shadow_px(baseline, focal, 0.9, far / 1000)
         axis.axvline(-width, color=colour, ls=":", lw=0.8)
     axis.set(title="shadow of an edge", xlabel="from the edge, at 0.9 m (px)", ylabel="light")
-    axis.set(xlim=(-30, 2), ylim=(-0.05, 1.1))
-    axis.legend(title="dotted: b f (1/Zo - 1/Zb)", title_fontsize=6.5, loc="lower left")
+    axis.set(xlim=(-42, 2), ylim=(-0.05, 1.1))
+    axis.legend(title="dotted: expected", title_fontsize=6.5, loc="lower left")
 
 
 def _wiggle(axis: Axes, lab: Lab) -> None:
@@ -195,7 +201,7 @@ def _radius(axis: Axes, lab: Lab) -> None:
     curve = np.array([measure.mean_of(sigma[(r >= a) & (r < a + 20)]) for a in bins[:-1]])
     axis.plot(middle, curve / curve[0], "o-", color=_BLUE, label="wall at 1.5 m")
     axis.plot([50, 130, 185, 230, 265], np.array([1.33, 1.25, 1.34, 1.88, 3.6]) / 1.33, "^",
-              color=_GREY, label="recording, 1.4 m", mfc="none")  # fmt: skip
+              color=_GREY, label="Kinect V2 recording", mfc="none")  # fmt: skip
     axis.set(
         title="noise over radius",
         xlabel="from the centre (px)",

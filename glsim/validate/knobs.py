@@ -13,6 +13,7 @@ from glsim.sensor import Sensor
 from glsim.validate.bench import Changes
 
 _OFF = {"enabled": 0.0}
+_SKIN = {"subsurface_mm": 7.0}
 
 
 @dataclass(frozen=True)
@@ -44,20 +45,23 @@ def knobs_of(sensor: Sensor) -> Knobs:
         return found or None
 
     rounding = changes(millimetre_quantise=_OFF)
+    straight = {"harmonic_2": 0.0, "harmonic_5": 0.0}
+    white = {"fixed_pattern": _OFF, "millimetre_quantise": _OFF}
+    if "tof_fast" in names:
+        return Knobs(
+            white=changes(tof_fast={**straight, "sigma_mm": 0.0, "lateral_px": 0.0}, **white),
+            no_rounding=rounding,
+            skin=changes(tof_fast=_SKIN),
+        )
     if "tof_taps" not in names:
         return Knobs(no_rounding=rounding)
     return Knobs(
-        white=changes(
-            tof_light={"harmonic_2": 0.0, "harmonic_5": 0.0},
-            tof_floor=_OFF,
-            fixed_pattern=_OFF,
-            millimetre_quantise=_OFF,
-        ),
+        white=changes(tof_light=straight, tof_floor=_OFF, **white),
         no_filters=changes(tof_bilateral=_OFF, tof_edge=_OFF),
         no_rounding=rounding,
         no_light_noise=changes(
             tof_taps={"read_variance": 0.0, "shot_variance": 0.0, "companding": 0.0}
         ),
-        skin=changes(tof_light={"subsurface_mm": 7.0}),
+        skin=changes(tof_light=_SKIN),
         phases=("phasor_a", "phasor_b"),
     )

@@ -26,15 +26,16 @@ def without_plane(frames: Array) -> Array:
     rows, columns = np.mgrid[:height, :width]
     design = np.stack([np.ones(rows.size), rows.ravel(), columns.ravel()], axis=1)
     design[:, 1:] -= design[:, 1:].mean(axis=0)
-    out = np.full(frames.shape, np.nan)
-    for image, flat in zip(
-        frames.reshape(-1, height * width), out.reshape(-1, height * width), strict=True
-    ):
-        valid = np.isfinite(image)
-        if valid.sum() > 3:
-            fit = np.linalg.lstsq(design[valid], image[valid], rcond=None)[0]
-            flat[valid] = image[valid] - design[valid] @ fit
-    return out
+    images = frames.reshape(-1, height * width)
+    out = np.full(images.shape, np.nan)
+    valid = np.isfinite(images)
+    whole = valid.all(axis=1)
+    out[whole] = images[whole] - images[whole] @ np.linalg.pinv(design).T @ design.T
+    for number in np.flatnonzero(~whole & (valid.sum(axis=1) > 3)):
+        own = valid[number]
+        fit = np.linalg.lstsq(design[own], images[number, own], rcond=None)[0]
+        out[number, own] = images[number, own] - design[own] @ fit
+    return out.reshape(frames.shape)
 
 
 def sigma_spatial(residual: Array) -> float:
@@ -84,6 +85,11 @@ def mean_of(values: Array) -> float:
     return float(valid.mean()) if valid.size else float("nan")
 
 
+def ratio(first: float, second: float) -> float:
+    """The one over the other; NaN where that says nothing."""
+    return first / second if second != 0 and np.isfinite([first, second]).all() else float("nan")
+
+
 def fixed_pattern(frames: Array) -> tuple[Array, float]:
     """(H, W) mean of each pixel minus the best plane, and its standard deviation.
 
@@ -103,14 +109,14 @@ def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
     mirrored diagonal.
     """
     images = part.reshape(-1, *part.shape[-2:])
-    variance = np.nanmean(images**2)
+    variance = mean_of(images**2)
     found = []
     for lag in lags:
         directions = {lag, lag[::-1]}
         if lag[0] and lag[1]:
             directions |= {(lag[0], -lag[1]), (lag[1], -lag[0])}
         values = [_lagged(images, *d) for d in directions]
-        found.append(np.mean(values) / variance)
+        found.append(ratio(float(np.mean(values)), variance))
     return np.array(found)
 
 
@@ -118,23 +124,25 @@ def _lagged(images: Array, down: int, right: int) -> float:
     height, width = images.shape[-2:]
     first = images[:, : height - down, max(0, -right) : width - max(0, right)]
     second = images[:, down:, max(0, right) : width + min(0, right)]
-    return float(np.nanmean(first * second))
+    return mean_of(first * second)
 
 
 def temporal_autocorrelation(frames: Array) -> float:
     """Correlation of a pixel with itself one frame later, fixed pattern removed.
 
-    Removing the mean of T frames makes white noise look anticorrelated by 1 / T, which is put
+    Removing the mean of T frames makes white noise look anticorrelated by 1 / (T - 1), which is put
     back.
     """
-    part = frames - np.nanmean(frames, axis=0)
-    lag = np.nanmean(part[1:] * part[:-1]) / np.nanmean(part**2)
-    return float(lag + 1.0 / len(frames))
+    part = temporal_part(frames)
+    lag = ratio(mean_of(part[1:] * part[:-1]), mean_of(part**2))
+    return lag + 1.0 / (len(frames) - 1)
 
 
 def skew_kurtosis(samples: Array) -> tuple[float, float]:
     """Skewness and excess kurtosis; both 0 for Gaussian noise."""
     x = samples[np.isfinite(samples)]
+    if x.size < 2 or x.std() == 0:
+        return float("nan"), float("nan")
     x = (x - x.mean()) / x.std()
     return float((x**3).mean()), float((x**4).mean() - 3.0)
 
@@ -189,6 +197,8 @@ def sinusoids(
 
 def without_trend(z_mm: Array, error_mm: Array) -> Array:
     """Errors minus their mean and linear trend."""
+    if not np.isfinite(error_mm).all():
+        return np.full(error_mm.shape, np.nan)
     trend = np.polynomial.Polynomial.fit(z_mm, error_mm, 1)
     return np.asarray(error_mm - trend(z_mm))
 

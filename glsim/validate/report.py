@@ -136,10 +136,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Report:
-    """All outcomes of one sensor. seconds: wall time. seed, frames: as asked for."""
+    """All outcomes of one sensor.
+
+    sheet: whose checks these are. seconds: wall time. seed, frames: as asked for.
+    """
 
     sensor: str
     title: str
+    sheet: str
     seed: int
     frames: int
     seconds: float
@@ -166,6 +170,7 @@ class Report:
         return {
             "sensor": self.sensor,
             "title": self.title,
+            "sheet": self.sheet,
             "seed": self.seed,
             "frames": self.frames,
             "passed": self.passed,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import moderngl
 
@@ -53,10 +54,22 @@ _PAPER: tuple[Examination, ...] = (
     structured.paper_geometry,
 )
 
-#: Sensors with a sheet of their own, by name of their file.
-SHEETS: dict[str, tuple[Sequence[Check], Sequence[Examination]]] = {
-    "kinect-v1": (KINECT_V1, _V1),
-    "kinect-v2-paper": (KINECT_V2_PAPER, _PAPER),
+
+@dataclass(frozen=True)
+class Sheet:
+    """Checks and what measures them. title: whose they are."""
+
+    title: str
+    checks: tuple[Check, ...]
+    examinations: tuple[Examination, ...]
+
+
+_KINECT_V2 = Sheet("Kinect V2", (*CHECKS, *ANTI_CHECKS), _V2)
+
+#: Sensors with a sheet of their own, by name of their file; all others have the Kinect V2's.
+SHEETS: dict[str, Sheet] = {
+    "kinect-v1": Sheet("Kinect V1", KINECT_V1, _V1),
+    "kinect-v2-paper": Sheet("Kendrick et al.", KINECT_V2_PAPER, _PAPER),
 }
 
 
@@ -85,16 +98,18 @@ def validate(
 def examine(lab: Lab) -> Report:
     """Run the sheet of a lab's sensor."""
     started = time.perf_counter()
-    checks, examinations = _sheet(lab)
+    sheet = SHEETS.get(lab.bench.sensor.name, _KINECT_V2)
     found: dict[str, Measured] = {}
-    for examination in examinations:
+    for examination in sheet.examinations:
         found |= examination(lab)
     seconds = time.perf_counter() - started
     bench = lab.bench
     return Report(
-        bench.name, bench.sensor.title, bench.seed, bench.frames, seconds, complete(checks, found)
+        bench.name,
+        bench.sensor.title,
+        sheet.title,
+        bench.seed,
+        bench.frames,
+        seconds,
+        complete(sheet.checks, found),
     )
-
-
-def _sheet(lab: Lab) -> tuple[Sequence[Check], Sequence[Examination]]:
-    return SHEETS.get(lab.bench.sensor.name, ((*CHECKS, *ANTI_CHECKS), _V2))

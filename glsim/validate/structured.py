@@ -28,7 +28,7 @@ def v1_noise(lab: Lab) -> dict[str, Measured]:
     return {
         "1": Measured({f"{z / 1000:g} m": s for z, s in sigma.items()},
                       "rounding to 1/8 px is part of it"),
-        "2": Measured({"ratio": sigma[4000] / sigma[2000]}),
+        "2": Measured({"ratio": measure.ratio(sigma[4000], sigma[2000])}),
         "3": Measured({"std": jitter}),
     }  # fmt: skip
 

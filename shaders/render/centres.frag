@@ -1,8 +1,9 @@
 #version 330 core
 // centres: the layers of a pixel from those of its samples: the middle one, which lies at the
 // pixel's centre, and how wrong it would be to take it for all of them.
-uniform sampler2D u_fine_clean;
-uniform sampler2D u_fine_normal;
+uniform sampler2D u_fine_seen; // depth, albedo
+uniform sampler2D u_rays;
+uniform vec2 u_focal_px;
 
 const int SIDE = 3; // samples a pixel along each axis; the renderer puts in the rig's
 
@@ -10,22 +11,31 @@ const int SIDE = 3; // samples a pixel along each axis; the renderer puts in the
 // of the light within the pixel's range of depth by that much of the range.
 const float SHARE_OF_RANGE = 0.005;
 
+// Samples whose depths differ by more than this share are on different surfaces: 84 degrees.
+const float EDGE_SHARE = 0.01;
+
 out float clean;
-out vec4 normal;
+out vec4 normal; // and in w the albedo
 out float albedo;
 out float uneven; // m; 1 where some samples miss the surface
 
+// The way across the surface from one sample to the one two further, or to the next one on it.
+vec3 tangent(float before, float here, float after, vec3 ray, vec3 step) {
+    bool from = before > 0.0 && abs(before - here) < EDGE_SHARE * here;
+    bool to = after > 0.0 && abs(after - here) < EDGE_SHARE * here;
+    vec3 start = from ? before * (ray - step) : here * ray;
+    vec3 end = to ? after * (ray + step) : here * ray;
+    return from || to ? end - start : step;
+}
+
 void main() {
-    ivec2 first = ivec2(gl_FragCoord.xy) * SIDE;
-    clean = texelFetch(u_fine_clean, first + SIDE / 2, 0).r;
-    // Outside of surfaces the shape is left from an earlier frame.
-    vec4 shape = clean > 0.0 ? texelFetch(u_fine_normal, first + SIDE / 2, 0) : vec4(0.0);
-    normal = shape;
-    albedo = shape.w;
+    ivec2 pixel = ivec2(gl_FragCoord.xy), first = pixel * SIDE, middle = first + SIDE / 2;
+    vec2 seen = texelFetch(u_fine_seen, middle, 0).rg;
+    clean = seen.r;
     float low = clean, high = clean, sum = 0.0;
     for (int y = 0; y < SIDE; y++) {
         for (int x = 0; x < SIDE; x++) {
-            float z = texelFetch(u_fine_clean, first + ivec2(x, y), 0).r;
+            float z = texelFetch(u_fine_seen, first + ivec2(x, y), 0).r;
             low = min(low, z);
             high = max(high, z);
             sum += z;
@@ -33,4 +43,14 @@ void main() {
     }
     uneven = abs(sum / float(SIDE * SIDE) - clean) + SHARE_OF_RANGE * (high - low);
     if (low <= 0.0 && high > 0.0) uneven = 1.0;
+    vec3 ray = vec3(texelFetch(u_rays, pixel, 0).rg, 1.0);
+    vec2 step = 1.0 / (float(SIDE) * u_focal_px);
+    vec3 along_x = tangent(texelFetch(u_fine_seen, middle - ivec2(1, 0), 0).r, clean,
+        texelFetch(u_fine_seen, middle + ivec2(1, 0), 0).r, ray, vec3(step.x, 0.0, 0.0));
+    vec3 along_y = tangent(texelFetch(u_fine_seen, middle - ivec2(0, 1), 0).r, clean,
+        texelFetch(u_fine_seen, middle + ivec2(0, 1), 0).r, ray, vec3(0.0, step.y, 0.0));
+    vec3 n = cross(along_y, along_x) * inversesqrt(
+        max(dot(cross(along_y, along_x), cross(along_y, along_x)), 1e-30));
+    albedo = clean > 0.0 ? seen.g : 0.0;
+    normal = clean > 0.0 ? vec4(dot(n, ray) > 0.0 ? -n : n, albedo) : vec4(0.0);
 }

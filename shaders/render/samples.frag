@@ -1,14 +1,10 @@
 #version 330 core
-// samples: surface.frag for a grid finer than the pixels, in as few numbers as will do.
-#include "lib/facet.glsl"
-
+// samples: the surface on a grid finer than the pixels, in as few numbers as will do.
 in vec3 v_position_m;
 in float v_albedo;
 
-out float fine_clean;
-out vec4 fine_normal; // and in w the albedo
+out vec2 fine_seen; // depth, albedo
 
 void main() {
-    fine_clean = v_position_m.z;
-    fine_normal = vec4(facet_normal(v_position_m), v_albedo);
+    fine_seen = vec2(v_position_m.z, v_albedo);
 }

@@ -1,8 +1,8 @@
 #version 330 core
 // tof_edge: libfreenect2's edge filter: removes pixels between two surfaces, and those that the
 // bilateral filter has marked.
-#include "lib/loops.glsl"
 #include "reason.glsl"
+#include "lib/loops.glsl"
 
 uniform float min_contrast = 0.05;  //@ [0, 10]   1  standard deviation over mean of the infrared in 3x3 (libfreenect2: edge_ab_std_dev_threshold)
 uniform float min_mean = 50.0;      //@ [0, 1e5]  1  the mean is taken to be this at least (edge_ab_avg_min_value)
@@ -23,26 +23,26 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     depth = texelFetch(u_depth, pixel, 0).r;
     reason = texelFetch(u_reason, pixel, 0).r;
-    vec4 own = texelFetch(u_decoded, pixel, 0);
-    ivec2 last = ivec2(u_frame_size_px) - 1;
-    bool wanted = own.x > 0.0 && !any(equal(pixel, ivec2(0))) && !any(equal(pixel, last));
-    float sum = 0.0, squares = 0.0, low = own.x, high = own.x;
-    int k = wanted ? 0 : 8;
+    vec2 own = texelFetch(u_decoded, pixel, 0).rg;
+    float sum = own.y, squares = own.y * own.y, low = depth, high = depth;
+    int k = depth > 0.0 ? 0 : 7;
     do {
-        vec4 other = texelFetch(u_decoded, pixel + ivec2(k % 3, k / 3) - 1, 0);
-        sum += other.z;
-        squares += other.z * other.z;
-        float z = k != 4 && other.y > 0.0 ? other.y : own.x;
-        low = min(low, z);
-        high = max(high, z);
-    } while (++k < 9);
+        int place = k + int(k > 3); // the 8 neighbours, without the middle
+        vec2 other = texelFetch(u_decoded, pixel + ivec2(place % 3, place / 3) - 1, 0).rg;
+        sum += other.y;
+        squares += other.y * other.y;
+        low = min(low, other.x > 0.0 ? other.x : depth);
+        high = max(high, other.x > 0.0 ? other.x : depth);
+    } while (++k < 8);
     float spread = sqrt(max(9.0 * squares - sum * sum, 0.0)) / 9.0;
     float contrast = spread / max(sum / 9.0, min_mean);
-    float near_mm = 1000.0 * (own.x - low), far_mm = 1000.0 * (high - own.x);
+    float near_mm = 1000.0 * (depth - low), far_mm = 1000.0 * (high - depth);
     bool between = contrast >= min_contrast && near_mm > nearest_mm && far_mm > farthest_mm
         && max(near_mm, far_mm) > larger_mm;
-    bool mixed = remove_mixed && own.w > 0.0;
-    if (wanted && (between || mixed)) {
+    bool mixed = remove_mixed && own.x <= 0.0;
+    ivec2 last = ivec2(u_frame_size_px) - 1;
+    bool inside = !any(equal(pixel, ivec2(0))) && !any(equal(pixel, last)); // as the decoder does
+    if (depth > 0.0 && inside && (between || mixed)) {
         depth = 0.0;
         reason = between ? REASON_EDGE : REASON_MIXED;
     }

@@ -23,7 +23,7 @@ uniform uint u_seed;
 out float depth;
 out float reason;
 out float infrared;
-out vec4 decoded; // as tof_unwrap's
+out vec2 decoded; // as tof_unwrap's
 
 // Light and phasors of a pixel that sees one surface.
 float seen(ivec2 pixel, out vec3 real, out vec3 imaginary) {
@@ -31,6 +31,8 @@ float seen(ivec2 pixel, out vec3 real, out vec3 imaginary) {
     vec2 light = surface_light(texelFetch(u_clean, at, 0).r, texelFetch(u_normal, at, 0),
         texelFetch(u_rays, at, 0).rg, texelFetch(u_lit, at, 0).r);
     correlate(light.y, real, imaginary);
+    real = light.x > 0.0 ? real : vec3(0.0);
+    imaginary = light.x > 0.0 ? imaginary : vec3(0.0);
     return light.x;
 }
 
@@ -112,9 +114,9 @@ void main() {
     float light_mm = beside_step ? 0.0 : 1000.0 * length(phase_sigma) / TWO_PI * HALF_WAVE_M_MHZ
         / dot(u_modulation_mhz, vec3(1.0));
     float variance = floor_variance(z, texelFetch(u_normal, pixel, 0).xyz, ray) + light_mm * light_mm;
-    float noise = alike_noise(pixel, u_seed, valid);
+    float noise = alike_noise(pixel, u_seed);
     depth = valid ? moved_by_mm(z, sqrt(variance) * noise) : 0.0;
     infrared = min(16.0 * amplitude, 65535.0);
     bool edge = beside_step && max(apart.x, max(apart.y, apart.z)) >= max_edge;
-    decoded = vec4(depth, edge ? 0.0 : depth, sum, edge ? 1.0 : 0.0);
+    decoded = vec2(edge ? 0.0 : depth, sum);
 }

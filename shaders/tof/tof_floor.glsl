@@ -16,5 +16,5 @@ void main() {
     depth = texelFetch(u_depth, pixel, 0).r;
     vec3 normal = texelFetch(u_normal, pixel, 0).xyz;
     float sigma = sqrt(floor_variance(depth, normal, texelFetch(u_rays, pixel, 0).rg));
-    depth = moved_by_mm(depth, sigma * alike_noise(pixel, u_seed, depth > 0.0));
+    depth = moved_by_mm(depth, sigma * alike_noise(pixel, u_seed));
 }

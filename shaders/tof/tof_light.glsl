@@ -10,12 +10,13 @@
 uniform float smooth_mm = 0.05;    //@ [0, 100]   mm error of the depth up to which a pixel's centre stands for its samples; 0: never
 
 uniform sampler2D u_clean;
+uniform sampler2D u_normal; // and in w the albedo
+uniform sampler2D u_rays;
 uniform sampler2D u_lit;
 uniform sampler2D u_uneven;
-uniform sampler2D u_fine_clean;
-uniform sampler2D u_fine_normal; // and in w the albedo
-uniform sampler2D u_fine_rays;
+uniform sampler2D u_fine_seen; // depth, albedo
 uniform int u_supersample;
+uniform float u_focal_px;
 
 out vec4 light_a; // real and imaginary part at the first and the second frequency
 out vec4 light_b; // at the third; the light itself; unused
@@ -26,25 +27,30 @@ void main() {
     bool mixed = u_supersample > 1 && texelFetch(u_uneven, pixel, 0).r > 0.001 * smooth_mm;
     int side = u_supersample, samples = mixed ? side * side : 1;
     float share = 1.0 / float(samples);
+    vec2 ray = texelFetch(u_rays, pixel, 0).rg;
     int k = 0;
     do { // an even pixel's only sample is the middle one
-        ivec2 at = pixel * side + (mixed ? ivec2(k % side, k / side) : ivec2(side / 2));
-        float z = texelFetch(u_fine_clean, at, 0).r;
-        // Light changes slowly on a surface: a sample takes that of the pixel around whose depth is
-        // nearest to its own.
+        ivec2 place = mixed ? ivec2(k % side, k / side) : ivec2(side / 2);
+        vec2 seen = texelFetch(u_fine_seen, pixel * side + place, 0).rg;
+        // Light and slope change slowly on a surface: a sample takes those of the pixel, of the four
+        // beside it and itself, whose depth is nearest to its own.
         ivec2 alike = pixel;
         float nearest = 1e5;
-        int i = mixed ? 0 : 8;
+        int i = mixed ? 0 : 4;
         do {
-            ivec2 beside = pixel + (mixed ? ivec2(i % 3, i / 3) - 1 : ivec2(0));
-            float there = texelFetch(u_clean, clamp(beside, ivec2(0), textureSize(u_clean, 0) - 1), 0).r;
-            float apart = there > 0.0 ? abs(there - z) : 1e5;
+            ivec2 beside = pixel + (i == 4 ? ivec2(0) : ivec2((i & 1) * (i - 2), (1 - (i & 1)) * (i - 1)));
+            beside = clamp(beside, ivec2(0), textureSize(u_clean, 0) - 1);
+            float there = texelFetch(u_clean, beside, 0).r;
+            float apart = there > 0.0 ? abs(there - seen.r) : 1e5;
             alike = apart < nearest ? beside : alike;
             nearest = min(nearest, apart);
-        } while (++i < 9);
+        } while (++i < 5);
+        // A speck that no pixel's centre sees: lit, and facing the camera.
+        vec4 shape = nearest < 1e5 ? texelFetch(u_normal, alike, 0) : vec4(0.0, 0.0, -1.0, 0.0);
         float lit = nearest < 1e5 ? texelFetch(u_lit, alike, 0).r : 1.0;
-        vec2 light = surface_light(z, texelFetch(u_fine_normal, at, 0),
-            texelFetch(u_fine_rays, at, 0).rg, share * lit);
+        shape.w = mixed ? seen.g : shape.w;
+        vec2 aside = (vec2(place) - float(side / 2)) / (float(side) * u_focal_px);
+        vec2 light = surface_light(seen.r, shape, ray + aside, share * lit);
         vec3 real, imaginary;
         correlate(light.y, real, imaginary);
         sum_a += light.x * vec4(real.x, imaginary.x, real.y, imaginary.y);

@@ -31,17 +31,20 @@ void main() {
     float bias = 0.001 * bias_mm, thickness = 0.001 * thickness_mm;
     float inverse = 1.0 / max(z, 1e-3);
     vec3 hidden = vec3(0.0);
-    bool walking = z > u_nearest_m;
+    float nearest = 1.0 / max(u_nearest_m, 1e-3);
+    bool walking = inverse < nearest;
     int k = 1;
     do {
-        vec3 line = 1.0 / (inverse + float(k) * step_per_px);
+        vec3 line = inverse + float(k) * step_per_px; // 1 / depth of the line to each emitter
         ivec2 at = ivec2(floor(vec2(pixel) + 0.5 + float(k) * towards));
         bool inside = all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size));
         float there = inside ? texelFetch(u_clean, at, 0).r : 0.0;
-        vec3 depth_before = line - there;
-        hidden = max(hidden, there > 0.0
-            ? step(bias, depth_before) * (1.0 - step(thickness, depth_before)) : vec3(0.0));
-        walking = walking && inside && max(line.x, max(line.y, line.z)) > u_nearest_m;
+        float surface = 1.0 / max(there, 1e-3);
+        // How far before the line the surface is, times both inverse depths.
+        vec3 before = surface - line, scale = surface * line;
+        vec3 hides = step(bias * scale, before) * (1.0 - step(thickness * scale, before));
+        hidden = max(hidden, there > 0.0 ? hides : vec3(0.0));
+        walking = walking && inside && min(line.x, min(line.y, line.z)) < nearest;
     } while (walking && ++k <= FARTHEST_PX);
     lit = z > 0.0 ? 1.0 - dot(hidden, vec3(1.0 / 3.0)) : 0.0;
 }

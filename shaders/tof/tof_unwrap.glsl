@@ -11,7 +11,7 @@ uniform sampler2D u_rays;
 out float depth;
 out float reason;
 out float infrared;
-out vec4 decoded; // depth, m; the same or 0 if marked as an edge; sum of the amplitudes; flags
+out vec2 decoded; // depth in m, 0 if marked as an edge; sum of the amplitudes
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -28,5 +28,5 @@ void main() {
     depth = reason == REASON_VALID || reason == REASON_GROWN ? z : 0.0;
     infrared = b.z;
     bool edge = b.w == 1.0 || b.w == 3.0;
-    decoded = vec4(depth, edge ? 0.0 : depth, sum, edge ? 1.0 : 0.0);
+    decoded = vec2(edge ? 0.0 : depth, sum);
 }

@@ -12,7 +12,16 @@ from typing import Final
 
 import numpy as np
 
-from glsim.noise.twins import edges, signal, tof_decode, tof_light, tof_taps, values, window
+from glsim.noise.twins import (
+    edges,
+    signal,
+    tof_decode,
+    tof_fast,
+    tof_light,
+    tof_taps,
+    values,
+    window,
+)
 from glsim.noise.twins.layers import Image, Values
 from glsim.noise.view import Layers, StageView
 
@@ -55,5 +64,6 @@ TWINS: Final[dict[str, Twin]] = {
         tof_decode.tof_unwrap,
         tof_decode.tof_edge,
         tof_decode.tof_floor,
+        tof_fast.tof_fast,
     )
 }

@@ -15,10 +15,10 @@ from glsim.noise.view import Layers, StageView
 from glsim.reason import Reason
 
 #: libfreenect2's 3x3 Gaussian, by how many steps a neighbour is away.
-_KERNEL = {0: np.float32(0.1195716), 1: np.float32(0.1131098), 2: np.float32(0.1069973)}
-_KERNEL_UNIT = np.float32(2.99791)
+KERNEL = {0: np.float32(0.1195716), 1: np.float32(0.1131098), 2: np.float32(0.1069973)}
+KERNEL_UNIT = np.float32(2.99791)
 _STEEPEST = np.float32(12.0)
-_LOG2_E = np.float32(1.442695)
+LOG2_E = np.float32(1.442695)
 _LOG10_2, _LOG2_10 = np.float32(0.301030), np.float32(3.321928)
 _MOST_TURNS = 64
 _TINY = np.float32(1e-20)
@@ -35,16 +35,16 @@ def tof_bilateral(view: StageView, layers: Layers, p: Values) -> dict[str, Image
     unit = np.float32(1.0) / np.sqrt(np.maximum(norm, _TINY))
     bright = (norm >= p["min_amplitude"] * p["min_amplitude"]).astype(np.float32)
     least = bright * p["min_amplitude"] * p["min_amplitude"]
-    falloff = -_LOG2_E * p["sharpness"] * bright
-    sum_real, sum_imaginary = _KERNEL[0] * real, _KERNEL[0] * imaginary
-    total, apart = np.full_like(real, _KERNEL[0]), np.zeros_like(real)
+    falloff = -LOG2_E * p["sharpness"] * bright
+    sum_real, sum_imaginary = KERNEL[0] * real, KERNEL[0] * imaginary
+    total, apart = np.full_like(real, KERNEL[0]), np.zeros_like(real)
     around = np.concatenate([real, imaginary, norm, unit], axis=-1)
     for steps, other in _neighbours(around):
         other_real, other_imaginary, other_norm, other_unit = np.split(other, 4, axis=-1)
         alike = (real * other_real + imaginary * other_imaginary) * unit * other_unit
         away = _HALF - _HALF * alike
         counts = (other_norm >= least).astype(np.float32)
-        weight = counts * _KERNEL[steps] * np.exp(falloff * away)
+        weight = counts * KERNEL[steps] * np.exp(falloff * away)
         apart += counts * away
         sum_real += weight * other_real
         sum_imaginary += weight * other_imaginary
@@ -60,45 +60,51 @@ def tof_bilateral(view: StageView, layers: Layers, p: Values) -> dict[str, Image
 
 
 def tof_unwrap(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
-    """Phases to depth: unwrapped, compared, averaged, brought to the axis."""
+    """Phases to depth along the axis."""
     a, b = layers["phasor_a"], layers["phasor_b"]
     real = np.stack([a[..., 0], a[..., 2], b[..., 0]], axis=-1)
     imaginary = np.stack([a[..., 1], a[..., 3], b[..., 1]], axis=-1)
+    z, reason, sums = decoded(view, layers, p, real, imaginary)
+    reason = np.where(b[..., 3] >= 2, np.float32(Reason.SATURATED), reason)
+    depth = np.where((reason == Reason.VALID) | (reason == Reason.GROWN), z, _ZERO)
+    edge = (b[..., 3] == 1) | (b[..., 3] == 3)
+    return {
+        "depth": depth,
+        "reason": reason,
+        "infrared": b[..., 2],
+        "decoded": np.stack([np.where(edge, _ZERO, depth), sums], axis=-1),
+    }
+
+
+def decoded(
+    view: StageView, layers: Layers, p: Values, real: Image, imaginary: Image
+) -> tuple[Image, Image, Image]:
+    """Depth, reason and sum of the amplitudes from (..., 3) parts of the phasors."""
     amplitude = np.sqrt(real * real + imaginary * imaginary)
-    turns = np.arctan2(imaginary, real) / TWO_PI
-    fast, slow, third = unwrapped(turns - np.floor(turns), frequencies(view))
-    x, y, w = frequencies(view) / np.sqrt((frequencies(view) ** 2).sum())
+    turns = (np.arctan2(imaginary, real) / TWO_PI).astype(np.float32)
+    f = frequencies(view)
+    fast, slow, third = unwrapped(turns - np.floor(turns), f)
+    x, y, w = f / np.sqrt((f * f).sum())
     u, v, t = TWO_PI * fast, TWO_PI * slow, TWO_PI * third
     cross = v * w - t * y, t * x - u * w, u * y - v * x
     disagreement = cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]
     most = np.maximum(amplitude.max(axis=-1), np.float32(1e-6))
     power = (np.log(most) * p["slope"] * _LOG10_2 + p["offset"]) * _LOG2_10
     allowed = np.clip(np.exp(power), p["min_disagreement"], p["max_disagreement"])
-    distance = (fast + slow + third) * half_wave_m_mhz() / frequencies(view).sum()
-    z = along_axis(view, layers["rays"], distance)
+    z = along_axis(view, layers["rays"], (fast + slow + third) * half_wave_m_mhz() / f.sum())
     clean, sums = layers["clean"], amplitude[..., 0] + amplitude[..., 1] + amplitude[..., 2]
     dark = (amplitude.min(axis=-1) < p["min_amplitude"]) | (sums < p["min_sum"])
     why_dark = np.where(layers["lit"] < _HALF, Reason.SHADOW, Reason.LOW_SIGNAL)
     reason = np.select(
-        [b[..., 3] >= 2, dark, (disagreement > allowed * allowed) | (z <= 0), clean <= 0],
+        [dark, (disagreement > allowed * allowed) | (z <= 0), clean <= 0],
         [
-            np.full(dark.shape, Reason.SATURATED),
             np.where(clean <= 0, Reason.NO_SURFACE, why_dark),
             np.full(dark.shape, Reason.UNWRAP),
             np.full(dark.shape, Reason.GROWN),
         ],
         default=Reason.VALID,
     )
-    has_depth = (reason == Reason.VALID) | (reason == Reason.GROWN)
-    depth = np.where(has_depth, z, _ZERO)
-    edge = (b[..., 3] == 1) | (b[..., 3] == 3)
-    parts = [depth, np.where(edge, _ZERO, depth), sums, edge.astype(np.float32)]
-    return {
-        "depth": depth,
-        "reason": reason.astype(np.float32),
-        "infrared": b[..., 2],
-        "decoded": np.stack(parts, axis=-1),
-    }
+    return z, reason.astype(np.float32), sums
 
 
 def unwrapped(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image, Image]:
@@ -133,13 +139,13 @@ def along_axis(view: StageView, rays: Image, distance_m: Image) -> Image:
 
 def tof_edge(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     """Removes pixels between two surfaces, and those that the bilateral filter has marked."""
-    own = layers["decoded"]
-    z, sums = own[..., 0], own[..., 2].copy()
+    own, z = layers["decoded"], layers["depth"]
+    sums = own[..., 1].copy()
     squares, low, high = sums * sums, z.copy(), z.copy()
     for _, other in _neighbours(own):
-        sums += other[..., 2]
-        squares += other[..., 2] * other[..., 2]
-        there = np.where(other[..., 1] > 0, other[..., 1], z)
+        sums += other[..., 1]
+        squares += other[..., 1] * other[..., 1]
+        there = np.where(other[..., 0] > 0, other[..., 0], z)
         low, high = np.minimum(low, there), np.maximum(high, there)
     nine, mm = np.float32(9.0), np.float32(1000.0)
     spread = np.sqrt(np.maximum(nine * squares - sums * sums, _ZERO)) / nine
@@ -148,37 +154,51 @@ def tof_edge(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     between = (contrast >= p["min_contrast"]) & (near > p["nearest_mm"])
     between &= (far > p["farthest_mm"]) & (np.maximum(near, far) > p["larger_mm"])
     inner = (z > 0) & ~_border(view)
-    lost = inner & (between | ((own[..., 3] > 0) & (p["remove_mixed"] > 0)))
+    lost = inner & (between | ((own[..., 0] <= 0) & (p["remove_mixed"] > 0)))
     why = np.where(between, np.float32(Reason.EDGE), np.float32(Reason.MIXED))
     return {
-        "depth": np.where(lost, _ZERO, layers["depth"]),
+        "depth": np.where(lost, _ZERO, z),
         "reason": np.where(lost, why, layers["reason"]),
     }
 
 
 def tof_floor(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     """Noise that does not depend on the light, alike in neighbours."""
+    depth = layers["depth"]
+    sigma = np.sqrt(floor_variance(view, layers, p, depth))
+    return {"depth": moved_by_mm(depth, sigma * alike_noise(view))}
+
+
+def alike_noise(view: StageView) -> Image:
+    """Variance 1 over the frame, as the 3x3 filter leaves white noise."""
     x, y = pixels(view.window)
-    noise = np.zeros(layers["depth"].shape, np.float32)
+    noise = np.zeros((view.window.height, view.window.width), np.float32)
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
             words = random_bits(x + dx, y + dy, view.seed, 0)
             white = uniform01(words[0]) + uniform01(words[1])
             white = white + uniform01(words[2]) + uniform01(words[3]) - np.float32(2.0)
-            noise += _KERNEL[abs(dx) + abs(dy)] * white * np.float32(1.73205080757)
-    normal, rays, depth = layers["normal"], layers["rays"], layers["depth"]
+            noise += KERNEL[abs(dx) + abs(dy)] * white * np.float32(1.73205080757)
+    return KERNEL_UNIT * noise
+
+
+def floor_variance(view: StageView, layers: Layers, p: Values, depth_m: Image) -> Image:
+    """Of the noise that does not depend on the light, mm^2."""
+    normal, rays = layers["normal"], layers["rays"]
     facing = normal[..., 0] * rays[..., 0] + normal[..., 1] * rays[..., 1] + normal[..., 2]
     aside = np.sqrt(normal[..., 0] * normal[..., 0] + normal[..., 1] * normal[..., 1])
     slope = np.minimum(aside / np.maximum(-facing, np.float32(1e-3)), _STEEPEST)
-    slanted = p["lateral_px"] * slope * np.float32(1000.0) * depth / view.optics.focal_px
-    sigma = np.sqrt(p["sigma_mm"] * p["sigma_mm"] + slanted * slanted).astype(np.float32)
-    return {"depth": moved_by_mm(depth, sigma * _KERNEL_UNIT * noise)}
+    focal = np.float32(view.optics.focal_px)
+    slanted = p["lateral_px"] * slope * np.float32(1000.0) * depth_m / focal
+    variance: Image = p["sigma_mm"] * p["sigma_mm"] + slanted * slanted
+    return variance
 
 
 def _border(view: StageView) -> NDArray[np.bool_]:
     """The outermost pixels of the frame, which the decoder leaves alone."""
     x, y = pixels(view.window)
-    return (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
+    border: NDArray[np.bool_] = (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
+    return border
 
 
 def _neighbours(image: Image) -> Iterator[tuple[int, Image]]:

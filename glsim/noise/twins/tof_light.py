@@ -37,21 +37,22 @@ def tof_shadow(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     )
     step = np.float32(1.0) / np.maximum(reach, np.float32(1e-3))
     inverse = np.float32(1.0) / np.maximum(z, np.float32(1e-3))
-    nearest = np.float32(view.optics.nearest_m)
+    nearest = np.float32(1.0) / np.maximum(np.float32(view.optics.nearest_m), np.float32(1e-3))
     x, y = pixels(view.window)
     hidden = np.zeros((*z.shape, 3), np.bool_)
-    walking, looking = z > nearest, np.ones(z.shape, np.bool_)
+    walking, looking = inverse < nearest, np.ones(z.shape, np.bool_)
     for k in range(1, _FARTHEST_PX + 1):
-        line = np.float32(1.0) / (inverse[..., None] + np.float32(k) * step)
+        line = inverse[..., None] + np.float32(k) * step
         column = np.floor(x.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[0])
         row = np.floor(y.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[1])
         column, row = column.astype(np.int64), row.astype(np.int64)
         there = fetch(z, view.window, column, row)
-        before = line - there[..., None]
-        hides = (before >= _MM * p["bias_mm"]) & (before < _MM * p["thickness_mm"])
+        surface = (np.float32(1.0) / np.maximum(there, np.float32(1e-3)))[..., None]
+        before, scale = surface - line, surface * line
+        hides = (before >= _MM * p["bias_mm"] * scale) & (before < _MM * p["thickness_mm"] * scale)
         hidden |= hides & ((there > 0) & looking)[..., None]
         inside = (column >= 0) & (column < whole.width) & (row >= 0) & (row < whole.height)
-        walking = walking & inside & (line.max(axis=-1) > nearest)
+        walking = walking & inside & (line.min(axis=-1) < nearest)
         looking = walking
         if not walking.any():
             break
@@ -61,78 +62,90 @@ def tof_shadow(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
 
 def tof_light(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     """The light of each pixel as phasors, one a frequency."""
-    side = view.optics.supersample
-    middle = (slice(side // 2, None, side),) * 2
-    z, lit = layers["fine_clean"][middle], layers["lit"]
-    found = np.where(layers["clean"] > 0, lit, np.float32(1.0))
-    light = _phasors(view, layers, p, middle, found)
+    side, rays = view.optics.supersample, layers["rays"]
+    z = layers["clean"]
+    found = np.where(z > 0, layers["lit"], np.float32(1.0))
+    light = phasors(view, p, z, layers["normal"], rays, found)
     mixed = (layers["uneven"] > _MM * p["smooth_mm"]) & (side > 1)
     row, column = np.nonzero(mixed)
     total = np.zeros((len(row), 7), np.float32)
     share = np.float32(1.0) / np.float32(side * side)
-    around = _around(view, layers, row, column)
+    around = [_around(view, layers[name], row, column) for name in ("clean", "lit", "normal")]
     for k in range(side * side):
-        at = row * side + k // side, column * side + k % side
-        z = layers["fine_clean"][at]
-        total += _phasors(view, layers, p, at, share * _lit_of(z, *around))
+        seen = layers["fine_seen"][row * side + k // side, column * side + k % side]
+        lit, shape = _alike(seen, *around)
+        place = np.array([k % side, k // side], np.float32) - np.float32(side // 2)
+        aside = place / (np.float32(side) * np.float32(view.optics.focal_px))
+        total += phasors(view, p, seen[:, 0], shape, rays[row, column] + aside, share * lit)
     light[mixed] = total
-    empty = np.zeros(light.shape[:2], np.float32)
-    a, b = (light[..., i] for i in range(4)), (light[..., i] for i in (4, 5, 6))
-    return {"light_a": np.stack([*a], axis=-1), "light_b": np.stack([*b, empty], axis=-1)}
+    empty = np.zeros((*z.shape, 1), np.float32)
+    return {"light_a": light[..., :4], "light_b": np.concatenate([light[..., 4:], empty], -1)}
 
 
 def _around(
-    view: StageView, layers: Layers, row: NDArray[np.int64], column: NDArray[np.int64]
-) -> tuple[Image, Image]:
-    """(9, N) depths and shares of light of the pixels around some pixels of the window."""
-    found = []
-    for name in ("clean", "lit"):
-        parts = []
-        for i in range(9):
-            x = np.clip(column + view.window.left + i % 3 - 1, 0, view.width - 1)
-            y = np.clip(row + view.window.top + i // 3 - 1, 0, view.height - 1)
-            parts.append(fetch(layers[name], view.window, x, y))
-        found.append(np.stack(parts))
-    return found[0], found[1]
-
-
-def _lit_of(z: Image, depths: Image, lits: Image) -> Image:
-    """The light on samples: that of the pixel around whose depth is nearest to the sample's."""
-    apart = np.where(depths > 0, np.abs(depths - z), np.float32(1e5))
-    alike = apart.argmin(axis=0)
-    lit = np.take_along_axis(lits, alike[None], axis=0)[0]
-    return np.where(apart.min(axis=0) < 1e5, lit, np.float32(1.0))
-
-
-def _phasors(
-    view: StageView,
-    layers: Layers,
-    p: Values,
-    at: tuple[slice, slice] | tuple[NDArray[np.int64], NDArray[np.int64]],
-    light: Image,
+    view: StageView, layer: Image, row: NDArray[np.int64], column: NDArray[np.int64]
 ) -> Image:
-    """(..., 7): real and imaginary part at each frequency, amplitude; of samples."""
-    z, normal, ray = (layers[f"fine_{name}"][at] for name in ("clean", "normal", "rays"))
+    """(5, N, ...) a layer beside some pixels of the window and at them."""
+    left, top, width, height = view.window
+    parts = []
+    for dx, dy in ((0, -1), (-1, 0), (0, 1), (1, 0), (0, 0)):
+        x = np.clip(column + left + dx, 0, view.width - 1) - left
+        y = np.clip(row + top + dy, 0, view.height - 1) - top
+        values = layer[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
+        values[(x < 0) | (x >= width) | (y < 0) | (y >= height)] = 0.0
+        parts.append(values)
+    return np.stack(parts)
+
+
+def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Image, Image]:
+    """Light and shape of samples: of the pixel around whose depth is nearest to the sample's."""
+    apart = np.where(depths > 0, np.abs(depths - seen[:, 0]), np.float32(1e5))
+    alike, some = apart.argmin(axis=0), apart.min(axis=0) < 1e5
+    each = np.arange(len(alike))
+    facing = np.array([0.0, 0.0, -1.0, 0.0], np.float32)
+    shape = np.where(some[:, None], normals[alike, each], facing)
+    shape[:, 3] = seen[:, 1]
+    return np.where(some, lits[alike, each], np.float32(1.0)), shape
+
+
+def surface_light(
+    view: StageView, p: Values, z: Image, shape: Image, ray: Image, light: Image
+) -> tuple[Image, Image]:
+    """Amplitude, and half the way emitter, surface, camera, of surface elements."""
     emitter = np.asarray(view.optics.emitter_m, np.float32)
     x, y = ray[..., 0], ray[..., 1]
     stretch = np.sqrt(x * x + y * y + np.float32(1.0))
-    from_emitter = [z * x - emitter[0], z * y - emitter[1], z - emitter[2]]
-    way = np.sqrt(sum(part * part for part in from_emitter))
-    cosine = -sum(normal[..., i] * from_emitter[i] for i in range(3))
+    from_emitter = z * x - emitter[0], z * y - emitter[1], z - emitter[2]
+    way = np.sqrt(sum((part * part for part in from_emitter), np.float32(0.0)))
+    cosine = -(
+        shape[..., 0] * from_emitter[0]
+        + shape[..., 1] * from_emitter[1]
+        + shape[..., 2] * from_emitter[2]
+    )
     safe = np.where(z > 0, way, np.float32(1.0))
     facing = np.maximum(cosine / safe, np.float32(0.0))
     dimmed = light * facing / (safe * safe) * np.power(stretch, -p["vignetting"])
-    amplitude = np.where(z > 0, p["gain"] * normal[..., 3] * dimmed, np.float32(0.0))
+    amplitude = np.where(z > 0, p["gain"] * shape[..., 3] * dimmed, np.float32(0.0))
     delay = _MM * (p["offset_mm"] + p["subsurface_mm"])
-    distance = np.float32(0.5) * (z * stretch + way) + delay
-    turns = distance[..., None] * frequencies(view) / half_wave_m_mhz()
+    return amplitude, np.float32(0.5) * (z * stretch + way) + delay
+
+
+def correlate(view: StageView, p: Values, distance_m: Image) -> tuple[Image, Image]:
+    """(..., 3) real and imaginary parts of light of amplitude 1 from a distance."""
+    turns = distance_m[..., None] * frequencies(view) / half_wave_m_mhz()
     angle = TWO_PI * (turns - np.floor(turns))
     c, s = np.cos(angle), np.sin(angle)
     c2, s2 = c * c - s * s, np.float32(2.0) * s * c
     c4, s4 = c2 * c2 - s2 * s2, np.float32(2.0) * s2 * c2
     c5, s5 = c4 * c - s4 * s, s4 * c + c4 * s
-    real = amplitude[..., None] * (c + p["harmonic_2"] * c2 + p["harmonic_5"] * c5)
-    imaginary = amplitude[..., None] * (s - p["harmonic_2"] * s2 - p["harmonic_5"] * s5)
+    real = c + p["harmonic_2"] * c2 + p["harmonic_5"] * c5
+    return real, s - p["harmonic_2"] * s2 - p["harmonic_5"] * s5
+
+
+def phasors(view: StageView, p: Values, z: Image, shape: Image, ray: Image, light: Image) -> Image:
+    """(..., 7): real and imaginary part at each frequency, amplitude; of surface elements."""
+    amplitude, distance = surface_light(view, p, z, shape, ray, light)
+    real, imaginary = correlate(view, p, distance)
     both = np.stack([real, imaginary], axis=-1).reshape(*amplitude.shape, 6)
-    phasors: Image = np.concatenate([both, amplitude[..., None]], axis=-1)
-    return phasors
+    together: Image = np.concatenate([amplitude[..., None] * both, amplitude[..., None]], axis=-1)
+    return together

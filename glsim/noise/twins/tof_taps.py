@@ -49,7 +49,8 @@ def taps_of(
     if p["companding"]:
         taps = companded(taps)
     border = ((x == 0) | (x == view.width - 1)) & (p["dead_border"] > 0)
-    return taps, seen & ~border, saturated
+    read: NDArray[np.bool_] = seen & ~border
+    return taps, read, np.asarray(saturated)
 
 
 def demodulated(taps: Image) -> tuple[Image, Image]:
@@ -74,7 +75,7 @@ def tof_taps(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
 
 
 def _blurred(view: StageView, light: Image, p: Values) -> Image:
-    """The light after the lens: 3x3 weights; zero outside the window, the border's beyond the frame."""
+    """The light after the lens: zero outside the window, the border's beyond the frame."""
     side = np.float32(0.5) * p["psf_sigma_px"] * p["psf_sigma_px"]
     weight = {-1: side, 0: np.float32(1.0) - np.float32(2.0) * side, 1: side}
     left, top, width, height = view.window
