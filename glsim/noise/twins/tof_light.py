@@ -71,7 +71,7 @@ def tof_light(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     total = np.zeros((len(row), 7), np.float32)
     share = np.float32(1.0) / np.float32(side * side)
     around = [_around(view, layers[name], row, column) for name in ("clean", "lit", "normal")]
-    for k in range(side * side):
+    for k in range(side * side if mixed.any() else 0):
         seen = layers["fine_seen"][row * side + k // side, column * side + k % side]
         lit, shape = _alike(seen, *around)
         place = np.array([k % side, k // side], np.float32) - np.float32(side // 2)
