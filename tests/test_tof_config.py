@@ -62,7 +62,5 @@ def test_ranges_of_distributions_are_compared_at_their_worst() -> None:
         "near_mm": Distribution(uniform=(500, 1500)),
         "far_mm": Distribution(uniform=(1200, 4000)),
     }
-    with pytest.raises(
-        ConfigError, match=r"near_mm 1500 must be less than .*far_mm 1200"
-    ):
+    with pytest.raises(ConfigError, match=r"near_mm 1500 must be less than .*far_mm 1200"):
         load_sensor("kinect-v2", {"range_gate": ranges})
