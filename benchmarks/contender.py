@@ -12,14 +12,13 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.faces import settings_for, source_for
 from glsim.bounds import Sight, corners, image_window
-from glsim.camera import SensorRig
-from glsim.depthmap import normals
 from glsim.distribution import DrawKeys
 from glsim.frame import Rect, encode_depth
 from glsim.mesh import Mesh
@@ -67,23 +66,58 @@ class Clock:
 
 
 def run_glsim(frames: int, out: Path, ict_root: Path | None) -> dict[str, float]:
-    """Simulator and frame writer, as ``glsim generate`` runs them in a worker."""
+    """Simulator and frame writer, as ``glsim generate`` runs them in a worker.
+
+    A first run is timed as a whole. A second one waits for OpenGL after each step to tell where the
+    time goes; its steps are scaled to the total of the first.
+    """
+    total = _glsim_pass(frames, out, ict_root, wait=False)
+    apart = _glsim_pass(frames, out, ict_root, wait=True)
+    scale = total["cpu_ms"] / apart["cpu_ms"]
+    return total | {step: scale * apart[step] for step in apart if not step.endswith("_ms")}
+
+
+def _glsim_pass(frames: int, out: Path, ict_root: Path | None, *, wait: bool) -> dict[str, float]:
     from glsim.dataset import write_frame
     from glsim.frame import Frame
-    from glsim.pipeline import simulate
+    from glsim.gl.context import open_context
+    from glsim.pipeline import Simulator
     from glsim.plan import make_tasks
 
     settings = settings_for(ict_root, frames + WARM_UP)
-    sources = [source_for(ict_root)]
-    tasks = make_tasks(settings, sources)[: frames + WARM_UP]
+    source = source_for(ict_root)
+    tasks = make_tasks(settings, [source])[: frames + WARM_UP]
     clock = Clock()
-    for number, frame in enumerate(simulate(settings, tasks, sources=sources)):
+    context = open_context()
+    simulator = Simulator(settings, [source], context, ("clean", "noisy"))
+    if wait:
+        for owner, method, step in (
+            (simulator._renderer, "_draw_surface", "clean depth"),
+            (simulator._renderer, "_draw_lit", "shadow"),
+            (simulator._chain, "run", "noise"),
+        ):
+            setattr(owner, method, _waiting(getattr(owner, method), clock, step, context.finish))
+    for number, frame in enumerate(simulator.frames(tasks)):
         if number == WARM_UP:
             clock.restart()
         assert isinstance(frame, Frame)
         with clock.step("PNG and disk"):
             write_frame(frame, out, f"{number:06d}", ("clean", "noisy"))
-    return clock.report(len(tasks) - WARM_UP)
+    report = clock.report(len(tasks) - WARM_UP)
+    context.release()
+    return report
+
+
+def _waiting(
+    method: Callable[..., Any], clock: Clock, step: str, finish: Callable[[], None]
+) -> Callable[..., Any]:
+    def timed(*arguments: Any, **named: Any) -> Any:
+        with clock.step(step):
+            result = method(*arguments, **named)
+            finish()
+        return result
+
+    return timed
 
 
 def run_peer(name: str, frames: int, out: Path, ict_root: Path | None) -> dict[str, float]:

@@ -8,8 +8,8 @@ peers' noise is glsim's own NumPy twin of the same chain: vectorised, and alread
 window of the face, which is more than their users would write; "full frame" rows do without that.
 What a peer lacks is what its users would add: PNGs by OpenCV at its default settings.
 
-CPU seconds count, for they do not depend on what else the machine does; wall is printed beside them.
-Open3D and pyrender run in processes of their own (pyrender leaves the GL state unusable for others).
+CPU seconds count, for they depend least on what else the machine does; wall is beside them. Each
+contender runs in a process of its own (pyrender leaves the GL state unusable for others).
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ STEPS = ("face", "clean depth", "shadow", "noise", "PNG and disk", "other")
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--ict-root", type=Path, help="FaceXModel folder; default: procedural faces")
+    parser.add_argument(
+        "--ict-root", type=Path, help="FaceXModel folder; default: procedural faces"
+    )
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--only", nargs="+", choices=CONTENDERS, default=list(CONTENDERS))
     arguments = parser.parse_args()
@@ -56,14 +58,12 @@ def _run(name: str, arguments: argparse.Namespace) -> dict[str, float]:
         "LP_NUM_THREADS": "0",
         "PYOPENGL_PLATFORM": "egl",
     }
-    command = [sys.executable, "-m", "benchmarks.contender", name, str(frames)]
-    if arguments.ict_root:
-        command.append(str(arguments.ict_root.resolve()))
+    ict_root = [str(arguments.ict_root.resolve())] if arguments.ict_root else []
     with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "benchmarks.contender", name, str(frames), folder]
         done = subprocess.run(
-            [*command[:4], folder, *command[4:]],
-            env=environment, stdout=subprocess.PIPE, text=True, check=True,
-        )  # fmt: skip
+            [*command, *ict_root], env=environment, stdout=subprocess.PIPE, text=True, check=True
+        )
     report: dict[str, float] = json.loads(done.stdout.strip().splitlines()[-1])
     return report
 

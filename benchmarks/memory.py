@@ -16,14 +16,16 @@ from benchmarks.faces import settings_for, source_for
 
 
 def resident_mb() -> float:
-    """This process' resident memory, from /proc (Linux)."""
+    """Resident memory of this process, from /proc (Linux)."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Resident memory of a worker over many frames.")
-    parser.add_argument("--ict-root", type=Path, help="FaceXModel folder; default: procedural faces")
+    parser.add_argument(
+        "--ict-root", type=Path, help="FaceXModel folder; default: procedural faces"
+    )
     parser.add_argument("--frames", type=int, default=20_000)
     arguments = parser.parse_args()
 

@@ -19,9 +19,7 @@ from glsim.pose import pose_matrix
 class Open3DRenderer:
     """A new scene (and BVH) for each mesh; camera rays are made once."""
 
-    def __init__(
-        self, rig: SensorRig, step: Callable[[str], AbstractContextManager[None]]
-    ) -> None:
+    def __init__(self, rig: SensorRig, step: Callable[[str], AbstractContextManager[None]]) -> None:
         self._step = step
         self._emitter = np.asarray(rig.emitters[0].position_m, dtype=np.float32)
         self._view = pose_matrix({"distance_mm": 900.0})
@@ -29,9 +27,7 @@ class Open3DRenderer:
         directions = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1)
         self._rays = np.concatenate([np.zeros_like(directions), directions], axis=-1)
 
-    def __call__(
-        self, mesh: Mesh, window: Rect
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def __call__(self, mesh: Mesh, window: Rect) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         with self._step("clean depth"):
             points = mesh.vertices_mm @ self._view[:3, :3].T + self._view[:3, 3]
             scene = o3d.t.geometry.RaycastingScene(nthreads=1)

@@ -19,9 +19,7 @@ from glsim.pose import pose_matrix
 class PyrenderRenderer:
     """One off-screen renderer; each mesh is drawn twice, depth only."""
 
-    def __init__(
-        self, rig: SensorRig, step: Callable[[str], AbstractContextManager[None]]
-    ) -> None:
+    def __init__(self, rig: SensorRig, step: Callable[[str], AbstractContextManager[None]]) -> None:
         image = rig.intrinsics
         self._step, self._rig = step, rig
         self._renderer = pyrender.OffscreenRenderer(image.width, image.height)
@@ -32,9 +30,7 @@ class PyrenderRenderer:
         self._emitter = np.asarray(rig.emitters[0].position_m)
         self._rays = rig.rays()
 
-    def __call__(
-        self, mesh: Mesh, window: Rect
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def __call__(self, mesh: Mesh, window: Rect) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         with self._step("clean depth"):
             points = mesh.vertices_mm @ self._view[:3, :3].T + self._view[:3, 3]
             primitive = pyrender.Primitive(

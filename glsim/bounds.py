@@ -33,6 +33,12 @@ class Tangents(NamedTuple):
     near_m: float
     far_m: float
 
+    def widened(self, by: float) -> Tangents:
+        """The same box with ``by`` more on each side."""
+        return self._replace(
+            left=self.left - by, top=self.top - by, right=self.right + by, bottom=self.bottom + by
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Sight:

@@ -7,6 +7,7 @@ point (cx, cy) is in these coordinates, as in libfreenect2's point clouds, pyren
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -120,9 +121,26 @@ class Distortion:
 
 @dataclass(frozen=True)
 class Emitter:
-    """An infrared light source; position_m is its offset from the camera, camera frame, metres."""
+    """An infrared light source.
+
+    position_m: offset of its middle from the camera, camera frame, metres.
+    spread_m: how far it extends to either side, along the baseline; 0 for a point.
+    """
 
     position_m: tuple[float, float, float]
+    spread_m: float = 0.0
+
+    @property
+    def end_m(self) -> tuple[float, float]:
+        """From the middle to the end that is farther from the camera, x and y in metres."""
+        x, y, _ = self.position_m
+        length = math.hypot(x, y)
+        return (self.spread_m * x / length, self.spread_m * y / length) if length else (0.0, 0.0)
+
+    def points_m(self) -> list[NDArray[np.float64]]:
+        """Where the light comes from: the middle, and the two ends if it is spread out."""
+        middle, end = np.array(self.position_m), np.array([*self.end_m, 0.0])
+        return [middle, middle + end, middle - end] if end.any() else [middle]
 
 
 @dataclass(frozen=True)

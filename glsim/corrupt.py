@@ -18,11 +18,12 @@ from glsim.finish import finish
 from glsim.frame import Frame, Rect, decode_depth
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
+from glsim.mesh import SKIN_ALBEDO
 from glsim.noise.chain import ShaderChain, run_array_stages, run_twins
 from glsim.noise.view import FrameContext, Optics
 from glsim.pipeline import draw_values
 from glsim.plan import stable_seed
-from glsim.render import SKIN_ALBEDO, Renderer
+from glsim.render import Renderer
 from glsim.sensor import sensor_of
 
 

@@ -93,29 +93,38 @@ def lit_by_marching(depth_m: NDArray[np.float32], rig: SensorRig) -> NDArray[np.
     points = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1) * depth_m[..., None]
     lit = np.zeros(depth_m.shape, dtype=np.float32)
     valid = depth_m > 0
-    nearest = float(depth_m[valid].min()) if valid.any() else 1.0
-    for emitter in rig.emitters:
+    if not valid.any():
+        return lit
+    nearest, farthest = float(depth_m[valid].min()), float(depth_m[valid].max())
+    sources = [
+        (point, 1 / len(rig.emitters) / len(emitter.points_m()))
+        for emitter in rig.emitters
+        for point in emitter.points_m()
+    ]
+    for source, weight in sources:
         hidden = np.zeros(depth_m.shape, dtype=bool)
-        towards = np.asarray(emitter.position_m) - points
-        for share in _march_shares(image, nearest, emitter.position_m):
+        towards = source - points
+        for share in _march_shares(image, nearest, farthest, source):
             at = points + share * towards
             depth_there = _sample(depth_m, image, at)
             hidden |= (depth_there > 0) & (depth_there < at[..., 2] - _SHADOW_BIAS_M)
-        lit += (valid & ~hidden).astype(np.float32) / len(rig.emitters)
+        lit += np.float32(weight) * (valid & ~hidden)
     return lit
 
 
 def _march_shares(
-    image: Intrinsics, nearest_m: float, emitter_m: tuple[float, float, float]
+    image: Intrinsics, nearest_m: float, farthest_m: float, emitter_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """How far along the way to the emitter to look: half a pixel apart for the nearest point.
+    """How far along the way to the emitter to look: half a pixel apart or less.
 
-    In the image the point at share s of a line from depth z lies f b (1 / (z (1 - s)) - 1 / z) away
-    (an emitter in the image plane); occluders are no nearer than ``nearest_m``.
+    In the image, the point at share s of a line from depth z to an emitter in the image plane lies
+    f b / z * t beside its start, with t = s / (1 - s). What throws a shadow is no nearer than
+    ``nearest_m``, so that t ends at z / nearest - 1.
     """
     shift_px = image.fx * float(np.hypot(*emitter_m[:2])) / nearest_m
-    steps = np.arange(1, int(np.ceil(2 * shift_px)) + 1) / (2 * shift_px)
-    return steps / (1 + steps)
+    step, end = 0.5 / max(shift_px, 0.5), farthest_m / nearest_m - 1.0
+    t = np.arange(step, end + step, step)
+    return t / (1 + t)
 
 
 def _sample(

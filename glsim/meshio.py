@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from glsim.canonical import Canonicalisation, canonicalise, check_axes, check_unit
 from glsim.errors import MeshError, did_you_mean
-from glsim.mesh import Mesh
+from glsim.mesh import SKIN_ALBEDO, Mesh
 from glsim.objfile import read_material_colours, read_obj
 from glsim.scenefile import Part, read_parts
 
@@ -33,7 +33,6 @@ MAX_TRIANGLES: Final = 5_000_000
 MAX_BYTES: Final = 200 * MAX_TRIANGLES
 """200 bytes a triangle: an OBJ with texture coordinates and normals needs about 120."""
 
-SKIN_ALBEDO: Final = 0.6  # diffuse, 860 nm, relative to a white wall (NIST 2017: 0.4-0.68)
 ALBEDO_RANGE: Final = (0.05, 0.95)  # hair is 0.05-0.3; nothing on a face beats a white wall
 LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values
 

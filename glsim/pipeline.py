@@ -152,15 +152,18 @@ class Simulator:
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue all drawing of one frame."""
-        name = self._sources[task.source].name
         try:
             if isinstance(face, BadFace):
                 raise face.error
             return self._draw(task, face, readback)
         except MeshError as error:
-            if self._settings.strict:
-                raise
-            return Skipped(task.key, name, str(error))
+            return self._skipped(task, error)
+
+    def _skipped(self, task: Task, error: MeshError) -> Skipped:
+        """The record of a bad face. Raises it if the settings are strict."""
+        if self._settings.strict:
+            raise error
+        return Skipped(task.key, self._sources[task.source].name, str(error))
 
     def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
         settings, rig = self._settings, self.sensor.rig
@@ -199,6 +202,13 @@ class Simulator:
             return item
         make_current(self._context)
         layers = item.readback.arrays()
+        if not layers["clean"].any():
+            return self._skipped(
+                item.task,
+                MeshError(
+                    "the mesh covers no pixel: its triangles are wound inside out, or too small"
+                ),
+            )
         run_array_stages(self.sensor.stages, layers, item.context, item.values)
         task, face = item.task, item.face
         return finish(

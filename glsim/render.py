@@ -27,13 +27,9 @@ from glsim.frame import Rect
 from glsim.gl.program import link_files
 from glsim.gl.source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
-from glsim.mesh import Mesh
+from glsim.mesh import SKIN_ALBEDO, Mesh
 from glsim.pose import pose_matrix
 from glsim.samples import Centres, sample_layer, samples_pass
-
-#: Diffuse reflectivity of skin at 860 nm relative to a white wall, where a mesh has none of its
-#: own: 0.5-0.6 of the light (NIST reflectance data of skin, Cooksey 2017) over 0.85-0.9.
-SKIN_ALBEDO = 0.6
 
 CLEAN = Layer("clean", "float")
 NORMAL = Layer("normal", "vec4")
@@ -91,6 +87,9 @@ class Renderer:
         self._map = context.depth_texture((_MAP_SIZE, _MAP_SIZE))
         self._map.compare_func = "<="
         self._map.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self._map_depth = context.sampler(
+            filter=(moderngl.NEAREST, moderngl.NEAREST), compare_func=""
+        )
         self._map_buffer = context.framebuffer([], self._map)
         self._drawables: OrderedDict[int, _Drawable] = OrderedDict()
 
@@ -250,6 +249,7 @@ class Renderer:
         buffer.clear(0.0 if emitters else 1.0, viewport=window)
         for emitter in emitters:
             box = emitter_view(corners_m, self._sight, emitter.position_m)
+            box = box.widened(emitter.spread_m * (1 / box.near_m - 1 / box.far_m))
             self._draw_map(emitter, box, drawables, views)
             buffer.use()
             buffer.viewport = window
@@ -260,9 +260,13 @@ class Renderer:
                 self._lit_pass.program[f"u_{name}"] = unit
             self.rays.texture.use(2)
             self._map.use(3)
+            self._map.use(4)
+            self._map_depth.use(4)
             self._lit_pass.program["u_rays"], self._lit_pass.program["u_projector"] = 2, 3
+            self._lit_pass.program["u_projector_depth"] = 4
             self._lit_pass.program["u_weight"] = 1.0 / len(emitters)
             self._lit_pass.render(moderngl.TRIANGLES, vertices=3)
+            self._map_depth.clear(4)
             self.context.enable_only(moderngl.NOTHING)
         return lit
 
@@ -292,6 +296,7 @@ class Renderer:
         scale = focal / _MAP_SIZE
         program = self._lit_pass.program
         program["u_emitter_m"] = emitter.position_m
+        program["u_spread_m"] = emitter.end_m
         program["u_map"] = (scale, scale, -left * scale, -top * scale)
         program["u_map_range"] = (near, far)
         program["u_texel"] = 1.0 / focal

@@ -46,6 +46,7 @@ class _Table(BaseModel):
 
 class _EmitterTable(_Table):
     position_m: tuple[float, float, float]
+    spread_m: float = Field(0.0, ge=0, le=0.2)
 
 
 class _DistortionTable(_Table):
@@ -87,7 +88,7 @@ class _RigTable(_Table):
     def rig(self) -> SensorRig:
         return SensorRig(
             Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
-            tuple(Emitter(e.position_m) for e in self.emitter),
+            tuple(Emitter(e.position_m, e.spread_m) for e in self.emitter),
             Distortion(**self.distortion.model_dump()),
             self.deliver,
             self.near_m,
@@ -127,6 +128,7 @@ class Sensor:
             "distortion": {"k1": d.k1, "k2": d.k2, "k3": d.k3, "p1": d.p1, "p2": d.p2},
             "deliver": self.rig.deliver,
             "emitters_m": [list(e.position_m) for e in self.rig.emitters],
+            "emitter_spreads_m": [e.spread_m for e in self.rig.emitters],
             "modulation_mhz": list(self.rig.modulation_mhz),
             "supersample": self.rig.supersample,
             "stages": [

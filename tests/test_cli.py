@@ -53,10 +53,14 @@ def test_help_of_every_command_has_examples(capsys: pytest.CaptureFixture[str]) 
         assert f"glsim {command}" in capsys.readouterr().out
 
 
-def test_render_writes_five_files(face_file: Path, here: Path) -> None:
-    command = ["render", str(face_file), "-o", "out", "--axes", "+x+y+z", "--unit", "mm", "-q"]
+def test_render_writes_five_files(
+    face_file: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["render", str(face_file), "-o", "out", "--axes", "+x+y+z", "--unit", "mm"]
     command += ["--sensor", "kinect-v2-fankhauser"]
     assert run(*command, "--seed", "3", "--set", "axial.base_sigma_mm=2.5") == 0
+    assert capsys.readouterr().err.count("face_clean.png") == 1, "one mesh, one frame"
+    assert len(list((here / "out").iterdir())) == 5
     for layer in LAYERS:
         image = cv2.imread(str(here / "out" / f"face_{layer}.png"), cv2.IMREAD_UNCHANGED)
         assert image.shape == (424, 512)
@@ -142,6 +146,16 @@ def test_bad_meshes_are_one_line_and_status_1(
         assert name in fails(capsys, 1, "render", name)
 
 
+def test_a_folder_of_nothing_but_bad_meshes_fails_and_records_them(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "scans").mkdir()
+    (here / "scans" / "noise.stl").write_bytes(bytes(range(256)) * 3)
+    arguments = ["generate", "-o", "data", "--source", "folder", "--root", "scans"]
+    assert "no frame could be made" in fails(capsys, 1, *arguments, "--workers", "1")
+    assert "noise.stl" in (here / "data" / "skipped.jsonl").read_text()
+
+
 def test_a_shader_that_does_not_compile_is_named_with_its_line(
     face_file: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -182,6 +196,7 @@ def test_it_is_a_module_too_and_light_to_import() -> None:
         [sys.executable, "-m", "glsim", "sensors"], capture_output=True, text=True, check=True
     )
     assert "kinect-v2" in done.stdout
-    code = "import sys, glsim.cli; print(*(m for m in ('cv2', 'moderngl', 'torch') if m in sys.modules))"
+    heavy = "('cv2', 'moderngl', 'torch')"
+    code = f"import sys, glsim.cli; print(*(m for m in {heavy} if m in sys.modules))"
     light = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert light.stdout.strip() == ""

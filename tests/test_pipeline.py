@@ -96,12 +96,13 @@ def test_other_processes_and_backends_give_the_same_bytes(
         timeout=120,
     )
     assert done.returncode == 0, done.stderr
-    if done.stderr.split("(")[0] not in str(context.info["GL_RENDERER"]):
-        pytest.skip(f"another renderer: {done.stderr}")
+    same_renderer = done.stderr.split("(")[0] in str(context.info["GL_RENDERER"])
     for sensor, theirs in zip(
         ("kinect-v1", "kinect-v2", "kinect-v2-paper"), json.loads(done.stdout), strict=True
     ):
-        assert list(made(context, moving_settings(sensor, output={"crop": 128})).values()) == theirs
+        ours = list(made(context, moving_settings(sensor, output={"crop": 128})).values())
+        assert len(theirs) == len(set(theirs)) == len(ours)
+        assert ours == theirs or not same_renderer
 
 
 def test_two_simulations_may_be_taken_in_turn(context: moderngl.Context) -> None:
@@ -200,3 +201,12 @@ def test_a_face_at_the_camera_is_skipped(context: moderngl.Context, crop: int | 
 def test_a_data_set_of_nobody_is_an_error() -> None:
     with pytest.raises(ConfigError, match=r"source 'folder' needs --root"):
         next(simulate(load_settings(overrides={"source": {"kind": "folder"}})))
+
+
+def test_a_mesh_wound_inside_out_is_skipped_not_empty(context: moderngl.Context) -> None:
+    mesh = face_mesh()
+    inside_out = Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.faces[:, ::-1]))
+    settings = load_settings(overrides={"source": {"subjects": 1, "frames_per_subject": 1}})
+    (result,) = simulate(settings, sources=[OneMesh(inside_out)], context=context)
+    assert isinstance(result, Skipped)
+    assert "inside out" in result.why

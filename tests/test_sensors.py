@@ -61,7 +61,7 @@ def error_mm(frame: Frame) -> NDArray[np.float64]:
 def test_all_of_them_are_known() -> None:
     fast, azure = "kinect-v2-fast", "azure-kinect"
     v2 = ["kinect-v2", "kinect-v2-fankhauser", fast, "kinect-v2-paper"]
-    assert SENSORS == [azure, "ideal", "kinect-v1", *v2]
+    assert [azure, "ideal", "kinect-v1", *v2] == SENSORS
     with pytest.raises(ConfigError, match=r"no such sensor 'kinect-v3' .did you mean 'kinect-v"):
         load_sensor("kinect-v3")
     with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):
@@ -180,7 +180,9 @@ def test_dark_surfaces_are_lost_by_the_kinect_v2(context: moderngl.Context) -> N
     plane = Plane(1.0, 0).mesh(0.02)
     dark = Mesh(plane.vertices_mm, plane.faces, np.full(4, 80 / 6256, np.float32))
     off = {"shadow", "lateral", "axial", "fixed_pattern", "edge_dropout"}
-    settings = settings_for("kinect-v2-fankhauser", stage={name: {"enabled": False} for name in off})
+    settings = settings_for(
+        "kinect-v2-fankhauser", stage={name: {"enabled": False} for name in off}
+    )
     frames = frames_of(context, at_distance(settings, 1.0), moved(dark, 1.0), 40)
     lost = np.concatenate([(f.noisy == 0)[f.clean > 0] for f in frames])
     assert len(lost) > 5000
@@ -188,6 +190,15 @@ def test_dark_surfaces_are_lost_by_the_kinect_v2(context: moderngl.Context) -> N
     assert abs(z_rate(lost, 0.5)) < Z_MAX
     codes = np.concatenate([f.reason[(f.noisy == 0) & (f.clean > 0)] for f in frames])
     assert (codes == Reason.LOW_SIGNAL).all()
+
+
+@pytest.mark.parametrize("z_m", [0.7, 2.0])
+def test_infrared_falls_with_the_square_of_the_distance(
+    context: moderngl.Context, z_m: float
+) -> None:
+    """6256 counts from white at 1 m; skin has 0.6 of it."""
+    frame = on_plane(context, "kinect-v2", z_m, "infrared")
+    assert frame.infrared.max() == pytest.approx(0.6 * 6256 / z_m**2, abs=0.6)
 
 
 @pytest.mark.parametrize(

@@ -146,9 +146,9 @@ def test_marching_in_the_image_agrees_with_the_shader(
     seen = layers["clean"] > 0
     same = np.abs(marched - layers["lit"])[seen] < 0.3
     assert same.mean() > 0.99
-    if name != "face":
-        assert (layers["lit"][seen] < 0.3).sum() > 200
-        assert ((marched > 0.5) == (layers["lit"] > 0.5))[seen].mean() > 0.99
+    if name != "face":  # of shadows, which are few: their edges differ by half a pixel a side
+        dark, found = (layers["lit"] < 0.7)[seen], (marched < 0.7)[seen]
+        assert (dark & found).sum() > 0.9 * (dark | found).sum() > 150
 
 
 def test_lighting_a_depth_map_is_like_lighting_its_mesh(context: moderngl.Context) -> None:
@@ -160,4 +160,5 @@ def test_lighting_a_depth_map_is_like_lighting_its_mesh(context: moderngl.Contex
         clean, depthmap.normals(clean, device.rays()), depthmap.surface(clean, device)
     )
     lit = np.frombuffer(again["lit"].texture.read(), np.float32).reshape(clean.shape)
-    assert ((lit > 0.5) == (layers["lit"] > 0.5))[clean > 0].mean() > 0.99
+    dark, found = ((image < 0.5)[clean > 0] for image in (layers["lit"], lit))
+    assert (dark & found).sum() > 0.8 * (dark | found).sum() > 150

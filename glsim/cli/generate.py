@@ -24,7 +24,7 @@ from glsim.cli.common import (
     say,
     words,
 )
-from glsim.errors import ConfigError
+from glsim.errors import ConfigError, DatasetError
 
 if TYPE_CHECKING:
     from glsim.dataset import Progress, Summary, Workers
@@ -97,6 +97,8 @@ def generate(
     with _bar() as progress:
         summary = run(settings, out, workers=_workers(workers), backend=backend, progress=progress)
     _report(summary, out)
+    if not sum(summary.frames.values()):
+        raise DatasetError(f"{out}: no frame could be made, see {out / 'skipped.jsonl'}")
 
 
 def _workers(text: str) -> Workers:

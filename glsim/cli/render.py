@@ -62,8 +62,8 @@ def render(
     tables as libfreenect2 wants them.
     """
     from glsim import raw as raw_frames
-    from glsim.cli.files import write_picture
-    from glsim.config import load_settings
+    from glsim.cli.files import write_bytes, write_picture
+    from glsim.config import SourceSettings, load_settings
     from glsim.dataset import write_frame
     from glsim.faces.one import OneMesh
     from glsim.frame import LAYERS, Frame
@@ -78,7 +78,8 @@ def render(
     settings = load_settings(config, assignments or [], {**given, "strict": True})
     loaded = load_mesh(face, unit=unit, axes=axes)
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
-    one = settings.model_copy(update={"source": settings.source[:1]})
+    single = SourceSettings(subjects=1, frames_per_subject=1)
+    one = settings.model_copy(update={"source": (single,)})
     used = sensor_of(settings)
     if raw:
         raw_frames.taps_stage(used)
@@ -90,8 +91,8 @@ def render(
         write_picture(contact_sheet([of_frame(frame)], f"{face.name}, {settings.sensor}"), preview)
         if raw:
             paths += [out / f"{face.stem}_raw.bin", out / f"{face.stem}_p0.bin"]
-            paths[-2].write_bytes(raw_frames.packet(used, frame))
-            paths[-1].write_bytes(raw_frames.p0_tables())
+            write_bytes(raw_frames.packet(used, frame), paths[-2])
+            write_bytes(raw_frames.p0_tables(), paths[-1])
         listed([*paths, preview])
         valid = int((frame.noisy_m > 0).sum())
         say(f"{int((frame.clean_m > 0).sum())} pixels of surface, {valid} measured")

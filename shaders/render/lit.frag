@@ -1,11 +1,15 @@
 #version 330 core
 // lit: shadow mapping. Which share of a pixel the emitter reaches, from its z-buffer.
-// One pass an emitter, added up; u_weight is 1 / number of emitters.
+// One pass an emitter, added up; u_weight is 1 / number of emitters. An emitter that is spread out
+// is three points, its middle and its ends; what the ends see is found by walking in the z-buffer
+// of the middle along the line from the surface to the end.
 uniform sampler2D u_clean;
 uniform sampler2D u_normal;
 uniform sampler2D u_rays;
 uniform sampler2DShadow u_projector; // linear filter: the share of 4 texels that are farther
+uniform sampler2D u_projector_depth; // the same z-buffer, unfiltered
 uniform vec3 u_emitter_m;
+uniform vec2 u_spread_m;   // from the middle of the emitter to its end; 0 for a point
 uniform vec4 u_map;        // tangents (x/z, y/z) to texture coordinates: scale.xy, offset.zw
 uniform vec2 u_map_range;  // near and far plane of the z-buffer, m
 uniform float u_texel;     // tangent units a texel of the z-buffer covers
@@ -17,8 +21,38 @@ uniform float u_weight;
 const float CONSTANT_BIAS_M = 0.0003;
 const float SLOPE_TEXELS = 1.0;
 const float MAX_SLOPE = 10.0;
+// The z-buffer knows fronts only. A line that passes farther behind one than this passes behind the
+// thing: half a head is 0.1 m.
+const float THICKNESS_M = 0.1;
+const int MAX_WALK = 64; // texels: 15 mm of spread from 0.5 m to any distance are 16
 
 out float lit;
+
+// A depth seen from the emitter, m, to what the z-buffer holds, and back.
+float to_stored(float z) {
+    float n = u_map_range.x, f = u_map_range.y;
+    return 0.5 + 0.5 * ((f + n) - 2.0 * f * n / z) / (f - n);
+}
+
+float from_stored(float stored) {
+    float n = u_map_range.x, f = u_map_range.y;
+    return 2.0 * f * n / ((f + n) - (2.0 * stored - 1.0) * (f - n));
+}
+
+// Whether the end of the emitter, ``spread`` metres along ``direction``, sees the point at
+// ``tangent``, ``z``: s tangent units along, the line between them has depth 1 / (1 / z + s / spread).
+float reached(vec2 tangent, float z, float spread, vec2 direction, float bias) {
+    float longest = spread * (1.0 / u_map_range.x - 1.0 / z);
+    float free = 1.0;
+    for (int k = 1; k <= MAX_WALK && (float(k) - 0.5) * u_texel < longest && free > 0.0; k++) {
+        float s = (float(k) - 0.5) * u_texel;
+        vec2 at = (tangent + s * direction) * u_map.xy + u_map.zw;
+        float there = from_stored(texture(u_projector_depth, at).r);
+        float behind = 1.0 / (1.0 / z + s / spread) - there;
+        if (behind > bias && behind < THICKNESS_M) free = 0.0;
+    }
+    return free;
+}
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -32,9 +66,14 @@ void main() {
     if (seen.z <= u_map_range.x || facing <= 0.0) return;
     float slope = min((abs(normal.x) + abs(normal.y)) / facing, MAX_SLOPE);
     float bias = CONSTANT_BIAS_M + SLOPE_TEXELS * slope * u_texel * seen.z;
-    float n = u_map_range.x, f = u_map_range.y;
-    float z = seen.z - bias;
-    float stored = 0.5 + 0.5 * ((f + n) - 2.0 * f * n / z) / (f - n);
-    vec2 at = seen.xy / seen.z * u_map.xy + u_map.zw;
-    lit = u_weight * texture(u_projector, vec3(at, clamp(stored, 0.0, 1.0)));
+    vec2 tangent = seen.xy / seen.z;
+    float stored = clamp(to_stored(seen.z - bias), 0.0, 1.0);
+    float share = texture(u_projector, vec3(tangent * u_map.xy + u_map.zw, stored));
+    float spread = length(u_spread_m);
+    if (spread > 0.0) {
+        vec2 direction = u_spread_m / spread;
+        share = (share + reached(tangent, seen.z, spread, direction, bias) +
+            reached(tangent, seen.z, spread, -direction, bias)) / 3.0;
+    }
+    lit = u_weight * share;
 }
