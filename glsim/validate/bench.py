@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import moderngl
@@ -10,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.camera import SensorRig
-from glsim.config import load_settings
+from glsim.config import Settings, load_settings
+from glsim.faces.base import Face, FaceKey
 from glsim.faces.one import OneMesh
 from glsim.frame import Frame
 from glsim.mesh import Mesh
@@ -18,6 +20,12 @@ from glsim.pipeline import Simulator
 from glsim.plan import make_tasks
 from glsim.sensor import Sensor, load_sensor
 from glsim.validate.measure import Array, with_nan
+
+#: Camera axes to canonical ones: a half turn about x.
+_TO_CANONICAL = np.array([1, -1, -1], np.float32)
+
+#: Simulators kept: their programs and targets take some 80 MB each.
+_KEPT_SIMULATORS = 4
 
 #: Changes to a sensor's stages: stage -> parameter -> value.
 Changes = Mapping[str, Mapping[str, float]]
@@ -78,6 +86,7 @@ class Bench:
         self.name, self.seed, self.frames = sensor, seed, frames
         self.sensor: Sensor = load_sensor(sensor)
         self._context = context
+        self._simulators: OrderedDict[str, tuple[Simulator, _Scene]] = OrderedDict()
 
     @property
     def rig(self) -> SensorRig:
@@ -103,6 +112,8 @@ class Bench:
         extra: layers of the stages to bring along.
         """
         x, y, z = at_mm
+        if x == 0 and y == 0:
+            z = 1000.0  # the same window whatever the distance, so that simulators are shared
         overrides = {
             "sensor": self.name,
             "seed": self.seed if seed is None else seed,
@@ -114,14 +125,50 @@ class Bench:
         settings = load_settings(
             None, [], overrides, {"subjects": 1, "frames_per_subject": frames or self.frames}
         )
-        canonical = (mesh.vertices_mm - np.array(at_mm, np.float32)) * np.array(
-            [1, -1, -1], np.float32
-        )
-        source = OneMesh(Mesh(canonical, mesh.faces, mesh.albedo), scene)
-        simulator = Simulator(settings, [source], self._context, extra)
-        return _stacked(
-            [f for f in simulator.frames(make_tasks(settings, [source])) if isinstance(f, Frame)]
-        )
+        simulator, source = self._simulator(f"{overrides} {tuple(extra)}", settings, extra)
+        canonical = (mesh.vertices_mm - np.array((x, y, z), np.float32)) * _TO_CANONICAL
+        source.show(Mesh(canonical, mesh.faces, mesh.albedo), scene)
+        tasks = make_tasks(settings, [source])
+        return _stacked([f for f in simulator.frames(tasks) if isinstance(f, Frame)])
+
+    def _simulator(
+        self, key: str, settings: Settings, extra: Sequence[str]
+    ) -> tuple[Simulator, _Scene]:
+        """The simulator of some settings, with what it looks at; kept for the next scene."""
+        if key not in self._simulators:
+            source = _Scene()
+            self._simulators[key] = (Simulator(settings, [source], self._context, extra), source)
+            if len(self._simulators) > _KEPT_SIMULATORS:
+                self._simulators.popitem(last=False)
+        self._simulators.move_to_end(key)
+        return self._simulators[key]
+
+
+class _Scene:
+    """A FaceSource that shows one mesh after the other."""
+
+    name = "mesh"
+
+    def __init__(self) -> None:
+        self._shown: OneMesh | None = None
+
+    def show(self, mesh: Mesh, scene: str) -> None:
+        """The mesh to show, canonical frame; the scene's name decides the noise."""
+        self._shown = OneMesh(mesh, scene)
+
+    @property
+    def _source(self) -> OneMesh:
+        assert self._shown is not None, "nothing to show yet"
+        return self._shown
+
+    def subjects(self, count: int | None) -> list[str]:
+        return self._source.subjects(count)
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        return self._source.frames(subject, count)
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        return self._source.load(keys)
 
 
 def _stacked(frames: list[Frame]) -> Shots:

@@ -12,7 +12,7 @@ from glsim.validate.knobs import Knobs, knobs_of
 _T = TypeVar("_T")
 
 #: Why a check of a chain's inside does not apply.
-INTERNAL = "not applicable: looks into a time-of-flight chain that this sensor does not have"
+INTERNAL = "looks into a time-of-flight chain that this sensor does not have"
 
 
 class Lab:

@@ -218,4 +218,4 @@ def complete(checks: Sequence[Check], found: Mapping[str, Measured]) -> tuple[Ou
 
 
 def _number(value: float) -> str:
-    return f"{value:g}"
+    return f"{value:.4g}"

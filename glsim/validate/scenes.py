@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from glsim.faces.base import Face
 from glsim.faces.procedural.source import ProceduralFaces
@@ -59,11 +59,28 @@ def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 
 
 
 def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: float = 1.0) -> Mesh:
-    """A wall whose depth grows from left to right by ``half_range_mm`` to each side of z."""
+    """A wall whose depth grows from left to right by ``half_range_mm`` to each side of z.
+
+    It leans a little, so that rows see depths in between.
+    """
     x, y, dz = half_x_mm, 0.8 * z_mm, half_range_mm
-    return quad(
-        [(-x, y, z_mm - dz), (x, y, z_mm + dz), (x, -y, z_mm + dz), (-x, -y, z_mm - dz)], albedo
+    low, high, lean = z_mm - dz, z_mm + dz, 0.1 * dz
+    bottom, top = (
+        [(-x, y, low + lean), (x, y, high + lean)],
+        [(x, -y, high - lean), (-x, -y, low - lean)],
     )
+    return quad([*bottom, *top], albedo)
+
+
+def levels_on_ramp(encoded: NDArray[np.uint16]) -> int:
+    """How many levels of depth ``ten_centimetres`` shows, of 101."""
+    inside = encoded[(encoded >= 2950) & (encoded <= 3050)]
+    return len(np.unique(inside))
+
+
+def ten_centimetres(focal_px: float) -> Mesh:
+    """A ramp at 3 m through 10 cm and a bit, over 88 px."""
+    return depth_ramp(3000.0, 44 * 3000.0 / focal_px, 60.0)
 
 
 def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:

@@ -45,13 +45,12 @@ def v1_steps(lab: Lab) -> dict[str, Measured]:
         on_grid.append(np.abs(eighths - np.rint(eighths)) <= tolerance)
         steps[f"{z / 1000:g} m"] = _mean_step(lab, z)
     ramp = lab.bench.shoot(
-        scenes.depth_ramp(3000, 300, 50), at_mm=(0, 0, 3000), scene="ramp", crop=80
+        scenes.ten_centimetres(lab.bench.rig.intrinsics.fx), crop=96, scene="ramp"
     )
-    inside = ramp.encoded[(ramp.encoded >= 2950) & (ramp.encoded <= 3050)]
     return {
         "4": Measured({"share": 100.0 * float(np.concatenate(on_grid).mean())}),
         "5": Measured(steps),
-        "9": Measured({"levels": float(len(np.unique(inside)))}),
+        "9": Measured({"levels": float(scenes.levels_on_ramp(ramp.encoded))}),
     }
 
 

@@ -56,48 +56,55 @@ void main() {
         }
     }
     bool beside_step = high - low > 0.001 * step_mm;
-    // The blur of the lens and of the pixel's area: a third of a pixel^2, as weights 1/6, 2/3, 1/6.
-    // On an even surface the pixel's own light is taken for all.
-    vec3 mixed_real = vec3(0.0), mixed_imaginary = vec3(0.0);
+    // Nine rounds for the blur of the lens and of the pixel's area, a third of a pixel^2, as weights
+    // 1/6, 2/3, 1/6; then eight for the bilateral filter, to which each neighbour sees one surface.
+    // On an even surface one round: the pixel's own light.
+    vec3 mixed_real = vec3(0.0), mixed_imaginary = vec3(0.0), unit = vec3(0.0);
+    vec3 sum_real = vec3(0.0), sum_imaginary = vec3(0.0), total = vec3(1e-6), apart = vec3(0.0);
     float mixed_amplitude = 0.0;
     int k = beside_step ? 0 : 4;
     do {
-        ivec2 offset = ivec2(k % 3, k / 3) - 1;
-        vec3 r, i;
-        float weight = (offset.x == 0 ? 2.0 / 3.0 : 1.0 / 6.0) * (offset.y == 0 ? 2.0 / 3.0 : 1.0 / 6.0);
-        float light = seen(pixel + offset, r, i) * (beside_step ? weight : 1.0);
-        mixed_real += light * r;
-        mixed_imaginary += light * i;
-        mixed_amplitude += light;
-    } while (beside_step && ++k < 9);
-    // The bilateral filter; neighbours are taken as if each saw one surface.
-    vec3 unit = inversesqrt(max(mixed_real * mixed_real + mixed_imaginary * mixed_imaginary, 1e-20));
-    bool bright = mixed_amplitude >= min_amplitude;
-    vec3 sum_real = KERNEL_MIDDLE * mixed_real, sum_imaginary = KERNEL_MIDDLE * mixed_imaginary;
-    vec3 total = vec3(KERNEL_MIDDLE), apart = vec3(0.0);
-    k = beside_step ? 0 : 7;
-    do {
-        int place = k + int(k > 3);
+        bool blurs = k < 9;
+        int place = blurs ? k : k - 9 + int(k > 12); // the second time without the middle
         ivec2 offset = ivec2(place % 3, place / 3) - 1;
         vec3 r, i;
         float a = seen(pixel + offset, r, i);
+        float weight = (offset.x == 0 ? 2.0 / 3.0 : 1.0 / 6.0) * (offset.y == 0 ? 2.0 / 3.0 : 1.0 / 6.0);
+        float light = blurs ? a * (beside_step ? weight : 1.0) : 0.0;
+        mixed_real += light * r;
+        mixed_imaginary += light * i;
+        mixed_amplitude += light;
+        if (k == 8) { // the filter starts from the pixel itself
+            vec3 norm = mixed_real * mixed_real + mixed_imaginary * mixed_imaginary;
+            unit = inversesqrt(max(norm, 1e-20));
+            sum_real = KERNEL_MIDDLE * mixed_real;
+            sum_imaginary = KERNEL_MIDDLE * mixed_imaginary;
+            total = vec3(KERNEL_MIDDLE);
+        }
+        bool bright = mixed_amplitude >= min_amplitude;
         vec3 away = 0.5 - 0.5 * (mixed_real * r + mixed_imaginary * i) * unit;
-        vec3 counts = vec3(a >= min_amplitude || !bright);
-        vec3 weight = counts * kernel(offset) * (bright ? exp(-1.442695 * sharpness * away) : vec3(1.0));
+        float counts = !blurs && (a >= min_amplitude || !bright) ? 1.0 : 0.0;
+        vec3 falls = counts * kernel(offset) * (bright ? exp(-1.442695 * sharpness * away) : vec3(1.0));
         apart += counts * away;
-        sum_real += weight * a * r;
-        sum_imaginary += weight * a * i;
-        total += weight;
-    } while (++k < 8);
+        sum_real += falls * a * r;
+        sum_imaginary += falls * a * i;
+        total += falls;
+    } while (beside_step && ++k < 17);
 
     float amplitude = mixed_amplitude;
     vec3 sigma = part_sigma(amplitude);
-    uvec4 bits = random_bits(pixel, u_seed, 1u), more = random_bits(pixel, u_seed, 2u);
-    vec2 first = normal_pair(bits.xy), second = normal_pair(bits.zw), third = normal_pair(more.xy);
-    vec3 filtered_real = sum_real / total + sigma * vec3(first.x, second.x, third.x);
-    vec3 filtered_imaginary = sum_imaginary / total + sigma * vec3(first.y, second.y, third.y);
+    vec3 noise_real = vec3(0.0), noise_imaginary = vec3(0.0);
+    int frequency = beside_step ? 2 : 0;
+    do {
+        vec3 chosen = vec3(frequency == 0, frequency == 1, frequency == 2);
+        vec2 pair = normal_pair(random_bits(pixel, u_seed, uint(1 + frequency)).xy);
+        noise_real += chosen * pair.x;
+        noise_imaginary += chosen * pair.y;
+    } while (--frequency >= 0);
+    vec3 filtered_real = sum_real / total + sigma * noise_real;
+    vec3 filtered_imaginary = sum_imaginary / total + sigma * noise_imaginary;
     // An even surface: no noise here, for it comes at the end; but at the limit of the dark.
-    float dimmed = amplitude + max(sigma.x, max(sigma.y, sigma.z)) * first.x;
+    float dimmed = amplitude + max(sigma.x, max(sigma.y, sigma.z)) * noise_real.x;
     float kept = dimmed < 1.1 * min_amplitude ? 0.0 : 1.0;
     vec3 real = beside_step ? filtered_real : kept * mixed_real;
     vec3 imaginary = beside_step ? filtered_imaginary : kept * mixed_imaginary;

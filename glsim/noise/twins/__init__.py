@@ -18,6 +18,7 @@ from glsim.noise.twins import (
     tof_decode,
     tof_fast,
     tof_light,
+    tof_multipath,
     tof_taps,
     values,
     window,
@@ -65,5 +66,6 @@ TWINS: Final[dict[str, Twin]] = {
         tof_decode.tof_edge,
         tof_decode.tof_floor,
         tof_fast.tof_fast,
+        tof_multipath.tof_multipath,
     )
 }

@@ -44,8 +44,8 @@ def tof_fast(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     light = amplitude[..., None] / m
     variance = p["read_variance"] + p["shot_variance"] * light
     sigma = np.sqrt(np.float32(2 / 3) * m * m * variance) / KERNEL_UNIT
-    bits, more = (random_bits(*pixels(view.window), view.seed, draw) for draw in (1, 2))
-    noise = [normal_pair(*bits[:2]), normal_pair(*bits[2:]), normal_pair(*more[:2])]
+    bits = [random_bits(*pixels(view.window), view.seed, 1 + k) for k in range(3)]
+    noise = [normal_pair(first, second) for first, second, _, _ in bits]
     real += sigma * np.stack([pair[0] for pair in noise], axis=-1)
     imaginary += sigma * np.stack([pair[1] for pair in noise], axis=-1)
     dimmed = amplitude + sigma.max(axis=-1) * noise[0][0]
