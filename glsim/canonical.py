@@ -53,6 +53,7 @@ class Canonicalisation:
     nose_match: correlation with the face relief, -1 to 1 (-1: nothing like a nose).
     found: which of "unit" and "axes" were found by rule rather than given.
     doubts: what a person should look at, one sentence each.
+    better_axes: axes that fit the face clearly better than the given ones; "" if none do.
     """
 
     unit: str
@@ -63,6 +64,7 @@ class Canonicalisation:
     nose_match: float
     found: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+    better_axes: str = ""
 
     def points(self, vertices: NDArray[np.floating]) -> NDArray[np.float32]:
         """(V, 3) in the file's frame to (V, 3) float32 mm in the canonical frame."""
@@ -107,6 +109,7 @@ def canonicalise(
     unit_name, mm_per_unit = _find_unit(float((upper - lower).max()), unit)
     samples = sample_surface(vertices, faces) * np.float32(mm_per_unit)
     doubts: list[str] = []
+    better = ""
 
     matches = {name: best_nose(samples @ turn.T) for name, turn in _ROTATIONS.items()}
     ranked = sorted(matches, key=lambda name: -matches[name].score)
@@ -125,6 +128,7 @@ def canonicalise(
             doubts.append(f"another orientation fits nearly as well as {chosen}: look at a picture")
     else:
         if matches[chosen].score > max(MATCH_MIN, matches[given_axes].score + MATCH_CLEAR):
+            better = chosen
             doubts.append(
                 f"with axes={given_axes} the face may look away or stand on its head: "
                 f"{chosen} fits better ({matches[chosen].score:.2f} against "
@@ -149,7 +153,7 @@ def canonicalise(
         origin = (x, y, z - ORIGIN_BEHIND_NOSE_MM)
     found = tuple(name for name, value in (("unit", unit), ("axes", axes)) if value == "auto")
     return Canonicalisation(
-        unit_name, mm_per_unit, chosen, origin, flip, nose.score, found, tuple(doubts)
+        unit_name, mm_per_unit, chosen, origin, flip, nose.score, found, tuple(doubts), better
     )
 
 

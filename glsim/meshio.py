@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,10 +19,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.canonical import Canonicalisation, canonicalise, check_axes, check_unit
+from glsim.canonical import (
+    LARGEST_MM,
+    SMALLEST_MM,
+    Canonicalisation,
+    canonicalise,
+    check_axes,
+    check_unit,
+)
 from glsim.errors import MeshError, did_you_mean
 from glsim.mesh import Mesh
 from glsim.objfile import read_material_colours, read_obj
+from glsim.plyfile import read_plain_ply
 from glsim.scenefile import Part, read_parts
 
 EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
@@ -98,6 +107,34 @@ def find_frame(
     return frame
 
 
+def find_known_frame(
+    path: Path, raw: RawMesh, *, unit: str, axes: str, format_axes: str, recentre: bool
+) -> Canonicalisation:
+    """``find_frame`` for a format whose axes are known: "auto" takes them, and checks them.
+
+    Raises MeshError too for a face that looks away or stands on its head in the format's axes.
+    """
+    chosen = format_axes if axes == "auto" else axes
+    frame = find_frame(path, raw, unit=unit, axes=chosen, recentre=recentre)
+    if axes == "auto" and frame.better_axes:
+        raise MeshError(
+            f"{path}: the face looks away or stands on its head in the format's own axes "
+            f"{format_axes}: {frame.better_axes} fits better; set axes to what is right"
+        )
+    return frame
+
+
+def sized(path: Path, mesh: Mesh) -> Mesh:
+    """The mesh, if it is as large as a head can be in its frame's unit. Raises MeshError."""
+    size = float(np.ptp(mesh.vertices_mm, axis=0).max())
+    if not SMALLEST_MM <= size <= LARGEST_MM:
+        raise MeshError(
+            f"{path}: the head is {size:.4g} mm across in the unit of its sequence, and should be "
+            f"{SMALLEST_MM:.0f} to {LARGEST_MM:.0f} mm; set the unit, or mend the file"
+        )
+    return mesh
+
+
 def notes_of(raw: RawMesh, frame: Canonicalisation) -> dict[str, object]:
     """What the manifest should say about a mesh."""
     dropped = {"degenerate_triangles_dropped": raw.degenerate} if raw.degenerate else {}
@@ -107,7 +144,7 @@ def notes_of(raw: RawMesh, frame: Canonicalisation) -> dict[str, object]:
 def read_mesh(path: Path) -> RawMesh:
     """Read and clean a mesh file, in its own unit and axes. Raises MeshError."""
     promised = _check_file(path)
-    parts = _read_obj_parts(path) if path.suffix.lower() == ".obj" else read_parts(path)
+    parts = _parts(path)
     vertices = np.concatenate([part.vertices for part in parts])
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
@@ -126,6 +163,21 @@ def read_mesh(path: Path) -> RawMesh:
             f"{len(vertices)} vertices; the file is damaged, export it again"
         )
     return _clean(path, vertices, faces, _albedo(parts))
+
+
+def merged(raws: Sequence[RawMesh]) -> RawMesh:
+    """Patches of one surface, one after the other."""
+    if len(raws) == 1:
+        return raws[0]
+    starts = np.cumsum([0, *(len(raw.vertices) for raw in raws[:-1])])
+    faces = [raw.faces + np.int32(start) for raw, start in zip(raws, starts, strict=True)]
+    albedos = [raw.albedo for raw in raws if raw.albedo is not None]
+    return RawMesh(
+        np.concatenate([raw.vertices for raw in raws]),
+        np.concatenate(faces),
+        np.concatenate(albedos) if len(albedos) == len(raws) else None,
+        sum(raw.degenerate for raw in raws),
+    )
 
 
 def _clean(
@@ -157,6 +209,14 @@ def _clean(
         None if albedo is None else albedo[used],
         int(len(faces) - len(kept)),
     )
+
+
+def _parts(path: Path) -> list[Part]:
+    suffix = path.suffix.lower()
+    if suffix == ".obj":
+        return _read_obj_parts(path)
+    plain = read_plain_ply(path) if suffix == ".ply" else None
+    return [Part(plain.vertices, plain.faces, None)] if plain else read_parts(path)
 
 
 def _read_obj_parts(path: Path) -> list[Part]:
