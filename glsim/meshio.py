@@ -10,7 +10,6 @@ are files of one colour only.
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,20 +26,12 @@ from glsim.canonical import (
     check_axes,
     check_unit,
 )
-from glsim.errors import MeshError, did_you_mean
+from glsim.errors import MeshError
 from glsim.mesh import Mesh
+from glsim.meshlimits import check_count, check_file
 from glsim.objfile import read_material_colours, read_obj
 from glsim.plyfile import read_plain_ply
 from glsim.scenefile import Part, read_parts
-
-EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
-"""What can be read: OBJ here, the rest by trimesh (its readers that need no further package)."""
-
-MAX_TRIANGLES: Final = 5_000_000
-"""A head in 0.3 mm triangles; more is 0.4 GB of vertices for detail no depth camera sees."""
-
-MAX_BYTES: Final = 200 * MAX_TRIANGLES
-"""200 bytes a triangle: an OBJ with texture coordinates and normals needs about 120."""
 
 SKIN_ALBEDO: Final = 0.6  # diffuse, 860 nm, relative to a white wall (NIST 2017: 0.4-0.68)
 ALBEDO_RANGE: Final = (0.05, 0.95)  # hair is 0.05-0.3; nothing on a face beats a white wall
@@ -143,7 +134,7 @@ def notes_of(raw: RawMesh, frame: Canonicalisation) -> dict[str, object]:
 
 def read_mesh(path: Path) -> RawMesh:
     """Read and clean a mesh file, in its own unit and axes. Raises MeshError."""
-    promised = _check_file(path)
+    promised = check_file(path)
     parts = _parts(path)
     vertices = np.concatenate([part.vertices for part in parts])
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
@@ -155,14 +146,14 @@ def read_mesh(path: Path) -> RawMesh:
             f"{path}: cut short: {promised} faces are promised, {len(faces)} are there; "
             "copy or export it again"
         )
-    _check_count(path, len(faces))
+    check_count(path, len(faces))
     wrong = np.flatnonzero((faces < 0).any(axis=1) | (faces >= len(vertices)).any(axis=1))
     if len(wrong):
         raise MeshError(
             f"{path}: triangle {wrong[0]} uses vertex {faces[wrong[0]].max()}, but there are "
             f"{len(vertices)} vertices; the file is damaged, export it again"
         )
-    return _clean(path, vertices, faces, _albedo(parts))
+    return clean(path, vertices, faces, _albedo(parts))
 
 
 def merged(raws: Sequence[RawMesh]) -> RawMesh:
@@ -180,7 +171,7 @@ def merged(raws: Sequence[RawMesh]) -> RawMesh:
     )
 
 
-def _clean(
+def clean(
     path: Path,
     vertices: NDArray[np.float64],
     faces: NDArray[np.int64],
@@ -248,64 +239,3 @@ def _albedo(parts: list[Part]) -> NDArray[np.float32] | None:
     if not np.isfinite(luma).all() or middle <= 0 or np.ptp(luma) < 1e-3 * middle:
         return None
     return np.asarray(np.clip(SKIN_ALBEDO * luma / middle, *ALBEDO_RANGE), dtype=np.float32)
-
-
-def _check_file(path: Path) -> int:
-    """Refuse what can be refused without reading the mesh; how many faces it promises at least."""
-    if path.is_dir():
-        raise MeshError(f"{path}: is a directory, not a mesh; the source 'folder' reads trees")
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
-    suffix = path.suffix.lower()
-    if suffix not in EXTENSIONS:
-        raise MeshError(
-            f"{path}: {suffix or 'a file without extension'} is not a mesh format glsim reads "
-            f"({did_you_mean(suffix, EXTENSIONS)}); export it as OBJ or PLY"
-        )
-    if size == 0:
-        raise MeshError(f"{path}: the file is empty")
-    if size > MAX_BYTES:
-        raise MeshError(
-            f"{path}: {size / 1e9:.1f} GB is more than a mesh of {MAX_TRIANGLES} triangles needs; "
-            "simplify it (a depth camera sees 2.5 mm at 0.9 m)"
-        )
-    counts = _declared(path, suffix, size)
-    for count in counts:
-        _check_count(path, count)
-    return counts[1] if suffix == ".off" and counts else 0  # the others' readers count themselves
-
-
-def _declared(path: Path, suffix: str, size: int) -> list[int]:
-    """Counts a file promises, so that a huge one is refused before it fills the memory."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(4096)
-            if suffix == ".obj" and size > len("f 1 2 3\n") * MAX_TRIANGLES:
-                blocks = iter(lambda: file.read(1 << 24), b"")
-                return [sum(block.count(b"\nf ") for block in blocks)]
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if suffix == ".ply":
-        return [int(count) for count in re.findall(rb"element \w+ +(\d{1,18})", head)]
-    if suffix == ".off":
-        first = re.search(rb"^\s*(?:[A-Z]*OFF)?\s*(\d{1,18})\s+(\d{1,18})", head)
-        return [int(count) for count in first.groups()] if first else []
-    if suffix == ".stl" and not head.lstrip().startswith(b"solid") and len(head) >= 84:
-        count = int.from_bytes(head[80:84], "little")
-        if size < 84 + 50 * count:
-            raise MeshError(
-                f"{path}: cut short: {count} triangles need {84 + 50 * count} bytes, "
-                f"there are {size}; copy or export it again"
-            )
-        return [count]
-    return []
-
-
-def _check_count(path: Path, triangles: int) -> None:
-    if triangles > MAX_TRIANGLES:
-        raise MeshError(
-            f"{path}: {triangles} triangles or vertices, the limit is {MAX_TRIANGLES}; "
-            "simplify it (a depth camera sees 2.5 mm at 0.9 m)"
-        )

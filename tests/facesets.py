@@ -52,3 +52,28 @@ def put(path: Path, data: bytes) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
     return path
+
+
+def shape_bytes(shapes: NDArray[np.float64], expressions: int | None = None) -> bytes:
+    """A shape.bs of (K, V, 3) meshes, the neutral first."""
+    count = len(shapes) - 1 if expressions is None else expressions
+    head = np.array([count, shapes.shape[1], len(quads())], "<i4")
+    return head.tobytes() + shapes.astype("<f4").tobytes()
+
+
+def blend_shapes(unit_mm: float = 110.0) -> NDArray[np.float64]:
+    """(47, V, 3): the analytic face with a jaw that opens by K / 2 mm in shape K."""
+    opened = [analytic_face(rows=ROWS, columns=COLUMNS, open_mm=k / 2)[0] for k in range(47)]
+    return np.stack(opened) / unit_mm
+
+
+def write_tester(root: Path, number: int = 1, poses: int = 3) -> Path:
+    """A person of FaceWarehouse."""
+    shapes = blend_shapes()
+    folder = root / f"Tester_{number}"
+    put(folder / "Blendshape/shape.bs", shape_bytes(shapes))
+    put(folder / "Blendshape/shape_0.obj", obj_bytes(shapes[0], quads(), "/1/1"))
+    for pose in range(poses):
+        put(folder / f"TrainingPose/pose_{pose}.obj", obj_bytes(shapes[10 * pose], quads(), "/1/1"))
+        put(folder / f"TrainingPose/pose_{pose}.land", b"1\n0.5 0.5\n")
+    return folder

@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 from glsim.canonical import Canonicalisation, check_axes, check_unit
 from glsim.errors import ConfigError, MeshError, did_you_mean
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.tree import Words, is_mesh, last_number, listing, meshes
-from glsim.meshio import EXTENSIONS, RawMesh, find_frame, notes_of, read_mesh, sized
+from glsim.faces.tree import Words, check_root, is_mesh, last_number, listing, meshes
+from glsim.meshio import RawMesh, find_frame, notes_of, read_mesh, sized
+from glsim.meshlimits import EXTENSIONS
 
 MAIN_SEQUENCE: Final = "main"
 FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; only FaceKey.time_s tells
@@ -60,10 +61,7 @@ class Folder:
         check_axes(axes)
         if not frames_per_second > 0:
             raise ConfigError(f"frames_per_second={frames_per_second}: must be above 0")
-        self.root = Path(root)
-        if not self.root.is_dir():
-            what = "is a file, not a folder" if self.root.exists() else "there is no such folder"
-            raise ConfigError(f"{self.root}: {what}; give the folder that holds the meshes")
+        self.root = check_root(root)
         self._unit, self._axes, self._recentre = unit, axes, recentre
         self._frames_per_second = frames_per_second
         self._frames_found: dict[tuple[str, str], Canonicalisation | MeshError] = {}

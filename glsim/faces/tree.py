@@ -10,10 +10,19 @@ from pathlib import Path
 from typing import Final
 
 from glsim.errors import ConfigError
-from glsim.meshio import EXTENSIONS
+from glsim.meshlimits import EXTENSIONS
 
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
 _NUMBER: Final = re.compile(r"(\d+)", re.ASCII)
+
+
+def check_root(root: Path | str) -> Path:
+    """The root, if it is a folder. Raises ConfigError."""
+    root = Path(root)
+    if not root.is_dir():
+        what = "is a file, not a folder" if root.exists() else "there is no such folder"
+        raise ConfigError(f"{root}: {what}; give the folder that holds the meshes")
+    return root
 
 
 class Words:
