@@ -77,3 +77,49 @@ def write_tester(root: Path, number: int = 1, poses: int = 3) -> Path:
         put(folder / f"TrainingPose/pose_{pose}.obj", obj_bytes(shapes[10 * pose], quads(), "/1/1"))
         put(folder / f"TrainingPose/pose_{pose}.land", b"1\n0.5 0.5\n")
     return folder
+
+
+def pose_text(turn: NDArray[np.float64], centre: tuple[float, float, float]) -> bytes:
+    """A pose file: rows with a trailing space, a blank line, the centre."""
+    rows = "".join(" ".join(f"{value:.7g}" for value in row) + " \n" for row in turn)
+    return f"{rows}\n{' '.join(f'{value:g}' for value in centre)} \n".encode()
+
+
+def depth_bytes(depth_mm: NDArray[np.uint16]) -> bytes:
+    """Run lengths of empty and full pixels, as Biwi's depth.bin has them."""
+    flat = depth_mm.ravel().astype("<i2")
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flat > 0, [False]])))
+    parts = [np.array(depth_mm.shape[::-1], "<i4").tobytes()]
+    done = 0
+    for start, stop in edges.reshape(-1, 2):
+        parts += [np.array([start - done, stop - start], "<i4").tobytes()]
+        parts += [flat[start:stop].tobytes()]
+        done = stop
+    if done < len(flat):
+        parts.append(np.array([len(flat) - done, 0], "<i4").tobytes())
+    return b"".join(parts)
+
+
+CALIBRATION = (
+    b"575.816 0 320 \n0 575.816 240 \n0 0 1 \n\n0 0 0 0 \n\n"
+    b"1 0 0 \n0 1 0 \n0 0 1 \n\n0 0 0 \n\n640 480\n"
+)
+
+
+def write_recording(root: Path, number: int = 1, frames: int = 3) -> Path:
+    """A recording of Biwi: template, calibration, heads that turn, and flat depth behind."""
+    template = (FACE - [3, 12, 0]) * [1, -1, -1]
+    put(root / f"{number:02d}.obj", obj_bytes(template, TRIANGLES, "//1"))
+    folder = root / f"{number:02d}"
+    put(folder / "depth.cal", CALIBRATION)
+    put(folder / "rgb.cal", CALIBRATION)
+    for frame in range(3, 3 + frames):
+        angle = np.radians(10.0 * (frame - 3))
+        turn = np.array(
+            [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+        )
+        put(folder / f"frame_{frame:05d}_pose.txt", pose_text(turn, (30.0, -20.0, 900.0)))
+        depth = np.zeros((480, 640), np.uint16)
+        depth[100:400, 200:450] = 1000 + frame
+        put(folder / f"frame_{frame:05d}_depth.bin", depth_bytes(depth))
+    return root

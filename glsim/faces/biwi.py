@@ -34,32 +34,10 @@ AXES: Final = "+x-y-z"
 FRAMES_PER_SECOND: Final = 30.0
 MAX_BYTES: Final = 50_000_000  # a template is 0.6 MB
 
-PEOPLE: Final = [
-    "F01",
-    "F02",
-    "F03",
-    "F04",
-    "F05",
-    "F06",
-    "M01",
-    "M02",
-    "M03",
-    "M04",
-    "M05",
-    "M06",
-    "M07",
-    "M08",
-    "F03",
-    "M09",
-    "M10",
-    "F05",
-    "M11",
-    "M12",
-    "F02",
-    "M01",
-    "M13",
-    "M14",
-]
+PEOPLE: Final = (
+    "F01", "F02", "F03", "F04", "F05", "F06", "M01", "M02", "M03", "M04", "M05", "M06",
+    "M07", "M08", "F03", "M09", "M10", "F05", "M11", "M12", "F02", "M01", "M13", "M14",
+)  # fmt: skip
 """The person of recordings 01 to 24 (the set's readme)."""
 
 #: Camera axes (y down, z away) to canonical axes (y up, z out of the face) and back.

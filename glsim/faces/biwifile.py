@@ -13,7 +13,7 @@ from glsim.camera import Intrinsics
 from glsim.errors import MeshError
 from glsim.meshlimits import check_size
 
-_MAX_SIDE: Final = 4096
+_MAX_SIDE: Final = 2048
 _MAX_TEXT: Final = 10_000
 
 _PIXEL_CENTRE: Final = 0.5  # calibrations by OpenCV have the centre of the first pixel at 0
