@@ -7,7 +7,7 @@ import traceback
 
 import typer
 
-from glsim.cli import corrupt, describe, generate, preview, render
+from glsim.cli import corrupt, describe, generate, importing, inspecting, preview, render
 from glsim.cli.common import console, options
 from glsim.errors import ConfigError, GlsimError
 
@@ -24,6 +24,8 @@ app.command("render", epilog=render.EXAMPLES)(render.render)
 app.command("generate", epilog=generate.EXAMPLES)(generate.generate)
 app.command("preview", epilog=preview.EXAMPLES)(preview.preview)
 app.command("corrupt", epilog=corrupt.EXAMPLES)(corrupt.corrupt)
+app.command("inspect", epilog=inspecting.EXAMPLES)(inspecting.inspect)
+app.add_typer(importing.app, name="import")
 app.command("sensors", epilog=describe.SENSORS_EXAMPLES)(describe.sensors)
 app.command("stages", epilog=describe.STAGES_EXAMPLES)(describe.stages)
 app.command("info", epilog=describe.INFO_EXAMPLES)(describe.info)
