@@ -68,8 +68,9 @@ class Canonicalisation:
 
     def points(self, vertices: NDArray[np.floating]) -> NDArray[np.float32]:
         """(V, 3) in the file's frame to (V, 3) float32 mm in the canonical frame."""
-        turned = vertices @ (rotation(self.axes).T * self.mm_per_unit)
-        return np.ascontiguousarray(turned - np.array(self.origin_mm), dtype=np.float32)
+        with np.errstate(over="ignore", invalid="ignore"):  # the size is checked afterwards
+            turned = vertices @ (rotation(self.axes).T * self.mm_per_unit)
+            return np.ascontiguousarray(turned - np.array(self.origin_mm), dtype=np.float32)
 
     def notes(self) -> dict[str, object]:
         """For the manifest: JSON values only."""

@@ -117,7 +117,8 @@ def find_known_frame(
 
 def sized(path: Path, mesh: Mesh) -> Mesh:
     """The mesh, if it is as large as a head can be in its frame's unit. Raises MeshError."""
-    size = float(np.ptp(mesh.vertices_mm, axis=0).max())
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = float(np.ptp(mesh.vertices_mm, axis=0).max())
     if not SMALLEST_MM <= size <= LARGEST_MM:
         raise MeshError(
             f"{path}: the head is {size:.4g} mm across in the unit of its sequence, and should be "

@@ -68,7 +68,6 @@ def read_plain_ply(path: Path) -> PlyMesh | None:
     triangles = np.frombuffer(data, face, faces, middle)
     if not (triangles["count"] == 3).all():
         return None
-    return PlyMesh(
-        np.stack([points[name].astype(np.float64) for name in "xyz"], axis=1),
-        triangles["corner"].astype(np.int64),
-    )
+    with np.errstate(invalid="ignore"):  # NaN is refused with its triangle
+        positions = np.stack([points[name].astype(np.float64) for name in "xyz"], axis=1)
+    return PlyMesh(positions, triangles["corner"].astype(np.int64))
