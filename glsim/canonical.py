@@ -39,6 +39,8 @@ MATCH_MIN: Final = 0.6  # faces match at 0.8 to 0.97, things without a nose belo
 MATCH_TIE: Final = 0.02  # a lead too small to overrule the file's own axes
 MATCH_CLEAR: Final = 0.05  # the smallest lead over neutral faces in the trials above
 
+_HALF_TURNS: Final = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
+
 _AXES = re.compile(r"([+-][xyz]){3}", re.ASCII)
 
 
@@ -98,10 +100,13 @@ def canonicalise(
     unit: str = "auto",
     axes: str = "auto",
     recentre: bool = True,
+    thorough: bool = True,
 ) -> Canonicalisation:
     """Find what is "auto", check what is given.
 
     vertices: (V, 3), every one used by a triangle. faces: (F, 3).
+    thorough: given axes are checked against all 24 turns, not only against faces that look away
+        or stand on their heads (6 times as fast).
     Raises ConfigError for a setting that means nothing, MeshError (without the file's name) for
     a mesh that no unit makes a head of, or in which no nose is found while ``axes`` is "auto".
     """
@@ -112,7 +117,8 @@ def canonicalise(
     doubts: list[str] = []
     better = ""
 
-    matches = {name: best_nose(samples @ turn.T) for name, turn in _ROTATIONS.items()}
+    tried = _ROTATIONS if thorough or given_axes is None else _half_turns(given_axes)
+    matches = {name: best_nose(samples @ turn.T) for name, turn in tried.items()}
     ranked = sorted(matches, key=lambda name: -matches[name].score)
     chosen = ranked[0]
     if given_axes is None:
@@ -181,6 +187,16 @@ def check_axes(axes: str) -> None:
     """Refuse axes that mean nothing, before any file is read. Raises ConfigError."""
     if axes != "auto":
         _check_axes(axes)
+
+
+def _half_turns(axes: str) -> dict[str, NDArray[np.float64]]:
+    """The axes and their half turns about x, y and z."""
+    turns = [np.diag(signs) @ _ROTATIONS[axes] for signs in _HALF_TURNS]
+    return {
+        name: turn
+        for name, turn in _ROTATIONS.items()
+        if any(np.array_equal(turn, other) for other in turns)
+    }
 
 
 def _find_unit(extent: float, unit: str) -> tuple[str, float]:

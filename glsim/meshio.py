@@ -87,11 +87,13 @@ def load_mesh(
 
 
 def find_frame(
-    path: Path, raw: RawMesh, *, unit: str, axes: str, recentre: bool
+    path: Path, raw: RawMesh, *, unit: str, axes: str, recentre: bool, thorough: bool = True
 ) -> Canonicalisation:
     """``canonicalise``, said aloud; the file's name is put into its errors."""
     try:
-        frame = canonicalise(raw.vertices, raw.faces, unit=unit, axes=axes, recentre=recentre)
+        frame = canonicalise(
+            raw.vertices, raw.faces, unit=unit, axes=axes, recentre=recentre, thorough=thorough
+        )
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
     _LOG.info("%s: %s", path, frame)
@@ -99,14 +101,21 @@ def find_frame(
 
 
 def find_known_frame(
-    path: Path, raw: RawMesh, *, unit: str, axes: str, format_axes: str, recentre: bool
+    path: Path,
+    raw: RawMesh,
+    *,
+    unit: str,
+    axes: str,
+    format_axes: str,
+    recentre: bool,
+    thorough: bool = True,
 ) -> Canonicalisation:
     """``find_frame`` for a format whose axes are known: "auto" takes them, and checks them.
 
     Raises MeshError too for a face that looks away or stands on its head in the format's axes.
     """
     chosen = format_axes if axes == "auto" else axes
-    frame = find_frame(path, raw, unit=unit, axes=chosen, recentre=recentre)
+    frame = find_frame(path, raw, unit=unit, axes=chosen, recentre=recentre, thorough=thorough)
     if axes == "auto" and frame.better_axes:
         raise MeshError(
             f"{path}: the face looks away or stands on its head in the format's own axes "
@@ -148,10 +157,10 @@ def read_mesh(path: Path) -> RawMesh:
             "copy or export it again"
         )
     check_count(path, len(faces))
-    wrong = np.flatnonzero((faces < 0).any(axis=1) | (faces >= len(vertices)).any(axis=1))
-    if len(wrong):
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        wrong = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0]
         raise MeshError(
-            f"{path}: triangle {wrong[0]} uses vertex {faces[wrong[0]].max()}, but there are "
+            f"{path}: triangle {wrong} uses vertex {faces[wrong].max()}, but there are "
             f"{len(vertices)} vertices; the file is damaged, export it again"
         )
     return clean(path, vertices, faces, _albedo(parts))
@@ -179,21 +188,23 @@ def clean(
     albedo: NDArray[np.float32] | None,
 ) -> RawMesh:
     """Drop triangles without area and vertices without triangle; refuse NaN and infinity."""
-    bad = np.flatnonzero(~np.isfinite(vertices[faces]).all(axis=(1, 2)))
+    if not np.isfinite(vertices).all():
+        bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1)[faces].all(axis=1))
+    else:
+        bad = np.empty(0, np.int64)
     if len(bad):
         raise MeshError(
             f"{path}: {len(bad)} of {len(faces)} triangles have a vertex at NaN or infinity "
             f"(first: triangle {bad[0]}); repair or remove them"
         )
-    corner = vertices[faces]
-    with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are refused with the unit
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    whole = (normal != 0).any(axis=1)
+    whole = _with_area(vertices, faces)
     if not whole.any():
         raise MeshError(f"{path}: all {len(faces)} triangles are degenerate (no area)")
-    kept = faces[whole]
+    kept = faces if whole.all() else faces[whole]
     used = np.zeros(len(vertices), dtype=bool)
     used[kept] = True
+    if used.all():
+        return RawMesh(vertices, kept.astype(np.int32), albedo, int(len(faces) - len(kept)))
     number = np.cumsum(used) - 1
     return RawMesh(
         vertices[used],
@@ -201,6 +212,16 @@ def clean(
         None if albedo is None else albedo[used],
         int(len(faces) - len(kept)),
     )
+
+
+def _with_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(F,) whether a triangle's cross product is not 0; by column, twice as fast as np.cross."""
+    a, b, c = (vertices.T[:, faces[:, corner]] for corner in range(3))
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are refused with the unit
+        (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+        return np.asarray(
+            (uy * vz - uz * vy != 0) | (uz * vx - ux * vz != 0) | (ux * vy - uy * vx != 0)
+        )
 
 
 def _parts(path: Path) -> list[Part]:

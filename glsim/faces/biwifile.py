@@ -80,7 +80,8 @@ def read_pose(path: Path) -> HeadPose:
     if len(numbers) != 12:
         raise MeshError(f"{path}: {len(numbers)} numbers, not the 12 of a pose; copy it again")
     rotation, centre = numbers[:9].reshape(3, 3), numbers[9:]
-    error = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    bounded = np.abs(rotation).max() < 1 + _ROTATION_SLACK
+    error = np.abs(rotation @ rotation.T - np.eye(3)).max() if bounded else np.inf
     if not (error < _ROTATION_SLACK and np.linalg.det(rotation) > 0):
         raise MeshError(f"{path}: its first nine numbers are no rotation; copy it again")
     if np.abs(centre).max() > 1e5:

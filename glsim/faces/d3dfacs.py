@@ -97,10 +97,18 @@ class D3dfacs(Folder):
         names = [key.path, *self._patches.get(key.path, [])]
         return merged([read_mesh(self.root / name) for name in names])
 
-    def _find(self, path: Path, raw: RawMesh, unit: str, axes: str) -> Canonicalisation:
+    def _find(
+        self, path: Path, raw: RawMesh, unit: str, axes: str, thorough: bool
+    ) -> Canonicalisation:
         given = "m" if unit == "auto" and path.suffix.lower() == ".ply" else unit
         return find_known_frame(
-            path, raw, unit=given, axes=axes, format_axes=AXES, recentre=self._recentre
+            path,
+            raw,
+            unit=given,
+            axes=axes,
+            format_axes=AXES,
+            recentre=self._recentre,
+            thorough=thorough,
         )
 
     def _notes(self, key: FaceKey) -> dict[str, object]:
