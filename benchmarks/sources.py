@@ -199,4 +199,6 @@ def _rendering(source_settings: SourceSettings, folder: Path, workers: int) -> l
 
 
 if __name__ == "__main__":
-    main()
+    from benchmarks import sources  # so that workers find InMemory under its module's name
+
+    sources.main()

@@ -188,8 +188,10 @@ def clean(
     albedo: NDArray[np.float32] | None,
 ) -> RawMesh:
     """Drop triangles without area and vertices without triangle; refuse NaN and infinity."""
-    if not np.isfinite(vertices).all():
-        bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1)[faces].all(axis=1))
+    finite = np.isfinite(vertices)
+    if not finite.all():
+        broken = np.flatnonzero(~finite.all(axis=1))
+        bad = np.flatnonzero(np.isin(faces, broken).any(axis=1))
     else:
         bad = np.empty(0, np.int64)
     if len(bad):
