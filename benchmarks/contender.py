@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 
 from benchmarks.faces import settings_for, source_for
 from glsim.bounds import Sight, corners, image_window
-from glsim.camera import SensorRig
-from glsim.depthmap import normals
 from glsim.distribution import DrawKeys
 from glsim.frame import Rect, encode_depth
 from glsim.mesh import Mesh

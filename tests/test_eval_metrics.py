@@ -86,6 +86,8 @@ def test_paper_block_is_scikit_images(name: str) -> None:
     assert same(ours["mse_mm2"], mean_squared_error(c, p))
     equal = bool((p == c).all())
     assert same(ours["psnr_db"], NAN if equal else peak_signal_noise_ratio(c, p, data_range=8000))
+    flips = ((p - c) ** 2)[(p > 0) != (c > 0)].sum() / ((p - c) ** 2).sum() if not equal else NAN
+    assert same(ours["mse_flips_pct"], 100 * flips)
     for preset, k1, k2, span in (
         ("paper", 0.001, 0.003, 8000),
         ("standard", 0.01, 0.03, 8000),

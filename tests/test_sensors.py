@@ -59,7 +59,7 @@ def error_mm(frame: Frame) -> NDArray[np.float64]:
 
 
 def test_all_of_them_are_known() -> None:
-    assert SENSORS == ["ideal", "kinect-v1", "kinect-v2", "kinect-v2-paper"]
+    assert SENSORS == ["ideal", "kinect-v1", "kinect-v2", "kinect-v2-paper", "led3d"]
     with pytest.raises(ConfigError, match=r"no such sensor 'kinect-v3' .did you mean 'kinect-v"):
         load_sensor("kinect-v3")
     with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):

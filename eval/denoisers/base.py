@@ -80,6 +80,7 @@ class Method:
     """A denoiser as it is run: its name in tables, and the neighbours in time that it gets.
 
     temporal: whether ``function`` is a SequenceDenoiser.
+    version: changes when the file that it comes from does.
     """
 
     label: str
@@ -87,6 +88,7 @@ class Method:
     before: int = 0
     after: int = 0
     temporal: bool = False
+    version: str = ""
 
     def __call__(self, noisy_mm: Depth, now: int = 0) -> Denoised:
         """Denoise frame ``now`` of a (T, H, W) stack, millimetres, 0 = no return.

@@ -40,7 +40,7 @@ def from_callable(module: str, name: str, parameters: dict[str, str], label: str
             found = functools.partial(found, **keywords)
     except Exception as error:
         raise DenoiserError(f"{label}: cannot make {name}: {error}") from error
-    return as_method(label, found)
+    return as_method(label, found, _version(getattr(sys.modules[module], "__file__", None)))
 
 
 def from_checkpoint(path: Path, label: str) -> Method:
@@ -54,16 +54,23 @@ def from_checkpoint(path: Path, label: str) -> Method:
             f"{label}: checkpoints need glsim.train with PyTorch (pip install 'glsim[train]'): "
             f"{error}"
         ) from None
-    return as_method(label, module.load_denoiser(path))
+    return as_method(label, module.load_denoiser(path), _version(path))
 
 
-def as_method(label: str, function: Any) -> Method:
+def as_method(label: str, function: Any, version: str = "") -> Method:
     """A callable of either protocol. DenoiserError if it cannot be called."""
     if not callable(function):
         raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
     before, after = (int(getattr(function, name, 0)) for name in ("before", "after"))
     temporal = hasattr(function, "before") or hasattr(function, "after")
-    return Method(label, function, before, after, temporal)
+    return Method(label, function, before, after, temporal, version)
+
+
+def _version(file: Path | str | None) -> str:
+    if file is None:
+        return ""
+    status = Path(file).stat()
+    return f"{status.st_size} {status.st_mtime_ns}"
 
 
 def _number(text: str) -> int | float | str:

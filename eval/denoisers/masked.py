@@ -157,7 +157,6 @@ class RollingGuidance(_Masked):
 
 
 def _ratio(total: Depth, weight: Depth) -> Depth:
-    some = weight > 0
-    zero, one = np.float32(0), np.float32(1)
-    ratio: Depth = np.where(some, total, zero) / np.where(some, weight, one)
+    ratio = np.zeros_like(total)
+    np.divide(total, weight, out=ratio, where=weight > 0)
     return ratio

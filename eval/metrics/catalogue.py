@@ -91,6 +91,13 @@ METRICS: Final[dict[str, Metric]] = {
             "paper",
             f"10 log10({PSNR_MAX_MM:.0f}² / MSE) of the frame; undefined for MSE 0",
         ),
+        Metric(
+            "mse_flips_pct",
+            "%",
+            "neither",
+            "paper",
+            "share of the squared error that is in pixels valid in one of both only",
+        ),
         *(
             Metric(f"ssim_{name}", "1", "higher", "paper", f"structural similarity, {preset}")
             for name, preset in PRESETS.items()

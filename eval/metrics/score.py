@@ -103,7 +103,7 @@ def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
     prediction = check_prediction(prediction_mm, truth.clean.shape).astype(np.float64)
     valid = prediction > 0
     error = prediction - truth.clean
-    result = _paper(prediction, error, truth) | _validity(valid, error, truth)
+    result = _paper(prediction, valid, error, truth) | _validity(valid, error, truth)
     base = {"both": valid & truth.valid, "input": truth.input_valid & truth.valid}
     for name in SETS:
         for part, (suffix, _) in PARTS.items():
@@ -119,13 +119,16 @@ def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
 
 
 def _paper(
-    prediction: NDArray[np.float64], error: NDArray[np.float64], truth: Truth
+    prediction: NDArray[np.float64], valid: Mask, error: NDArray[np.float64], truth: Truth
 ) -> dict[str, float]:
-    mse = float((error * error).mean())
+    squared = error * error
+    mse = float(squared.mean())
+    in_flips = float(squared[valid != truth.valid].sum()) / squared.size
     similar = ssim(truth.moments, Moments.of(prediction))
     return {
         "mse_mm2": mse,
         "psnr_db": psnr_db(mse),
+        "mse_flips_pct": 100.0 * in_flips / mse if mse > 0 else _NAN,
         **{f"ssim_{name}": value for name, value in similar.items()},
     }
 
