@@ -144,6 +144,7 @@ def report(results: Sequence[Result], absent: Sequence[str]) -> str:
 
 def _winner(result: Result, metric: str, among: Sequence[str] | None = None) -> str:
     names = {label: name for label, name in result.names.items() if not among or label in among}
-    label = min(names, key=lambda label: result.table[names[label]][metric].mean)
-    base = result.table["noisy"][metric].mean
-    return f"{label} ({100 * (result.table[names[label]][metric].mean / base - 1):+.0f} %)"
+    means = {label: result.table[name][metric].mean for label, name in names.items()}
+    label = min(means, key=lambda label: means[label])
+    base = means["noisy"]
+    return f"{label} ({100 * (means[label] / base - 1):+.0f} %)" if base else label

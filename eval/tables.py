@@ -89,7 +89,8 @@ def markdown(evaluation: Evaluation, table: Table, heading: str) -> str:
     lines += ["## Definitions", ""]
     shown = [name for names in SHOWN.values() for name in names]
     lines += [f"- **{ALL[name].heading}**: {ALL[name].help}." for name in shown]
-    lines += ["", *_remarks(evaluation, table)]
+    notes = [f"- {note}" for note in remarks(evaluation, table)]
+    lines += ["", "## Remarks", "", *notes] if notes else []
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -107,7 +108,8 @@ def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return [f"| {' | '.join(head)} |", rule, *(f"| {' | '.join(row)} |" for row in rows)]
 
 
-_PROBE_METRICS: Final = (
+#: What is shown of trivial predictions.
+PROBE_METRICS: Final = (
     "mse_mm2",
     "psnr_db",
     "ssim_paper",
@@ -121,7 +123,7 @@ _PROBE_METRICS: Final = (
 
 def _probe_grid(evaluation: Evaluation) -> list[str]:
     probes = evaluation.probes
-    metrics = [METRICS[name] for name in _PROBE_METRICS]
+    metrics = [METRICS[name] for name in PROBE_METRICS]
     rows = [
         [probe, *(number(probes.mean(probe, m.name), m.unit) for m in metrics)]
         for probe in probes.methods
@@ -129,18 +131,19 @@ def _probe_grid(evaluation: Evaluation) -> list[str]:
     return _grid(["prediction", *(f"{m.heading} {m.arrow}" for m in metrics)], rows)
 
 
-def _remarks(evaluation: Evaluation, table: Table) -> list[str]:
+def remarks(evaluation: Evaluation, table: Table) -> list[str]:
+    """Sentences on what the means leave out, and on frames that could not be scored."""
     undefined: dict[str, list[str]] = {}
     for method, entries in table.items():
         for name in (name for names in SHOWN.values() for name in names):
             if missing := entries[name].undefined:
                 what = f"{name} is undefined in {missing} frames, which its mean leaves out"
                 undefined.setdefault(what, []).append(f"`{method}`")
-    lines = [f"- {what}: {', '.join(methods)}." for what, methods in undefined.items()]
+    lines = [f"{what}: {', '.join(methods)}." for what, methods in undefined.items()]
     if evaluation.bad:
-        lines.append(f"- **{evaluation.bad} frames could not be scored** (bad.csv); the first:")
-        lines += [f"    - {text}" for text in evaluation.first_bad]
-    return ["## Remarks", "", *lines] if lines else []
+        lines.append(f"{evaluation.bad} frames could not be scored (bad.csv), the first of them:")
+        lines += list(evaluation.first_bad)
+    return lines
 
 
 def write_table_csv(path: Path, table: Table) -> None:

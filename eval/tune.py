@@ -37,7 +37,7 @@ def tune(
     workers: int | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> list[Tuned]:
-    """Try the grid of each filter on ``job.split``; every trial is written to tuning.csv in ``out``.
+    """Try the grid of each filter on ``job.split``; tuning.csv in ``out`` lists every trial.
 
     First the filter's own parameters by SURFACE with the input's mask, then the clean-up by
     SILHOUETTE. Raises what ``evaluate`` raises.
