@@ -46,7 +46,7 @@ def paper_table(evaluation: Evaluation, table: Table) -> str:
         row("MSE, printed [mm²]", [number(PRINTED[n][1]) for n in PAPER]),
         row("MSE, ours [mm²]", [number(mse[n]) for n in PAPER]),
         row("MSE over baseline, printed", [f"{PRINTED[n][1] / printed_base:.3f}" for n in PAPER]),
-        row("MSE over baseline, ours", [f"{mse[n] / base:.3f}" for n in PAPER]),
+        row("MSE over baseline, ours", [f"{mse[n] / base:.3f}" if base else "n/a" for n in PAPER]),
         row("PSNR, printed [dB]", [f"{PRINTED[n][2]:.2f}" for n in PAPER]),
         row("PSNR per image, ours [dB]", [f"{psnr[n]:.2f}" for n in PAPER]),
         row("PSNR of the mean MSE, ours [dB]", [f"{psnr_mean[n]:.2f}" for n in PAPER]),

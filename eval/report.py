@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from glsim.cli.files import write_bytes
-from glsim.errors import DatasetError, DenoiserError
+from glsim.errors import DatasetError
 
 from .blocks import Scoring
 from .denoisers import compose, load
@@ -59,11 +59,14 @@ def write_report(
     shown = example(job)
     if shown is not None:
         names = list(shown.predictions)
-        for page, first in enumerate(range(0, len(names), _COLUMNS), start=1):
-            part = {name: shown.predictions[name] for name in names[first : first + _COLUMNS]}
+        pages = -(-len(names) // _COLUMNS)
+        for page in range(pages):
+            # Spread evenly, so that no page has a single column.
+            first, last = (len(names) * edge // pages for edge in (page, page + 1))
+            part = {name: shown.predictions[name] for name in names[first:last]}
             figure = gallery(Shown(shown.clean, shown.intrinsics, part, shown.caption))
             caption = "One frame, every method in the same scale."
-            pictures.append((f"gallery_{page}", caption, to_png(figure)))
+            pictures.append((f"gallery_{page + 1}", caption, to_png(figure)))
     for name, _, png in pictures:
         write_bytes(png, out / "figures" / f"{name}.png")
     path = out / "report.html"
@@ -88,8 +91,8 @@ def example(job: Scoring) -> Shown | None:
         for method in methods:
             try:
                 denoised = method(*stacks.around(number_, method.before, method.after))
-            except DenoiserError:
-                continue  # counted where it was scored
+            except Exception:  # of any kind, as users bring denoisers: counted where it was scored
+                continue
             for part, depth in compose(denoised, sample.noisy_mm).items():
                 predictions[f"{method.label} [{part}]" if part else method.label] = depth
         return Shown(sample.clean_mm, sample.intrinsics, predictions, str(frames.key(number_)))

@@ -84,12 +84,12 @@ def gallery(shown: Shown) -> Any:
         figure.colorbar(mapping, cax=axis)
         axis.set_ylabel("mm", fontsize=_TEXT_SIZE)
         axis.tick_params(labelsize=_TEXT_SIZE)
-    _legend(figure)
+    _legend(figure, columns=5 if len(columns) > 4 else 2)
     figure.suptitle(shown.caption, fontsize=_TITLE_SIZE)
     return figure
 
 
-def _legend(figure: Any) -> None:
+def _legend(figure: Any, columns: int) -> None:
     patch = matplotlib("patches").Patch
     lines = matplotlib("lines").Line2D
     figure.legend(
@@ -101,7 +101,7 @@ def _legend(figure: Any) -> None:
                   label="flying pixel"),
             lines([], [], color="#888888", linewidth=1.5, label="clean"),
         ],
-        loc="outside lower center", ncols=5, fontsize=_TEXT_SIZE, frameon=False,
+        loc="outside lower center", ncols=columns, fontsize=_TEXT_SIZE, frameon=False,
     )  # fmt: skip
 
 
