@@ -309,3 +309,18 @@ def test_paper_table_needs_its_columns(pairs: Path, tmp_path: Path) -> None:
     text = paper_table(found, found.summary.compared())
     assert "| MSE, printed [mm²] | 1411 | 1411 | 1361 | 1147 | 1349 |" in text
     assert found.probes.methods == []
+
+
+def test_soft_denoisers_get_three_rows(
+    pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "soft_one.py").write_text(
+        "def soft(noisy, valid): return noisy, valid * 0.7 + 0.1\n"
+    )
+    found = run(pairs, tmp_path / "o", "net@soft_one:soft")
+    assert found.summary.methods == ["net [soft]", "net [hard]", "net [input mask]"]
+    assert found.summary.mean("net [hard]", "flips_px") == found.summary.mean(
+        "net [input mask]", "flips_px"
+    )
+    assert found.summary.mean("net [soft]", "input_bias_mm") < -100
