@@ -36,10 +36,10 @@ PAPER: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
 #: What is tried when a filter is tuned: name -> parameter -> values. ``cleanup`` is tried too.
 GRIDS: Final[dict[str, dict[str, Sequence[float]]]] = {
     "masked_median": {"size": (3, 5, 7, 9)},
-    "masked_bilateral": {"sigma_mm": (5.0, 15.0, 40.0), "sigma_px": (1.0, 2.0, 3.0)},
+    "masked_bilateral": {"sigma_mm": (5.0, 15.0, 40.0), "sigma_px": (1.0, 1.5, 2.0, 3.0)},
     "masked_gaussian": {"sigma_px": (0.7, 1.0, 1.5, 2.0, 3.0)},
     "plane": {"sigma_px": (1.0, 1.5, 2.0, 3.0, 4.0)},
-    "quadric": {"sigma_px": (1.5, 2.0, 2.5, 3.0, 4.0, 5.0)},
+    "quadric": {"sigma_px": (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)},
     "guided": {"radius": (2, 3, 5), "epsilon_mm": (2.0, 5.0, 15.0)},
     "rolling_guidance": {"sigma_mm": (5.0, 15.0), "sigma_px": (1.0, 2.0)},
 }
