@@ -189,6 +189,25 @@ class SensorRig:
         rays = self.intrinsics.rays()
         return self.distortion.undistort(rays).astype(np.float32) if self.is_raw else rays
 
+    def for_map(
+        self,
+        shape: tuple[int, int],
+        focal_px: tuple[float, float] | None = None,
+        centre_px: tuple[float, float] | None = None,
+    ) -> SensorRig:
+        """The rig for a depth map of (height, width) that came without a calibration.
+
+        By default the map has the rig's focal length, and the rig's principal point if it has the
+        rig's size, else (a crop) its own centre.
+        """
+        height, width = shape
+        own = self.intrinsics
+        if centre_px is None:
+            whole = (width, height) == (own.width, own.height)
+            centre_px = (own.cx, own.cy) if whole else (width / 2, height / 2)
+        focal = focal_px or (own.fx, own.fy)
+        return replace(self, intrinsics=Intrinsics(width, height, *focal, *centre_px))
+
     def pinhole(self) -> Intrinsics:
         """The pinhole to rasterise with: the sensor's own, or for raw frames one that covers it."""
         i = self.intrinsics

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim import depthmap
-from glsim.camera import Intrinsics, SensorRig
 from glsim.config import OutputSettings, Settings
 from glsim.distribution import DrawKeys
 from glsim.errors import ConfigError
@@ -46,7 +44,7 @@ class Corrupter:
     ) -> None:
         self._settings = settings
         self.sensor = sensor_of(settings)
-        self.rig = _rig_for(self.sensor.rig, shape, focal_px, centre_px)
+        self.rig = self.sensor.rig.for_map(shape, focal_px, centre_px)
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
         self._context = None if backend == "numpy" else open_context(backend)
         if self._context is not None:
@@ -138,20 +136,3 @@ class Corrupter:
             "lit": depthmap.lit_by_marching(depth_m, self.rig),
             "rays": rays,
         }
-
-
-def _rig_for(
-    rig: SensorRig,
-    shape: tuple[int, int],
-    focal_px: tuple[float, float] | None,
-    centre_px: tuple[float, float] | None,
-) -> SensorRig:
-    height, width = shape
-    image = rig.intrinsics
-    if centre_px is None:
-        own = (width, height) == (image.width, image.height)
-        centre_px = (image.cx, image.cy) if own else (width / 2, height / 2)
-    return replace(
-        rig,
-        intrinsics=Intrinsics(width, height, *(focal_px or (image.fx, image.fy)), *centre_px),
-    )

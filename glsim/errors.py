@@ -6,6 +6,7 @@
     |- DeviceError    no OpenGL context of the wanted kind
     |- MeshError      a face cannot be read or cannot be rendered
     |- DatasetError   a data set on disk is not what it should be, or cannot be written
+    |- DenoiserError  a denoiser cannot be loaded, or returns what is no depth map
 
 Every message says what is wrong, where, and what to do about it, in one line.
 """
@@ -38,6 +39,10 @@ class MeshError(GlsimError):
 
 class DatasetError(GlsimError):
     """A data set on disk is not what it should be, or cannot be written."""
+
+
+class DenoiserError(GlsimError):
+    """A denoiser cannot be loaded, or returns what is no depth map."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

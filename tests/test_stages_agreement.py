@@ -31,6 +31,7 @@ CASES: list[tuple[str, dict[str, float]]] = [
     ("infrared", {"ambient_counts": 30}),
     ("lateral", {"angle_px": 0.035, "sigma_px": 0.8}),
     ("lateral", {"sigma_px": 4}),
+    ("max_filter", {"radius_px": 4}),
     ("millimetre_quantise", {"step_mm": 0.7}),
     ("perlin", {"octaves": 5, "amplitude_mm": 0.0, "amplitude_px": 0.4, "persistence": 0.7}),
     ("perlin", {"lattice_x_px": 7.3, "lattice_y_px": 3, "drift_hz": 2, "lacunarity": 1.7}),
@@ -49,6 +50,7 @@ NEUTRAL: list[tuple[str, dict[str, float]]] = [
     ("gaussian", {"sigma_mm": 0, "sigma_px": 0}),
     ("lateral", {"sigma_px": 0, "angle_px": 0}),
     ("low_signal", {"min_counts": 0, "spread_counts": 0}),
+    ("max_filter", {"radius_px": 0}),
     ("perlin", {"amplitude_mm": 0, "amplitude_px": 0}),
     ("range_gate", {"near_mm": 0, "far_mm": 65535}),
     ("shadow", {"min_lit": 0}),
@@ -56,7 +58,13 @@ NEUTRAL: list[tuple[str, dict[str, float]]] = [
 ]
 
 #: How far a stage looks, px: nearer to a window's border the window makes a difference.
-REACH = {"lateral": 9, "edge_dropout": 4, "correlation_window": 12, "dot_spread": 6}
+REACH = {
+    "lateral": 9,
+    "edge_dropout": 4,
+    "max_filter": 4,
+    "correlation_window": 12,
+    "dot_spread": 6,
+}
 
 
 def test_every_shader_has_a_twin() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+from importlib import import_module
 
 import typer
 
@@ -41,6 +42,8 @@ app.add_typer(importing.app, name="import")
 app.command("sensors", epilog=describe.SENSORS_EXAMPLES)(describe.sensors)
 app.command("stages", epilog=describe.STAGES_EXAMPLES)(describe.stages)
 app.command("info", epilog=describe.INFO_EXAMPLES)(describe.info)
+# The layers above the simulator bring their commands; it knows them by name only.
+import_module("glsim.eval.commands").register(app)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -30,9 +30,8 @@ _PROBABILITY: Final = 0.15  # of an expression shape to take part in a mixture
 
 def seen_faces(model: Model) -> NDArray[np.bool_]:
     """(F,) whether a triangle of the model can come into view. A function of the model alone."""
-    from glsim.visibility import (
-        ever_seen,
-    )  # here, for it loads OpenGL, and a cached model needs none
+    # Here, for it loads OpenGL, and a cached model needs none.
+    from glsim.visibility import ever_seen
 
     return ever_seen(model.topology.faces, _views(model))
 

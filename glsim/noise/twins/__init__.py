@@ -52,6 +52,7 @@ TWINS: Final[dict[str, Twin]] = {
         values.simplex,
         edges.edge_dropout,
         edges.lateral,
+        edges.max_filter,
         signal.infrared,
         signal.low_signal,
         signal.range_gate,

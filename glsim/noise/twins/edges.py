@@ -1,4 +1,4 @@
-"""Twins of the stages at depth edges: lateral and edge_dropout."""
+"""Twins of the stages that look around: lateral, edge_dropout and max_filter."""
 
 from __future__ import annotations
 
@@ -59,3 +59,15 @@ def edge_dropout(view: StageView, layers: Layers, p: Values) -> dict[str, Image]
         "depth": np.where(lost, np.float32(0.0), depth),
         "reason": np.where(lost, np.float32(Reason.EDGE), layers["reason"]),
     }
+
+
+def max_filter(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
+    """Every pixel takes the farthest depth around it."""
+    here = layers["depth"]
+    x, y = pixels(view.window)
+    reach = int(p["radius_px"])
+    depth = here
+    for dy in range(-reach, reach + 1):
+        for dx in range(-reach, reach + 1):
+            depth = np.maximum(depth, fetch(here, view.window, x + dx, y + dy))
+    return {"depth": depth, "reason": reasons_of_taken(layers, depth, Reason.EDGE)}

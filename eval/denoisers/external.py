@@ -1,0 +1,82 @@
+"""Denoisers of users: any Python callable, and checkpoints of ``glsim train``."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+from glsim.errors import DenoiserError
+
+from .base import Method
+
+#: Where checkpoints are opened: ``load_denoiser(path) -> callable`` of the protocol. Reached by
+#: name, because ``glsim.eval`` and ``glsim.train`` do not import each other.
+_CHECKPOINT_MODULE = "glsim.train.denoiser"
+
+
+def from_callable(module: str, name: str, parameters: dict[str, str], label: str) -> Method:
+    """``module:name``, with parameters as keyword arguments (numbers where they read as such).
+
+    The module is looked for in the current folder too. A class is instantiated; an instance or
+    function with ``before`` or ``after`` gets its neighbours in time. DenoiserError otherwise.
+    """
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        found: Any = getattr(importlib.import_module(module), name)
+    except AttributeError:
+        raise DenoiserError(f"{label}: module {module} has no {name!r}") from None
+    except Exception as error:
+        raise DenoiserError(f"{label}: cannot import {module}: {error}") from error
+    keywords = {key: _number(value) for key, value in parameters.items()}
+    try:
+        if isinstance(found, type):
+            found = found(**keywords)
+        elif keywords:
+            found = functools.partial(found, **keywords)
+    except Exception as error:
+        raise DenoiserError(f"{label}: cannot make {name}: {error}") from error
+    return as_method(label, found, _version(getattr(sys.modules[module], "__file__", None)))
+
+
+def from_checkpoint(path: Path, label: str) -> Method:
+    """A trained model. DenoiserError if the file or ``glsim.train`` is not there."""
+    if not path.is_file():
+        raise DenoiserError(f"{label}: {path}: no such checkpoint")
+    try:
+        module = importlib.import_module(_CHECKPOINT_MODULE)
+    except ImportError as error:
+        raise DenoiserError(
+            f"{label}: checkpoints need glsim.train with PyTorch (pip install 'glsim[train]'): "
+            f"{error}"
+        ) from None
+    return as_method(label, module.load_denoiser(path), _version(path))
+
+
+def as_method(label: str, function: Any, version: str = "") -> Method:
+    """A callable of either protocol. DenoiserError if it cannot be called."""
+    if not callable(function):
+        raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
+    before, after = (int(getattr(function, name, 0)) for name in ("before", "after"))
+    temporal = hasattr(function, "before") or hasattr(function, "after")
+    return Method(label, function, before, after, temporal, version)
+
+
+def _version(file: Path | str | None) -> str:
+    if file is None:
+        return ""
+    status = Path(file).stat()
+    return f"{status.st_size} {status.st_mtime_ns}"
+
+
+def _number(text: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

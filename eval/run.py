@@ -1,0 +1,190 @@
+"""Scoring a whole set: blocks of frames over worker processes, resumable, in constant memory.
+
+    -o DIR/.blocks/<fingerprint>/<block>.json   what is done; the same command takes it up again
+    -o DIR/rows.csv                             one row a frame and method, in order
+    -o DIR/bad.csv                              frames that could not be scored, and why
+
+Rows are CSV, not Parquet: everything reads it, and pyarrow would be 130 MB for one table.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from glsim.dataset import available_workers
+from glsim.dataset.files import CheckedFile, to_json, write_file, writing
+from glsim.errors import ConfigError, DatasetError
+
+from .aggregate import Summary
+from .blocks import Block, Scored, Scoring
+from .denoisers import load
+from .metrics import METRICS
+from .probes import MOST_FRAMES, mean_face
+from .workers import run_tasks
+
+#: Frames in a block: what a crash costs, and what keeps two cores busy to the end.
+_BLOCK: Final = 25
+#: Raised when the same frames get other numbers.
+_VERSION: Final = 1
+
+ROW_FIELDS: Final = ("subject", "sequence", "frame", "method", *METRICS)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """For a progress bar."""
+
+    done: int
+    total: int
+    reused: int
+    bad: int
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What ``evaluate`` found. bad: frames (with a method, if it is one's fault) not scored."""
+
+    summary: Summary
+    probes: Summary
+    frames: int
+    bad: int
+    first_bad: tuple[str, ...]
+
+
+def evaluate(
+    job: Scoring,
+    out: Path,
+    *,
+    workers: int | None = None,
+    probes: bool = True,
+    progress: Callable[[Progress], None] | None = None,
+) -> Evaluation:
+    """Score every frame of a set by every denoiser; writes rows.csv and bad.csv to ``out``.
+
+    workers: processes; by default one a core. Raises ConfigError for a wrong denoiser or an empty
+    set, DatasetError if no frame could be scored.
+    """
+    methods = [load(spec) for spec in job.denoisers]  # names what is wrong before anything starts
+    labels = [method.label for method in methods]
+    if len(set(labels)) != len(labels):
+        twice = next(label for label in labels if labels.count(label) > 1)
+        raise ConfigError(f"--denoiser {twice}: is given twice: call one of them label@{twice}")
+    frames = job.frames()
+    if len(frames) == 0:
+        raise ConfigError(f"{job.dataset}: has no frames in {job.split}")
+    if probes:
+        job = replace(job, probe_every=-(-len(frames) // MOST_FRAMES), mean_face=mean_face(frames))
+    identity = [_VERSION, frames.identity, job.split, job.denoisers, job.probe_every, job.stride]
+    identity += [list(METRICS), [method.version for method in methods]]
+    digest = hashlib.blake2b(json.dumps(identity).encode(), digest_size=8).hexdigest()
+    folder = out / ".blocks" / digest
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    blocks = [
+        Block(number, first, min(_BLOCK, len(frames) - first))
+        for number, first in enumerate(range(0, len(frames), _BLOCK))
+    ]
+    _score_missing(job, folder, blocks, workers or available_workers(), len(frames), progress)
+    return _collect(out, folder, blocks, -(-len(frames) // job.stride))
+
+
+def _score_missing(
+    job: Scoring,
+    folder: Path,
+    blocks: list[Block],
+    workers: int,
+    total: int,
+    progress: Callable[[Progress], None] | None,
+) -> None:
+    missing = [block for block in blocks if not _is_done(folder, block)]
+    reused = done = total - sum(block.frames for block in missing)
+    bad = 0
+    if progress is not None:
+        progress(Progress(done, total, reused, bad))
+    if not missing:
+        return
+    for scored in run_tasks(job, missing, min(workers, len(missing))):
+        path = _path(folder, scored.number)
+        data = to_json(asdict(scored), str(path)).encode()
+        write_file(path, data, path.with_suffix(f".{os.getpid()}"))
+        done, bad = done + scored.frames, bad + len(scored.bad)
+        if progress is not None:
+            progress(Progress(done, total, reused, bad))
+
+
+def _path(folder: Path, number: int) -> Path:
+    return folder / f"{number:06d}.json"
+
+
+def _is_done(folder: Path, block: Block) -> bool:
+    """Whether it is there and had no bad frame: those may have been repaired since."""
+    try:
+        return not _read(folder, block).bad
+    except DatasetError:
+        return False
+
+
+def _read(folder: Path, block: Block) -> Scored:
+    path = _path(folder, block.number)
+    try:
+        return Scored(**json.loads(path.read_bytes()))
+    except (OSError, ValueError, TypeError):
+        raise DatasetError(f"{path}: is missing or damaged: run the same command again") from None
+
+
+def _collect(out: Path, folder: Path, blocks: list[Block], total: int) -> Evaluation:
+    summary, probes = Summary(total), Summary(total)
+    bad = 0
+    first_bad: list[str] = []
+
+    def rows() -> Iterator[dict[str, Any]]:
+        nonlocal bad
+        for block in blocks:
+            scored = _read(folder, block)
+            for row in scored.rows:
+                summary.add(row)
+                yield row
+            for row in scored.probes:
+                probes.add(row)
+            for method, counts in scored.histograms.items():
+                summary.add_histogram(method, counts)
+            bad += len(scored.bad)
+            first_bad.extend(f"{item['frame']}: {item['why']}" for item in scored.bad[:10])
+
+    write_csv(out / "rows.csv", ROW_FIELDS, rows())
+    faults = (item for block in blocks for item in _read(folder, block).bad)
+    if bad:
+        write_csv(out / "bad.csv", ("frame", "why"), faults)
+    else:
+        (out / "bad.csv").unlink(missing_ok=True)
+    if not summary.methods:
+        raise DatasetError(f"no frame could be scored, {bad} are bad; the first: {first_bad[0]}")
+    return Evaluation(summary, probes, total, bad, tuple(first_bad[:10]))
+
+
+def write_csv(path: Path, fields: Iterable[str], rows: Iterable[dict[str, Any]]) -> None:
+    """A table, complete or not at all; None becomes "nan"."""
+    with CheckedFile(path, path.with_name(f".{path.name}.{os.getpid()}")) as file:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(fields), lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({name: _written(value) for name, value in row.items()})
+            file.write(text.getvalue().encode())
+            text.seek(0)
+            text.truncate()
+        file.write(text.getvalue().encode())
+
+
+def _written(value: object) -> object:
+    if value is None:
+        return "nan"
+    return f"{value:.9g}" if isinstance(value, float) else value

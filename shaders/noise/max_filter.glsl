@@ -1,0 +1,29 @@
+#version 330 core
+// max_filter: every pixel takes the farthest depth around it, so that silhouettes grow.
+// Mu et al. 2019 (Led3D) coarsen depth maps of faces so, with a window of 3x3.
+#include "lib/layers.glsl"
+#include "reason.glsl"
+
+uniform int radius_px = 1;  //@ [0, 4] px the window is a square of side 2 radius + 1
+
+uniform sampler2D u_depth;
+uniform sampler2D u_reason;
+uniform sampler2D u_clean;
+
+out float depth;
+out float reason;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    float here = texelFetch(u_depth, pixel, 0).r;
+    reason = texelFetch(u_reason, pixel, 0).r;
+    depth = here;
+    for (int y = -radius_px; y <= radius_px; y++) {
+        for (int x = -radius_px; x <= radius_px; x++) {
+            depth = max(depth, fetch(u_depth, pixel + ivec2(x, y)));
+        }
+    }
+    if (depth > 0.0 && here <= 0.0) {
+        reason = texelFetch(u_clean, pixel, 0).r > 0.0 ? REASON_MOVED : REASON_GROWN;
+    }
+}

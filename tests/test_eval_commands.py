@@ -1,0 +1,121 @@
+"""``glsim denoise``, ``glsim eval --list`` and ``glsim study`` as a user meets them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from eval_scenes import dome, noisy
+
+from glsim.cli import main
+
+
+@pytest.fixture
+def maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "maps" / "a"
+    folder.mkdir(parents=True)
+    for number in range(3):
+        write(folder / f"m{number}_noisy.png", noisy(dome(), number))
+    return tmp_path / "maps"
+
+
+def write(path: Path, depth: np.ndarray) -> None:  # type: ignore[type-arg]
+    cv2.imwrite(str(path), depth.astype(np.uint16))
+
+
+def read(path: Path) -> np.ndarray:  # type: ignore[type-arg]
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image.dtype == np.uint16
+    return np.asarray(image)
+
+
+def test_denoise_a_file_a_folder_and_a_pattern(maps: Path, tmp_path: Path) -> None:
+    source = maps / "a" / "m0_noisy.png"
+    assert main(["denoise", str(source), "-o", "one.png", "-d", "quadric", "-q"]) == 0
+    before, after = read(source), read(tmp_path / "one.png")
+    np.testing.assert_array_equal(after > 0, before > 0)
+    assert (before != after).any()
+    assert main(["denoise", str(maps), "-o", "all", "-d", "quadric", "-q"]) == 0
+    np.testing.assert_array_equal(read(tmp_path / "all" / "a" / "m0_noisy.png"), after)
+    assert main(["denoise", "maps/*/*_noisy.png", "-o", "some", "-d", "quadric", "-q"]) == 0
+    assert len(list((tmp_path / "some").iterdir())) == 3
+
+
+def test_denoise_knows_sequences_and_units(maps: Path, tmp_path: Path) -> None:
+    assert main(["denoise", str(maps), "-o", "t", "-d", "temporal_median", "-q"]) == 0
+    stack = np.stack([read(file) for file in sorted((maps / "a").iterdir())])
+    middle = read(tmp_path / "t" / "a" / "m1_noisy.png")
+    pixel = (20, 24)
+    found = stack[:, *pixel][stack[:, *pixel] > 0]
+    assert middle[pixel] == np.rint(np.median(found))
+    fine = (dome(whole=False) * 10).astype(np.uint16)
+    write(tmp_path / "fine.png", fine)
+    command = ["denoise", "fine.png", "-o", "fine_out.png", "-d", "noisy", "-q"]
+    assert main([*command, "--depth-unit-mm", "0.1"]) == 0
+    np.testing.assert_array_equal(read(tmp_path / "fine_out.png"), fine)
+
+
+def test_denoise_names_what_it_cannot_read(maps: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cv2.imwrite(str(maps / "eight.png"), np.full((9, 9), 90, np.uint8))
+    write(maps / "metres.png", np.full((9, 9), 1))
+    assert main(["denoise", str(maps), "-o", "out", "-d", "median"]) == 1
+    error = capsys.readouterr().err
+    assert "eight.png" in error
+    assert "metres instead of" in error
+    assert "2 of 5" in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["denoise", "none.png", "-o", "o.png", "-d", "median"], "no such file"),
+        (["denoise", "maps/a/m0_noisy.png", "-o", "o.jpg", "-d", "median"], "ends in .png"),
+        (["denoise", "maps", "-o", "maps", "-d", "median"], "would overwrite"),
+        (["denoise", "maps", "-o", "o", "-d", "medan"], "did you mean 'median'"),
+        (["denoise", "maps", "-o", "o", "-d", "median", "--composite", "x"], "--composite x"),
+        (["eval", "none"], "no such folder"),
+        (["eval"], "give the folder"),
+        (["eval", "maps", "--paper-table", "2"], "--paper-table 2"),
+        (["eval", "maps", "--workers", "0"], "--workers 0"),
+        (["study", "-o", "s", "--sensors", "kinect-v3"], "no such sensor"),
+    ],
+)
+def test_wrong_usage(
+    maps: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    assert main(arguments) in (1, 2)
+    assert words in capsys.readouterr().err.replace("\n", "")
+
+
+def test_checkpoints_need_the_training_part(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("glsim.eval.denoisers.external._CHECKPOINT_MODULE", "glsim.no_such")
+    (tmp_path / "best.pt").write_bytes(b"")
+    write(tmp_path / "a.png", dome())
+    assert main(["denoise", "a.png", "-o", "b.png", "-d", "best.pt"]) == 1
+    assert "glsim[train]" in capsys.readouterr().err
+
+
+def test_list_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["eval", "--list"]) == 0
+    listing = capsys.readouterr().out
+    assert "median: median over a square" in listing
+    assert "size=5" in listing
+    for command in ("eval", "denoise", "study"):
+        assert main([command, "--help"]) == 0
+        assert f"glsim {command}" in capsys.readouterr().out
+
+
+def test_a_small_study(tmp_path: Path) -> None:
+    command = ["study", "-o", str(tmp_path), "--sensors", "led3d,ideal", "--subjects", "5"]
+    command += ["--frames-per-subject", "1", "--crop", "64", "--workers", "1", "-q"]
+    assert main(command) == 0
+    text = (tmp_path / "study.md").read_text()
+    assert "| `led3d` |" in text
+    assert "## Who wins" in text
+    assert (tmp_path / "led3d" / "scores" / "paper_table_1.md").is_file()
