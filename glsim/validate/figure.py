@@ -34,7 +34,7 @@ def check_matplotlib() -> None:
     """Raise ConfigError where no figure can be drawn, before minutes of measuring."""
     if find_spec("matplotlib") is None:
         raise ConfigError(
-            "--figure needs matplotlib, which is not installed: pip install 'glsim[validate]'"
+            "--figure needs matplotlib, which is not installed: pip install 'glsim[eval]'"
         )
 
 
