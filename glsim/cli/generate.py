@@ -132,8 +132,6 @@ def generate(
             settings, out, workers=parse_workers(workers), backend=backend, progress=progress
         )
     report(summary, out)
-    if not sum(summary.frames.values()):
-        raise DatasetError(f"{out}: no frame could be made, see {out / 'skipped.jsonl'}")
 
 
 def parse_workers(text: str) -> Workers:
@@ -177,7 +175,7 @@ def progress_bar() -> Iterator[Callable[[Progress], None] | None]:
 
 
 def report(summary: Summary, out: Path) -> None:
-    """What a run did, in a few lines."""
+    """What a run did, in a few lines. Raises DatasetError if it could not make any frame."""
     frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())
     people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
     say(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")
@@ -192,3 +190,5 @@ def report(summary: Summary, out: Path) -> None:
         )
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
         console.print(f"skipped {count}: {why}", style="yellow", markup=False)
+    if not sum(summary.frames.values()):
+        raise DatasetError(f"{out}: no frame could be made, see {out / 'skipped.jsonl'}")

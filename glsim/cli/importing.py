@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import BackendOption, Debug, Quiet, Verbose
-from glsim.errors import DatasetError
 
 BIWI_EXAMPLES = """
 [bold]Examples[/bold]
@@ -59,5 +58,3 @@ def biwi(
             progress=progress,
         )
     report(summary, out)
-    if not sum(summary.frames.values()):
-        raise DatasetError(f"{out}: no frame could be made, see {out / 'skipped.jsonl'}")

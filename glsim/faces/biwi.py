@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.canonical import Canonicalisation, check_axes, check_unit
-from glsim.errors import ConfigError, MeshError, did_you_mean
+from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.biwifile import HeadPose, read_pose
+from glsim.faces.listed import check_subject, first_subjects, load_each, remembered
 from glsim.faces.tree import check_root, last_number, listing
 from glsim.mesh import Mesh
 from glsim.meshio import find_known_frame, read_mesh, sized
@@ -74,19 +75,12 @@ class Biwi:
 
     def subjects(self, count: int | None) -> list[str]:
         """The first ``count`` people. Raises ConfigError: fewer than that, or none."""
-        names = list(self._people)
-        if not names:
-            raise ConfigError(f"{self.root}: no recording NN (01 to 24) with frame_*_pose.txt")
-        if count is not None and count > len(names):
-            raise ConfigError(f"{self.root}: has {len(names)} subjects, {count} were asked for")
-        return names[:count]
+        nothing = "no recording NN (01 to 24) with frame_*_pose.txt"
+        return first_subjects(self.root, self._people, count, nothing)
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """The first ``count`` frames of a person, recording by recording. Raises ConfigError."""
-        if subject not in self._people:
-            raise ConfigError(
-                f"{self.root}: no subject {subject!r} ({did_you_mean(subject, self._people)})"
-            )
+        check_subject(self.root, subject, self._people)
         keys: list[FaceKey] = []
         for recording in self._people[subject]:
             names = [n for n in listing(self.root / recording) if n.endswith("_pose.txt")]
@@ -106,11 +100,7 @@ class Biwi:
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """The template, turned as the pose file says, one a key; recordings share ``faces``."""
-        for key in keys:
-            try:
-                yield self._face(key)
-            except MeshError as error:
-                yield BadFace(key, error)
+        return load_each(keys, self._face)
 
     def pose(self, key: FaceKey) -> HeadPose:
         """How the head stands in a frame. Raises MeshError."""
@@ -146,15 +136,7 @@ class Biwi:
         return Face(key, mesh, notes=notes)
 
     def _template(self, recording: str) -> tuple[Mesh, Canonicalisation]:
-        if recording not in self._templates:
-            try:
-                self._templates[recording] = self._read_template(recording)
-            except MeshError as error:
-                self._templates[recording] = error
-        found = self._templates[recording]
-        if isinstance(found, MeshError):
-            raise found
-        return found
+        return remembered(self._templates, recording, self._read_template)
 
     def _read_template(self, recording: str) -> tuple[Mesh, Canonicalisation]:
         path = self.root / f"{recording}.obj"

@@ -26,9 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.canonical import Canonicalisation, check_axes, check_unit
-from glsim.errors import ConfigError, MeshError, did_you_mean
+from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.headscale import mm_per_unit
+from glsim.faces.listed import check_subject, first_subjects, load_each, remembered
 from glsim.faces.shapefile import SHAPES, open_shapes
 from glsim.faces.tree import check_root, listing
 from glsim.mesh import Mesh
@@ -100,14 +101,8 @@ class FaceWarehouse:
 
     def subjects(self, count: int | None) -> list[str]:
         """The first ``count`` people. Raises ConfigError: fewer than that, or none."""
-        names = list(self._testers)
-        if not names:
-            raise ConfigError(
-                f"{self.root}: no folder Tester_N with a Blendshape or TrainingPose in it"
-            )
-        if count is not None and count > len(names):
-            raise ConfigError(f"{self.root}: has {len(names)} subjects, {count} were asked for")
-        return names[:count]
+        nothing = "no folder Tester_N with a Blendshape or TrainingPose in it"
+        return first_subjects(self.root, self._testers, count, nothing)
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """The first ``count`` frames: the shapes, then the poses. Raises ConfigError."""
@@ -128,14 +123,10 @@ class FaceWarehouse:
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Read one mesh a key. All people of one topology share one ``faces`` array."""
-        for key in keys:
-            try:
-                yield self._face(key)
-            except MeshError as error:
-                yield BadFace(key, error)
+        return load_each(keys, self._face)
 
     def _face(self, key: FaceKey) -> Face:
-        person = self._person(key.subject)
+        person = remembered(self._people, key.subject, self._find)
         weights = self._weights(key)
         points = self._points(key, weights, person.vertices)
         mesh = sized(self.root / key.path, Mesh(person.frame.points(points), person.faces))
@@ -170,19 +161,8 @@ class FaceWarehouse:
         shares = list(weights.values())
         return meshes[0] if len(meshes) == 1 else shares[0] * meshes[0] + shares[1] * meshes[1]
 
-    def _person(self, subject: str) -> _Person:
-        """Topology, scale, winding and origin from the neutral face. Raises MeshError."""
-        if subject not in self._people:
-            try:
-                self._people[subject] = self._find(subject)
-            except MeshError as error:
-                self._people[subject] = error
-        found = self._people[subject]
-        if isinstance(found, MeshError):
-            raise found
-        return found
-
     def _find(self, subject: str) -> _Person:
+        """Topology, scale, winding and origin from the neutral face. Raises MeshError."""
         tester = self._tester(subject)
         faces, count = self._topology(subject)
         neutral = tester.bs or tester.shapes.get(0) or tester.poses.get(0)
@@ -243,10 +223,7 @@ class FaceWarehouse:
         raise error
 
     def _tester(self, subject: str) -> _Tester:
-        if subject not in self._testers:
-            raise ConfigError(
-                f"{self.root}: no subject {subject!r} ({did_you_mean(subject, self._testers)})"
-            )
+        check_subject(self.root, subject, self._testers)
         return self._testers[subject]
 
     def _name(self, path: Path) -> str:

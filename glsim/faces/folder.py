@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.canonical import Canonicalisation, check_axes, check_unit
-from glsim.errors import ConfigError, MeshError, did_you_mean
+from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.listed import check_subject, first_subjects
 from glsim.faces.tree import Words, check_root, is_mesh, last_number, listing, meshes
 from glsim.meshio import RawMesh, find_frame, notes_of, read_mesh, sized
 from glsim.meshlimits import EXTENSIONS
@@ -74,21 +75,12 @@ class Folder:
 
     def subjects(self, count: int | None) -> list[str]:
         """The first ``count`` subjects in natural order. Raises ConfigError: fewer than that."""
-        names = list(self._keys)
-        if not names:
-            raise ConfigError(
-                f"{self.root}: no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
-            )
-        if count is not None and count > len(names):
-            raise ConfigError(f"{self.root}: has {len(names)} subjects, {count} were asked for")
-        return names[:count]
+        nothing = f"no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
+        return first_subjects(self.root, self._keys, count, nothing)
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """The first ``count`` frames of a subject, sequence by sequence. Raises ConfigError."""
-        if subject not in self._keys:
-            raise ConfigError(
-                f"{self.root}: no subject {subject!r} ({did_you_mean(subject, self._keys)})"
-            )
+        check_subject(self.root, subject, self._keys)
         return self._keys[subject][:count]
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
