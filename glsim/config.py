@@ -41,6 +41,19 @@ DEFAULT_SUBJECTS = 10
 DEFAULT_FRAMES = 30
 DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
+PAPER_SPLIT = "paper"
+"""By images instead of people, see glsim.papersplit."""
+ENDLESS = ("procedural", "ict-facekit")
+"""Sources that make their faces; the others have an end."""
+_FILES = ("folder", "d3dfacs", "facewarehouse", "biwi")
+_OPTIONS = {
+    "unit": _FILES,
+    "axes": _FILES,
+    "every": ("d3dfacs", "biwi"),
+    "peak_only": ("d3dfacs",),
+    "steps": ("facewarehouse",),
+    "poses": ("facewarehouse",),
+}
 
 
 class _Table(BaseModel):
@@ -50,12 +63,29 @@ class _Table(BaseModel):
 class SourceSettings(_Table):
     """Where the faces come from."""
 
-    kind: Literal["procedural", "ict-facekit", "folder"] = "procedural"
+    kind: Literal["procedural", "ict-facekit", "folder", "d3dfacs", "facewarehouse", "biwi"] = (
+        "procedural"
+    )
     root: Path | None = Field(None, description="folder of the meshes or of the face model")
     subjects: int | None = Field(None, ge=1, description="how many people; all, if left out")
     frames_per_subject: int | None = Field(None, ge=1, description="all, if left out")
-    unit: Literal["auto", "mm", "cm", "dm", "m", "inch"] = "auto"
+    unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
     axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; found, if auto")
+    every: int | None = Field(None, ge=1, description="one frame in so many (d3dfacs, biwi)")
+    peak_only: bool | None = Field(None, description="the peak of each sequence (d3dfacs)")
+    steps: int | None = Field(None, ge=1, description="frames a blend shape (facewarehouse)")
+    poses: bool | None = Field(None, description="the training poses too (facewarehouse)")
+    weight: float | None = Field(None, gt=0, lt=1e9, description="share, beside the others'")
+    count: int | None = Field(None, ge=1, description="images from this source")
+
+    @model_validator(mode="after")
+    def _check(self) -> SourceSettings:
+        for name, kinds in _OPTIONS.items():
+            if getattr(self, name) not in (None, "auto") and self.kind not in kinds:
+                raise ValueError(f"{name}: {self.kind} has no such option ({', '.join(kinds)})")
+        if self.weight is not None and self.count is not None:
+            raise ValueError("give a source a weight or a count, not both")
+        return self
 
 
 class PoseSettings(_Table):
@@ -97,7 +127,12 @@ class OutputSettings(_Table):
         return self
 
 
+_Shares = tuple[float, float, float]
+
+
 def _split(value: object) -> object:
+    if value == PAPER_SPLIT:
+        return value
     if isinstance(value, str):
         value = [part.strip() for part in value.split(",")]
     if isinstance(value, list | tuple) and len(value) != len(SPLIT_NAMES):
@@ -115,7 +150,7 @@ class Settings(_Table):
     sensor: str = DEFAULT_SENSOR
     seed: int = Field(0, ge=0, lt=2**63)
     devices: int = Field(1, ge=1, description="virtual devices, each with its own fixed pattern")
-    split: Annotated[tuple[float, float, float], BeforeValidator(_split)] = (0.70, 0.12, 0.18)
+    split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = (0.70, 0.12, 0.18)
     source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
     pose: PoseSettings = PoseSettings()
     scene: SceneSettings = SceneSettings()
@@ -126,7 +161,7 @@ class Settings(_Table):
 
     @model_validator(mode="after")
     def _check(self) -> Settings:
-        if (
+        if not isinstance(self.split, str) and (
             any(s < 0 or not math.isfinite(s) for s in self.split)
             or abs(sum(self.split) - 1) > 1e-6
         ):
@@ -164,7 +199,7 @@ def load_settings(
 
 
 def _with_counts(source: SourceSettings) -> SourceSettings:
-    if source.kind == "folder":  # has an end of its own
+    if source.kind not in ENDLESS:
         return source
     update = {
         "subjects": source.subjects or DEFAULT_SUBJECTS,
@@ -229,7 +264,9 @@ def validate(model: type[_Model], tree: Mapping[str, Any], where: str) -> _Model
         return model.model_validate(tree)
     except ValidationError as error:
         problem = error.errors()[0]
-        path = [part for part in problem["loc"] if not str(part).startswith("function-")]
+        path = [
+            part for part in problem["loc"] if not str(part).startswith(("function-", "tuple["))
+        ]
         name = ".".join(str(part) for part in path) or "the whole"
         if problem["type"] == "extra_forbidden":
             known = _fields_at(model, path[:-1])

@@ -10,7 +10,7 @@ are files of one colour only.
 from __future__ import annotations
 
 import logging
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,20 +18,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.canonical import Canonicalisation, canonicalise, check_axes, check_unit
-from glsim.errors import MeshError, did_you_mean
+from glsim.canonical import (
+    LARGEST_MM,
+    SMALLEST_MM,
+    Canonicalisation,
+    canonicalise,
+    check_axes,
+    check_unit,
+)
+from glsim.errors import MeshError
 from glsim.mesh import SKIN_ALBEDO, Mesh
+from glsim.meshlimits import check_count, check_file
 from glsim.objfile import read_material_colours, read_obj
+from glsim.plyfile import read_plain_ply
 from glsim.scenefile import Part, read_parts
-
-EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
-"""What can be read: OBJ here, the rest by trimesh (its readers that need no further package)."""
-
-MAX_TRIANGLES: Final = 5_000_000
-"""A head in 0.3 mm triangles; more is 0.4 GB of vertices for detail no depth camera sees."""
-
-MAX_BYTES: Final = 200 * MAX_TRIANGLES
-"""200 bytes a triangle: an OBJ with texture coordinates and normals needs about 120."""
 
 ALBEDO_RANGE: Final = (0.05, 0.95)  # hair is 0.05-0.3; nothing on a face beats a white wall
 LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values
@@ -86,15 +86,53 @@ def load_mesh(
 
 
 def find_frame(
-    path: Path, raw: RawMesh, *, unit: str, axes: str, recentre: bool
+    path: Path, raw: RawMesh, *, unit: str, axes: str, recentre: bool, thorough: bool = True
 ) -> Canonicalisation:
     """``canonicalise``, said aloud; the file's name is put into its errors."""
     try:
-        frame = canonicalise(raw.vertices, raw.faces, unit=unit, axes=axes, recentre=recentre)
+        frame = canonicalise(
+            raw.vertices, raw.faces, unit=unit, axes=axes, recentre=recentre, thorough=thorough
+        )
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
     _LOG.info("%s: %s", path, frame)
     return frame
+
+
+def find_known_frame(
+    path: Path,
+    raw: RawMesh,
+    *,
+    unit: str,
+    axes: str,
+    format_axes: str,
+    recentre: bool,
+    thorough: bool = True,
+) -> Canonicalisation:
+    """``find_frame`` for a format whose axes are known: "auto" takes them, and checks them.
+
+    Raises MeshError too for a face that looks away or stands on its head in the format's axes.
+    """
+    chosen = format_axes if axes == "auto" else axes
+    frame = find_frame(path, raw, unit=unit, axes=chosen, recentre=recentre, thorough=thorough)
+    if axes == "auto" and frame.better_axes:
+        raise MeshError(
+            f"{path}: the face looks away or stands on its head in the format's own axes "
+            f"{format_axes}: {frame.better_axes} fits better; set axes to what is right"
+        )
+    return frame
+
+
+def sized(path: Path, mesh: Mesh) -> Mesh:
+    """The mesh, if it is as large as a head can be in its frame's unit. Raises MeshError."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = float(np.ptp(mesh.vertices_mm, axis=0).max())
+    if not SMALLEST_MM <= size <= LARGEST_MM:
+        raise MeshError(
+            f"{path}: the head is {size:.4g} mm across in the unit of its sequence, and should be "
+            f"{SMALLEST_MM:.0f} to {LARGEST_MM:.0f} mm; set the unit, or mend the file"
+        )
+    return mesh
 
 
 def notes_of(raw: RawMesh, frame: Canonicalisation) -> dict[str, object]:
@@ -105,8 +143,8 @@ def notes_of(raw: RawMesh, frame: Canonicalisation) -> dict[str, object]:
 
 def read_mesh(path: Path) -> RawMesh:
     """Read and clean a mesh file, in its own unit and axes. Raises MeshError."""
-    promised = _check_file(path)
-    parts = _read_obj_parts(path) if path.suffix.lower() == ".obj" else read_parts(path)
+    promised = check_file(path)
+    parts = _parts(path)
     vertices = np.concatenate([part.vertices for part in parts])
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
@@ -117,38 +155,57 @@ def read_mesh(path: Path) -> RawMesh:
             f"{path}: cut short: {promised} faces are promised, {len(faces)} are there; "
             "copy or export it again"
         )
-    _check_count(path, len(faces))
-    wrong = np.flatnonzero((faces < 0).any(axis=1) | (faces >= len(vertices)).any(axis=1))
-    if len(wrong):
+    check_count(path, len(faces))
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        wrong = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0]
         raise MeshError(
-            f"{path}: triangle {wrong[0]} uses vertex {faces[wrong[0]].max()}, but there are "
+            f"{path}: triangle {wrong} uses vertex {faces[wrong].max()}, but there are "
             f"{len(vertices)} vertices; the file is damaged, export it again"
         )
-    return _clean(path, vertices, faces, _albedo(parts))
+    return clean(path, vertices, faces, _albedo(parts))
 
 
-def _clean(
+def merged(raws: Sequence[RawMesh]) -> RawMesh:
+    """Patches of one surface, one after the other."""
+    if len(raws) == 1:
+        return raws[0]
+    starts = np.cumsum([0, *(len(raw.vertices) for raw in raws[:-1])])
+    faces = [raw.faces + np.int32(start) for raw, start in zip(raws, starts, strict=True)]
+    albedos = [raw.albedo for raw in raws if raw.albedo is not None]
+    return RawMesh(
+        np.concatenate([raw.vertices for raw in raws]),
+        np.concatenate(faces),
+        np.concatenate(albedos) if len(albedos) == len(raws) else None,
+        sum(raw.degenerate for raw in raws),
+    )
+
+
+def clean(
     path: Path,
     vertices: NDArray[np.float64],
     faces: NDArray[np.int64],
     albedo: NDArray[np.float32] | None,
 ) -> RawMesh:
     """Drop triangles without area and vertices without triangle; refuse NaN and infinity."""
-    bad = np.flatnonzero(~np.isfinite(vertices[faces]).all(axis=(1, 2)))
+    finite = np.isfinite(vertices)
+    if not finite.all():
+        broken = np.flatnonzero(~finite.all(axis=1))
+        bad = np.flatnonzero(np.isin(faces, broken).any(axis=1))
+    else:
+        bad = np.empty(0, np.int64)
     if len(bad):
         raise MeshError(
             f"{path}: {len(bad)} of {len(faces)} triangles have a vertex at NaN or infinity "
             f"(first: triangle {bad[0]}); repair or remove them"
         )
-    corner = vertices[faces]
-    with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are refused with the unit
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    whole = (normal != 0).any(axis=1)
+    whole = _with_area(vertices, faces)
     if not whole.any():
         raise MeshError(f"{path}: all {len(faces)} triangles are degenerate (no area)")
-    kept = faces[whole]
+    kept = faces if whole.all() else faces[whole]
     used = np.zeros(len(vertices), dtype=bool)
     used[kept] = True
+    if used.all():
+        return RawMesh(vertices, kept.astype(np.int32), albedo, int(len(faces) - len(kept)))
     number = np.cumsum(used) - 1
     return RawMesh(
         vertices[used],
@@ -156,6 +213,24 @@ def _clean(
         None if albedo is None else albedo[used],
         int(len(faces) - len(kept)),
     )
+
+
+def _with_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(F,) whether a triangle's cross product is not 0; by column, twice as fast as np.cross."""
+    a, b, c = (vertices.T[:, faces[:, corner]] for corner in range(3))
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are refused with the unit
+        (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+        return np.asarray(
+            (uy * vz - uz * vy != 0) | (uz * vx - ux * vz != 0) | (ux * vy - uy * vx != 0)
+        )
+
+
+def _parts(path: Path) -> list[Part]:
+    suffix = path.suffix.lower()
+    if suffix == ".obj":
+        return _read_obj_parts(path)
+    plain = read_plain_ply(path) if suffix == ".ply" else None
+    return [Part(plain.vertices, plain.faces, None)] if plain else read_parts(path)
 
 
 def _read_obj_parts(path: Path) -> list[Part]:
@@ -187,64 +262,3 @@ def _albedo(parts: list[Part]) -> NDArray[np.float32] | None:
     if not np.isfinite(luma).all() or middle <= 0 or np.ptp(luma) < 1e-3 * middle:
         return None
     return np.asarray(np.clip(SKIN_ALBEDO * luma / middle, *ALBEDO_RANGE), dtype=np.float32)
-
-
-def _check_file(path: Path) -> int:
-    """Refuse what can be refused without reading the mesh; how many faces it promises at least."""
-    if path.is_dir():
-        raise MeshError(f"{path}: is a directory, not a mesh; the source 'folder' reads trees")
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
-    suffix = path.suffix.lower()
-    if suffix not in EXTENSIONS:
-        raise MeshError(
-            f"{path}: {suffix or 'a file without extension'} is not a mesh format glsim reads "
-            f"({did_you_mean(suffix, EXTENSIONS)}); export it as OBJ or PLY"
-        )
-    if size == 0:
-        raise MeshError(f"{path}: the file is empty")
-    if size > MAX_BYTES:
-        raise MeshError(
-            f"{path}: {size / 1e9:.1f} GB is more than a mesh of {MAX_TRIANGLES} triangles needs; "
-            "simplify it (a depth camera sees 2.5 mm at 0.9 m)"
-        )
-    counts = _declared(path, suffix, size)
-    for count in counts:
-        _check_count(path, count)
-    return counts[1] if suffix == ".off" and counts else 0  # the others' readers count themselves
-
-
-def _declared(path: Path, suffix: str, size: int) -> list[int]:
-    """Counts a file promises, so that a huge one is refused before it fills the memory."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(4096)
-            if suffix == ".obj" and size > len("f 1 2 3\n") * MAX_TRIANGLES:
-                blocks = iter(lambda: file.read(1 << 24), b"")
-                return [sum(block.count(b"\nf ") for block in blocks)]
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if suffix == ".ply":
-        return [int(count) for count in re.findall(rb"element \w+ +(\d{1,18})", head)]
-    if suffix == ".off":
-        first = re.search(rb"^\s*(?:[A-Z]*OFF)?\s*(\d{1,18})\s+(\d{1,18})", head)
-        return [int(count) for count in first.groups()] if first else []
-    if suffix == ".stl" and not head.lstrip().startswith(b"solid") and len(head) >= 84:
-        count = int.from_bytes(head[80:84], "little")
-        if size < 84 + 50 * count:
-            raise MeshError(
-                f"{path}: cut short: {count} triangles need {84 + 50 * count} bytes, "
-                f"there are {size}; copy or export it again"
-            )
-        return [count]
-    return []
-
-
-def _check_count(path: Path, triangles: int) -> None:
-    if triangles > MAX_TRIANGLES:
-        raise MeshError(
-            f"{path}: {triangles} triangles or vertices, the limit is {MAX_TRIANGLES}; "
-            "simplify it (a depth camera sees 2.5 mm at 0.9 m)"
-        )

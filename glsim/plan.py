@@ -6,7 +6,6 @@ part of it, in any order, and produce the same frames.
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter
 from dataclasses import dataclass
 
@@ -14,12 +13,11 @@ from glsim.config import SPLIT_NAMES, Settings
 from glsim.distribution import DrawKeys
 from glsim.errors import ConfigError, DatasetError
 from glsim.faces.base import FaceKey, FaceSource
+from glsim.mixture import mixed
+from glsim.papersplit import split_as_paper
+from glsim.stable import stable_seed
 
-
-def stable_seed(*words: object) -> int:
-    """A 64-bit integer from words; the same on every machine and in every process."""
-    text = "\x1f".join(str(word) for word in words)
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
+__all__ = ["Task", "check_plan", "make_tasks", "split_subjects", "stable_seed"]
 
 
 @dataclass(frozen=True)
@@ -52,10 +50,15 @@ def make_tasks(settings: Settings, sources: list[FaceSource]) -> list[Task]:
     for number, source in enumerate(sources):
         for name in source.subjects(settings.source[number].subjects):
             people.append((number, name, f"{number}-{name}" if len(sources) > 1 else name))
-    splits = split_subjects([person[2] for person in people], settings.split, settings.seed)
+    frames = [
+        (number, sources[number].frames(name, settings.source[number].frames_per_subject))
+        for number, name, _ in people
+    ]
+    taken = mixed(settings.source, frames)
+    splits = _splits(settings, {p[2]: len(keys) for p, keys in zip(people, taken, strict=True)})
     tasks: list[Task] = []
-    for order, (number, name, subject) in enumerate(people):
-        for key in sources[number].frames(name, settings.source[number].frames_per_subject):
+    for order, (number, _, subject) in enumerate(people):
+        for key in taken[order]:
             words = (settings.seed, sources[number].name, subject)
             seeds = DrawKeys(
                 frame=stable_seed("frame", *words, key.sequence, key.frame),
@@ -72,6 +75,12 @@ def make_tasks(settings: Settings, sources: list[FaceSource]) -> list[Task]:
         raise ConfigError("the plan has no frames: the source has no subjects or no meshes")
     check_plan(tasks)
     return tasks
+
+
+def _splits(settings: Settings, frames: dict[str, int]) -> dict[str, str]:
+    if isinstance(settings.split, str):
+        return split_as_paper(frames, settings.seed)
+    return split_subjects(list(frames), settings.split, settings.seed)
 
 
 def split_subjects(

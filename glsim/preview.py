@@ -129,6 +129,22 @@ def contact_sheet(rows: Sequence[Shown], title: str, side: int = 300) -> Picture
     return np.vstack([head, *strips, _legend(width, used)])
 
 
+def gallery(faces: Sequence[Shown], title: str, columns: int = 4, side: int = 240) -> Picture:
+    """Shaded clean maps in a grid, each with its caption."""
+    columns = max(1, min(columns, len(faces)))
+    cells = []
+    for face in faces:
+        cut = _surface_slices(face.clean_m)
+        cell = _fit(shaded(face.clean_m, face.intrinsics)[cut], side)
+        _write(cell, face.caption, (8, 16), 0.4)
+        cells.append(cell)
+    cells += [np.full((side, side, 3), _BACKGROUND, np.uint8)] * (-len(cells) % columns)
+    rows = [np.hstack(cells[n : n + columns]) for n in range(0, len(cells), columns)]
+    head = np.full((40, columns * side, 3), _BACKGROUND, np.uint8)
+    _write(head, title, (10, 26), 0.5)
+    return np.vstack([head, *rows])
+
+
 def _legend(width: int, used: Sequence[Reason]) -> Picture:
     lines = 1 + len(used)
     bar = np.full((24 * lines + 14, width, 3), _BACKGROUND, np.uint8)

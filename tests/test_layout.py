@@ -23,7 +23,16 @@ MODULES = sorted((ROOT / "glsim").rglob("*.py"))
 
 #: Who may import what is heavy or has one home: module -> files and folders below glsim/.
 HOMES = {
-    "moderngl": ("gl", "render.py", "pipeline.py", "noise/chain.py", "visibility.py", "cli"),
+    "moderngl": (
+        "gl",
+        "render.py",
+        "samples.py",
+        "pipeline.py",
+        "noise/chain.py",
+        "visibility.py",
+        "validate",
+        "cli",
+    ),
     "trimesh": ("scenefile.py", "meshio.py"),
     "typer": ("cli",),
     "rich": ("cli",),

@@ -15,10 +15,11 @@ from facemodels import analytic_face
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from glsim import meshio
+from glsim import meshio, meshlimits
 from glsim.canonical import rotation
 from glsim.errors import ConfigError, MeshError
-from glsim.meshio import EXTENSIONS, load_mesh, read_mesh
+from glsim.meshio import load_mesh, read_mesh
+from glsim.meshlimits import EXTENSIONS
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)
 
@@ -258,10 +259,10 @@ def test_huge_meshes_are_refused_before_they_are_read(
         load_mesh(stl)
     obj = tmp_path / "a.obj"
     with obj.open("wb") as file:
-        file.truncate(meshio.MAX_BYTES + 1)
+        file.truncate(meshlimits.MAX_BYTES + 1)
     with pytest.raises(MeshError, match=r"1\.0 GB is more than a mesh of 5000000 triangles"):
         load_mesh(obj)
-    monkeypatch.setattr(meshio, "MAX_TRIANGLES", 100)
+    monkeypatch.setattr(meshlimits, "MAX_TRIANGLES", 100)
     obj.write_text(GOOD_OBJ)
     with pytest.raises(MeshError, match=f"{len(TRIANGLES)} triangles or vertices"):
         load_mesh(obj)

@@ -197,7 +197,7 @@ def test_infrared_falls_with_the_square_of_the_distance(
     context: moderngl.Context, z_m: float
 ) -> None:
     """6256 counts from white at 1 m; skin has 0.6 of it."""
-    frame = on_plane(context, "kinect-v2", z_m, "infrared")
+    frame = on_plane(context, "kinect-v2-fankhauser", z_m, "infrared")
     assert frame.infrared.max() == pytest.approx(0.6 * 6256 / z_m**2, abs=0.6)
 
 

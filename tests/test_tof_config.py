@@ -51,8 +51,9 @@ def test_what_cannot_work_is_one_line(tmp_path: Path, old: str, new: str, messag
 
 
 def test_light_needs_an_emitter(tmp_path: Path) -> None:
-    lines = "emitter]]   # the middle of three beside the lens\nposition_m = [0.045, 0, 0]"
-    text = changed(tmp_path, f"[[rig.{lines}", "")
+    own = (SENSOR_FOLDER / "kinect-v2.toml").read_text()
+    start = own.index("[[rig.emitter]]")
+    text = changed(tmp_path, own[start : own.index("[[stage]]")], "")
     with pytest.raises(ConfigError, match=r"measures the emitter's light, but the rig has no"):
         load_sensor(text)
 

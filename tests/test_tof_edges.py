@@ -106,16 +106,15 @@ def test_shadows_are_as_wide_as_geometry_says(
     assert (1 - left).sum() == pytest.approx(width, abs=1.0)
     assert (1 - right).sum() < 0.1
     column = lit[:, int(CENTRE)][~near[:, int(CENTRE)]]
-    assert (1 - column).sum() < 0.1
-    levels = {round(float(v), 2) for v in left}
-    assert {0.33, 0.67} <= levels
+    assert (1 - column).sum() < 1.0, "at most the pixel that the edge itself runs through"
+    assert ((left > 0.2) & (left < 0.8)).any(), "a penumbra"
     middle = lit[205] == 0
     assert np.isin(layers["reason"][205][middle & (layers["depth"][205] == 0)],
                    [Reason.SHADOW, Reason.MIXED, Reason.EDGE, Reason.UNWRAP]).all()  # fmt: skip
 
 
 def test_without_offset_there_is_no_shadow(context: moderngl.Context) -> None:
-    cam = Camera.open(context, emitter=[{"position_m": [0.0, 0.0, 0.001]}])
+    cam = Camera.open(context, "kinect-v2-fast", emitter=[{"position_m": [0.0, 0.0, 0.001]}])
     scene = [quad(900.0, (-50, 50), (-50, 50)), quad(2000.0)]
     lit = cam.shoot(scene, {"tof_shadow": {"spread_mm": 0.0}})["lit"]
     assert (lit == 1).all()

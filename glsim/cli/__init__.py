@@ -7,7 +7,17 @@ import traceback
 
 import typer
 
-from glsim.cli import corrupt, describe, fit, generate, preview, render, validate
+from glsim.cli import (
+    corrupt,
+    describe,
+    fit,
+    generate,
+    importing,
+    inspecting,
+    preview,
+    render,
+    validate,
+)
 from glsim.cli.common import console, options
 from glsim.errors import ConfigError, GlsimError
 
@@ -26,6 +36,8 @@ app.command("preview", epilog=preview.EXAMPLES)(preview.preview)
 app.command("corrupt", epilog=corrupt.EXAMPLES)(corrupt.corrupt)
 app.command("validate", epilog=validate.EXAMPLES)(validate.validate)
 app.command("fit", epilog=fit.EXAMPLES)(fit.fit)
+app.command("inspect", epilog=inspecting.EXAMPLES)(inspecting.inspect)
+app.add_typer(importing.app, name="import")
 app.command("sensors", epilog=describe.SENSORS_EXAMPLES)(describe.sensors)
 app.command("stages", epilog=describe.STAGES_EXAMPLES)(describe.stages)
 app.command("info", epilog=describe.INFO_EXAMPLES)(describe.info)

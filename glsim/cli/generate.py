@@ -38,6 +38,8 @@ glsim generate -o data --source ict-facekit --root FaceXModel --subjects 100 --c
 
 glsim generate -o data --source folder --root scans --format webdataset --workers 4
 
+glsim generate -o data --source d3dfacs --root d3dfacs_alignments --every 5 --split paper --plan
+
 glsim generate -o data --set pose.yaw_deg={uniform=[-30,30]} --sensor kinect-v2-paper
 
 The same command again resumes an interrupted run and checks a finished one.
@@ -45,8 +47,11 @@ The same command again resumes an interrupted run and checks a finished one.
 
 
 def generate(
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the data set.")],
-    source: Annotated[str | None, typer.Option(help="procedural, ict-facekit or folder.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the data set.")] = None,
+    source: Annotated[
+        str | None,
+        typer.Option(help="procedural, ict-facekit, folder, d3dfacs, facewarehouse or biwi."),
+    ] = None,
     root: Annotated[
         Path | None, typer.Option(help="Folder of the meshes or of the face model.")
     ] = None,
@@ -56,6 +61,15 @@ def generate(
     frames_per_subject: Annotated[
         int | None, typer.Option(help="Frames of each. Default: all of a folder, else 30.")
     ] = None,
+    unit: Annotated[str | None, typer.Option(help="Unit of the meshes, over the rule.")] = None,
+    axes: Annotated[str | None, typer.Option(help="Axes of the meshes, over the rule.")] = None,
+    every: Annotated[int | None, typer.Option(help="One frame in so many (d3dfacs, biwi).")] = None,
+    peak_only: Annotated[
+        bool, typer.Option("--peak-only", help="The peak of each sequence (d3dfacs).")
+    ] = False,
+    steps: Annotated[
+        int | None, typer.Option(help="Frames from a shape to the next (facewarehouse).")
+    ] = None,
     sensor: SensorOption = None,
     crop: Annotated[int | None, typer.Option(help="Side of the centre crop, pixels.")] = None,
     format: Annotated[str | None, typer.Option(help="png or webdataset.")] = None,
@@ -64,12 +78,16 @@ def generate(
     ] = None,
     depth_unit_mm: Annotated[float | None, typer.Option(help="Step of the depth files.")] = None,
     split: Annotated[
-        str | None, typer.Option(help="Shares of train,val,test. Default 0.70,0.12,0.18.")
+        str | None,
+        typer.Option(help="Shares of train,val,test (default 0.70,0.12,0.18), or paper."),
     ] = None,
     workers: Annotated[str, typer.Option(help="Processes; auto is one a core.")] = "auto",
     seed: SeedOption = None,
     assignments: SetOption = None,
     config: ConfigOption = None,
+    plan: Annotated[
+        bool, typer.Option("--plan", help="Say what would be made, and make nothing.")
+    ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Stop at the first bad mesh.")] = False,
     backend: BackendOption = None,
     quiet: Quiet = False,
@@ -91,17 +109,35 @@ def generate(
         strict=strict or None,
     )
     face_options = overrides(
-        kind=source, root=root, subjects=subjects, frames_per_subject=frames_per_subject
+        kind=source,
+        root=root,
+        subjects=subjects,
+        frames_per_subject=frames_per_subject,
+        unit=unit,
+        axes=axes,
+        every=every,
+        peak_only=peak_only or None,
+        steps=steps,
     )
     settings = load_settings(config, assignments or [], tree, face_options)
-    with _bar() as progress:
-        summary = run(settings, out, workers=_workers(workers), backend=backend, progress=progress)
-    _report(summary, out)
+    if plan:
+        from glsim.cli.planning import print_plan
+
+        print_plan(settings, parse_workers(workers), backend)
+        return
+    if out is None:
+        raise ConfigError("give -o DIR, the folder of the data set (or --plan to look ahead)")
+    with progress_bar() as progress:
+        summary = run(
+            settings, out, workers=parse_workers(workers), backend=backend, progress=progress
+        )
+    report(summary, out)
     if not sum(summary.frames.values()):
         raise DatasetError(f"{out}: no frame could be made, see {out / 'skipped.jsonl'}")
 
 
-def _workers(text: str) -> Workers:
+def parse_workers(text: str) -> Workers:
+    """The option --workers. Raises ConfigError."""
     if text == "auto":
         return "auto"
     if not text.isdigit() or int(text) < 1:
@@ -110,7 +146,7 @@ def _workers(text: str) -> Workers:
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[Progress], None] | None]:
+def progress_bar() -> Iterator[Callable[[Progress], None] | None]:
     """A progress bar on stderr with rate, time left and skipped frames; nothing if --quiet."""
     if options.quiet:
         yield None
@@ -140,7 +176,8 @@ def _bar() -> Iterator[Callable[[Progress], None] | None]:
         yield update
 
 
-def _report(summary: Summary, out: Path) -> None:
+def report(summary: Summary, out: Path) -> None:
+    """What a run did, in a few lines."""
     frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())
     people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
     say(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")

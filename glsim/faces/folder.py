@@ -15,8 +15,6 @@ files and folders, links back to a folder on the way down, and files of other ki
 from __future__ import annotations
 
 import os
-import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -29,13 +27,12 @@ from numpy.typing import NDArray
 from glsim.canonical import Canonicalisation, check_axes, check_unit
 from glsim.errors import ConfigError, MeshError, did_you_mean
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.meshio import EXTENSIONS, find_frame, notes_of, read_mesh
+from glsim.faces.tree import Words, check_root, is_mesh, last_number, listing, meshes
+from glsim.meshio import RawMesh, find_frame, notes_of, read_mesh, sized
+from glsim.meshlimits import EXTENSIONS
 
 MAIN_SEQUENCE: Final = "main"
 FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; only FaceKey.time_s tells
-
-_UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
-_NUMBER: Final = re.compile(r"(\d+)", re.ASCII)
 
 
 class Folder:
@@ -64,10 +61,7 @@ class Folder:
         check_axes(axes)
         if not frames_per_second > 0:
             raise ConfigError(f"frames_per_second={frames_per_second}: must be above 0")
-        self.root = Path(root)
-        if not self.root.is_dir():
-            what = "is a file, not a folder" if self.root.exists() else "there is no such folder"
-            raise ConfigError(f"{self.root}: {what}; give the folder that holds the meshes")
+        self.root = check_root(root)
         self._unit, self._axes, self._recentre = unit, axes, recentre
         self._frames_per_second = frames_per_second
         self._frames_found: dict[tuple[str, str], Canonicalisation | MeshError] = {}
@@ -102,16 +96,29 @@ class Folder:
         shared: NDArray[np.int32] | None = None
         for key in keys:
             try:
-                raw = read_mesh(self.root / key.path)
+                raw = self._read(key)
                 frame = self._frame_of(key)
-                mesh = raw.to_mesh(frame)
+                mesh = sized(self.root / key.path, raw.to_mesh(frame))
             except MeshError as error:
                 yield BadFace(key, error)
                 continue
             if shared is not None and np.array_equal(shared, mesh.faces):
                 mesh = replace(mesh, faces=shared)
             shared = mesh.faces
-            yield Face(key, mesh, notes=notes_of(raw, frame))
+            yield Face(key, mesh, notes=notes_of(raw, frame) | self._notes(key))
+
+    def _read(self, key: FaceKey) -> RawMesh:
+        return read_mesh(self.root / key.path)
+
+    def _find(
+        self, path: Path, raw: RawMesh, unit: str, axes: str, thorough: bool
+    ) -> Canonicalisation:
+        return find_frame(
+            path, raw, unit=unit, axes=axes, recentre=self._recentre, thorough=thorough
+        )
+
+    def _notes(self, key: FaceKey) -> dict[str, object]:
+        return {}
 
     def _frame_of(self, key: FaceKey) -> Canonicalisation:
         """Unit, axes and winding of the subject, origin of the sequence. Raises MeshError."""
@@ -129,14 +136,13 @@ class Folder:
     ) -> Canonicalisation:
         """The frame of the first mesh that has one; if none has, the first mesh's error again."""
         place = (subject, sequence)
-        for key in keys:
-            if isinstance(self._frames_found.get(place), Canonicalisation):
-                break
+        for key in [] if place in self._frames_found else keys:
             path = self.root / key.path
             try:
-                self._frames_found[place] = find_frame(
-                    path, read_mesh(path), unit=unit, axes=axes, recentre=self._recentre
+                self._frames_found[place] = self._find(
+                    path, self._read(key), unit, axes, thorough=not sequence
                 )
+                break
             except MeshError as error:
                 self._frames_found.setdefault(place, error)
         found = self._frames_found[place]
@@ -148,13 +154,13 @@ class Folder:
     def _keys(self) -> dict[str, list[FaceKey]]:
         """Subject -> its frames; lists the tree once."""
         found: dict[str, list[FaceKey]] = {}
-        words = _Words()
-        for name in _listing(self.root):
+        words = Words()
+        for name in listing(self.root):
             path = self.root / name
             if path.is_dir():
-                files = list(_meshes(path, (os.path.realpath(self.root),)))
+                files = list(meshes(path, (os.path.realpath(self.root),)))
             else:
-                files = [path] if _is_mesh(path) else []
+                files = [path] if is_mesh(path) else []
             if files:
                 subject = words.unique(name if path.is_dir() else path.stem)
                 found[subject] = self._sequences(subject, path, files)
@@ -165,11 +171,11 @@ class Folder:
         for path in files:
             by_folder.setdefault(path.parent, []).append(path)
         keys = []
-        words = _Words()
+        words = Words()
         for folder, members in by_folder.items():
             below = "" if folder == top.parent else "-".join(folder.relative_to(top).parts)
             sequence = words.unique(below or MAIN_SEQUENCE)
-            numbers = [_last_number(path.stem) for path in members]
+            numbers = [last_number(path.stem) for path in members]
             known = [number for number in numbers if number is not None]
             if len(set(known)) != len(members):
                 known = list(range(len(members)))
@@ -178,55 +184,3 @@ class Folder:
                 name = path.relative_to(self.root).as_posix()
                 keys.append(FaceKey(subject, sequence, number, time_s, name))
         return keys
-
-
-class _Words:
-    """Makes path-safe words, each once."""
-
-    def __init__(self) -> None:
-        self._seen: Counter[str] = Counter()
-
-    def unique(self, name: str) -> str:
-        word = _UNSAFE.sub("_", name)
-        self._seen[word] += 1
-        return word if self._seen[word] == 1 else f"{word}~{self._seen[word]}"
-
-
-def _listing(folder: Path) -> list[str]:
-    """Names in natural order, without hidden ones. Raises ConfigError: not readable."""
-    try:
-        names = [path.name for path in folder.iterdir()]
-    except OSError as error:
-        raise ConfigError(f"{folder}: cannot be listed ({error.strerror or error})") from None
-    return sorted((name for name in names if not name.startswith(".")), key=_natural)
-
-
-def _meshes(folder: Path, above: tuple[str, ...]) -> Iterator[Path]:
-    """Mesh files of a folder, then of its sub-folders; ``above``: real paths on the way down."""
-    real = os.path.realpath(folder)
-    if real in above:
-        return
-    entries = [folder / name for name in _listing(folder)]
-    yield from (path for path in entries if _is_mesh(path))
-    for path in entries:
-        if path.is_dir():
-            yield from _meshes(path, (*above, real))
-
-
-def _is_mesh(path: Path) -> bool:
-    return path.suffix.lower() in EXTENSIONS and not path.is_dir()
-
-
-def _last_number(stem: str) -> int | None:
-    numbers = _NUMBER.findall(stem)
-    return int(numbers[-1]) if numbers else None
-
-
-def _natural(name: str) -> tuple[list[tuple[int, int | str]], str]:
-    """Sort key: runs of digits compare as numbers, so that "a2" comes before "a10"."""
-    parts: list[tuple[int, int | str]] = [
-        (0, int(part)) if part.isdigit() else (1, part.lower())
-        for part in _NUMBER.split(name)
-        if part
-    ]
-    return parts, name

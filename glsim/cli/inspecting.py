@@ -1,0 +1,91 @@
+"""``glsim inspect``: what a folder of faces holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from glsim.cli.common import BackendOption, Debug, Quiet, Verbose, listed
+from glsim.errors import ConfigError, MeshError
+
+if TYPE_CHECKING:
+    from glsim.inspection import Report
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim inspect d3dfacs_alignments
+
+glsim inspect FaceWarehouse_Data_0 -o look.png --frames 0
+
+glsim inspect scan.ply --unit cm
+"""
+
+_PEOPLE = 20
+_PROBLEMS = 20
+
+
+def inspect(
+    path: Annotated[Path, typer.Argument(help="A face set, a folder of meshes, or a mesh.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="The contact sheet, a PNG.")] = Path(
+        "inspect.png"
+    ),
+    frames: Annotated[int, typer.Option(min=0, help="Frames to read; 0 reads all.")] = 40,
+    shown: Annotated[int, typer.Option(min=0, max=60, help="Faces on the sheet; 0: none.")] = 12,
+    unit: Annotated[str, typer.Option(help="Unit of the meshes, over the rule.")] = "auto",
+    axes: Annotated[str, typer.Option(help="Axes of the meshes, over the rule.")] = "auto",
+    backend: BackendOption = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Recognise a face set; print its people, frames, units, axes and problems; draw its faces."""
+    from glsim import inspection
+    from glsim.cli.files import write_picture
+    from glsim.preview import gallery
+
+    if not path.exists():
+        raise ConfigError(f"{path}: no such file or folder")
+    if out.suffix.lower() != ".png":
+        raise ConfigError(f"-o {out}: give a name that ends in .png")
+    kind, source = inspection.open_path(path, unit, axes)
+    report = inspection.inspect(path, kind, source, frames)
+    _print(report)
+    if not report.good:
+        raise MeshError(f"{path}: none of the {report.checked} frames that were read can be used")
+    if shown:
+        step = max(1, len(report.good) // shown)
+        cells = list(inspection.pictures(source, report.good[::step][:shown], backend))
+        write_picture(gallery(cells, f"{path.name}: {kind}, {report.frames} frames"), out)
+        listed([out])
+
+
+def _print(report: Report) -> None:
+    out = Console(highlight=False, soft_wrap=True)
+    sequences = sum(count for count, _ in report.people.values())
+    out.print(
+        f"{report.root}: {report.kind}, {len(report.people)} people, {sequences} sequences, "
+        f"{report.frames} frames",
+        markup=False,
+    )
+    for name, (count, frames) in list(report.people.items())[:_PEOPLE]:
+        out.print(f"  {name}: {count} sequences, {frames} frames", markup=False)
+    if len(report.people) > _PEOPLE:
+        out.print(f"  and {len(report.people) - _PEOPLE} more")
+    out.print(
+        f"{report.checked} frames read: {_range(report.vertices)} vertices, "
+        f"{_range(report.triangles)} triangles"
+    )
+    for how, count in report.placed.most_common(_PEOPLE):
+        out.print(f"  {count}: {how}", markup=False)
+    out.print("problems:" if report.problems else "no problems")
+    for why, count in report.problems.most_common(_PROBLEMS):
+        out.print(f"  {count}: {why}", markup=False)
+
+
+def _range(pair: tuple[int, int]) -> str:
+    least, most = pair
+    return str(least) if least == most else f"{least} to {most}"
