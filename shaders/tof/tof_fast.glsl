@@ -119,7 +119,7 @@ void main() {
 
     vec3 phase_sigma = sigma / max(amplitude, 1.0); // rad
     float light_mm = beside_step ? 0.0 : 1000.0 * length(phase_sigma) / TWO_PI * HALF_WAVE_M_MHZ
-        / dot(u_modulation_mhz, vec3(1.0));
+        / dot(u_modulation_mhz, vec3(1.0)) / length(vec3(ray, 1.0)); // of z, not along the ray
     float variance = floor_variance(z, texelFetch(u_normal, pixel, 0).xyz, ray) + light_mm * light_mm;
     float noise = alike_noise(pixel, u_seed);
     depth = valid ? moved_by_mm(z, sqrt(variance) * noise) : 0.0;

@@ -57,6 +57,8 @@ def tof_fast(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     valid = (reason == Reason.VALID) | (reason == Reason.GROWN)
     turns = np.sqrt((sigma * sigma).sum(axis=-1)) / np.maximum(amplitude, _ONE) / TWO_PI
     light_mm = np.float32(1000.0) * turns * half_wave_m_mhz() / frequencies(view).sum()
+    rays = layers["rays"]
+    light_mm = light_mm / np.sqrt((rays * rays).sum(axis=-1) + _ONE)  # of z, not along the ray
     light_mm = np.where(beside, _ZERO, light_mm)
     spread = np.sqrt(floor_variance(view, layers, p, z) + light_mm * light_mm)
     z = np.where(valid, z, _ZERO)
