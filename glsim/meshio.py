@@ -86,13 +86,11 @@ def load_mesh(
 
 
 def find_frame(
-    path: Path, raw: RawMesh, *, unit: str, axes: str, recentre: bool, thorough: bool = True
+    path: Path, raw: RawMesh, *, unit: str, axes: str, recentre: bool
 ) -> Canonicalisation:
     """``canonicalise``, said aloud; the file's name is put into its errors."""
     try:
-        frame = canonicalise(
-            raw.vertices, raw.faces, unit=unit, axes=axes, recentre=recentre, thorough=thorough
-        )
+        frame = canonicalise(raw.vertices, raw.faces, unit=unit, axes=axes, recentre=recentre)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
     _LOG.info("%s: %s", path, frame)
@@ -107,14 +105,13 @@ def find_known_frame(
     axes: str,
     format_axes: str,
     recentre: bool,
-    thorough: bool = True,
 ) -> Canonicalisation:
     """``find_frame`` for a format whose axes are known: "auto" takes them, and checks them.
 
     Raises MeshError too for a face that looks away or stands on its head in the format's axes.
     """
     chosen = format_axes if axes == "auto" else axes
-    frame = find_frame(path, raw, unit=unit, axes=chosen, recentre=recentre, thorough=thorough)
+    frame = find_frame(path, raw, unit=unit, axes=chosen, recentre=recentre)
     if axes == "auto" and frame.better_axes:
         raise MeshError(
             f"{path}: the face looks away or stands on its head in the format's own axes "

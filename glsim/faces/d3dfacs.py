@@ -97,9 +97,7 @@ class D3dfacs(Folder):
         names = [key.path, *self._patches.get(key.path, [])]
         return merged([read_mesh(self.root / name) for name in names])
 
-    def _find(
-        self, path: Path, raw: RawMesh, unit: str, axes: str, thorough: bool
-    ) -> Canonicalisation:
+    def _find(self, path: Path, raw: RawMesh, unit: str, axes: str) -> Canonicalisation:
         given = "m" if unit == "auto" and path.suffix.lower() == ".ply" else unit
         return find_known_frame(
             path,
@@ -108,7 +106,6 @@ class D3dfacs(Folder):
             axes=axes,
             format_axes=AXES,
             recentre=self._recentre,
-            thorough=thorough,
         )
 
     def _notes(self, key: FaceKey) -> dict[str, object]:

@@ -102,12 +102,8 @@ class Folder:
     def _read(self, key: FaceKey) -> RawMesh:
         return read_mesh(self.root / key.path)
 
-    def _find(
-        self, path: Path, raw: RawMesh, unit: str, axes: str, thorough: bool
-    ) -> Canonicalisation:
-        return find_frame(
-            path, raw, unit=unit, axes=axes, recentre=self._recentre, thorough=thorough
-        )
+    def _find(self, path: Path, raw: RawMesh, unit: str, axes: str) -> Canonicalisation:
+        return find_frame(path, raw, unit=unit, axes=axes, recentre=self._recentre)
 
     def _notes(self, key: FaceKey) -> dict[str, object]:
         return {}
@@ -131,9 +127,7 @@ class Folder:
         for key in [] if place in self._frames_found else keys:
             path = self.root / key.path
             try:
-                self._frames_found[place] = self._find(
-                    path, self._read(key), unit, axes, thorough=not sequence
-                )
+                self._frames_found[place] = self._find(path, self._read(key), unit, axes)
                 break
             except MeshError as error:
                 self._frames_found.setdefault(place, error)
