@@ -326,7 +326,7 @@ def test_without_matplotlib_it_says_so_first(
 ) -> None:
     monkeypatch.setattr(figure_module, "find_spec", lambda _: None)
     assert main(["validate", "kinect-v2", "--figure", "x.png"]) == 2
-    assert "pip install 'glsim[validate]'" in capsys.readouterr().err
+    assert "pip install 'glsim[eval]'" in capsys.readouterr().err
 
 
 def test_a_scene_is_a_function_of_the_seed(context: moderngl.Context) -> None:
