@@ -100,13 +100,15 @@ def report(results: Sequence[Result], absent: Sequence[str]) -> str:
     ]
     if absent:
         lines += [f"Not in this glsim, and so left out: {', '.join(absent)}.", ""]
-    columns = ("mse_mm2", "mse_flips_pct", "flips_px", "flying_px", "both_interior_rmse_mm",
-               "both_edge_rmse_mm", "normal_mean_deg")  # fmt: skip
+    columns = (
+        *("mse_mm2", "mse_flips_pct", "flips_px", "flying_px", "both_interior_bias_mm"),
+        *("both_interior_rmse_mm", "both_edge_rmse_mm", "normal_mean_deg"),
+    )
     lines += [
         "## The noise",
         "",
         "| sensor | MSE [mm²] | of it in flipped pixels [%] | flipped pixels | flying pixels | "
-        "interior RMSE [mm] | edge RMSE [mm] | normals [°] |",
+        "interior bias [mm] | interior RMSE [mm] | edge RMSE [mm] | normals [°] |",
         "|---" * (len(columns) + 1) + "|",
     ]
     for result in results:

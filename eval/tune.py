@@ -14,9 +14,9 @@ from .run import Evaluation, Progress, evaluate, write_csv
 
 #: Frames that a filter is tuned on, evenly spread over the split.
 MOST_FRAMES: Final = 150
-#: What the settings minimise: the error on pixels that no method can choose, all of which count
-#: alike (a squared error would be that of the silhouettes, which no smoothing mends) ...
-SURFACE: Final = "input_mae_mm"
+#: What the settings minimise: the error of the surface on pixels that no method can choose and off
+#: the silhouettes, whose errors are larger than all others and which no smoothing mends ...
+SURFACE: Final = "input_interior_rmse_mm"
 #: ... and then the window of the mask clean-up, with those settings.
 SILHOUETTE: Final = "flips_px"
 

@@ -209,7 +209,7 @@ def test_tuning_uses_the_validation_split_only(tmp_path: Path) -> None:
     assert tuned.plain.endswith("cleanup=0")
     with (tmp_path / "o" / "tuning.csv").open() as file:
         trials = list(csv.DictReader(file))
-    best = min(trials[:5], key=lambda row: float(row["input_mae_mm"]))
+    best = min(trials[:5], key=lambda row: float(row["input_interior_rmse_mm"]))
     assert best["denoiser"] == tuned.plain
     assert {row["denoiser"] for row in trials if row["chosen"] == "1"} == {
         tuned.plain,
