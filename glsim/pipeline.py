@@ -14,6 +14,7 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import moderngl
@@ -144,11 +145,22 @@ class Simulator:
             yield self._deliver(in_flight.popleft())
 
     def _faces(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
-        """Geometry in batches of tasks that share a source."""
-        for number, run in itertools.groupby(tasks, key=lambda task: task.source):
-            while batch := list(itertools.islice(run, _FACE_BATCH)):
-                keys = [task.key for task in batch]
-                yield from zip(batch, self._sources[number].load(keys), strict=True)
+        """Geometry in batches of tasks that share a source.
+
+        While one batch is drawn, a thread reads the next, so that disks do not hold drawing up.
+        """
+        with ThreadPoolExecutor(1, "faces") as reader:
+            ahead: deque[Future[list[tuple[Task, Face | BadFace]]]] = deque()
+            for batch in _batches(tasks):
+                ahead.append(reader.submit(self._load, batch))
+                if len(ahead) == 2:
+                    yield from ahead.popleft().result()
+            while ahead:
+                yield from ahead.popleft().result()
+
+    def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
+        loaded = self._sources[batch[0].source].load([task.key for task in batch])
+        return list(zip(batch, loaded, strict=True))
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue all drawing of one frame."""
@@ -226,6 +238,13 @@ class Simulator:
             parameters=item.drawn,
             notes=face.notes,
         )
+
+
+def _batches(tasks: Iterable[Task]) -> Iterator[list[Task]]:
+    """Tasks in their order, some at a time, each time of one source."""
+    for _, run in itertools.groupby(tasks, key=lambda task: task.source):
+        while batch := list(itertools.islice(run, _FACE_BATCH)):
+            yield batch
 
 
 def draw_values(
