@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from glsim.camera import Intrinsics
-from glsim.cli.files import read_depth
+from glsim.depthfile import read_depth
 from glsim.errors import ConfigError
 
 from .frames import Key, Sample, check_millimetres

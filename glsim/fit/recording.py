@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depthfile import read_depth
 from glsim.errors import ConfigError, DatasetError
 
 #: Fewer frames say nothing about noise over time; ten say it within a quarter.
@@ -42,7 +42,7 @@ def read_recording(paths: Sequence[Path], unit_mm: float = 1.0) -> Recording:
         )
     frames: list[NDArray[np.uint16]] = []
     for file in files:
-        frame = _read(file)
+        frame = read_depth(file)
         if frames and frame.shape != frames[0].shape:
             raise DatasetError(
                 f"{file}: is {_size(frame)}, but {files[0].name} is {_size(frames[0])}: give "
@@ -64,24 +64,6 @@ def _files(path: Path) -> list[Path]:
     if not files:
         raise DatasetError(f"{path}: holds no .png files; give the folder of a recording")
     return files
-
-
-def _read(file: Path) -> NDArray[np.uint16]:
-    try:
-        data = np.fromfile(file, np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except (OSError, cv2.error):
-        image = None
-    if image is None:
-        raise DatasetError(f"{file}: is no readable image")
-    if image.dtype != np.uint16 or image.ndim != 2:
-        channels = 1 if image.ndim == 2 else image.shape[2]
-        raise DatasetError(
-            f"{file}: has {channels} channels of {8 * image.dtype.itemsize} bits; a depth map has "
-            "one of 16 bits"
-        )
-    depth: NDArray[np.uint16] = image
-    return depth
 
 
 def _size(frame: NDArray[np.uint16]) -> str:

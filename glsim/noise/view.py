@@ -40,11 +40,11 @@ class Optics:
 
 
 @dataclass(frozen=True)
-class FrameContext:
-    """The frame that a chain runs on.
+class _View:
+    """What FrameContext and StageView have in common.
 
     window: the part of the frame that layers hold; width, height: of the whole frame, pixels.
-    seed, sequence_seed, device_seed: 64-bit. time_s: since the start of the sequence.
+    time_s: since the start of the sequence.
     focal_baseline_px_m: focal length times baseline, pixels times metres; 0 without an emitter.
     """
 
@@ -57,6 +57,16 @@ class FrameContext:
     time_s: float
     focal_baseline_px_m: float
     optics: Optics = Optics()
+
+
+@dataclass(frozen=True)
+class StageView(_View):
+    """A frame as one stage sees it: the seeds are 32-bit and the stage's own."""
+
+
+@dataclass(frozen=True)
+class FrameContext(_View):
+    """The frame that a chain runs on. The seeds are 64-bit."""
 
     def view(self, stage: str) -> StageView:
         """The same for one stage, with seeds of its own. ``stage`` is its name in the chain."""
@@ -71,21 +81,6 @@ class FrameContext:
             self.focal_baseline_px_m,
             self.optics,
         )
-
-
-@dataclass(frozen=True)
-class StageView:
-    """FrameContext as one stage sees it: the seeds are 32-bit and the stage's own."""
-
-    window: Rect
-    width: int
-    height: int
-    seed: int
-    sequence_seed: int
-    device_seed: int
-    time_s: float
-    focal_baseline_px_m: float
-    optics: Optics = Optics()
 
 
 def _stage_seed(seed: int, stage: str) -> int:
