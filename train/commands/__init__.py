@@ -1,0 +1,1 @@
+"""The commands of ``glsim`` that belong to training."""

@@ -1,0 +1,1 @@
+"""Networks, each written from its paper, in a file of its own."""

@@ -1,0 +1,40 @@
+"""What every denoising network takes and gives. Units and ranges are its own affair, inside."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+
+class Prediction(NamedTuple):
+    """What a network says of a batch of depth maps; each (B, 1, H, W) float32.
+
+    depth_mm: millimetres along the axis, meaningful where the network believes in depth.
+    valid_logit: log odds of depth; None if the network codes "no depth" as 0 in ``depth_mm``, as
+        the networks of the paper do.
+    log_sigma: natural logarithm of the standard deviation of ``depth_mm`` in millimetres, or None.
+    """
+
+    depth_mm: Tensor
+    valid_logit: Tensor | None = None
+    log_sigma: Tensor | None = None
+
+    def hard_mm(self) -> Tensor:
+        """Depth with 0 where the network believes in none."""
+        if self.valid_logit is None:
+            return self.depth_mm
+        return torch.where(self.valid_logit > 0, self.depth_mm, torch.zeros_like(self.depth_mm))
+
+
+class DepthModel(nn.Module):
+    """A denoiser of single depth frames of any size: ``model(noisy_mm) -> Prediction``.
+
+    noisy_mm: (B, 1, H, W) float32 millimetres, 0 = no return. Whatever scale the network works in
+    is made inside, so that no caller can feed a wrong range.
+    """
+
+    def forward(self, noisy_mm: Tensor) -> Prediction:
+        """Denoise."""
+        raise NotImplementedError
