@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.cli.files import write_bytes
+from glsim.dataset.files import write_bytes
 from glsim.errors import DatasetError
 
 from .blocks import Scoring
