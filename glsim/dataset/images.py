@@ -21,6 +21,7 @@ LAYER_TYPES: dict[str, np.dtype[np.generic]] = {
     "noisy": np.dtype(np.uint16),
     "infrared": np.dtype(np.uint16),
     "reason": np.dtype(np.uint8),
+    "regions": np.dtype(np.uint8),
 }
 
 
