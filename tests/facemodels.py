@@ -76,16 +76,13 @@ def write_face_x_model(folder: Path) -> Path:
                 lines.append("f " + " ".join(f"{c}/{c}" for c in corners))
         start += len(points)
     tail = "\n".join(lines) + "\n"
-    # Multi-PIE 48-59: twelve points around the mouth at (3, -20) mm.
-    angle = np.arange(12) * np.pi / 6
-    outline = np.stack([0.3 + 2.4 * np.cos(angle), -2.0 + 1.2 * np.sin(angle)], axis=1)
-    landmarks = np.zeros(68, dtype=int)
     front = parts[0][1]
-    for index, point in enumerate(outline, start=48):
-        landmarks[index] = int(np.argmin(np.linalg.norm(front[:, :2] - point, axis=1)))
+    landmarks = [
+        int(np.argmin(np.linalg.norm(front[:, :2] - point, axis=1))) for point in _multi_pie()
+    ]
     expressions = sorted(known_shapes())
     (folder / "vertex_indices.json").write_text(
-        json.dumps({"expressions": expressions, "idx_to_landmark_verts": landmarks.tolist()})
+        json.dumps({"expressions": expressions, "idx_to_landmark_verts": landmarks})
     )
     (folder / "generic_neutral_mesh.obj").write_text(_vertex_lines(neutral) + tail)
     rng = np.random.default_rng(0)
@@ -104,6 +101,24 @@ def write_face_x_model(folder: Path) -> Path:
             moved[:, 2] += 0.1
         (folder / f"{name}.obj").write_text(_vertex_lines(moved) + tail)
     return folder
+
+
+def _multi_pie() -> NDArray[np.float64]:
+    """(68, 2) where the landmarks of the analytic face are, cm; its middle is at (0.3, 1.2)."""
+    points = np.zeros((68, 2))
+    jaw = np.linspace(-1, 1, 17)
+    points[:17] = np.stack([6.5 * jaw, -9 + 12 * jaw**2], axis=1)
+    points[17:22, 0], points[22:27, 0] = np.linspace(-5, -1, 5), np.linspace(1, 5, 5)
+    points[17:27, 1] = 5.5
+    points[27:31, 1] = (4, 3, 2, 0.5)
+    points[31:36, 0], points[31:36, 1] = np.linspace(-1, 1, 5), -1.5
+    ring = np.arange(6) * np.pi / 3
+    for first, side in ((36, -1), (42, 1)):
+        eye = [2.3 * side - 1.5 * np.cos(ring), 3.0 + 0.9 * np.sin(ring)]
+        points[first : first + 6] = np.stack(eye, axis=1)
+    angle = np.arange(12) * np.pi / 6
+    points[48:60] = np.stack([2.4 * np.cos(angle), -3.2 - 1.2 * np.sin(angle)], axis=1)
+    return points + np.array([0.3, 1.2])
 
 
 def _vertex_lines(vertices: NDArray[np.float64]) -> str:
