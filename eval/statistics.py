@@ -84,8 +84,7 @@ def _signs(n: int) -> _Array:
     """(R, n) of +1 and -1: all there are, or _FLIPS random ones, the same each time."""
     if n <= _EXACT:
         return np.array(list(itertools.product((1.0, -1.0), repeat=n)))
-    signs: _Array = np.random.default_rng(_SEED).integers(0, 2, (_FLIPS, n)) * 2.0 - 1.0
-    return signs
+    return np.where(np.random.default_rng(_SEED).integers(0, 2, (_FLIPS, n)) > 0, 1.0, -1.0)
 
 
 def holm(p_values: _Array) -> _Array:

@@ -1,14 +1,17 @@
-"""Faces for tests: an analytic head, and a small FaceXModel folder in ICT-FaceKit's layout."""
+"""Faces for tests: an analytic head, a FaceXModel folder in ICT-FaceKit's layout, a board."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.faces.base import Face, FaceKey
 from glsim.faces.ict_facekit.facs import known_shapes
+from glsim.mesh import Mesh
 
 ROWS, COLUMNS = 61, 49
 
@@ -141,3 +144,27 @@ def _ball(middle: tuple[float, float, float], radius: float, columns: int) -> ND
         [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
     )
     return np.asarray(radius * ring.reshape(-1, 3) + np.array(middle))
+
+
+class Board:
+    """Two squares side by side, 60 mm each: the left in the image is "nose", the right "tail"."""
+
+    name = "board"
+    region_names = ("tail", "nose")
+
+    def __init__(self, wrong: bool = False) -> None:
+        x, y = np.meshgrid([-60, -0.01, 0.01, 60], [-30, 30])
+        points = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+        corner = np.array([[0, 1, 5], [0, 5, 4], [2, 3, 7], [2, 7, 6]], np.int32)
+        self._mesh = Mesh(points.astype(np.float32), corner)
+        self.regions = np.array([1, 1, 0, 0] * (1 if wrong else 2), np.uint8)
+
+    def subjects(self, count: int | None) -> list[str]:
+        return ["b"]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        return [FaceKey("b", "s", number) for number in range(count or 1)]
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        for key in keys:
+            yield Face(key, self._mesh)
