@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -14,14 +14,20 @@ from .metrics import METRICS, Metric
 from .metrics.score import psnr_db
 from .statistics import BySubject, holm, interval, sign_flip
 
-_NAMES: Final = list(METRICS)
-
 #: A number of the whole set rather than of a frame.
 PSNR_OF_MEAN: Final = Metric(
     "psnr_of_mean_db", "dB", "higher", "paper", "PSNR of the mean MSE over all frames"
 )
-#: Frames that the scatter plot keeps of each method.
-_POINTS: Final = 1000
+#: Frames of each method that figures show, and the metrics that are kept of them.
+_SHOWN: Final = 1000
+KEPT: Final = (
+    "mse_mm2",
+    "flips_px",
+    "flying_px",
+    "both_interior_rmse_mm",
+    "input_interior_rmse_mm",
+    "normal_mean_deg",
+)
 
 
 @dataclass(frozen=True)
@@ -45,33 +51,35 @@ class Entry:
 class _Totals:
     """(K,) sums and counts of each subject, K metrics."""
 
-    def __init__(self) -> None:
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = list(names)
         self.by_subject: dict[str, NDArray[np.float64]] = {}
 
     def add(self, row: Row) -> None:
-        table = self.by_subject.setdefault(row["subject"], np.zeros((3, len(_NAMES))))
-        values = np.array([np.nan if row[name] is None else row[name] for name in _NAMES])
+        table = self.by_subject.setdefault(row["subject"], np.zeros((3, len(self._names))))
+        values = np.array([np.nan if row[name] is None else row[name] for name in self._names])
         defined = ~np.isnan(values)
         table[0] += np.where(defined, values, 0)
         table[1] += defined
         table[2] += 1
 
     def of(self, name: str, subjects: Iterable[str]) -> BySubject:
-        nothing = np.zeros((3, len(_NAMES)))
+        nothing = np.zeros((3, len(self._names)))
         stack = np.stack([self.by_subject.get(subject, nothing) for subject in subjects])
-        return BySubject(*stack[:, :, _NAMES.index(name)].T)
+        return BySubject(*stack[:, :, self._names.index(name)].T)
 
 
 @dataclass
 class Summary:
     """What is left of the rows: memory grows with subjects and methods, not with frames.
 
-    points: method -> (MSE, interior RMSE) of frames evenly spread over the set.
+    metrics: what the rows hold. shown: method -> KEPT of frames evenly spread over the set.
     histograms: method -> counts of |error| in bins of ``blocks.BIN_MM``.
     """
 
     total_frames: int
-    points: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    metrics: Mapping[str, Metric] = field(default_factory=lambda: METRICS)
+    shown: dict[str, list[list[float]]] = field(default_factory=dict)
     histograms: dict[str, NDArray[np.int64]] = field(default_factory=dict)
     _totals: dict[str, _Totals] = field(default_factory=dict)
     _rows: dict[str, int] = field(default_factory=dict)
@@ -89,17 +97,25 @@ class Summary:
     def add(self, row: Row) -> None:
         """One frame of one method."""
         method = row["method"]
-        self._totals.setdefault(method, _Totals()).add(row)
+        if method not in self._totals:
+            self._totals[method] = _Totals(self.metrics)
+        self._totals[method].add(row)
         number = self._rows.get(method, 0)
         self._rows[method] = number + 1
-        point = row["mse_mm2"], row["both_interior_rmse_mm"]
-        if number % max(1, self.total_frames // _POINTS) == 0 and None not in point:
-            self.points.setdefault(method, []).append(point)
+        if number % max(1, self.total_frames // _SHOWN) == 0:
+            values = [float("nan") if row[name] is None else row[name] for name in KEPT]
+            self.shown.setdefault(method, []).append(values)
 
     def add_histogram(self, method: str, counts: list[int]) -> None:
         """Counts of one block."""
         total = self.histograms.setdefault(method, np.zeros(BINS + 1, np.int64))
         total += np.asarray(counts)
+
+    def frames_shown(self, method: str, *metrics: str) -> NDArray[np.float64]:
+        """(N, K) of up to two thousand frames, KEPT metrics only; those that have all of them."""
+        values = np.array(self.shown[method])[:, [KEPT.index(name) for name in metrics]]
+        found: NDArray[np.float64] = values[~np.isnan(values).any(axis=1)]
+        return found
 
     def values(self, method: str, metric: str) -> BySubject:
         """Of a method's metric, everybody in the order of ``subjects``."""
@@ -112,7 +128,7 @@ class Summary:
     def entries(self, method: str) -> dict[str, Entry]:
         """Every metric of a method by name, PSNR_OF_MEAN among them; p by ``compared``."""
         result: dict[str, Entry] = {}
-        for name, metric in METRICS.items():
+        for name, metric in self.metrics.items():
             values = self.values(method, name)
             low, high = interval(values)
             result[name] = Entry(
@@ -130,7 +146,7 @@ class Summary:
         """Method -> metric -> entry, with p values against the first method."""
         first, *others = self.methods
         table = {method: self.entries(method) for method in self.methods}
-        for name in METRICS:
+        for name in self.metrics:
             base = self.values(first, name)
             p = np.array([sign_flip(self.values(other, name), base) for other in others])
             for other, raw, corrected in zip(others, p, holm(p), strict=True):

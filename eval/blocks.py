@@ -15,7 +15,7 @@ from glsim.errors import DatasetError, DenoiserError
 
 from .denoisers import Method, compose, load
 from .frames import Frames, Stacks, open_frames
-from .metrics import Truth, score
+from .metrics import Regions, Truth, score
 from .probes import PROBES
 from .types import Depth
 
@@ -99,7 +99,8 @@ class _Scorer:
         sample = self._stacks.sample(number)
         key = self._frames.key(number)
         place = {"subject": key.subject, "sequence": key.sequence, "frame": key.frame}
-        truth = Truth(sample.clean_mm, sample.noisy_mm, sample.intrinsics.rays())
+        regions = None if sample.regions is None else Regions(sample.regions, self._frames.regions)
+        truth = Truth(sample.clean_mm, sample.noisy_mm, sample.intrinsics.rays(), regions)
         for method in self._methods:
             stack, now = self._stacks.around(number, method.before, method.after)
             try:

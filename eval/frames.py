@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import zlib
 from collections import OrderedDict
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.camera import Intrinsics
 from glsim.config import DEFAULT_SENSOR
@@ -38,11 +40,15 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """(H, W) millimetres, 0 = no depth, and the camera that saw them."""
+    """(H, W) millimetres, 0 = no depth, and the camera that saw them.
+
+    regions: (H, W) parts of the face as ``Frames.regions`` numbers them, where the set has them.
+    """
 
     clean_mm: Depth
     noisy_mm: Depth
     intrinsics: Intrinsics
+    regions: NDArray[np.uint8] | None = None
 
 
 class Frames(Protocol):
@@ -50,6 +56,8 @@ class Frames(Protocol):
 
     #: Changes whenever the frames may have.
     identity: str
+    #: Parts of the face that are labelled: name -> number. Empty where there are none.
+    regions: Mapping[str, int]
 
     def __len__(self) -> int:
         """How many."""
@@ -68,7 +76,9 @@ class DatasetFrames:
     """One split of a data set of glsim."""
 
     def __init__(self, path: Path, split: str) -> None:
-        self._split: Split = open_dataset(path).split(split)
+        dataset = open_dataset(path)
+        self.regions: Mapping[str, int] = dataset.regions
+        self._split: Split = dataset.split(split)
         self.identity = f"{zlib.crc32((path / HEADER).read_bytes()):08x} {split}"
 
     def __len__(self) -> int:
@@ -82,7 +92,8 @@ class DatasetFrames:
     def load(self, number: int) -> Sample:
         """Checked against the manifest."""
         pair = self._split[number]
-        return checked(pair.clean_mm, pair.noisy_mm, pair.intrinsics, repr(pair))
+        sample = checked(pair.clean_mm, pair.noisy_mm, pair.intrinsics, repr(pair))
+        return replace(sample, regions=pair.regions.astype(np.uint8)) if self.regions else sample
 
 
 class FolderFrames:
@@ -91,6 +102,8 @@ class FolderFrames:
     The folder of a file names the subject; a number at the end of its stem the frame. The camera
     is a Kinect V2, or one of ``focal_px`` with its axis through the middle.
     """
+
+    regions: Mapping[str, int] = {}
 
     def __init__(self, path: Path, focal_px: float | None = None) -> None:
         self._path = path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ class MapFrames:
     """Files as frames whose truth is unknown: those of one folder are a sequence."""
 
     identity = ""
+    regions: Mapping[str, int] = {}
 
     def __init__(self, files: Sequence[Path], depth_unit_mm: float) -> None:
         self._files, self._unit_mm = files, depth_unit_mm

@@ -8,17 +8,28 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.cli.files import write_bytes
+from glsim.dataset.files import write_bytes
 from glsim.errors import DatasetError
 
 from .blocks import Scoring
 from .denoisers import compose, load
 from .figures import to_png
-from .figures.curves import disagreement, error_curves
+from .figures.curves import disagreement, error_curves, frame_boxes
 from .figures.gallery import Shown, gallery
 from .frames import Frames, Stacks
 from .run import Evaluation
-from .tables import ALL, PROBE_METRICS, SHOWN, Table, best, number, remarks
+from .tables import (
+    ALL,
+    PROBE_METRICS,
+    REGION_NOTE,
+    REGION_TITLE,
+    SHOWN,
+    Table,
+    best,
+    number,
+    region_grids,
+    remarks,
+)
 from .types import Depth
 
 #: Methods beside each other in one figure; a page of a paper holds no more.
@@ -54,6 +65,12 @@ def write_report(
             "Cumulative absolute error on the pixels where input and truth have depth, the same "
             "for every method.",
             to_png(error_curves(evaluation.summary)),
+        ),
+        (
+            "frame_boxes",
+            "Frame by frame: the middle half of the frames with the median, 5 to 95 % of them, and "
+            "the mean (diamond).",
+            to_png(frame_boxes(evaluation.summary)),
         ),
     ]
     shown = example(job)
@@ -126,6 +143,14 @@ def _page(
                 cells.append(f"{cell}<small>{low} - {high}</small>")
             rows.append(cells)
         body += [f"<h2>{html.escape(title)}</h2>", _html_table(head, rows)]
+    regions = region_grids(table)
+    if regions:
+        body += [f"<h2>{REGION_TITLE}</h2>", f"<p>{REGION_NOTE}</p>"]
+    for title, head, rows in regions:
+        body += [
+            f"<h3>{title}</h3>",
+            _html_table(head, [[_html(cell) for cell in r] for r in rows]),
+        ]
     probes = evaluation.probes
     if probes.methods:
         metrics = [ALL[name] for name in PROBE_METRICS]
@@ -159,6 +184,14 @@ def _page(
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(heading)}'
         f"</title><style>{_STYLE}</style></head><body>{''.join(body)}</body></html>\n"
     )
+
+
+def _html(cell: str) -> str:
+    """A cell of Markdown: bold, code, or plain."""
+    for mark, tag in (("**", "b"), ("`", "code")):
+        if cell.startswith(mark):
+            return f"<{tag}>{html.escape(cell.strip(mark))}</{tag}>"
+    return html.escape(cell)
 
 
 def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -14,7 +14,7 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -26,7 +26,7 @@ from glsim.errors import ConfigError, DatasetError
 from .aggregate import Summary
 from .blocks import Block, Scored, Scoring
 from .denoisers import load
-from .metrics import METRICS
+from .metrics import Metric, metrics_with
 from .probes import MOST_FRAMES, mean_face
 from .workers import run_tasks
 
@@ -34,8 +34,6 @@ from .workers import run_tasks
 _BLOCK: Final = 25
 #: Raised when the same frames get other numbers.
 _VERSION: Final = 1
-
-ROW_FIELDS: Final = ("subject", "sequence", "frame", "method", *METRICS)
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,8 @@ def evaluate(
     if probes:
         job = replace(job, probe_every=-(-len(frames) // MOST_FRAMES), mean_face=mean_face(frames))
     identity = [_VERSION, frames.identity, job.split, job.denoisers, job.probe_every, job.stride]
-    identity += [list(METRICS), [method.version for method in methods]]
+    metrics = metrics_with(frames.regions)
+    identity += [list(metrics), [method.version for method in methods]]
     digest = hashlib.blake2b(json.dumps(identity).encode(), digest_size=8).hexdigest()
     folder = out / ".blocks" / digest
     with writing(folder):
@@ -93,7 +92,7 @@ def evaluate(
         for number, first in enumerate(range(0, len(frames), _BLOCK))
     ]
     _score_missing(job, folder, blocks, workers or available_workers(), len(frames), progress)
-    return _collect(out, folder, blocks, -(-len(frames) // job.stride))
+    return _collect(out, folder, blocks, -(-len(frames) // job.stride), metrics)
 
 
 def _score_missing(
@@ -140,8 +139,10 @@ def _read(folder: Path, block: Block) -> Scored:
         raise DatasetError(f"{path}: is missing or damaged: run the same command again") from None
 
 
-def _collect(out: Path, folder: Path, blocks: list[Block], total: int) -> Evaluation:
-    summary, probes = Summary(total), Summary(total)
+def _collect(
+    out: Path, folder: Path, blocks: list[Block], total: int, metrics: Mapping[str, Metric]
+) -> Evaluation:
+    summary, probes = Summary(total, metrics), Summary(total, metrics)
     bad = 0
     first_bad: list[str] = []
 
@@ -159,7 +160,8 @@ def _collect(out: Path, folder: Path, blocks: list[Block], total: int) -> Evalua
             bad += len(scored.bad)
             first_bad.extend(f"{item['frame']}: {item['why']}" for item in scored.bad[:10])
 
-    write_csv(out / "rows.csv", ROW_FIELDS, rows())
+    fields = ("subject", "sequence", "frame", "method", *metrics)
+    write_csv(out / "rows.csv", fields, rows())
     faults = (item for block in blocks for item in _read(folder, block).bad)
     if bad:
         write_csv(out / "bad.csv", ("frame", "why"), faults)

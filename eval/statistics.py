@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -72,11 +73,18 @@ def sign_flip(first: BySubject, second: BySubject) -> float:
     observed = abs(float(difference.sum()))
     # Sums that are equal but for rounding are equal.
     observed -= 1e-9 * float(np.abs(difference).sum())
+    extreme = np.abs(_signs(n) @ difference) >= observed
     if n <= _EXACT:
-        signs = np.array(list(itertools.product((1.0, -1.0), repeat=n)))
-        return float(np.mean(np.abs(signs @ difference) >= observed))
-    signs = np.random.default_rng(_SEED).integers(0, 2, (_FLIPS, n)) * 2.0 - 1.0
-    return float((1 + np.count_nonzero(np.abs(signs @ difference) >= observed)) / (1 + _FLIPS))
+        return float(np.mean(extreme))
+    return float((1 + np.count_nonzero(extreme)) / (1 + _FLIPS))
+
+
+@lru_cache(maxsize=4)
+def _signs(n: int) -> _Array:
+    """(R, n) of +1 and -1: all there are, or _FLIPS random ones, the same each time."""
+    if n <= _EXACT:
+        return np.array(list(itertools.product((1.0, -1.0), repeat=n)))
+    return np.where(np.random.default_rng(_SEED).integers(0, 2, (_FLIPS, n)) > 0, 1.0, -1.0)
 
 
 def holm(p_values: _Array) -> _Array:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from .aggregate import PSNR_OF_MEAN, Entry
-from .metrics import METRICS, Metric
+from .metrics import METRICS, OF_REGION, Metric
 from .run import Evaluation, write_csv
 
 Table = dict[str, dict[str, Entry]]
@@ -79,6 +79,11 @@ def markdown(evaluation: Evaluation, table: Table, heading: str) -> str:
             for method, entries in table.items()
         ]
         lines += [f"## {title}", "", *_grid(head, rows), ""]
+    regions = region_grids(table)
+    if regions:
+        lines += [f"## {REGION_TITLE}", "", REGION_NOTE, ""]
+        for title, head, rows in regions:
+            lines += [f"**{title}**", "", *_grid(head, rows), ""]
     if evaluation.probes.methods:
         lines += [
             "## Trivial predictions, to read the numbers above",
@@ -92,6 +97,38 @@ def markdown(evaluation: Evaluation, table: Table, heading: str) -> str:
     notes = [f"- {note}" for note in remarks(evaluation, table)]
     lines += ["", "## Remarks", "", *notes] if notes else []
     return "\n".join(lines).rstrip() + "\n"
+
+
+REGION_TITLE: Final = "Parts of the face"
+REGION_NOTE: Final = (
+    "RMSE and bias on the pixels where input and clean are valid, off the edges, as "
+    "input_interior_*; normals where normal_mean_deg has them. Parts that no frame shows there "
+    "are left out; all parts are in table.csv."
+)
+
+
+def region_grids(table: Table) -> list[tuple[str, list[str], list[list[str]]]]:
+    """(title, heads, rows) of what is known of each part of the face; none if nothing is.
+
+    A row is a method's name and its means, one a part; the best of a part is bold.
+    """
+    first = next(iter(table.values()))
+    grids = []
+    for name in OF_REGION:
+        ours = [
+            m for m in (entry.metric for entry in first.values()) if m.name.startswith(f"{name}@")
+        ]
+        ours = [m for m in ours if any(entries[m.name].frames for entries in table.values())]
+        if not ours:
+            continue
+        tops = {m.name: best(table, m) for m in ours}
+        rows = []
+        for method, entries in table.items():
+            means = [(number(entries[m.name].mean, m.unit), method in tops[m.name]) for m in ours]
+            rows.append([f"`{method}`", *(f"**{text}**" if top else text for text, top in means)])
+        title = f"{name} [{ours[0].unit}] {ours[0].arrow}".strip()
+        grids.append((title, ["method", *(m.name.partition("@")[2] for m in ours)], rows))
+    return grids
 
 
 def _cell(entry: Entry, top: bool) -> str:

@@ -28,14 +28,14 @@ import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from glsim.distribution import Drawn, constant
 from glsim.errors import ConfigError, did_you_mean
 
-Layer = Literal["clean", "noisy", "infrared", "reason"]
+Layer = Literal["clean", "noisy", "infrared", "reason", "regions"]
 _Model = TypeVar("_Model", bound=BaseModel)
 DEFAULT_SUBJECTS = 10
 DEFAULT_FRAMES = 30
@@ -123,7 +123,7 @@ class OutputSettings(_Table):
     @model_validator(mode="after")
     def _check(self) -> OutputSettings:
         if len(set(self.layers)) != len(self.layers) or not self.layers:
-            raise ValueError("layers must be one or more of clean, noisy, infrared, reason, once")
+            raise ValueError(f"layers must be one or more of {', '.join(get_args(Layer))}, once")
         return self
 
 

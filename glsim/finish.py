@@ -28,7 +28,7 @@ def finish(
 ) -> Frame:
     """The delivered frame.
 
-    layers: (h, w) float32 of ``window``, with depth and clean in metres.
+    layers: (h, w) float32 of ``window``, with depth and clean in metres; region where wanted.
     crop: what is delivered of the sensor's image. extra: names of layers that go along as they
     are. identity: the fields of Frame that name it.
     Raises ConfigError if a stage left NaN or infinity behind.
@@ -52,7 +52,7 @@ def finish(
     if output.nearest_to_mm is not None and (clean > 0).any():
         offset_mm = float(clean[clean > 0].min()) * 1000.0 - output.nearest_to_mm
         clean, noisy = (_shifted(depth, offset_mm, output) for depth in (clean, noisy))
-    infrared = layers.get("infrared")
+    infrared, region = layers.get("infrared"), layers.get("region")
     return Frame(
         intrinsics=image.cropped(*crop),
         window=visible._replace(left=visible.left - crop.left, top=visible.top - crop.top),
@@ -60,6 +60,7 @@ def finish(
         noisy_m=noisy,
         infrared_counts=np.zeros_like(clean) if infrared is None else infrared[inside],
         reason_codes=reason,
+        region_codes=None if region is None else region[inside].astype(np.uint8),
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
         extra={name: layers[name][inside] for name in extra if name in layers},

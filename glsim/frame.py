@@ -19,8 +19,10 @@ _T = TypeVar("_T", bound=np.generic)
 #: The largest depth a 16-bit file can hold, in units.
 _UINT16_MAX = 65535
 
-#: The layers that can be written to files: clean, noisy, infrared are uint16, reason is uint8.
+#: The layers that every frame has: clean, noisy, infrared are uint16, reason is uint8.
 LAYERS = ("clean", "noisy", "infrared", "reason")
+#: Those that can be written to files; regions (uint8) is drawn only where it is asked for.
+WRITABLE = (*LAYERS, "regions")
 
 
 class Rect(NamedTuple):
@@ -87,6 +89,8 @@ class Frame:
     window: where the arrays below lie in the delivered frame.
     clean_m, noisy_m: (window) float32 metres along the optical axis, 0 = no return.
     infrared: (window) float32, 16-bit counts. reason: (window) uint8 Reason codes.
+    region_codes: (window) uint8 parts of the face as ``region_numbers`` (name -> number) has them,
+        0 = none; None where they were not asked for.
     extra: any further layers that a stage wrote, by name.
     depth_unit_mm: the millimetres that one step of ``clean`` and ``noisy`` stands for.
     depth_offset_mm: what was subtracted from every depth (0 unless normalised).
@@ -103,6 +107,8 @@ class Frame:
     noisy_m: NDArray[np.float32]
     infrared_counts: NDArray[np.float32]
     reason_codes: NDArray[np.uint8]
+    region_codes: NDArray[np.uint8] | None = None
+    region_numbers: Mapping[str, int] = field(default_factory=dict)
     extra: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     depth_unit_mm: float = 1.0
     depth_offset_mm: float = 0.0
@@ -132,10 +138,23 @@ class Frame:
         """(H, W) uint8 codes of glsim.reason.Reason."""
         return self._paste(self.reason_codes, fill=int(Reason.NO_SURFACE))
 
+    @property
+    def regions(self) -> NDArray[np.uint8]:
+        """(H, W) uint8 parts of the face, 0 = none. Raises ConfigError if they were not drawn."""
+        if self.region_codes is None:
+            raise ConfigError(f"{self.source}: this frame was made without the layer 'regions'")
+        return self._paste(self.region_codes)
+
+    @property
+    def seen_regions(self) -> dict[str, int]:
+        """Name -> number of the parts of the face that at least one pixel shows."""
+        seen = np.unique(self.regions)
+        return {name: number for name, number in self.region_numbers.items() if number in seen}
+
     def image(self, layer: str) -> NDArray[np.uint16] | NDArray[np.uint8]:
-        """A layer that can be written, by its name: clean, noisy, infrared or reason."""
-        if layer not in LAYERS:
-            raise ConfigError(f"no such layer {layer!r}: {did_you_mean(layer, LAYERS)}")
+        """A layer that can be written, by its name. Raises ConfigError for another."""
+        if layer not in WRITABLE:
+            raise ConfigError(f"no such layer {layer!r}: {did_you_mean(layer, WRITABLE)}")
         image: NDArray[np.uint16] | NDArray[np.uint8] = getattr(self, layer)
         return image
 

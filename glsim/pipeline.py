@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.camera import Intrinsics
 from glsim.config import Settings
@@ -36,6 +37,8 @@ from glsim.noise.stage import Stage
 from glsim.noise.view import FrameContext, Optics
 from glsim.plan import Task, make_tasks, stable_seed
 from glsim.pose import pose_matrix
+from glsim.regionpass import REGION
+from glsim.regions import RegionLabels
 from glsim.render import Renderer
 from glsim.sensor import Sensor, sensor_of
 
@@ -79,7 +82,8 @@ def simulate(
 
     sources: what ``settings.source`` describes, if it is open already; any FaceSource will do.
     backend: "egl" or "osmesa". context: one to draw in; by default one is opened and closed.
-    layers: that will be looked at. Without "infrared" that image stays 0 unless a stage needs it.
+    layers: that will be looked at. Without "infrared" that image stays 0 unless a stage needs it;
+    "regions", the parts of the face, are drawn only with it.
     extra_layers: further layers of the stages that frames shall carry (``Frame.extra``).
     A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
     and MeshError for a bad face if ``settings.strict``.
@@ -121,9 +125,11 @@ class Simulator:
         self.sensor: Sensor = sensor_of(settings)
         make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
+        brought = (*self._extra, REGION.name) if "regions" in layers else self._extra
         self._chain = ShaderChain(
-            context, self.sensor.stages, self._extra, infrared="infrared" in layers
+            context, self.sensor.stages, brought, infrared="infrared" in layers
         )
+        self._labels = RegionLabels(sources) if "regions" in layers else None
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -193,7 +199,11 @@ class Simulator:
                 (_wall(settings.scene.wall_albedo), pose_matrix({"distance_mm": wall_mm}))
             )
         crop = crop_window(rig.intrinsics, pose, settings.output.crop)
-        layers, window = self._renderer.render(meshes, crop)
+        labels: list[NDArray[np.float32] | None] = []
+        if self._labels is not None:
+            labels = [self._labels.of(task.source, len(face.mesh.vertices_mm))]
+            labels += [None] * (len(meshes) - 1)  # the wall
+        layers, window = self._renderer.render(meshes, crop, labels)
         context = FrameContext(
             window,
             rig.intrinsics.width,
@@ -237,6 +247,7 @@ class Simulator:
             expression=face.expression,
             parameters=item.drawn,
             notes=face.notes,
+            region_numbers={} if self._labels is None else self._labels.numbers,
         )
 
 

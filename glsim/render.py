@@ -24,11 +24,13 @@ from numpy.typing import NDArray
 from glsim.bounds import Sight, Tangents, corners, emitter_view, image_window, union
 from glsim.camera import Emitter, Intrinsics, SensorRig
 from glsim.frame import Rect
+from glsim.gl.meshes import draw_meshes, index_buffer
 from glsim.gl.program import link_files
 from glsim.gl.source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.mesh import SKIN_ALBEDO, Mesh
 from glsim.pose import pose_matrix
+from glsim.regionpass import REGION, Labelled, RegionPass
 from glsim.samples import Centres, sample_layer, samples_pass
 
 CLEAN = Layer("clean", "float")
@@ -92,17 +94,22 @@ class Renderer:
         )
         self._map_buffer = context.framebuffer([], self._map)
         self._drawables: OrderedDict[int, _Drawable] = OrderedDict()
+        self._regions: RegionPass | None = None
 
     def _fullscreen(self, name: str) -> moderngl.VertexArray:
         program = link_files(self.context, "render/fullscreen.vert", name)
         return self.context.vertex_array(program, [])
 
     def render(
-        self, meshes: Sequence[tuple[Mesh, NDArray[np.float32]]], visible: Rect | None = None
+        self,
+        meshes: Sequence[tuple[Mesh, NDArray[np.float32]]],
+        visible: Rect | None = None,
+        labels: Sequence[NDArray[np.float32] | None] = (),
     ) -> tuple[dict[str, Target], Rect]:
         """Draw meshes, each with its (4, 4) matrix from canonical mm to camera m.
 
-        visible: the crop that will be delivered (None: all).
+        visible: the crop that will be delivered (None: all). labels: one a mesh, (V,) numbers of
+        its vertices' regions or None; empty: the layer region is not drawn.
         Returns the layers clean, normal, albedo and lit, those of the finer grid if the rig has
         one (fine_seen, uneven), and the window they are drawn in; give
         the targets back to ``pool``. Raises MeshError if the first mesh, the face, is not in view.
@@ -118,7 +125,19 @@ class Renderer:
         self.nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
         casting = drawables if self.rig.shadow_map else []
         layers["lit"] = self._draw_lit(layers, window, casting, views, corners_m)
+        if labels:
+            labelled = [
+                Labelled(d.faces, d.positions, of_mesh)
+                for d, of_mesh in zip(drawables, labels, strict=True)
+            ]
+            layers[REGION.name] = self._region_pass().draw(labelled, views, window)
         return layers, window
+
+    def _region_pass(self) -> RegionPass:
+        if self._regions is None:
+            pools = self._camera_pool, self.pool
+            self._regions = RegionPass(self.context, self.rig, pools, self.rays)
+        return self._regions
 
     def light_depth_map(
         self, clean_m: NDArray[np.float32], normal: NDArray[np.float32], surface: Mesh | None
@@ -164,33 +183,13 @@ class Renderer:
         make = self.context.buffer
         positions = make(reserve=mesh.vertices_mm.nbytes, dynamic=True)
         albedos = make(reserve=4 * len(mesh.vertices_mm))
-        # 16-bit indices where they reach are fetched 4 % faster by the software rasteriser.
-        short = len(mesh.vertices_mm) <= 1 << 16
-        indices = make(mesh.faces.astype(np.uint16 if short else np.uint32))
-        index_size = 2 if short else 4
+        indices, index_size = index_buffer(self.context, mesh.faces, len(mesh.vertices_mm))
         position = (positions, "3f", "in_position_mm")
         surface = self.context.vertex_array(
             self._surface, [position, (albedos, "1f", "in_albedo")], indices, index_size
         )
         projector = self.context.vertex_array(self._projector, [position], indices, index_size)
         return _Drawable(mesh.faces, positions, albedos, indices, surface, projector)
-
-    def _draw_meshes(
-        self,
-        arrays: Sequence[moderngl.VertexArray],
-        program: moderngl.Program,
-        views: Sequence[NDArray[np.float32]],
-        origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    ) -> None:
-        # The clip matrix points y down, which mirrors the winding: front faces are clockwise.
-        self.context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        self.context.front_face, self.context.cull_face = "cw", "back"
-        for array, view in zip(arrays, views, strict=True):
-            moved = view.copy()
-            moved[:3, 3] -= origin_m
-            set_matrix(program, "u_view", moved)
-            array.render()
-        self.context.enable_only(moderngl.NOTHING)
 
     def _draw_surface(
         self,
@@ -211,7 +210,7 @@ class Renderer:
         buffer.viewport = (0, 0, fine.width, fine.height)
         buffer.scissor = drawn
         buffer.clear(viewport=drawn)
-        self._draw_meshes([d.surface for d in drawables], self._surface, views)
+        draw_meshes(self.context, [d.surface for d in drawables], self._surface, views)
         layers = {target.layer.name: target for target in targets}
         return layers if self._lens_pass is None else self._through_lens(layers, window)
 
@@ -290,9 +289,8 @@ class Renderer:
         self._map_buffer.use()
         self._map_buffer.viewport = self._map_buffer.scissor = (0, 0, width, height)
         self._map_buffer.clear(viewport=(0, 0, width, height))
-        self._draw_meshes(
-            [d.projector for d in drawables], self._projector, views, emitter.position_m
-        )
+        arrays = [d.projector for d in drawables]
+        draw_meshes(self.context, arrays, self._projector, views, emitter.position_m)
         scale = focal / _MAP_SIZE
         program = self._lit_pass.program
         program["u_emitter_m"] = emitter.position_m

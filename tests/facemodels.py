@@ -1,14 +1,17 @@
-"""Faces for tests: an analytic head, and a small FaceXModel folder in ICT-FaceKit's layout."""
+"""Faces for tests: an analytic head, a FaceXModel folder in ICT-FaceKit's layout, a board."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.faces.base import Face, FaceKey
 from glsim.faces.ict_facekit.facs import known_shapes
+from glsim.mesh import Mesh
 
 ROWS, COLUMNS = 61, 49
 
@@ -76,16 +79,13 @@ def write_face_x_model(folder: Path) -> Path:
                 lines.append("f " + " ".join(f"{c}/{c}" for c in corners))
         start += len(points)
     tail = "\n".join(lines) + "\n"
-    # Multi-PIE 48-59: twelve points around the mouth at (3, -20) mm.
-    angle = np.arange(12) * np.pi / 6
-    outline = np.stack([0.3 + 2.4 * np.cos(angle), -2.0 + 1.2 * np.sin(angle)], axis=1)
-    landmarks = np.zeros(68, dtype=int)
     front = parts[0][1]
-    for index, point in enumerate(outline, start=48):
-        landmarks[index] = int(np.argmin(np.linalg.norm(front[:, :2] - point, axis=1)))
+    landmarks = [
+        int(np.argmin(np.linalg.norm(front[:, :2] - point, axis=1))) for point in _multi_pie()
+    ]
     expressions = sorted(known_shapes())
     (folder / "vertex_indices.json").write_text(
-        json.dumps({"expressions": expressions, "idx_to_landmark_verts": landmarks.tolist()})
+        json.dumps({"expressions": expressions, "idx_to_landmark_verts": landmarks})
     )
     (folder / "generic_neutral_mesh.obj").write_text(_vertex_lines(neutral) + tail)
     rng = np.random.default_rng(0)
@@ -104,6 +104,24 @@ def write_face_x_model(folder: Path) -> Path:
             moved[:, 2] += 0.1
         (folder / f"{name}.obj").write_text(_vertex_lines(moved) + tail)
     return folder
+
+
+def _multi_pie() -> NDArray[np.float64]:
+    """(68, 2) where the landmarks of the analytic face are, cm; its middle is at (0.3, 1.2)."""
+    points = np.zeros((68, 2))
+    jaw = np.linspace(-1, 1, 17)
+    points[:17] = np.stack([6.5 * jaw, -9 + 12 * jaw**2], axis=1)
+    points[17:22, 0], points[22:27, 0] = np.linspace(-5, -1, 5), np.linspace(1, 5, 5)
+    points[17:27, 1] = 5.5
+    points[27:31, 1] = (4, 3, 2, 0.5)
+    points[31:36, 0], points[31:36, 1] = np.linspace(-1, 1, 5), -1.5
+    ring = np.arange(6) * np.pi / 3
+    for first, side in ((36, -1), (42, 1)):
+        eye = [2.3 * side - 1.5 * np.cos(ring), 3.0 + 0.9 * np.sin(ring)]
+        points[first : first + 6] = np.stack(eye, axis=1)
+    angle = np.arange(12) * np.pi / 6
+    points[48:60] = np.stack([2.4 * np.cos(angle), -3.2 - 1.2 * np.sin(angle)], axis=1)
+    return points + np.array([0.3, 1.2])
 
 
 def _vertex_lines(vertices: NDArray[np.float64]) -> str:
@@ -126,3 +144,27 @@ def _ball(middle: tuple[float, float, float], radius: float, columns: int) -> ND
         [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
     )
     return np.asarray(radius * ring.reshape(-1, 3) + np.array(middle))
+
+
+class Board:
+    """Two squares side by side, 60 mm each: the left in the image is "nose", the right "tail"."""
+
+    name = "board"
+    region_names = ("tail", "nose")
+
+    def __init__(self, wrong: bool = False) -> None:
+        x, y = np.meshgrid([-60, -0.01, 0.01, 60], [-30, 30])
+        points = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+        corner = np.array([[0, 1, 5], [0, 5, 4], [2, 3, 7], [2, 7, 6]], np.int32)
+        self._mesh = Mesh(points.astype(np.float32), corner)
+        self.regions = np.array([1, 1, 0, 0] * (1 if wrong else 2), np.uint8)
+
+    def subjects(self, count: int | None) -> list[str]:
+        return ["b"]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        return [FaceKey("b", "s", number) for number in range(count or 1)]
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        for key in keys:
+            yield Face(key, self._mesh)

@@ -26,6 +26,7 @@ HOMES = {
     "moderngl": (
         "gl",
         "render.py",
+        "regionpass.py",
         "samples.py",
         "pipeline.py",
         "noise/chain.py",

@@ -46,7 +46,7 @@ def denoise(
     """
     import numpy as np
 
-    from glsim.cli.files import write_bytes
+    from glsim.dataset.files import write_bytes
     from glsim.dataset.png import encode_png
     from glsim.frame import encode_depth
 

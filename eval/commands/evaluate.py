@@ -115,7 +115,7 @@ def _tuned(job: Scoring, out: Path, count: int) -> Scoring:
 
 
 def _write(found: Evaluation, job: Scoring, out: Path, paper: bool, figures: bool) -> None:
-    from glsim.cli.files import write_bytes
+    from glsim.dataset.files import write_bytes
 
     from ..paper import paper_table
     from ..tables import latex, markdown, write_table_csv

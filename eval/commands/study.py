@@ -44,7 +44,7 @@ def study(
 
     Every sensor sees the same faces in the same poses. The same command again resumes.
     """
-    from glsim.cli.files import write_bytes
+    from glsim.dataset.files import write_bytes
 
     from ..paper import paper_table
     from ..study import choose, report

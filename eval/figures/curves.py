@@ -1,10 +1,11 @@
-"""The whole set in two figures: how large errors are, and why MSE does not say so."""
+"""The whole set in figures: how large errors are, frame by frame, and why MSE does not say so."""
 
 from __future__ import annotations
 
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..aggregate import Summary
 from ..blocks import BIN_MM, BINS
@@ -35,9 +36,11 @@ def disagreement(summary: Summary) -> Any:
     """All-pixel MSE against interior RMSE: a dot a frame, a large one for a method's mean."""
     figure = new_figure(6.4, 3.6)
     axis = figure.subplots()
+    everything: list[NDArray[np.float64]] = []
     for number, method in enumerate(summary.methods):
         look = style(number)
-        points = np.array(summary.points.get(method, [])).reshape(-1, 2)
+        points = summary.frames_shown(method, "mse_mm2", "both_interior_rmse_mm")
+        everything.append(points)
         axis.scatter(*points.T, s=2, alpha=0.25, color=look["color"], linewidths=0)
     for number, method in enumerate(summary.methods):
         look = style(number)
@@ -52,13 +55,55 @@ def disagreement(summary: Summary) -> Any:
             label=method,
             zorder=3,
         )
-    everything = np.array([point for points in summary.points.values() for point in points])
     for place, scale in enumerate((axis.set_xscale, axis.set_yscale)):
-        values = everything.reshape(-1, 2)[:, place]
+        values = np.concatenate(everything)[:, place]
         if values.size and values.min() > 0 and values.max() > 10 * values.min():
             scale("log")
     _finish(axis, "MSE over all pixels [mm²]", "RMSE, interior, valid in both [mm]")
     figure.legend(loc="outside right center", fontsize=_TEXT_SIZE - 1, frameon=False)
+    return figure
+
+
+#: Metric of a panel -> its heading.
+_BOXES: Final = {
+    "mse_mm2": "MSE, all pixels [mm²]",
+    "input_interior_rmse_mm": "RMSE, interior [mm]",
+    "normal_mean_deg": "normals [°]",
+    "flips_px": "flipped pixels",
+    "flying_px": "flying pixels",
+}
+
+
+def frame_boxes(summary: Summary) -> Any:
+    """A box a method of its frames, for the main metrics: quartiles, 5 to 95 %, mean."""
+    methods = summary.methods
+    figure = new_figure(9.6, 1.0 + 0.2 * len(methods))
+    axes = figure.subplots(1, len(_BOXES), sharey=True)
+    for axis, (metric, heading) in zip(axes, _BOXES.items(), strict=True):
+        values = [summary.frames_shown(method, metric)[:, 0] for method in methods]
+        drawn = axis.boxplot(
+            values,
+            orientation="horizontal",
+            whis=(5, 95),
+            widths=0.6,
+            showfliers=False,
+            showmeans=True,
+            patch_artist=True,
+            medianprops={"color": "black", "linewidth": 1.0},
+            meanprops={"marker": "D", "markersize": 2.5, "markeredgecolor": "black",
+                       "markerfacecolor": "white", "markeredgewidth": 0.5},
+            whiskerprops={"linewidth": 0.6},
+            capprops={"linewidth": 0.6},
+        )  # fmt: skip
+        for number, box in enumerate(drawn["boxes"]):
+            look = style(number)
+            box.set(facecolor=look["color"], alpha=0.6, linewidth=0.5)
+        everything = np.concatenate(values)
+        if everything.size and 0 < 10 * everything.min() < everything.max():
+            axis.set_xscale("log")
+        _finish(axis, heading, "")
+    axes[0].set_yticks(range(1, len(methods) + 1), methods)
+    axes[0].invert_yaxis()
     return figure
 
 

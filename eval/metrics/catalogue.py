@@ -1,4 +1,7 @@
-"""Every metric by name: unit, which direction is better, what it is. The one list of them."""
+"""Every metric by name: unit, which direction is better, what it is. The one list of them.
+
+Data sets with face regions have more, which are made from these: see ``regions``.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ PSNR_MAX_MM: Final = 8000.0
 NORMAL_DEG: Final = 10.0
 
 Better = Literal["lower", "higher", "neither"]
-Block = Literal["paper", "validity", "depth", "normals", "time"]
+Block = Literal["paper", "validity", "depth", "normals", "regions", "time"]
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from .catalogue import (
     STATISTICS,
 )
 from .normals import angles_deg, normals_at, whole_windows
+from .regions import Regions
 from .ssim import Moments, ssim
 
 _NAN = float("nan")
@@ -32,9 +33,17 @@ class Truth:
     """A clean frame with its input, prepared for comparison.
 
     clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth. rays: (H, W, 2), x/z and y/z.
+    regions: the parts of the face, if they are known.
     """
 
-    def __init__(self, clean_mm: Depth, noisy_mm: Depth, rays: NDArray[np.floating]) -> None:
+    def __init__(
+        self,
+        clean_mm: Depth,
+        noisy_mm: Depth,
+        rays: NDArray[np.floating],
+        regions: Regions | None = None,
+    ) -> None:
+        self.regions = regions
         self.clean = clean_mm.astype(np.float64)
         self.noisy = noisy_mm.astype(np.float64)
         self.rays = rays
@@ -96,7 +105,7 @@ def check_prediction(prediction: NDArray[np.generic], shape: tuple[int, ...]) ->
 
 
 def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
-    """Every metric but the time, by name; NaN where it is undefined.
+    """Every metric but the time, by name; those of the truth's regions last; NaN where undefined.
 
     prediction_mm: (H, W) millimetres, 0 = no depth. Raises DenoiserError, see check_prediction.
     """
@@ -105,6 +114,7 @@ def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
     error = prediction - truth.clean
     result = _paper(prediction, valid, error, truth) | _validity(valid, error, truth)
     base = {"both": valid & truth.valid, "input": truth.input_valid & truth.valid}
+    of_regions: dict[str, float] = {}
     for name in SETS:
         for part, (suffix, _) in PARTS.items():
             pixels = base[name] & truth.parts[part]
@@ -113,9 +123,14 @@ def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
                 fallback = truth.noisy[pixels] - truth.clean[pixels]
                 errors = np.where(valid[pixels], errors, fallback)
             result |= _errors(f"{name}{suffix}", errors)
+            if truth.regions is not None and (name, part) == ("input", "interior"):
+                of_regions = truth.regions.errors(errors, pixels)
     result |= _errors("filled", error[base["both"] & ~truth.input_valid])
-    result |= _normals(prediction, valid, truth)
-    return {name: result[name] for name in METRICS if name in result}
+    at, angle = _angles(prediction, valid, truth)
+    result |= _normals(angle)
+    if truth.regions is not None:
+        of_regions |= truth.regions.angles(angle, at)
+    return {name: result[name] for name in METRICS if name in result} | of_regions
 
 
 def _paper(
@@ -172,13 +187,19 @@ def _errors(name: str, error: NDArray[np.float64]) -> dict[str, float]:
     return {f"{name}_{key}_mm": values[key] for key in STATISTICS}
 
 
-def _normals(prediction: NDArray[np.float64], valid: Mask, truth: Truth) -> dict[str, float]:
+def _angles(
+    prediction: NDArray[np.float64], valid: Mask, truth: Truth
+) -> tuple[Mask, NDArray[np.float64]]:
+    """(H, W) where both have a normal, and (N,) the degrees between them there."""
     at = truth.smooth & whole_windows(valid)
-    if not at.any():
+    first, second = (normals_at(depth, truth.rays, at) for depth in (prediction, truth.clean))
+    return at, angles_deg(first, second)
+
+
+def _normals(angle: NDArray[np.float64]) -> dict[str, float]:
+    """Of (N,) degrees."""
+    if not angle.size:
         return dict.fromkeys(("normal_mean_deg", "normal_median_deg", "normal_good_pct"), _NAN)
-    angle = angles_deg(
-        normals_at(prediction, truth.rays, at), normals_at(truth.clean, truth.rays, at)
-    )
     return {
         "normal_mean_deg": float(angle.mean()),
         "normal_median_deg": float(np.median(angle)),

@@ -60,9 +60,9 @@ def corrupt(
     In a folder every .png is taken, sub-folders included, and keeps its name; the noise of a map
     depends on the seed and on its name. Maps that cannot be read are named and left out.
     """
-    from glsim.cli.files import write_bytes
     from glsim.config import load_settings
     from glsim.corrupt import Corrupter
+    from glsim.dataset.files import write_bytes
     from glsim.dataset.png import encode_png
     from glsim.depthfile import read_depth
 

@@ -55,7 +55,7 @@ def fit(
     Record 30 frames or more of walls and furniture at many distances; nothing may move. Only
     distance, not brightness, is looked at: the amplitude that is found is of walls of --albedo.
     """
-    from glsim.cli.files import write_bytes
+    from glsim.dataset.files import write_bytes
     from glsim.fit import (
         base_sensor,
         fit_model,

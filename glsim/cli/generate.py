@@ -74,7 +74,8 @@ def generate(
     crop: Annotated[int | None, typer.Option(help="Side of the centre crop, pixels.")] = None,
     format: Annotated[str | None, typer.Option(help="png or webdataset.")] = None,
     layers: Annotated[
-        str | None, typer.Option(help="Of clean,noisy,infrared,reason; default clean,noisy.")
+        str | None,
+        typer.Option(help="Of clean,noisy,infrared,reason,regions; default: two."),
     ] = None,
     depth_unit_mm: Annotated[float | None, typer.Option(help="Step of the depth files.")] = None,
     split: Annotated[

@@ -35,8 +35,9 @@ def preview(
 
     Writes contact_sheet.png (shaded clean, shaded noisy, difference, invalid mask) and summary.md.
     """
-    from glsim.cli.files import write_bytes, write_picture
+    from glsim.cli.files import write_picture
     from glsim.dataset import open_dataset
+    from glsim.dataset.files import write_bytes
     from glsim.dataset.reader import read_header
     from glsim.preview import contact_sheet, of_pair
     from glsim.summary import as_markdown, measure

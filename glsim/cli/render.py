@@ -62,9 +62,10 @@ def render(
     tables as libfreenect2 wants them.
     """
     from glsim import raw as raw_frames
-    from glsim.cli.files import write_bytes, write_picture
+    from glsim.cli.files import write_picture
     from glsim.config import SourceSettings, load_settings
     from glsim.dataset import write_frame
+    from glsim.dataset.files import write_bytes
     from glsim.faces.one import OneMesh
     from glsim.frame import LAYERS, Frame
     from glsim.meshio import load_mesh

@@ -51,7 +51,7 @@ def validate(
     Walls, edges, steps and faces are rendered and measured. Exit status: 0 if every check passes
     (or is a documented exception), else 1. The checks of kinect-v2 serve for sensors of your own.
     """
-    from glsim.cli.files import write_bytes
+    from glsim.dataset.files import write_bytes
     from glsim.errors import ConfigError
     from glsim.gl.context import open_context
     from glsim.validate import Bench, Lab, check_matplotlib, examine, figure

@@ -147,6 +147,13 @@ def write_file(path: Path, data: bytes, temporary: Path, *, sync: bool = False) 
     return file.check
 
 
+def write_bytes(data: bytes, path: Path) -> None:
+    """A file of its own, outside a data set; its folder is made. Raises DatasetError."""
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    write_file(path, data, path.with_name(f".{path.name}.{os.getpid()}"))
+
+
 def check_bytes(data: bytes) -> dict[str, int]:
     """Size and CRC32 of bytes in memory."""
     return {"size": len(data), "crc32": zlib.crc32(data)}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset.files import write_file, writing
+from glsim.dataset.files import write_bytes
 from glsim.dataset.png import encode_png
 from glsim.errors import DatasetError
 from glsim.frame import Frame
@@ -22,6 +21,7 @@ LAYER_TYPES: dict[str, np.dtype[np.generic]] = {
     "noisy": np.dtype(np.uint16),
     "infrared": np.dtype(np.uint16),
     "reason": np.dtype(np.uint8),
+    "regions": np.dtype(np.uint8),
 }
 
 
@@ -57,7 +57,5 @@ def write_frame(frame: Frame, directory: Path, stem: str, layers: Sequence[str])
     images = {layer: encode_png(frame.image(layer)) for layer in layers}
     paths = {layer: directory / f"{stem}_{layer}.png" for layer in layers}
     for layer, path in paths.items():
-        with writing(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-        write_file(path, images[layer], path.with_name(f".{path.name}.{os.getpid()}"))
+        write_bytes(images[layer], path)
     return list(paths.values())

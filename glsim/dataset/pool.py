@@ -1,74 +1,33 @@
-"""The parent's side of the worker processes.
-
-Workers are started as ``python -c``, not through multiprocessing: they get single-threaded
-libraries by their environment (read before NumPy is loaded, and the parent's stays as it is), a
-script needs no ``if __name__ == "__main__"``, and a Ctrl-C in the terminal reaches the parent only.
-"""
+"""The parent's side of the worker processes: who renders which chunk, and what if one dies."""
 
 from __future__ import annotations
 
 import logging
-import os
 import signal
-import subprocess
-import sys
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from types import TracebackType
 
 from glsim.dataset.layout import Chunk
 from glsim.dataset.record import ChunkSummary
 from glsim.dataset.work import Event, Job, Started
-from glsim.dataset.worker import Ask, Failed
+from glsim.dataset.worker import Ask
 from glsim.errors import DatasetError
+from glsim.processes import Failed, Process
 
 log = logging.getLogger(__name__)
 
-#: The environment of workers: one thread each, as there is a process a core already. The first is
-#: for Mesa's llvmpipe (0 = none besides the caller's), the last for OpenCV.
-SINGLE_THREADED = {
-    "LP_NUM_THREADS": "0",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "OPENCV_FOR_THREADS_NUM": "1",
-}
-_START = (
-    "import sys; descriptor, *sys.path = sys.argv[1:];"
-    "from glsim.dataset.worker import main; main(int(descriptor))"
-)
 #: A chunk that was in work when a worker died is tried this often in all.
 _ATTEMPTS = 2
 
 
-class _Worker:
+class _Worker(Process):
     def __init__(self, job: Job) -> None:
-        self.connection: Connection[object, object]
+        super().__init__("glsim.dataset.worker")
         self.chunks: list[Chunk] = []  # in work, the oldest first
         self.dismissed = False  # it was told that there are no more
-        self.connection, theirs = Pipe()
-        with theirs:
-            self.process = subprocess.Popen(
-                [sys.executable, "-P", "-c", _START, str(theirs.fileno()), *sys.path],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=2,  # what libraries print is no part of the parent's output
-                env=os.environ | SINGLE_THREADED,
-                process_group=0,
-            )
         self.send(job)
-
-    def send(self, message: object) -> None:
-        with suppress(ConnectionError):  # it died: the next wait() says so
-            self.connection.send(message)
-
-    def stop(self) -> int:
-        """End it, if need be by force; what it had not recorded is done again later."""
-        self.connection.close()
-        self.process.kill()
-        return self.process.wait()
 
 
 class WorkerPool:
@@ -125,8 +84,6 @@ class WorkerPool:
                         worker.chunks.append(chunk)
                     worker.send(chunk)
                 elif isinstance(message, Failed):
-                    if message.trace:
-                        message.error.add_note(message.trace)
                     raise message.error
                 elif isinstance(message, ChunkSummary | Started):
                     if isinstance(message, ChunkSummary):

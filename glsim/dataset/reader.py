@@ -17,7 +17,7 @@ from glsim.dataset.files import check_bytes, read_json
 from glsim.dataset.images import Image, decode_png
 from glsim.dataset.layout import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
 from glsim.errors import DatasetError, did_you_mean
-from glsim.frame import LAYERS
+from glsim.frame import WRITABLE
 
 _BLOCK = 1 << 24
 
@@ -91,8 +91,13 @@ class Pair:
         """(H, W) uint8 codes of ``glsim.reason.Reason``."""
         return self.image("reason")
 
+    @cached_property
+    def regions(self) -> Image:
+        """(H, W) uint8 parts of the face, numbered as ``Dataset.regions`` says; 0 = none."""
+        return self.image("regions")
+
     def image(self, layer: str) -> Image:
-        """(H, W) the layer as it is in its file: uint16, or uint8 for "reason".
+        """(H, W) the layer as it is in its file: uint16, or uint8 for "reason" and "regions".
 
         Raises DatasetError if the data set has no such layer, or if the file is missing, is not
         what was written, or is no image of the right type and size.
@@ -204,7 +209,12 @@ class Dataset:
     def layers(self) -> tuple[str, ...]:
         """The layers that each frame has."""
         written = self.header["settings"]["output"]["layers"]
-        return tuple(layer for layer in LAYERS if layer in written)
+        return tuple(layer for layer in WRITABLE if layer in written)
+
+    @property
+    def regions(self) -> dict[str, int]:
+        """Parts of the face by name -> their numbers in the layer regions; empty without it."""
+        return dict(self.header.get("regions", {}))
 
     @property
     def is_tree(self) -> bool:

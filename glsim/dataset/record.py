@@ -34,8 +34,9 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
 
     Seeds are 16 hexadecimal digits: JSON readers in other languages round integers above 2**53.
     files: layer -> name, size, crc32; and for a file within a shard its member and its offset.
+    With the layer regions also the names and numbers of those that the frame shows.
     """
-    return _identity(task, frame.source) | {
+    record = _identity(task, frame.source) | {
         "device": task.device,
         "seeds": {name: f"{seed:016x}" for name, seed in task.seeds._asdict().items()},
         "pose": dict(frame.pose),
@@ -47,6 +48,7 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
         "notes": dict(frame.notes),
         "files": dict(files),
     }
+    return record | {"regions": frame.seen_regions} if "regions" in files else record
 
 
 def skipped_record(task: Task, skipped: Skipped) -> Record:

@@ -134,6 +134,7 @@ def generate(
     # Here, because reading a data set needs no OpenGL.
     from glsim.gl.context import describe, open_context
     from glsim.pipeline import open_sources, simulate
+    from glsim.regions import region_numbers
     from glsim.sensor import sensor_of
 
     sensor = sensor_of(settings)
@@ -149,6 +150,7 @@ def generate(
         partial(simulate, sources=sources, backend=backend, layers=settings.output.layers),
         sensor=sensor.describe(),
         renderer=renderer,
+        regions=region_numbers(sources) if "regions" in settings.output.layers else {},
         workers=workers,
         progress=progress,
     )
@@ -162,6 +164,7 @@ def write_dataset(
     *,
     sensor: Mapping[str, Any],
     renderer: str,
+    regions: Mapping[str, int] | None = None,
     workers: Workers = "auto",
     progress: Callable[[Progress], None] | None = None,
 ) -> Summary:
@@ -171,7 +174,8 @@ def write_dataset(
     often a run was interrupted, and with any number of workers, the same bytes result.
 
     make_frames: see FrameMaker. sensor, renderer: descriptions for the header; a run that is
-    resumed must have the same ones. workers: processes; 1 renders in this one.
+    resumed must have the same ones. regions: name -> number in the layer of that name.
+    workers: processes; 1 renders in this one.
 
     Raises ConfigError if the folder was begun with other settings, DatasetError if it is in use,
     cannot be written, or holds something else, or if worker processes die; MeshError at the first
@@ -182,6 +186,8 @@ def write_dataset(
     count = available_workers(workers)
     plan = Plan(tasks, CHUNK_FRAMES[settings.output.format])
     identity = _identity(settings, plan, sensor, renderer)
+    if regions:
+        identity["regions"] = dict(regions)  # uint8 numbers in the layer regions; 0 = none
     store = Store(out)
     tally = _Tally(len(tasks), progress)
     with store.opened(identity):

@@ -1,14 +1,10 @@
-"""A worker process: asks for chunks over a socket, renders and writes them, reports.
-
-Each worker has a socket of its own, so that one that is killed can spoil nothing that others share.
-"""
+"""A worker process: asks for chunks over its socket, renders and writes them, reports."""
 
 from __future__ import annotations
 
 import os
 import sys
 import time
-import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -27,33 +23,10 @@ class Ask:
     """A worker wants a chunk; the answer is a Chunk, or None if there are no more."""
 
 
-@dataclass(frozen=True)
-class Failed:
-    """A worker cannot go on; trace is empty for errors that glsim raises on purpose."""
-
-    error: GlsimError
-    trace: str = ""
-
-
-def main(descriptor: int) -> None:
-    """Work until there are no more chunks. ``descriptor``: this end of the socket."""
+def work(connection: Connection[object, object]) -> None:
+    """Until there are no more chunks; the first message is the Job."""
     parent = os.getppid()
-    connection: Connection[object, object] = Connection(descriptor)
-    try:
-        try:
-            _work(connection, parent)
-        except GlsimError as error:
-            connection.send(Failed(error))
-        except (EOFError, ConnectionError):
-            raise
-        except Exception as error:
-            message = GlsimError(f"{type(error).__name__} in a worker: {error}")
-            connection.send(Failed(message, traceback.format_exc()))
-    except (EOFError, ConnectionError):
-        sys.exit(1)  # the parent is gone: nobody to tell
 
-
-def _work(connection: Connection[object, object], parent: int) -> None:
     def chunks() -> Iterator[Chunk]:
         while True:
             connection.send(Ask())

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from glsim.canonical import ORIGIN_BEHIND_NOSE_MM
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.ict_facekit.facs import known_shapes
-from glsim.faces.ict_facekit.topology import Topology, build_topology
+from glsim.faces.ict_facekit.regions import FACE_PARTS
+from glsim.faces.ict_facekit.topology import REGION_NAMES, Topology, build_topology
 from glsim.faces.ict_facekit.unseen import seen_faces
 from glsim.objfile import read_obj, read_vertices
 
@@ -30,7 +31,7 @@ LANDMARKS: Final = 68  # Multi-PIE
 _NEUTRAL: Final = "generic_neutral_mesh.obj"
 _INDICES: Final = "vertex_indices.json"
 _GET_IT: Final = "git clone https://github.com/ICT-VGL/ICT-FaceKit"
-_CACHE_VERSION: Final = "2"  # raise it when what is cached changes
+_CACHE_VERSION: Final = "3"  # raise it when what is cached changes
 _LOG = logging.getLogger(__name__)
 
 
@@ -149,7 +150,8 @@ def _build(files: list[Path], expressions: tuple[str, ...], landmarks: NDArray[n
                 f"{len(neutral.vertices)}; get the whole face model with '{_GET_IT}'"
             )
         basis[row] = ((vertices[topology.kept] - mean) * MM_PER_UNIT).ravel()
-    face = mean[topology.region == 0]
+    skin = [REGION_NAMES.index(name) for name in ("face", *FACE_PARTS) if name != "lips"]
+    face = mean[np.isin(topology.region, skin)]
     nose_tip = face[np.argmax(face[:, 2])] * MM_PER_UNIT
     origin = nose_tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
     basis[0] = (mean * MM_PER_UNIT - origin).ravel()

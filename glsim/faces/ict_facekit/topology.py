@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import MeshError
+from glsim.faces.ict_facekit.regions import face_parts
 from glsim.objfile import ObjFile
 
 ALBEDO: Final = {
@@ -27,6 +28,13 @@ ALBEDO: Final = {
     "teeth": 0.5,  # enamel is bright, but translucent and in the mouth's shade
     "sclera": 0.5,
     "iris": 0.1,
+    # parts of the face, as bright as the rest of it: the model has no hair
+    "forehead": 0.6,
+    "cheek": 0.6,
+    "chin": 0.6,
+    "lids": 0.6,
+    "nose": 0.6,
+    "brow": 0.6,
 }
 REGION_NAMES: Final = tuple(ALBEDO)
 
@@ -81,7 +89,9 @@ def build_topology(neutral: ObjFile, landmarks: NDArray[np.int64]) -> Topology:
         white = np.unique(triangles[material == number[sclera]])
         axis_points = neutral.vertices[np.unique(triangles[material == number[iris]])]
         _label_iris(neutral.vertices, white, axis_points, region)
-    _label_lips(neutral.vertices, landmarks[48:60], region)
+    face = region == REGION_NAMES.index("face")
+    for name, where in face_parts(neutral.vertices, neutral.vertices[landmarks]).items():
+        region[face & where] = REGION_NAMES.index(name)
     drawn = triangles[np.isin(material, [number[name] for name in _MATERIALS])]
     faces, kept = _in_drawing_order(neutral.vertices, drawn)
     return Topology(faces, kept, region[kept].astype(np.uint8))
@@ -134,20 +144,6 @@ def _label_iris(
     along = (points - centre) @ axis
     beside = np.linalg.norm(points - centre - along[:, None] * axis, axis=1)
     region[white[(along > 0) & (beside < IRIS_RADIUS)]] = REGION_NAMES.index("iris")
-
-
-def _label_lips(
-    vertices: NDArray[np.float64], outline: NDArray[np.int64], region: NDArray[np.int64]
-) -> None:
-    """Face vertices inside the twelve outer lip landmarks, seen from the front (even-odd rule)."""
-    x, y = vertices[:, 0], vertices[:, 1]
-    inside = np.zeros(len(vertices), dtype=bool)
-    start = vertices[outline, :2]
-    for (x0, y0), (x1, y1) in zip(start, np.roll(start, -1, axis=0), strict=True):
-        if y0 != y1:
-            crosses = (y0 > y) != (y1 > y)
-            inside ^= crosses & (x < x0 + (y - y0) / (y1 - y0) * (x1 - x0))
-    region[inside & (region == REGION_NAMES.index("face"))] = REGION_NAMES.index("lips")
 
 
 def _in_drawing_order(
