@@ -17,6 +17,7 @@ from torch.utils.data import DataLoader
 from glsim.dataset import open_dataset
 from glsim.errors import ConfigError, DatasetError
 from glsim.train.data import Augmentation, StoredPairs, fingerprint
+from glsim.train.data.relief import draw_relief
 
 #: The fakes are 32 x 24 pixels, 4 frames of 8 subjects, 4 of which are in train.
 FRAMES = 16
@@ -98,6 +99,36 @@ def test_augmentation_is_a_function_of_seed_epoch_and_index(dataset: Path) -> No
     different = pairs(2)
     different.set_epoch(3)
     assert not all(map(torch.equal, forward, all_of(different, range(FRAMES))))
+
+
+def test_relief_lies_on_both_maps_alike_and_fills_no_hole(dataset: Path) -> None:
+    plain = StoredPairs(dataset, "train")
+    pairs, again = (
+        StoredPairs(dataset, "train", augmentation=Augmentation(relief_mm=2.0), seed=3)
+        for _ in range(2)
+    )
+    heights = []
+    for number in range(FRAMES):
+        before, after = (torch.stack(some[number]) for some in (plain, pairs))
+        assert torch.equal(after, torch.stack(again[number]))
+        assert torch.equal(before > 0, after > 0)
+        added = torch.where(before > 0, after - before, torch.nan)
+        both = ~added.isnan().any(0)
+        torch.testing.assert_close(added[0][both], added[1][both], atol=2e-4, rtol=0)
+        heights.append(float(added.nan_to_num().abs().max()))
+    assert min(heights) == 0, "some frames stay as they are"
+    assert 0.1 < max(heights) < 20
+
+
+def test_relief_has_the_height_that_is_asked_for() -> None:
+    """Its mean square is the sum over sizes of (height r^2 share)^2 times what patches leave."""
+    rng = np.random.default_rng(0)
+    squares = {
+        height: np.mean([draw_relief((48, 48), height, rng).var() for _ in range(200)])
+        for height in (1.0, 4.0)
+    }
+    assert squares[4.0] / squares[1.0] == pytest.approx(16, rel=0.6)
+    assert 0.02 < squares[1.0] < 1
 
 
 def test_cuts_and_flips_move_both_maps_alike(dataset: Path) -> None:

@@ -166,7 +166,7 @@ def stored(datasets: Sequence[Path], recipe: Recipe) -> StoredFeed:
             "train",
             crop=crop,
             cut=data.cut,
-            augmentation=Augmentation(flip=data.flip),
+            augmentation=Augmentation(flip=data.flip, relief_mm=data.relief_mm),
             seed=recipe.seed + number * _APART,
         )
         for number, dataset in enumerate(datasets)

@@ -99,6 +99,9 @@ class DataSettings(_Table):
     crop: int = Field(128, ge=0, description="side of the frames; 0: whole, as they are")
     cut: Literal["no", "centre", "random"] = Field("no", description="of frames that are larger")
     flip: bool = Field(False, description="mirror left and right, at random")
+    relief_mm: float = Field(
+        0.0, ge=0, description="height of random bumps and creases on stored pairs; 0: none"
+    )
     train_frames: int | None = Field(None, ge=1, description="the first so many; all, if left out")
     validation_frames: int | None = Field(
         None, ge=1, description="spread over the split; all, if left out"

@@ -16,6 +16,7 @@ from glsim.dataset import open_dataset
 from glsim.stable import stable_seed
 
 from .checks import LAYERS, Cut, checked_split
+from .relief import draw_relief
 
 __all__ = ["CACHE_MB", "Augmentation", "StoredPairs"]
 
@@ -31,6 +32,9 @@ class Augmentation:
         emitter and a structured-light camera's projector sit on one side of the lens, and a
         mirrored pair has its shadows on the other side of the face.
 
+    relief_mm: lay bumps and creases up to about so high on both depths, see
+        ``glsim.train.data.relief``.
+
     That is all. Another depth offset would be wrong: noise grows, and faces shrink, with distance.
     So would turning, scaling and added noise; each has a physical counterpart among the settings of
     the simulator (pose, distance, parameters of the stages). A shift is a cut of larger frames
@@ -38,6 +42,7 @@ class Augmentation:
     """
 
     flip: bool = False
+    relief_mm: float = 0.0
 
 
 class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
@@ -96,6 +101,9 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         pair_mm = self._cut_out(pair_mm, rng)
         if self._augmentation.flip and rng.random() < 0.5:
             pair_mm = pair_mm[:, :, ::-1]
+        if self._augmentation.relief_mm:
+            relief = draw_relief(pair_mm.shape[1:], self._augmentation.relief_mm, rng)
+            pair_mm = np.where(pair_mm > 0, pair_mm + relief, np.float32(0))
         both = torch.from_numpy(np.ascontiguousarray(pair_mm))
         return both[0:1], both[1:2]
 
