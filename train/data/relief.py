@@ -38,7 +38,7 @@ def draw_relief(
     for size_px, height in zip(_SIZES_PX, _HEIGHTS, strict=True):
         bumps = _smooth_noise(shape, size_px, rng)
         if rng.random() < _CREASED:
-            bumps = 1 - 1.5 * np.abs(bumps)
+            bumps = (1 - 1.5 * np.abs(bumps)).astype(np.float32)
         patches = np.clip(_smooth_noise(shape, _PATCH_PX, rng), 0, 2)
         relief += (height_mm * rng.random() ** 2 * height * bumps * patches).astype(np.float32)
     return relief
