@@ -131,10 +131,10 @@ def network_table(
         ]
     missing = [row for row in ROWS[which] if not any(s.group.row == row for s in scored)]
     notes = [f"{row}: missing, no checkpoint of it was found" for row in missing]
-    notes += [f"{group.title}: {note}" for group in groups for note in _training_notes(group)]
+    notes += [note for group in groups for note in _training_notes(group)]
     notes += [f"left out: {why}" for why in refused]
     if notes:
-        page.parts += [Heading("Missing and unfinished"), notes]
+        page.parts += [Heading("What is missing or less than published"), notes]
     return page
 
 
@@ -264,8 +264,9 @@ def _own_against_all(own: list[_Scores], networks: list[_Scores], table: Table) 
 
 
 def _training_notes(group: Group) -> list[str]:
-    """On seeds whose training was interrupted."""
-    unfinished = [one.label for one in group.members if not one.finished]
-    return [f"training was interrupted, scored as far as it came: {', '.join(unfinished)}"] * bool(
-        unfinished
-    )
+    """On what is less than published, and seeds whose training was interrupted."""
+    notes = [f"{group.title}, {group.size}: {group.members[0].description}"]
+    if unfinished := [one.label for one in group.members if not one.finished]:
+        stopped = f"training was interrupted, scored as far as it came: {', '.join(unfinished)}"
+        notes.append(f"{group.title}: {stopped}")
+    return notes if group.members[0].description else notes[1:]

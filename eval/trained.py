@@ -21,7 +21,7 @@ class Trained:
     """One training. label: its name in tables, that of its folder.
 
     row: of the paper's tables, None for another network. size: full, small or own.
-    minutes: of training. parameters: of the network.
+    description: what is less than published, in a line. minutes: of training. parameters: of the network.
     finished: False if the training was interrupted, and the checkpoint is the best until then.
     """
 
@@ -29,6 +29,7 @@ class Trained:
     title: str
     row: str | None
     size: str
+    description: str
     seed: int
     minutes: float
     steps: int
@@ -91,6 +92,7 @@ def _read(checkpoint: Path) -> Trained:
             str(recipe["title"]),
             recipe.get("row"),
             str(recipe["size"]),
+            str(recipe["description"]),
             int(recipe["seed"]),
             float(run["seconds"]) / 60,
             int(run["steps"]),

@@ -56,6 +56,7 @@ def write_run(
     folder.mkdir(parents=True)
     (folder / "best.pt").write_text(json.dumps({"gain": gain} | more))
     recipe = {"title": title or row, "row": row, "size": size, "seed": seed}
+    recipe["description"] = "narrower" if size == "small" else ""
     (folder / "recipe.json").write_text(json.dumps(recipe))
     run = {"state": state, "seconds": 90.0, "steps": 10, "epochs": 1, "parameters": 185857}
     (folder / "run.json").write_text(json.dumps(run))
