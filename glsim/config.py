@@ -188,7 +188,7 @@ def load_settings(
     where = str(file) if file is not None else "settings"
     for text in assignments:
         path, value = parse_assignment(text)
-        _assign(tree, path, value, text)
+        assign(tree, path, value, text)
     merge_tables(tree, overrides or {})
     if source:
         if isinstance(tree.get("source"), list):
@@ -219,27 +219,33 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def parse_assignment(text: str) -> tuple[list[str], Any]:
-    """``"axial.base_sigma_mm=2.5"`` to (["axial", "base_sigma_mm"], 2.5); values are TOML.
+    """``"axial.base_sigma_mm=2.5"`` to (["stage", "axial", "base_sigma_mm"], 2.5).
 
-    A bare word is taken as a string. A first word that is not a table of the settings names a
-    noise stage. Raises ConfigError if there is no "name=value".
+    As ``split_assignment``; a first word that is not a table of the settings names a noise stage.
+    """
+    path, value = split_assignment(text, "axial.base_sigma_mm=2.5 or pose.yaw_deg=20")
+    if len(path) == 2 and path[0] not in Settings.model_fields:
+        path = ["stage", *path]
+    return path, value
+
+
+def split_assignment(text: str, example: str) -> tuple[list[str], Any]:
+    """``"a.b=2.5"`` to (["a", "b"], 2.5); values are TOML, a bare word is taken as a string.
+
+    Raises ConfigError, which shows the example, if there is no "name=value".
     """
     name, equals, value = text.partition("=")
     path = [part.strip() for part in name.split(".")]
     if not equals or not value.strip() or not all(path):
-        raise ConfigError(
-            f"--set {text}: write name=value, e.g. axial.base_sigma_mm=2.5 or pose.yaw_deg=20"
-        )
+        raise ConfigError(f"--set {text}: write name=value, e.g. {example}")
     try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
+        return path, tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
-        parsed = value.strip()
-    if len(path) == 2 and path[0] not in Settings.model_fields:
-        path = ["stage", *path]
-    return path, parsed
+        return path, value.strip()
 
 
-def _assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> None:
+def assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> None:
+    """Put a value at a path into nested dicts. Raises ConfigError, with ``text``, if it cannot."""
     node: Any = tree
     for part in path[:-1]:
         if isinstance(node, dict):

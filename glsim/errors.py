@@ -6,6 +6,7 @@
     |- DeviceError    no OpenGL context of the wanted kind
     |- MeshError      a face cannot be read or cannot be rendered
     |- DatasetError   a data set on disk is not what it should be, or cannot be written
+    |- TrainError     a training cannot start, go on or be kept
     |- DenoiserError  a denoiser cannot be loaded, or returns what is no depth map
 
 Every message says what is wrong, where, and what to do about it, in one line.
@@ -39,6 +40,10 @@ class MeshError(GlsimError):
 
 class DatasetError(GlsimError):
     """A data set on disk is not what it should be, or cannot be written."""
+
+
+class TrainError(GlsimError):
+    """A training cannot start, go on or be kept; a checkpoint is not what it should be."""
 
 
 class DenoiserError(GlsimError):

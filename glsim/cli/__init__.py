@@ -43,6 +43,7 @@ app.command("sensors", epilog=describe.SENSORS_EXAMPLES)(describe.sensors)
 app.command("stages", epilog=describe.STAGES_EXAMPLES)(describe.stages)
 app.command("info", epilog=describe.INFO_EXAMPLES)(describe.info)
 # The layers above the simulator bring their commands; it knows them by name only.
+import_module("glsim.train.commands").register(app)
 import_module("glsim.eval.commands").register(app)
 
 

@@ -1,0 +1,72 @@
+"""Checkpoints: plain dictionaries of tensors, numbers and words, read without running any code.
+
+    best.pt   what the best validation saw: recipe, model, data, progress, validation
+    last.pt   as well everything that a resumed training needs: optimiser, average, rng, scaler
+
+A file is complete or it is the one before: it is written beside and renamed.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import pickle
+from pathlib import Path
+from typing import Any, Final
+
+import torch
+
+from glsim.dataset.files import write_file
+from glsim.errors import DatasetError, TrainError
+
+FORMAT: Final = "glsim-checkpoint"
+VERSION: Final = 1
+BEST: Final = "best.pt"
+LAST: Final = "last.pt"
+_KEYS: Final = ("recipe", "model", "data", "progress", "validation")
+
+
+def save(path: Path, content: dict[str, Any]) -> None:
+    """Write a checkpoint. Raises TrainError if the disk refuses; what was there before remains."""
+    write(path, {"format": FORMAT, "version": VERSION, **content})
+
+
+def write(path: Path, content: dict[str, Any]) -> None:
+    """Any dictionary of tensors, numbers and words, in the same careful way."""
+    buffer = io.BytesIO()
+    torch.save(content, buffer)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        write_file(path, buffer.getvalue(), temporary, sync=True)
+    except DatasetError as error:
+        kept = "the one before it is whole" if path.is_file() else "there is none before it"
+        reason = getattr(error.__cause__, "strerror", None) or error
+        raise TrainError(
+            f"cannot write {path}: {reason}: {kept}: make room, then go on with --resume"
+        ) from error
+
+
+def load(path: Path) -> dict[str, Any]:
+    """A checkpoint, its tensors in memory. Raises TrainError for what is none, or is cut short."""
+    try:
+        with path.open("rb") as file:
+            content = torch.load(file, map_location="cpu", weights_only=True)
+    except FileNotFoundError:
+        raise TrainError(f"{path}: no such checkpoint") from None
+    except OSError as error:
+        raise TrainError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError):
+        raise TrainError(
+            f"{path}: is cut short, or is no checkpoint of glsim train (code in a file is not run)"
+        ) from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise TrainError(f"{path}: is no checkpoint of glsim train: train one, or name another")
+    if content.get("version") != VERSION:
+        raise TrainError(
+            f"{path}: is a checkpoint of version {content.get('version')}, this glsim reads "
+            f"{VERSION}: use the glsim that wrote it, or train again"
+        )
+    for key in _KEYS:
+        if key not in content:
+            raise TrainError(f"{path}: is damaged: has no {key!r}: name another checkpoint")
+    return content

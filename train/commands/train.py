@@ -1,0 +1,176 @@
+"""``glsim train``: train a denoiser from a recipe."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from glsim.cli.common import Debug, Quiet, SeedOption, Verbose, console, options, overrides, say
+from glsim.errors import ConfigError
+
+if TYPE_CHECKING:
+    from glsim.train.fit import Shown
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim train face --data data -o runs/face --minutes 30
+
+glsim train face --data data -o runs/face --minutes 60 --resume      goes on for 30 more
+
+glsim train paper-d7-small --data data --seed 1 -o runs/d7_1
+
+glsim train mine.toml --data data --set loss.beta_mm=2 --set training.batch=8
+
+glsim train face --simulate --minutes 30
+
+glsim train --list
+
+Ctrl-C stops after the step and keeps the training, which --resume goes on with.
+"""
+
+#: The bar's figures of the last validation.
+_FIGURES = {
+    "loss": "; validation {:.3g}",
+    "interior_rmse_mm": ", interior {:.2f} mm",
+    "flips": ", flips {:.0f}",
+    "mse_mm2": ", mse {:.0f} mm2",
+}
+
+
+def train(
+    recipe: Annotated[
+        str | None, typer.Argument(metavar="RECIPE", help="A shipped recipe, or a .toml file.")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", help="A data set of glsim generate.")
+    ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Render the pairs while training; no data set.")
+    ] = False,
+    minutes: Annotated[
+        float | None, typer.Option(help="Train for so long, over all resumes.")
+    ] = None,
+    epochs: Annotated[int | None, typer.Option(help="Train for so many epochs.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Train for so many steps.")] = None,
+    assignment: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Over the recipe: optimiser.lr=1e-3. Repeatable."
+        ),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the training in the folder, if any.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Folder of the run; default: runs/RECIPE.")
+    ] = None,
+    seed: SeedOption = None,
+    list_recipes: Annotated[
+        bool, typer.Option("--list", help="Print the shipped recipes and leave.")
+    ] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Train a denoiser: best.pt, last.pt, metrics.csv, TensorBoard's events and sample images."""
+    from glsim.train.recipe import load_recipe
+
+    if list_recipes:
+        _print_list()
+        return
+    if recipe is None:
+        raise ConfigError("give a recipe: a name of glsim train --list, or a .toml file")
+    if (data is None) != simulate:
+        raise ConfigError("give --data DIR or --simulate, one of the two")
+    given = overrides(
+        seed=seed,
+        training__max_minutes=minutes,
+        training__max_epochs=epochs,
+        training__max_steps=steps,
+    )
+    chosen = load_recipe(recipe, assignment or (), given)
+    folder = out if out is not None else Path("runs") / Path(recipe).stem
+
+    from glsim.train import feed
+    from glsim.train.fit import fit
+
+    pairs = feed.stored(data, chosen) if data is not None else feed.simulated(chosen)
+    with stopping() as stop, _bar(chosen.title) as show:
+        report = fit(chosen, pairs, folder, resume=resume, show=show, stop=stop)
+    _tell(report, folder)
+    if report["state"] == "interrupted":
+        raise typer.Exit(1)
+
+
+@contextmanager
+def stopping() -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C or SIGTERM has come; a second one ends the program at once."""
+    came: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        if came:
+            raise KeyboardInterrupt
+        came.append(number)
+
+    before = {kind: signal.signal(kind, note) for kind in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(came)
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
+
+
+@contextmanager
+def _bar(title: str) -> Iterator[Callable[[Shown], None] | None]:
+    if options.quiet:
+        yield None
+        return
+    from rich import progress
+
+    columns = (
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(20),
+        progress.TextColumn("{task.fields[text]}"),
+        progress.TimeElapsedColumn(),
+    )
+    with progress.Progress(*columns, console=console) as shown:
+        task = shown.add_task(title, total=None, text="")
+
+        def update(now: Shown) -> None:
+            steps = f"{now.steps}/{now.total}" if now.total else f"{now.steps}"
+            text = f"epoch {now.epoch}, step {steps}, loss {now.loss:.3g}"
+            for name, label in _FIGURES.items():
+                text += label.format(now.validation[name]) if name in now.validation else ""
+            total = 1.0 if now.share else None
+            shown.update(task, total=total, completed=now.share, text=text)
+
+        yield update
+
+
+def _tell(report: dict[str, Any], folder: Path) -> None:
+    best = report["best"]
+    if report["state"] == "finished":
+        say(
+            f"finished ({report['ended']}) after {report['steps']} steps, "
+            f"{report['seconds'] / 60:.1f} min: best {best['monitor']} {best['value']:.4g} at step "
+            f"{best['step']}, {folder / 'best.pt'}"
+        )
+    else:
+        say(f"stopped after step {report['steps']}: kept in {folder}, go on with --resume")
+
+
+def _print_list() -> None:
+    from glsim.train.recipe import load_recipe, recipe_names
+
+    for name in recipe_names():
+        recipe = load_recipe(name)
+        typer.echo(f"{name}: {recipe.title}")
+        if recipe.description:
+            typer.echo(f"    {recipe.description}")

@@ -1,0 +1,92 @@
+"""A checkpoint as a denoiser of whole frames, for ``glsim denoise``, ``glsim eval`` and others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from glsim.errors import DenoiserError, GlsimError
+from glsim.train import checkpoint
+from glsim.train.models.base import DepthModel, Prediction
+from glsim.train.models.registry import build_model
+from glsim.train.validation import HALF_MM
+
+Depth = NDArray[np.float32]
+Validity = NDArray[np.bool_] | NDArray[np.float32]
+
+
+class NetworkDenoiser:
+    """Frames of any size, one at a time, on the CPU in float32.
+
+    uncertain: whether ``with_uncertainty`` has something to say.
+    """
+
+    def __init__(self, model: DepthModel, name: str, uncertain: bool) -> None:
+        self._model = model.eval().to(memory_format=torch.channels_last)
+        self._name = name
+        self.uncertain = uncertain
+
+    def __call__(self, noisy_mm: Depth, valid: NDArray[np.bool_]) -> tuple[Depth, Validity]:
+        """(H, W) float32 millimetres with 0 = no return, and (H, W) bool.
+
+        Returns depth in millimetres (H, W) float32, and the probability of depth, float32, or
+        bool where the network codes "no depth" as 0.
+        """
+        depth_mm, validity, _ = self._run(noisy_mm, valid)
+        return depth_mm, validity
+
+    def with_uncertainty(
+        self, noisy_mm: Depth, valid: NDArray[np.bool_]
+    ) -> tuple[Depth, Validity, Depth]:
+        """As a call, and the standard deviation of the depth in millimetres, (H, W) float32.
+
+        Raises DenoiserError for a network that was not trained to know it.
+        """
+        depth_mm, validity, log_sigma = self._run(noisy_mm, valid)
+        if log_sigma is None:
+            raise DenoiserError(
+                f"{self._name}: the network does not predict its uncertainty: train one with "
+                "model.uncertainty = true"
+            )
+        return depth_mm, validity, np.exp(log_sigma)
+
+    def _run(
+        self, noisy_mm: Depth, valid: NDArray[np.bool_]
+    ) -> tuple[Depth, Validity, Depth | None]:
+        frame = np.where(valid, noisy_mm, 0).astype(np.float32)
+        with torch.inference_mode():
+            prediction: Prediction = self._model(torch.from_numpy(frame)[None, None])
+        depth_mm = _image(prediction.depth_mm)
+        sigma = None if prediction.log_sigma is None else _image(prediction.log_sigma)
+        if prediction.valid_logit is None:
+            return depth_mm, depth_mm >= HALF_MM, sigma
+        return np.maximum(depth_mm, 0), _image(prediction.valid_logit.sigmoid()), sigma
+
+
+def _image(batch: torch.Tensor) -> Depth:
+    image: Depth = batch[0, 0].float().numpy()
+    return image
+
+
+def load_denoiser(path: Path) -> NetworkDenoiser:
+    """The network of a checkpoint of ``glsim train``, best.pt or last.pt; no code in it is run.
+
+    Raises DenoiserError for a file that is truncated, foreign, or does not fit this glsim's models.
+    """
+    try:
+        content: dict[str, Any] = checkpoint.load(path)
+        table = content["recipe"]["model"]
+        model = build_model(table)
+        model.load_state_dict(content["model"])
+    except GlsimError as error:
+        raise DenoiserError(str(error)) from None
+    except (RuntimeError, KeyError, TypeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise DenoiserError(
+            f"{path}: its weights do not fit its recipe ({reason}): train again"
+        ) from None
+    return NetworkDenoiser(model, str(path), bool(table.get("uncertainty", False)))
