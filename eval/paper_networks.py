@@ -100,8 +100,8 @@ def network_table(
     """
     groups = grouped(trained)
     of_paper = [group for row in ROWS[which] for group in groups if group.row == row]
-    own = _scored([group for group in groups if group.row is None], table)
-    scored = _scored(of_paper, table)
+    of_others = [group for group in groups if group.row is None]
+    scored, own = _scored(of_paper, table), _scored(of_others, table)
     page = Page(f"Table {which} of Kendrick, Yap and Tan: printed and measured")
     page.parts += [
         f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Ours are "
@@ -131,7 +131,7 @@ def network_table(
         ]
     missing = [row for row in ROWS[which] if not any(s.group.row == row for s in scored)]
     notes = [f"{row}: missing, no checkpoint of it was found" for row in missing]
-    notes += [note for group in groups for note in _training_notes(group)]
+    notes += [note for group in (*of_paper, *of_others) for note in _training_notes(group)]
     notes += [f"left out: {why}" for why in refused]
     if notes:
         page.parts += [Heading("What is missing or less than published"), notes]

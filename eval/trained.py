@@ -21,7 +21,7 @@ class Trained:
     """One training. label: its name in tables, that of its folder.
 
     row: of the paper's tables, None for another network. size: full, small or own.
-    description: what is less than published, in a line. minutes: of training. parameters: of the network.
+    description: what is less than published. minutes: of training. parameters: of the network.
     finished: False if the training was interrupted, and the checkpoint is the best until then.
     """
 
