@@ -1,0 +1,51 @@
+"""DnCNN: a plain stack of 3x3 convolutions that predicts what to add to the image.
+
+K. Zhang, W. Zuo, Y. Chen, D. Meng, L. Zhang, "Beyond a Gaussian Denoiser: Residual Learning of
+Deep CNN for Image Denoising", IEEE TIP 26(7), 2017, in the variant without batch normalisation
+that today's image restoration libraries (deepinv) ship.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+
+from .backbone import Backbone, Count, zero
+
+
+class DnCNN(Backbone):
+    """``depth`` convolutions of ``width`` channels, ReLU between them, biases, no normalisation.
+
+    (B, in_channels, H, W) to (B, out_channels, H, W). Parameters at 1 -> 1 and width 64: depth 7
+    185,857; depth 20 665,921; depth 64 2,290,753. A pixel sees ``depth`` pixels to each side.
+    """
+
+    def __init__(
+        self,
+        in_channels: Count = 1,
+        out_channels: Count = 1,
+        depth: Annotated[int, Field(ge=2)] = 20,
+        width: Count = 64,
+        residual: bool = True,
+        zero_last: bool = False,
+    ) -> None:
+        super().__init__(in_channels, out_channels, residual)
+        ends = [in_channels, *[width] * (depth - 1), out_channels]
+        self.layers = nn.ModuleList(
+            nn.Conv2d(ends[i], ends[i + 1], 3, padding=1) for i in range(depth)
+        )
+        for layer in self.layers:
+            nn.init.kaiming_normal_(layer.weight, mode="fan_in")
+        if zero_last:
+            zero(self.layers[-1])
+
+    def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
+        """Denoise."""
+        features = x
+        for layer in self.layers[:-1]:
+            features = torch.relu(layer(features))
+        correction: Tensor = self.layers[-1](features)
+        return x + correction if self.residual else correction

@@ -1,0 +1,78 @@
+"""Networks that know which pixels are depth, and say which of theirs are.
+
+The paper lets networks read "no return" as a depth of 0 mm; all-pixel error then rewards points in
+mid-air. Here validity is an input and an output of its own, depth is relative to its surroundings,
+and the network corrects a frame whose holes are filled by normalised convolution (Knutsson and
+Westin 1993). The uncertainty is that of Kendall and Gal, "What Uncertainties Do We Need in Bayesian
+Deep Learning for Computer Vision?", NeurIPS 2017 (heteroscedastic aleatoric).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import torch
+from torch import Tensor
+
+from .backbone import Backbone
+from .base import DepthModel, Prediction
+from .features import CHANNELS, depth_features
+
+#: A correction of 1 in the network, mm: the scale of its first input channel.
+_CORRECTION_MM: Final = 10.0
+#: Log odds before anything is learned: +3 for measured pixels, -3 for holes, i.e. 95 %.
+_PRIOR_LOGIT: Final = 6.0
+#: Standard deviation before anything is learned, mm: Kinect v2's noise at 0.9 m.
+_PRIOR_SIGMA_MM: Final = 1.65
+#: Beyond these no depth camera goes, and exp() stays tame.
+_LEAST_SIGMA_MM, _LARGEST_SIGMA_MM = 0.02, 500.0
+
+
+class MaskAware(DepthModel):
+    """A backbone between `depth_features` and a corrected depth, its validity and its uncertainty.
+
+    noisy_mm: (B, 1, H, W) float32; pixels that are not above 0 are holes, whatever they hold. The
+    features and the sums in millimetres are made in float32 under autocast too. With a last layer
+    of zeros, which the registry asks for, training starts from: the depth as measured, the mask as
+    measured, 1.65 mm. Parameters are those of the backbone, from 5 channels to 2 (3 with
+    ``uncertainty``).
+
+    ``sigma_scale`` (a buffer, 1 until `calibration.calibrate`) multiplies sigma.
+    """
+
+    sigma_scale: Tensor
+
+    def __init__(self, backbone: Backbone, uncertainty: bool = False) -> None:
+        super().__init__()
+        self.backbone = backbone
+        self.uncertainty = uncertainty
+        self.register_buffer("sigma_scale", torch.ones(()))
+
+    @staticmethod
+    def backbone_settings(uncertainty: bool = False) -> dict[str, Any]:
+        """What the backbone has to be built with."""
+        return {
+            "in_channels": CHANNELS,
+            "out_channels": 3 if uncertainty else 2,
+            "residual": False,
+            "zero_last": True,
+        }
+
+    def forward(self, noisy_mm: Tensor) -> Prediction:
+        """Denoise."""
+        with torch.autocast(noisy_mm.device.type, enabled=False):
+            fill_mm, channels = depth_features(noisy_mm.float())
+        valid = channels[:, -1:]
+        out = self.backbone(channels, valid).float()
+        return Prediction(
+            depth_mm=fill_mm + _CORRECTION_MM * out[:, 0:1],
+            valid_logit=out[:, 1:2] + _PRIOR_LOGIT * (valid - 0.5),
+            log_sigma=self._log_sigma(out[:, 2:3]) if self.uncertainty else None,
+        )
+
+    def _log_sigma(self, out: Tensor) -> Tensor:
+        log_sigma = (out + math.log(_PRIOR_SIGMA_MM)).clamp(
+            math.log(_LEAST_SIGMA_MM), math.log(_LARGEST_SIGMA_MM)
+        )
+        return log_sigma + self.sigma_scale.log()

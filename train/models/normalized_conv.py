@@ -1,0 +1,47 @@
+"""Normalised convolutions: pixels weigh as much as they are trusted, and so do the results.
+
+H. Knutsson, C.-F. Westin, "Normalized and Differential Convolution", CVPR 1993; as layers with a
+confidence that is handed on: A. Eldesokey, M. Felsberg, F. S. Khan, "Propagating Confidences
+through CNNs for Sparse Data Regression", BMVC 2018.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from torch import Tensor, nn
+
+from .masked_stack import MaskedStack
+
+_TINY = 1e-4  # of the size of one confidence; keeps 0 / 0 out, and below what half precision holds
+
+
+class NormalizedConv2d(nn.Conv2d):
+    """3x3: (w * (x c)) sum(a) / (a * c) + b with confidence (a * c) / sum(a), where a = |w|.
+
+    In Knutsson and Westin's terms ``a`` is the applicability and the sign of ``w`` the basis;
+    Eldesokey et al. have no signs, which makes every layer a mean, fit to fill holes and unfit to
+    tell a pixel from its neighbours. With full confidence this is an ordinary convolution.
+
+    x (B, before, H, W) and confidence (B, 1 or before, H, W) in 0-1 to both as (B, after, H, W).
+    What lies beyond the image has confidence 0. Costs two convolutions.
+    """
+
+    def __init__(self, before: int, after: int) -> None:
+        super().__init__(before, after, 3, padding=1)
+
+    def forward(self, x: Tensor, confidence: Tensor) -> tuple[Tensor, Tensor]:
+        """Convolve."""
+        confidence = confidence.expand_as(x)
+        applicability = self.weight.abs()
+        total = applicability.sum(dim=(1, 2, 3)).view(1, -1, 1, 1) + _TINY
+        known = torch.where(confidence > 0, x, 0.0) * confidence
+        trust = F.conv2d(confidence, applicability, padding=1) / total
+        mean = F.conv2d(known, self.weight, padding=1) / (trust + _TINY)
+        return mean + self.bias.view(1, -1, 1, 1), trust
+
+
+class NormalizedConvNet(MaskedStack):
+    """Parameters: those of `DnCNN` of the same depth and width (1 -> 1, depth 7: 185,857)."""
+
+    layer = NormalizedConv2d

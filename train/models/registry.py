@@ -1,0 +1,101 @@
+"""Models by name: what the ``[model]`` table of a recipe builds."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any, Final, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+from torch import nn
+
+from glsim.errors import ConfigError, did_you_mean
+
+from .artifact_removal import ArtifactRemoval
+from .backbone import Backbone
+from .base import DepthModel
+from .dncnn import DnCNN
+from .mask_aware import MaskAware
+from .normalized_conv import NormalizedConvNet
+from .paper_input import PaperInput
+from .partial_conv import PartialConvNet
+from .restormer import Restormer
+from .small_unet import SmallUNet
+from .unet import UNet
+
+MODELS: Final[dict[str, type[PaperInput] | type[MaskAware]]] = {
+    "paper_input": PaperInput,
+    "mask_aware": MaskAware,
+}
+BACKBONES: Final[dict[str, type[Backbone]]] = {
+    "dncnn": DnCNN,
+    "unet": UNet,
+    "restormer": Restormer,
+    "small_unet": SmallUNet,
+    "partial_conv": PartialConvNet,
+    "normalized_conv": NormalizedConvNet,
+    "artifact_removal": ArtifactRemoval,
+}
+
+
+def build_model(spec: Mapping[str, Any]) -> DepthModel:
+    """A model from nested tables: ``{"kind": "mask_aware", "backbone": {"kind": "dncnn", ...}}``.
+
+    A table holds the kind, parameters of the kind's class by name, and the table of a backbone
+    where the class stands around one. Weights come from torch's global generator. Raises
+    ConfigError for an unknown kind or parameter, a value out of range, and a parameter that the
+    model around it decides.
+    """
+    kind = _kind(spec, MODELS, "model")
+    own = _parameters(kind, spec, {}, "model")
+    settings = kind.backbone_settings(**own)
+    model: DepthModel = kind(_backbone(spec.get("backbone"), settings, "model.backbone"), **own)
+    return model
+
+
+def parameter_count(model: nn.Module) -> int:
+    """The number of trainable values."""
+    return sum(p.numel() for p in model.parameters() if p.requires_grad)
+
+
+def _backbone(spec: Any, settings: Mapping[str, Any], where: str) -> Backbone:
+    if not isinstance(spec, Mapping):
+        raise ConfigError(f"{where}: give a table with a kind ({', '.join(BACKBONES)})")
+    kind = _kind(spec, BACKBONES, where)
+    if kind is ArtifactRemoval:
+        _parameters(kind, spec, {}, where)
+        return ArtifactRemoval(_backbone(spec.get("backbone"), settings, f"{where}.backbone"))
+    if "backbone" in spec:
+        raise ConfigError(f"{where}: {spec['kind']} has no backbone; take the table out")
+    backbone: Backbone = kind(**_parameters(kind, spec, settings, where), **settings)
+    return backbone
+
+
+def _kind(spec: Mapping[str, Any], kinds: Mapping[str, type], where: str) -> Any:
+    name = spec.get("kind")
+    if not isinstance(name, str) or name not in kinds:
+        raise ConfigError(f"{where}.kind: no such kind {name!r} ({did_you_mean(str(name), kinds)})")
+    return kinds[name]
+
+
+def _parameters(
+    kind: type, spec: Mapping[str, Any], settings: Mapping[str, Any], where: str
+) -> dict[str, Any]:
+    """The parameters in a table, checked against the annotations of the class."""
+    hints = get_type_hints(kind.__init__, include_extras=True)  # type: ignore[misc]
+    known = set(inspect.signature(kind).parameters) - {"backbone"}
+    values = {}
+    for name, value in spec.items():
+        if name in ("kind", "backbone"):
+            continue
+        if name in settings:
+            raise ConfigError(f"{where}.{name}: decided by the model around it; take it out")
+        if name not in known:
+            near = did_you_mean(name, known - set(settings))
+            raise ConfigError(f"{where}: {spec['kind']} has no parameter {name!r} ({near})")
+        try:
+            values[name] = TypeAdapter(hints[name]).validate_python(value)
+        except ValidationError as error:
+            problem = error.errors()[0]["msg"]
+            raise ConfigError(f"{where}.{name} = {value!r}: {problem}") from None
+    return values

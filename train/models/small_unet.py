@@ -1,0 +1,90 @@
+"""A small U-Net for the CPU: wide view, few full-size convolutions, no normalisation layers."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from pydantic import Field
+from torch import Tensor, nn
+
+from .backbone import Backbone, Count, pad_to_multiple, zero
+
+_ACTIVATIONS = {"relu": nn.ReLU, "silu": nn.SiLU}
+
+
+class SmallUNet(Backbone):
+    """``blocks`` residual blocks a scale on the way down and up; skips are added.
+
+    (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
+    padded inside. Scale s has (1 + growth * s) * ``width`` channels: coarse scales cost little
+    time, but doubled widths would make weights too large to ship. Means of 2x2 lead down, linear
+    interpolation up, so that nothing is aliased or blocky before it has learned to be. Parameters
+    at 5 -> 2, as `MaskAware` builds it: COUNTS.
+    """
+
+    def __init__(
+        self,
+        in_channels: Count = 1,
+        out_channels: Count = 1,
+        width: Count = 24,
+        scales: Annotated[int, Field(ge=2)] = 3,
+        blocks: Count = 1,
+        growth: Annotated[float, Field(ge=0)] = 0.5,
+        activation: Literal["relu", "silu"] = "relu",
+        residual: bool = True,
+        zero_last: bool = False,
+    ) -> None:
+        super().__init__(in_channels, out_channels, residual)
+        widths = [round(width * (1 + growth * scale)) for scale in range(scales)]
+        # The output of so many residual blocks in a row keeps the size of its input.
+        gain = (blocks * (2 * scales - 1)) ** -0.5
+
+        def level(channels: int) -> nn.Sequential:
+            return nn.Sequential(*(Block(channels, activation, gain) for _ in range(blocks)))
+
+        self.first = nn.Conv2d(in_channels, width, 3, padding=1)
+        self.encoder = nn.ModuleList(level(channels) for channels in widths)
+        self.widen = nn.ModuleList(nn.Conv2d(fine, coarse, 1) for fine, coarse in pairwise(widths))
+        self.narrow = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in pairwise(widths))
+        self.decoder = nn.ModuleList(level(channels) for channels in widths[:-1])
+        self.last = nn.Conv2d(width, out_channels, 3, padding=1)
+        if zero_last:
+            zero(self.last)
+
+    def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
+        """Denoise."""
+        features = self.encoder[0](self.first(pad_to_multiple(x, 2 ** len(self.widen))))
+        skips = []
+        for widen, encoder in zip(self.widen, self.encoder[1:], strict=True):
+            skips.append(features)
+            features = encoder(widen(F.avg_pool2d(features, 2)))
+        for narrow, decoder in zip(reversed(self.narrow), reversed(self.decoder), strict=True):
+            coarse = F.interpolate(
+                narrow(features), scale_factor=2, mode="bilinear", align_corners=False
+            )
+            features = decoder(skips.pop() + coarse)
+        correction: Tensor = self.last(features)[..., : x.shape[-2], : x.shape[-1]]
+        return x + correction if self.residual else correction
+
+
+class Block(nn.Module):
+    """x + conv(act(conv(act(x)))) in 3x3 convolutions."""
+
+    def __init__(self, channels: int, activation: str, gain: float) -> None:
+        super().__init__()
+        self.one = nn.Conv2d(channels, channels, 3, padding=1)
+        self.two = nn.Conv2d(channels, channels, 3, padding=1)
+        self.activation = _ACTIVATIONS[activation]()
+        for layer in (self.one, self.two):
+            nn.init.kaiming_normal_(layer.weight, mode="fan_in")
+            nn.init.zeros_(layer.bias)
+        with torch.no_grad():
+            self.two.weight.mul_(gain)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, C, H, W) to the same."""
+        inner: Tensor = self.two(self.activation(self.one(self.activation(x))))
+        return x + inner
