@@ -127,7 +127,7 @@ def network_table(
     if own and scored:
         page.parts += [
             "Networks that know which pixels are holes, against the best of all other rows:",
-            _own_against_all(own, scored, table),
+            _own_against_all([s for s in own if s.part in ("", "hard")], scored, table),
         ]
     missing = [row for row in ROWS[which] if not any(s.group.row == row for s in scored)]
     notes = [f"{row}: missing, no checkpoint of it was found" for row in missing]
@@ -163,7 +163,7 @@ def _paper_grid(which: int, scored: list[_Scores], own: list[_Scores], table: Ta
 def _facts(scores: _Scores, of_row: Sequence[_Scores]) -> list[str]:
     group = scores.group
     size = group.size
-    if size == "small" and not any(other.group.size == "full" for other in of_row):
+    if group.row and size == "small" and not any(other.group.size == "full" for other in of_row):
         size = "small; **not run at full size**"
     minutes = statistics.fmean(one.minutes for one in group.members)
     return [scores.name, size, str(len(scores.values("mse_mm2"))), f"{minutes:.1f}"]

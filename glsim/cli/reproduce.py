@@ -24,7 +24,7 @@ from typing import Annotated
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.cli.common import Debug, Quiet, Verbose, say
+from glsim.cli.common import Debug, Quiet, Verbose, console, say
 from glsim.config import read_toml, validate
 from glsim.dataset.files import read_json
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
@@ -119,11 +119,11 @@ def reproduce(
     for number, command in enumerate(commands, 1):
         text = shlex.join(["glsim", *command])
         minutes = (time.monotonic() - start) / 60
-        if command[0] == "train" and _is_finished(Path(command[-1])):
-            say(f"{number}/{len(commands)}, {minutes:.0f} min: finished before: {text}")
-            continue
-        say(f"{number}/{len(commands)}, {minutes:.0f} min: {text}")
-        if main([*command, *flags]) != 0:
+        known = command[0] == "train" and _is_finished(Path(command[-1]))
+        line = f"{number}/{len(commands)}, {minutes:.0f} min{', finished before' * known}: {text}"
+        if not quiet:  # as it can be typed: on one line, and brackets are no markup
+            console.print(line, markup=False, soft_wrap=True)
+        if not known and main([*command, *flags]) != 0:
             raise GlsimError(f"stopped in command {number} of {len(commands)}: {text}: the same "
                              "glsim reproduce again goes on there")  # fmt: skip
     say(f"done in {(time.monotonic() - start) / 60:.0f} min: read {out / 'report.html'}")
