@@ -10,11 +10,12 @@ from typing import Any, Final, NamedTuple, NoReturn
 
 import torch
 from torch import Tensor
+from torch.utils.data import DataLoader
 
 from glsim.errors import ConfigError, TrainError
 from glsim.stable import stable_seed
 from glsim.train import checkpoint
-from glsim.train.feed import Feed, training_loader, validation_loader
+from glsim.train.feed import VALIDATION_BATCH, Feed
 from glsim.train.logs import RUN, Logs, write_json, write_samples
 from glsim.train.recipe import Recipe
 from glsim.train.start import RECIPE, check_unused, last_checkpoint, make_fabric
@@ -75,15 +76,11 @@ class Training:
             self.figures = dict(last["validation"])
         self.progress = self.state.progress
         self.model, self.optimiser = self.state.set_up()
-        loader, self.order = training_loader(
-            feed, recipe, self.fabric.world_size, self.fabric.global_rank
-        )
-        self.batches = self.fabric.setup_dataloaders(loader, use_distributed_sampler=False)
-        self.held_out = self.fabric.setup_dataloaders(
-            validation_loader(feed), use_distributed_sampler=False
-        )
+        self.epoch_steps = feed.connect(self.fabric)
+        held_out = DataLoader(feed.validation, VALIDATION_BATCH, generator=torch.Generator())
+        self.held_out = self.fabric.setup_dataloaders(held_out, use_distributed_sampler=False)
         limits = recipe.training
-        steps = [limits.max_steps, limits.max_epochs and limits.max_epochs * len(self.order)]
+        steps = [limits.max_steps, limits.max_epochs and limits.max_epochs * self.epoch_steps]
         self.total = min((count for count in steps if count), default=None)
         if recipe.schedule.kind != "constant" and not (self.total or limits.max_minutes):
             raise ConfigError(
@@ -97,9 +94,8 @@ class Training:
         logs = self._open_logs() if self.fabric.is_global_zero else None
         ended, stopped = self.ended(), False
         while not (ended or stopped):
-            self.feed.train.set_epoch(self.progress.epoch)
-            self.order.start(self.progress.epoch, self.progress.step)
-            for noisy_mm, clean_mm in self.batches:
+            batches = self.feed.batches(self.progress.epoch, self.progress.step)
+            for noisy_mm, clean_mm in batches:
                 loss = self.step(noisy_mm, clean_mm)
                 due = self._validation_is_due()
                 if due:
@@ -145,7 +141,7 @@ class Training:
         progress.step += 1
         progress.loss_sum += loss
         progress.loss_count += 1
-        if progress.step == len(self.order):
+        if progress.step == self.epoch_steps:
             progress.epoch, progress.step = progress.epoch + 1, 0
             if not self.state.finite():
                 self._give_up(noisy_mm, clean_mm, "a weight is nan or infinite")

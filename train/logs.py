@@ -42,7 +42,7 @@ class Logs:
             self._csv = CSVLogger(folder, name="", version="")
             _ = self._csv.experiment  # made at the first use
             for row in kept:
-                self._csv.log_metrics({k: float(v) for k, v in row.items() if v}, int(row["step"]))
+                self._csv.log_metrics({k: v for k, v in row.items() if v}, int(row["step"]))
         self._csv.save()
         self._board = TensorBoardLogger(
             folder, name="", version="tensorboard", purge_step=steps + 1, default_hp_metric=False

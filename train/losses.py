@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import log
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 import torch
 from pydantic import BaseModel, ConfigDict, Field
@@ -91,7 +91,7 @@ class Masked(Loss):
         near = functional.max_pool2d((noisy_mm > 0).float(), window, 1, self.reach_px)
         asked = there * near
         error = prediction.depth_mm - clean_mm
-        parts = {"depth": _mean(self._depth(error, prediction.log_sigma), asked)}
+        parts = {"depth": mean_where(self._depth(error, prediction.log_sigma), asked)}
         total = parts["depth"]
         if self.valid_weight and prediction.valid_logit is not None:
             parts["valid"] = functional.binary_cross_entropy_with_logits(
@@ -127,20 +127,24 @@ class Masked(Loss):
             smooth = (_ahead(clean_mm, axis) - _behind(clean_mm, axis)).abs() < self.jump_mm
             step = (_ahead(error_mm, axis) - _behind(error_mm, axis)) / self.beta_mm
             each = functional.smooth_l1_loss(step, torch.zeros_like(step), reduction="none")
-            terms.append(_mean(each, both * smooth))
+            terms.append(mean_where(each, both * smooth))
         return torch.stack(terms).mean()
 
 
-#: What [loss] kind may be.
-LOSSES: Final[dict[str, type[Loss]]] = {"all_pixels": AllPixels, "masked": Masked}
+def losses() -> dict[str, type[Loss]]:
+    """What [loss] kind may be."""
+    from glsim.train.selfsupervised import Noise2Void, Recorrupted  # they are built on this file
+
+    kinds: list[type[Loss]] = [AllPixels, Masked, Noise2Void, Recorrupted]
+    return {kind.model_fields["kind"].default: kind for kind in kinds}
 
 
 def build_loss(table: Mapping[str, Any]) -> Loss:
     """The loss of a recipe's [loss]. Raises ConfigError for an unknown kind or parameter."""
-    kind = table.get("kind")
-    if kind not in LOSSES:
-        raise ConfigError(f"loss: no such kind {kind!r} ({did_you_mean(str(kind), LOSSES)})")
-    return validate(LOSSES[kind], table, "loss")
+    kind, known = table.get("kind"), losses()
+    if kind not in known:
+        raise ConfigError(f"loss: no such kind {kind!r} ({did_you_mean(str(kind), known)})")
+    return validate(known[kind], table, "loss")
 
 
 def in_float32(prediction: Prediction) -> Prediction:
@@ -148,7 +152,7 @@ def in_float32(prediction: Prediction) -> Prediction:
     return Prediction(*(None if part is None else part.float() for part in prediction))
 
 
-def _mean(values: Tensor, weights: Tensor) -> Tensor:
+def mean_where(values: Tensor, weights: Tensor) -> Tensor:
     """Over the pixels that count; 0 if there are none."""
     return (values * weights).sum() / weights.sum().clamp_min(1)
 

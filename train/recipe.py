@@ -103,7 +103,11 @@ class DataSettings(_Table):
     validation_frames: int | None = Field(
         None, ge=1, description="spread over the split; all, if left out"
     )
-    workers: int = Field(0, ge=0, description="processes that read; 0 reads and keeps in memory")
+    workers: int = Field(
+        0, ge=0, description="processes that read or render; 0: this one, which keeps what it read"
+    )
+    reuse: int = Field(1, ge=1, description="uses of a pair of --simulate before it is dropped")
+    epoch_steps: int = Field(500, ge=1, description="steps of --simulate that count as an epoch")
 
 
 class Recipe(_Table):

@@ -4,7 +4,8 @@ Each pair is ``(noisy_mm, clean_mm)``: (1, H, W) float32 millimetres, 0 = no ret
 fit a plain ``torch.utils.data.DataLoader``; docs/training_data.md shows whole training scripts.
 """
 
-from glsim.train.data.checks import fingerprint
-from glsim.train.data.stored import StoredPairs
+from .checks import fingerprint
+from .simulated import SimulatedPairs, randomised
+from .stored import Augmentation, StoredPairs
 
-__all__ = ["StoredPairs", "fingerprint"]
+__all__ = ["Augmentation", "SimulatedPairs", "StoredPairs", "fingerprint", "randomised"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,7 +14,8 @@ from torch.utils.data import Dataset, get_worker_info
 
 from glsim.dataset import open_dataset
 from glsim.stable import stable_seed
-from glsim.train.data.checks import LAYERS, Cut, checked_split
+
+from .checks import LAYERS, Cut, checked_split
 
 __all__ = ["CACHE_MB", "Augmentation", "StoredPairs"]
 
@@ -149,9 +151,9 @@ class _Cache:
         return to_mm(self.units[number], self._unit_mm, float(self._offset_mm[number]))
 
 
-def to_mm(units: NDArray[np.uint16], unit_mm: float, offset_mm: float) -> NDArray[np.float32]:
-    """Millimetres of what depth files hold; 0 stays 0."""
-    depth_mm = units * np.float32(unit_mm)
+def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.float32]:
+    """float32 millimetres of the uint16 that depth files hold; 0 stays 0."""
+    depth_mm: NDArray[np.float32] = units * np.float32(unit_mm)
     if offset_mm:
         np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
     return depth_mm
