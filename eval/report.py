@@ -50,24 +50,27 @@ def write_report(
 ) -> Path:
     """Draw the figures to ``out``/figures as PNG files, and report.html with all in it.
 
-    pages: stand before the tables. drawn: of the job's denoisers, those whose frame is shown.
+    pages: stand before the tables. drawn: of the job's denoisers, those in figures; default: all.
     """
+    job = job if drawn is None else replace(job, denoisers=tuple(drawn))
+    labels = {spec.partition("@")[0] for spec in job.denoisers}
+    summary = evaluation.summary.only(labels)
     pictures: list[tuple[str, str, bytes]] = [
         (
             "disagreement",
             "All-pixel MSE against what the surface is off: a dot a frame, a large one for a "
             "method's mean. Methods that share an input mask stand above each other: MSE cannot "
             "tell them apart.",
-            to_png(disagreement(evaluation.summary)),
+            to_png(disagreement(summary)),
         ),
         (
             "error_curves",
             "Cumulative absolute error on the pixels where input and truth have depth, the same "
             "for every method.",
-            to_png(error_curves(evaluation.summary)),
+            to_png(error_curves(summary)),
         ),
     ]
-    shown = example(job if drawn is None else replace(job, denoisers=tuple(drawn)))
+    shown = example(job)
     if shown is not None:
         names = list(shown.predictions)
         sheets = -(-len(names) // _COLUMNS)
