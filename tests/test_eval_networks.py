@@ -12,8 +12,10 @@ from checkpoint_stand_in import write_run
 from test_eval_run import rows, write_pairs
 
 from glsim.cli import main
+from glsim.eval.blocks import Scoring
 from glsim.eval.paper import PRINTED
 from glsim.eval.paper_networks import printed_mse_mm2
+from glsim.eval.run import evaluate
 from glsim.eval.statistics import student_t
 from glsim.eval.trained import find_trained, grouped
 
@@ -135,6 +137,17 @@ def test_runs_alone_are_scored_beside_the_filters(runs: Path, tmp_path: Path) ->
     assert main(command(pairs, out, "--runs", str(runs), "--no-figures")) == 0
     assert {row["method"] for row in rows(out)} >= {"nlm", "d7-0", "unet", "ours [soft]"}
     assert not (out / "paper_table_2.md").exists()
+
+
+def test_figures_are_of_the_methods_that_are_asked_for(runs: Path, tmp_path: Path) -> None:
+    ours = f"ours@{runs / 'ours' / 'best.pt'}"
+    job = Scoring(write_pairs(tmp_path / "pairs", 2, 2), "test", ("noisy", "median", ours))
+    summary = evaluate(job, tmp_path / "o", workers=1, probes=False).summary
+    parts = ["ours [soft]", "ours [hard]", "ours [input mask]"]
+    some = summary.only(["noisy", "ours"])
+    assert some.methods == list(some.points) == list(some.histograms) == ["noisy", *parts]
+    assert some.mean("noisy", "mse_mm2") == summary.mean("noisy", "mse_mm2")
+    assert summary.methods == ["noisy", "median", *parts]
 
 
 def test_seeds_are_grouped_by_network(runs: Path) -> None:
