@@ -21,8 +21,9 @@ class SmallUNet(Backbone):
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
     padded inside. Scale s has (1 + growth * s) * ``width`` channels: coarse scales cost little
     time, but doubled widths would make weights too large to ship. Means of 2x2 lead down, linear
-    interpolation up, so that nothing is aliased or blocky before it has learned to be. Parameters
-    at 5 -> 2, as `MaskAware` builds it: COUNTS.
+    interpolation up, so that nothing is aliased or blocky before it has learned to be.
+    Parameters at 5 -> 2, as `MaskAware` builds it, of one block a scale: width 24 and 4 scales
+    228,422; width 32 and 3 scales 205,442; width 32 and 4 scales 405,042 (1.6 MB).
     """
 
     def __init__(
