@@ -37,11 +37,19 @@ ROWS: Final = {
     2: ("Restormer", "UNet", "D7", "D20", "D64"),
     3: ("D7", "AR D7", "D20", "AR D20", "D64", "AR D64"),
 }
-#: Shown of every network.
-_PAPER_BLOCK: Final = ("mse_mm2", "psnr_db", "ssim_paper")
-_HONEST_BLOCK: Final = (
-    *("both_interior_rmse_mm", "both_rmse_mm", "normal_mean_deg", "flips_px", "flying_px"),
-)
+#: Shown of every network: metric -> its name in these tables.
+_PAPER_BLOCK: Final = {
+    "mse_mm2": "MSE [mm²]",
+    "psnr_db": "PSNR per image [dB]",
+    "ssim_paper": "SSIM, printed constants",
+}
+_HONEST_BLOCK: Final = {
+    "both_interior_rmse_mm": "interior RMSE [mm]",
+    "both_rmse_mm": "RMSE, valid in both [mm]",
+    "normal_mean_deg": "normals [°]",
+    "flips_px": "flipped pixels",
+    "flying_px": "flying pixels",
+}
 
 
 def printed_mse_mm2(row: str) -> float:
@@ -102,6 +110,8 @@ def network_table(
     of_paper = [group for row in ROWS[which] for group in groups if group.row == row]
     of_others = [group for group in groups if group.row is None]
     scored, own = _scored(of_paper, table), _scored(of_others, table)
+    labels = {one.label for one in trained}
+    filters = [n for n in table if n.split(" [")[0] not in labels and n != "adaptive"]
     page = Page(f"Table {which} of Kendrick, Yap and Tan: printed and measured")
     page.parts += [
         f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Ours are "
@@ -111,7 +121,7 @@ def network_table(
         "Printed MSE: from the PSNR that belongs to it in our notes, to four decimals; SSIM: noted "
         "only as 0.984 to 0.989 for all networks, and not comparable between the paper's rows.",
         Heading("What all-pixel metrics hide"),
-        _honest_grid([*scored, *own], table),
+        _honest_grid([*scored, *own], filters, table),
         Heading("Relations"),
     ]
     if which == 3:
@@ -127,7 +137,7 @@ def network_table(
     if own and scored:
         page.parts += [
             "Networks that know which pixels are holes, against the best of all other rows:",
-            _own_against_all([s for s in own if s.part in ("", "hard")], scored, table),
+            _own_against_all([s for s in own if s.part in ("", "hard")], scored, filters, table),
         ]
     missing = [row for row in ROWS[which] if not any(s.group.row == row for s in scored)]
     notes = [f"{row}: missing, no checkpoint of it was found" for row in missing]
@@ -140,8 +150,7 @@ def network_table(
 
 def _paper_grid(which: int, scored: list[_Scores], own: list[_Scores], table: Table) -> Grid:
     head = ["row", "network", "size", "seeds", "minutes of training"]
-    for metric in _PAPER_BLOCK:
-        heading = ALL[metric].heading
+    for heading in _PAPER_BLOCK.values():
         head += [f"{heading}, printed", f"{heading}, ours"]
     rows: list[list[str]] = []
     for row in ROWS[which]:
@@ -174,13 +183,17 @@ def _beside(printed: list[str], scores: _Scores | None) -> list[str]:
     return [cell for pair in zip(printed, ours, strict=True) for cell in pair]
 
 
-def _honest_grid(networks: list[_Scores], table: Table) -> Grid:
-    shown = [ALL[name] for name in _HONEST_BLOCK]
-    rows = [[s.name, s.group.size, *(s.cell(m.name) for m in shown)] for s in networks]
-    for name in (name for name in PAPER if name in table and name != "adaptive"):
-        cells = [number(table[name][m.name].mean, m.unit) for m in shown]
-        rows.append([PRINTED[name][0], "filter", *cells])
-    return Grid(["network", "size", *(f"{m.heading} {m.arrow}".strip() for m in shown)], rows)
+def _honest_grid(networks: list[_Scores], filters: list[str], table: Table) -> Grid:
+    rows = [[s.name, s.group.size, *map(s.cell, _HONEST_BLOCK)] for s in networks]
+    for name in filters:
+        cells = [number(table[name][metric].mean) for metric in _HONEST_BLOCK]
+        rows.append([_filter(name), "filter", *cells])
+    head = [f"{heading} ↓" for heading in _HONEST_BLOCK.values()]
+    return Grid(["network", "size", *head], rows)
+
+
+def _filter(name: str) -> str:
+    return PRINTED[name][0] if name in PRINTED else f"`{name}`"
 
 
 def _same_network(scored: list[_Scores]) -> Grid:
@@ -244,19 +257,20 @@ def _ratio(value: float, base: float) -> str:
     return f"{value / base:.2f}" if base > 0 else "n/a"
 
 
-def _own_against_all(own: list[_Scores], networks: list[_Scores], table: Table) -> Grid:
+def _own_against_all(
+    own: list[_Scores], networks: list[_Scores], filters: list[str], table: Table
+) -> Grid:
     rows = []
     for scores in own:
-        for metric in ("mse_mm2", *_HONEST_BLOCK):
+        for metric, heading in {"mse_mm2": _PAPER_BLOCK["mse_mm2"], **_HONEST_BLOCK}.items():
             others = {s.name: s.mean(metric) for s in networks}
-            others |= {PRINTED[n][0] if n in PRINTED else n: table[n][metric].mean
-                       for n in table if n in PRINTED}  # fmt: skip
+            others |= {_filter(name): table[name][metric].mean for name in filters}
             known = {name: value for name, value in others.items() if not math.isnan(value)}
             if not known:
                 continue
             best = min(known, key=lambda name: known[name])
             ratio = _ratio(scores.mean(metric), known[best])
-            rows.append([scores.name, ALL[metric].heading, scores.cell(metric), best,
+            rows.append([scores.name, heading, scores.cell(metric), best,
                          number(known[best]), ratio])  # fmt: skip
     return Grid(
         ["network", "metric", "its value", "best of the others", "that one's", "ratio"], rows

@@ -62,7 +62,7 @@ def test_printed_values_are_those_of_the_notes() -> None:
 def test_both_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
     pairs, out = write_pairs(tmp_path / "pairs"), tmp_path / "o"
     tables = ("--paper-table", "2", "--paper-table", "3", "--runs", str(runs))
-    assert main(command(pairs, out, *tables, "--no-figures")) == 0
+    assert main(command(pairs, out, *tables, "-d", "masked_gaussian", "--no-figures")) == 0
     two, three = ((out / f"paper_table_{n}.md").read_text() for n in (2, 3))
 
     mse = {}
@@ -87,6 +87,20 @@ def test_both_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
     for part in ("soft", "hard", "input mask"):
         assert row_of(three, "-", f"ours [{part}]")[2] == "own"
     assert float(row_of(two, "Baseline", "filter")[5]) == round(PRINTED["noisy"][1])
+
+    assert row_of(two, "`masked_gaussian`", "filter")
+    best = row_of(two, "ours [hard]", "interior RMSE [mm]")
+    means = {
+        name: statistics.fmean(
+            float(row["both_interior_rmse_mm"]) for row in rows(out) if row["method"] == name
+        )
+        for name in ("masked_gaussian", "ours [hard]")
+    }
+    assert best[3] == "`masked_gaussian`"
+    assert float(best[4]) == pytest.approx(means["masked_gaussian"], abs=0.006)
+    assert float(best[5]) == pytest.approx(
+        means["ours [hard]"] / means["masked_gaussian"], abs=0.006
+    )
 
     same = row_of(three, "D7", "small")
     assert same[-1] == "yes"

@@ -103,7 +103,8 @@ def reproduce(
     """Make the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
     Everything is in one folder: data/, runs/, paper_table_1.md to _3.md, figures/ and report.html
-    with all of it. The commands that are run are printed; each could be run by hand.
+    with all of it. The commands that are run are printed; each could be run by hand. A training
+    that is finished is kept as it is: delete its folder in runs/ to have it done again.
     """
     from glsim.cli import main
 
