@@ -7,14 +7,17 @@ import os
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from test_layout import loaded_after
 
 from glsim import generate, load_settings
 from glsim.cli import main
+from glsim.depthfile import read_depth
 from glsim.train import checkpoint
 from glsim.train.commands.train import stopping
+from glsim.train.denoiser import load_denoiser
 
 TINY = """
 extends = "face"
@@ -26,6 +29,9 @@ width = 4
 [training]
 batch = 4
 max_epochs = 2
+max_steps = 1000
+validate_every = 1
+validate_unit = "epochs"
 precision = "32-true"
 [schedule]
 warmup_steps = 0
@@ -92,6 +98,22 @@ def test_train_denoise_and_score(
     command = ["eval", str(data), "--split", "val", "-d", best, "-o", "scores", "--no-figures"]
     assert main([*command, "--no-probes", "--workers", "2", "-q"]) == 0
     assert "best.pt" in (here / "scores" / "table.md").read_text()
+    scales = [
+        checkpoint.load(run / name)["model"]["sigma_scale"] for name in ("best.pt", "last.pt")
+    ]
+    assert scales[0] != 1, "calibrated by the frames of the validation"
+    assert scales[1] == 1, "which training knows nothing of"
+    frame = read_depth(noisy).astype(np.float32)
+    _, _, sigma_mm = load_denoiser(run / "best.pt").with_uncertainty(frame, frame > 0)
+    assert (sigma_mm > 0).all()
+
+
+def test_data_sets_are_joined(data: Path, here: Path) -> None:
+    command = ["train", "tiny.toml", "--data", str(data), "--data", str(data), "-q", "-o", "r"]
+    assert main([*command, "--epochs", "1"]) == 0
+    report = json.loads((here / "r" / "run.json").read_text())
+    assert report["steps"] == 2 * 18 // 4
+    assert [part["frames"]["val"] for part in report["data"]["sets"]] == [6, 6]
 
 
 def test_ctrl_c_is_kept_and_resumed(

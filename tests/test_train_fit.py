@@ -21,10 +21,11 @@ from glsim.eval.metrics.score import Truth, score
 from glsim.train import checkpoint
 from glsim.train.feed import Order, StoredFeed
 from glsim.train.fit import fit
+from glsim.train.interior import interior
 from glsim.train.losses import AllPixels, Masked
 from glsim.train.models.base import Prediction
 from glsim.train.recipe import Recipe
-from glsim.train.validation import interior, validate
+from glsim.train.validation import validate
 
 
 def after(steps: int) -> Callable[[], bool]:
@@ -164,8 +165,8 @@ def test_folders_and_checkpoints_that_do_not_belong(tmp_path: Path) -> None:
     run(recipe(training={"max_epochs": 1}), tmp_path)
     with pytest.raises(TrainError, match="--resume"):
         run(recipe(), tmp_path)
-    with pytest.raises(TrainError, match=r"another recipe: its loss.beta_mm is None, not 2.0"):
-        run(recipe(loss={"beta_mm": 2.0}), tmp_path, resume=True)
+    with pytest.raises(TrainError, match=r"another recipe: its loss.beta_mm is None, not 1.5"):
+        run(recipe(loss={"beta_mm": 1.5}), tmp_path, resume=True)
     with pytest.raises(TrainError, match=r"other data \(name differ\)"):
         run(recipe(), tmp_path, "others", resume=True)
     last = tmp_path / "last.pt"
@@ -223,7 +224,7 @@ def test_the_masked_loss_looks_where_depth_can_be_known() -> None:
     clean = torch.from_numpy(dome())[None, None]
     given = torch.from_numpy(noisy(dome()))[None, None]
     logit = torch.where(clean > 0, 20.0, -20.0)
-    loss = Masked(slope_weight=1.0, reach_px=2)
+    loss = Masked(reach_px=2)
     nothing, parts = loss(Prediction(clean, logit), given, clean)
     assert nothing < 1e-6
     assert parts.keys() == {"depth", "valid", "slope"}
@@ -236,7 +237,7 @@ def test_the_masked_loss_looks_where_depth_can_be_known() -> None:
     assert loss(Prediction(off, logit), far, clean)[0] < 1e-6, "so it is beyond the fill's reach"
     assert loss(Prediction(off, logit), given, clean)[0] > 1
     _, parts = loss(Prediction(clean + 30, logit), given, clean)
-    assert parts["depth"] == pytest.approx(30 / 3 - 0.5)
+    assert parts["depth"] == pytest.approx(30 - 2 / 2)
     assert parts["slope"] < 1e-6, "a shift has no slope"
     assert loss(Prediction(clean, -logit), given, clean)[0] > 50
 
@@ -249,7 +250,7 @@ def test_likelihoods_have_their_minimum_at_the_spread() -> None:
     uniform = torch.rand(clean.shape, generator=generator) - 0.5
     laplace = -(4 / 2**0.5) * uniform.sign() * torch.log1p(-2 * uniform.abs())
     for kind, error in (("gaussian", normal), ("laplace", laplace)):
-        loss = Masked(depth=kind, valid_weight=0)  # type: ignore[arg-type]
+        loss = Masked(depth=kind, valid_weight=0, slope_weight=0)  # type: ignore[arg-type]
         sigmas = torch.linspace(2, 7, 51)
         totals = [
             loss(

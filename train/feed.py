@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -149,24 +149,45 @@ class SimulatedFeed:
         )
 
 
-def stored(dataset: Path, recipe: Recipe) -> StoredFeed:
-    """The splits train and val of a data set on disk. Raises DatasetError, ConfigError."""
+def stored(datasets: Sequence[Path], recipe: Recipe) -> StoredFeed:
+    """The splits train and val of one or several data sets on disk, joined.
+
+    Raises DatasetError, ConfigError.
+    """
     from glsim.train.data.checks import fingerprint
     from glsim.train.data.stored import Augmentation, StoredPairs
 
     data = recipe.data
     crop = data.crop or None
-    train = StoredPairs(
-        dataset,
-        "train",
-        crop=crop,
-        cut=data.cut,
-        augmentation=Augmentation(flip=data.flip),
-        seed=recipe.seed,
-    )
     centred = "centre" if data.cut == "random" else data.cut
-    validation = StoredPairs(dataset, "val", crop=crop, cut=centred)
-    return StoredFeed(train, _spread(validation, data), fingerprint(dataset), recipe)
+    train = [
+        StoredPairs(
+            dataset,
+            "train",
+            crop=crop,
+            cut=data.cut,
+            augmentation=Augmentation(flip=data.flip),
+            seed=recipe.seed + number * _APART,
+        )
+        for number, dataset in enumerate(datasets)
+    ]
+    validation = [StoredPairs(dataset, "val", crop=crop, cut=centred) for dataset in datasets]
+    prints = [fingerprint(dataset) for dataset in datasets]
+    whole = prints[0] if len(prints) == 1 else {"sets": prints}
+    return StoredFeed(Joined(train), _spread(Joined(validation), data), whole, recipe)
+
+
+class Joined(ConcatDataset[Batch]):
+    """Pairs of several data sets, one after the other."""
+
+    def __init__(self, parts: Sequence[Pairs]) -> None:
+        super().__init__(parts)
+        self._parts = parts
+
+    def set_epoch(self, epoch: int) -> None:
+        """As in ``Pairs``."""
+        for part in self._parts:
+            part.set_epoch(epoch)
 
 
 def simulated(recipe: Recipe) -> SimulatedFeed:

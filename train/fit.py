@@ -17,6 +17,8 @@ from glsim.stable import stable_seed
 from glsim.train import checkpoint
 from glsim.train.feed import VALIDATION_BATCH, Feed
 from glsim.train.logs import RUN, Logs, write_json, write_samples
+from glsim.train.models.calibration import calibrate
+from glsim.train.models.mask_aware import MaskAware
 from glsim.train.recipe import Recipe
 from glsim.train.start import RECIPE, check_unused, last_checkpoint, make_fabric
 from glsim.train.state import State
@@ -232,11 +234,17 @@ class Training:
         }
 
     def _keep_best(self) -> None:
+        judged = self.state.judged
+        uncertain = isinstance(judged, MaskAware) and judged.uncertainty
+        if uncertain:
+            calibrate(judged, self.held_out, "median")
         content = self._common() | {
             "model": self.state.weights(),
             "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},
         }
         checkpoint.save(self.folder / checkpoint.BEST, content)
+        if uncertain:
+            judged.sigma_scale.fill_(1.0)  # training goes on without it
 
     def _give_up(self, noisy_mm: Tensor, clean_mm: Tensor, why: str) -> NoReturn:
         progress, path = self.progress, self.folder / NAN_BATCH

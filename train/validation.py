@@ -8,16 +8,13 @@ from typing import Final, NamedTuple
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
+from glsim.train.interior import interior
 from glsim.train.losses import Loss, in_float32
 from glsim.train.models.base import Prediction
 
 #: Less than this is 0 in a 16-bit file in millimetres.
 HALF_MM: Final = 0.5
-#: The evaluation's: so far from an edge is the interior, and such a difference is an edge.
-BAND_PX: Final = 3
-JUMP_MM: Final = 30.0
 
 
 class Sums(NamedTuple):
@@ -71,26 +68,3 @@ def _sums(prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor, loss: Loss
         ((hard > 0) != (clean_mm > 0)).sum().double(),
         frames,
     )
-
-
-def interior(clean_mm: Tensor) -> Tensor:
-    """(B, 1, H, W) bool: depth, more than BAND_PX from no depth and from jumps between surfaces.
-
-    As the evaluation draws it (``eval/metrics/score.py``, which this layer may not import; a test
-    compares the two).
-    """
-    valid = clean_mm > 0
-    jump = torch.zeros_like(valid)
-    for axis in (-2, -1):
-        size = clean_mm.shape[axis] - 1
-        first, second = clean_mm.narrow(axis, 0, size), clean_mm.narrow(axis, 1, size)
-        edge = ((second - first).abs() > JUMP_MM) & (first > 0) & (second > 0)
-        jump.narrow(axis, 0, size).logical_or_(edge)
-        jump.narrow(axis, 1, size).logical_or_(edge)
-    near_hole = _grown(~valid, BAND_PX)
-    near_jump = _grown(jump & valid, BAND_PX - 1)
-    return valid & ~near_hole & ~near_jump
-
-
-def _grown(mask: Tensor, radius: int) -> Tensor:
-    return functional.max_pool2d(mask.float(), 2 * radius + 1, 1, radius) > 0

@@ -49,7 +49,8 @@ def train(
         str | None, typer.Argument(metavar="RECIPE", help="A shipped recipe, or a .toml file.")
     ] = None,
     data: Annotated[
-        Path | None, typer.Option("--data", help="A data set of glsim generate.")
+        list[Path] | None,
+        typer.Option("--data", help="A data set of glsim generate. Repeatable: they are joined."),
     ] = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Render the pairs while training; no data set.")
@@ -87,7 +88,7 @@ def train(
         return
     if recipe is None:
         raise ConfigError("give a recipe: a name of glsim train --list, or a .toml file")
-    if (data is None) != simulate:
+    if bool(data) == simulate:
         raise ConfigError("give --data DIR or --simulate, one of the two")
     given = overrides(
         seed=seed,
@@ -101,7 +102,7 @@ def train(
     from glsim.train import feed
     from glsim.train.fit import fit
 
-    pairs = feed.stored(data, chosen) if data is not None else feed.simulated(chosen)
+    pairs = feed.stored(data, chosen) if data else feed.simulated(chosen)
     with stopping() as stop, _bar(chosen.title) as show:
         report = fit(chosen, pairs, folder, resume=resume, show=show, stop=stop)
     _tell(report, folder)
