@@ -137,7 +137,7 @@ def network_table(
     if own and scored:
         page.parts += [
             "Networks that know which pixels are holes, against the best of all other rows:",
-            _own_against_all([s for s in own if s.part in ("", "hard")], scored, filters, table),
+            _own_against_all([s for s in own if s.part != "input mask"], scored, filters, table),
         ]
     missing = [row for row in ROWS[which] if not any(s.group.row == row for s in scored)]
     notes = [f"{row}: missing, no checkpoint of it was found" for row in missing]
