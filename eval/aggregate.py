@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from .blocks import BINS, Row
 from .metrics import METRICS, Metric
 from .metrics.score import psnr_db
 from .statistics import BySubject, holm, interval, sign_flip
+
+_T = TypeVar("_T")
 
 #: A number of the whole set rather than of a frame.
 PSNR_OF_MEAN: Final = Metric(
@@ -93,6 +95,15 @@ class Summary:
     def subjects(self) -> list[str]:
         """Everybody who was seen."""
         return sorted({name for totals in self._totals.values() for name in totals.by_subject})
+
+    def only(self, denoisers: Collection[str]) -> Summary:
+        """Of these denoisers, by their labels; with all parts of a soft validity."""
+
+        def chosen(of: dict[str, _T]) -> dict[str, _T]:
+            return {name: value for name, value in of.items() if name.split(" [")[0] in denoisers}
+
+        parts = (self.shown, self.histograms, self._totals, self._rows)
+        return Summary(self.total_frames, self.metrics, *(chosen(part) for part in parts))
 
     def add(self, row: Row) -> None:
         """One frame of one method."""

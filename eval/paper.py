@@ -9,6 +9,7 @@ from typing import Final
 from .aggregate import PSNR_OF_MEAN
 from .denoisers import PAPER
 from .metrics.ssim import PRESETS
+from .page import Grid, Page
 from .run import Evaluation
 from .tables import Table, number
 
@@ -23,8 +24,8 @@ PRINTED: Final[dict[str, tuple[str, float, float, float | None]]] = {
 }
 
 
-def paper_table(evaluation: Evaluation, table: Table) -> str:
-    """Markdown: the paper's rows and columns, and which of its relations hold here."""
+def paper_table(evaluation: Evaluation, table: Table) -> Page:
+    """The paper's rows and columns, and which of its relations hold here."""
     columns = [PRINTED[name][0] for name in PAPER]
     mse, psnr, psnr_mean, similar = (
         {name: table[name][metric].mean for name in PAPER}
@@ -32,37 +33,20 @@ def paper_table(evaluation: Evaluation, table: Table) -> str:
     )
     base = mse["noisy"]
     printed_base = PRINTED["noisy"][1]
-
-    def row(title: str, values: list[str]) -> str:
-        return f"| {title} | {' | '.join(values)} |"
-
-    lines = [
-        "# Table 1 of Kendrick, Yap and Tan: printed and measured",
-        "",
-        f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects.",
-        "",
-        row("", columns),
-        "|---|" + "---|" * len(columns),
-        row("MSE, printed [mm²]", [number(PRINTED[n][1]) for n in PAPER]),
-        row("MSE, ours [mm²]", [number(mse[n]) for n in PAPER]),
-        row("MSE over baseline, printed", [f"{PRINTED[n][1] / printed_base:.3f}" for n in PAPER]),
-        row("MSE over baseline, ours", [f"{mse[n] / base:.3f}" if base else "n/a" for n in PAPER]),
-        row("PSNR, printed [dB]", [f"{PRINTED[n][2]:.2f}" for n in PAPER]),
-        row("PSNR per image, ours [dB]", [f"{psnr[n]:.2f}" for n in PAPER]),
-        row("PSNR of the mean MSE, ours [dB]", [f"{psnr_mean[n]:.2f}" for n in PAPER]),
-        row("SSIM, printed", [_ssim(PRINTED[n][3]) for n in PAPER]),
-        row("SSIM with the printed constants, ours", [f"{similar[n]:.4f}" for n in PAPER]),
-        row(
+    rows = [
+        ["MSE, printed [mm²]", *(number(PRINTED[n][1]) for n in PAPER)],
+        ["MSE, ours [mm²]", *(number(mse[n]) for n in PAPER)],
+        ["MSE over baseline, printed", *(f"{PRINTED[n][1] / printed_base:.3f}" for n in PAPER)],
+        ["MSE over baseline, ours", *(f"{mse[n] / base:.3f}" if base else "n/a" for n in PAPER)],
+        ["PSNR, printed [dB]", *(f"{PRINTED[n][2]:.2f}" for n in PAPER)],
+        ["PSNR per image, ours [dB]", *(f"{psnr[n]:.2f}" for n in PAPER)],
+        ["PSNR of the mean MSE, ours [dB]", *(f"{psnr_mean[n]:.2f}" for n in PAPER)],
+        ["SSIM, printed", *(_ssim(PRINTED[n][3]) for n in PAPER)],
+        ["SSIM with the printed constants, ours", *(f"{similar[n]:.4f}" for n in PAPER)],
+        [
             "SSIM, K1=.01 K2=.03 L=65535, ours",
-            [f"{table[n]['ssim_16bit'].mean:.4f}" for n in PAPER],
-        ),
-        "",
-        f"SSIM with the printed constants: {PRESETS['paper']}. The paper's SSIM column is not "
-        "comparable between its rows (its constants, range and types are not known): do not match "
-        "it. Adaptive is Essmaeel's temporal filter, on single frames the identity.",
-        "",
-        "| relation | printed | ours |",
-        "|---|---|---|",
+            *(f"{table[n]['ssim_16bit'].mean:.4f}" for n in PAPER),
+        ],
     ]
     worst_first = sorted(("median", "nlm", "bilateral"), key=lambda n: mse[n])
     relations = [
@@ -79,19 +63,29 @@ def paper_table(evaluation: Evaluation, table: Table) -> str:
             all(mse[n] < base for n in ("median", "nlm", "bilateral")),
         ),
     ]
-    lines += [f"| {what} | {_yes(a)} | {_yes(b)} |" for what, a, b in relations]
-    lines += [
-        "",
-        "What these numbers do not show: " + _surface(table),
-    ]
-    return "\n".join(lines) + "\n"
+    return Page(
+        "Table 1 of Kendrick, Yap and Tan: printed and measured",
+        [
+            f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects.",
+            Grid(["", *columns], rows),
+            f"SSIM with the printed constants: {PRESETS['paper']}. The paper's SSIM column is not "
+            "comparable between its rows (its constants, range and types are not known): do not "
+            "match it. Adaptive is Essmaeel's temporal filter, on single frames the identity.",
+            Grid(
+                ["relation", "printed", "ours"],
+                [[what, yes(printed), yes(ours)] for what, printed, ours in relations],
+            ),
+            "What these numbers do not show: " + _surface(table),
+        ],
+    )
 
 
 def _ssim(value: float | None) -> str:
     return "not noted" if value is None else f"{value:g}"
 
 
-def _yes(value: bool) -> str:
+def yes(value: bool) -> str:
+    """In a cell."""
     return "yes" if value else "**no**"
 
 

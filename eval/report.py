@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,6 +18,7 @@ from .figures import to_png
 from .figures.curves import disagreement, error_curves, frame_boxes
 from .figures.gallery import Shown, gallery
 from .frames import Frames, Stacks
+from .page import Page
 from .run import Evaluation
 from .tables import (
     ALL,
@@ -49,22 +51,34 @@ img { max-width: 100%; }
 
 
 def write_report(
-    evaluation: Evaluation, table: Table, job: Scoring, out: Path, heading: str
+    evaluation: Evaluation,
+    table: Table,
+    job: Scoring,
+    out: Path,
+    heading: str,
+    pages: Sequence[Page] = (),
+    drawn: Sequence[str] | None = None,
 ) -> Path:
-    """Draw the figures to ``out``/figures as PNG files, and report.html with all in it."""
+    """Draw the figures to ``out``/figures as PNG files, and report.html with all in it.
+
+    pages: stand before the tables. drawn: of the job's denoisers, those in figures; default: all.
+    """
+    job = job if drawn is None else replace(job, denoisers=tuple(drawn))
+    labels = {spec.partition("@")[0] for spec in job.denoisers}
+    summary = evaluation.summary.only(labels)
     pictures: list[tuple[str, str, bytes]] = [
         (
             "disagreement",
             "All-pixel MSE against what the surface is off: a dot a frame, a large one for a "
             "method's mean. Methods that share an input mask stand above each other: MSE cannot "
             "tell them apart.",
-            to_png(disagreement(evaluation.summary)),
+            to_png(disagreement(summary)),
         ),
         (
             "error_curves",
             "Cumulative absolute error on the pixels where input and truth have depth, the same "
             "for every method.",
-            to_png(error_curves(evaluation.summary)),
+            to_png(error_curves(summary)),
         ),
         (
             "frame_boxes",
@@ -76,18 +90,18 @@ def write_report(
     shown = example(job)
     if shown is not None:
         names = list(shown.predictions)
-        pages = -(-len(names) // _COLUMNS)
-        for page in range(pages):
+        sheets = -(-len(names) // _COLUMNS)
+        for sheet in range(sheets):
             # Spread evenly, so that no page has a single column.
-            first, last = (len(names) * edge // pages for edge in (page, page + 1))
+            first, last = (len(names) * edge // sheets for edge in (sheet, sheet + 1))
             part = {name: shown.predictions[name] for name in names[first:last]}
             figure = gallery(Shown(shown.clean, shown.intrinsics, part, shown.caption))
             caption = "One frame, every method in the same scale."
-            pictures.append((f"gallery_{page + 1}", caption, to_png(figure)))
+            pictures.append((f"gallery_{sheet + 1}", caption, to_png(figure)))
     for name, _, png in pictures:
         write_bytes(png, out / "figures" / f"{name}.png")
     path = out / "report.html"
-    write_bytes(_page(evaluation, table, heading, pictures).encode(), path)
+    write_bytes(_page(evaluation, table, heading, pictures, pages).encode(), path)
     return path
 
 
@@ -121,6 +135,7 @@ def _page(
     table: Table,
     heading: str,
     pictures: Sequence[tuple[str, str, bytes]],
+    pages: Sequence[Page],
 ) -> str:
     body = [
         f"<h1>{html.escape(heading)}</h1>",
@@ -128,6 +143,7 @@ def _page(
         "95 % interval over subjects (bootstrap). Bold: the best mean. Arrows: which way is "
         "better.</p>",
     ]
+    body += [page.html() for page in pages]
     for title, names in SHOWN.items():
         metrics = [ALL[name] for name in names]
         head = ["method", *(f"{m.heading} {m.arrow}" for m in metrics)]

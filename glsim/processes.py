@@ -23,7 +23,7 @@ from glsim.errors import GlsimError
 
 #: The environment of workers: one thread each, as there is a process a core already. The first is
 #: for Mesa's llvmpipe (0 = none besides the caller's), the last for OpenCV.
-_SINGLE_THREADED = {
+SINGLE_THREADED = {
     "LP_NUM_THREADS": "0",
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -55,7 +55,7 @@ class Process:
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=2,  # what libraries print is no part of the parent's output
-                env=os.environ | _SINGLE_THREADED,
+                env=os.environ | SINGLE_THREADED,
                 process_group=0,
             )
 

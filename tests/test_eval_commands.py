@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from checkpoint_stand_in import write_run
 from eval_scenes import dome, noisy
+from test_eval_run import write_pairs
 
 from glsim.cli import main
 
@@ -78,7 +81,10 @@ def test_denoise_names_what_it_cannot_read(maps: Path, capsys: pytest.CaptureFix
         (["denoise", "maps", "-o", "o", "-d", "median", "--composite", "x"], "--composite x"),
         (["eval", "none"], "no such folder"),
         (["eval"], "give the folder"),
-        (["eval", "maps", "--paper-table", "2"], "--paper-table 2"),
+        (["eval", "maps", "--paper-table", "4"], "--paper-table 4"),
+        (["eval", "maps", "--paper-table", "2"], "give --runs"),
+        (["eval", "maps", "--paper-table", "3", "--runs", "nowhere"], "no such folder"),
+        (["eval", "maps", "--paper-table", "3", "--runs", "maps"], "no */best.pt"),
         (["eval", "maps", "--workers", "0"], "--workers 0"),
         (["study", "-o", "s", "--sensors", "kinect-v3"], "no such sensor"),
     ],
@@ -99,6 +105,68 @@ def test_checkpoints_need_the_training_part(
     write(tmp_path / "a.png", dome())
     assert main(["denoise", "a.png", "-o", "b.png", "-d", "best.pt"]) == 1
     assert "glsim[train]" in capsys.readouterr().err
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package with the stand-in of a network that knows its uncertainty."""
+    package = tmp_path / "shipped_stand_in"
+    write_run(package, 0.2, row=None, sigma_mm=1.234)
+    (package / "__init__.py").write_text("")
+    (package / "best.pt").rename(package / "face.pt")
+    external = "glsim.eval.denoisers.external"
+    monkeypatch.setattr(f"{external}._CHECKPOINT_MODULE", "checkpoint_stand_in")
+    monkeypatch.setattr(f"{external}._SHIPPED_PACKAGE", "shipped_stand_in")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "shipped_stand_in", raising=False)
+    return package / "face.pt"
+
+
+def test_without_a_denoiser_the_shipped_network_is_taken(
+    maps: Path, tmp_path: Path, shipped: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = maps / "a" / "m0_noisy.png"
+    assert main(["denoise", str(source), "-o", "one.png", "-q"]) == 0
+    seen = read(source).astype(np.float32)
+    wanted = np.rint(np.where(seen > 0, seen + 0.2 * (900 - seen), 0))
+    np.testing.assert_array_equal(read(tmp_path / "one.png"), wanted)
+    command = ["denoise", str(source), "-o", "two.png", "-d", "face", "-q"]
+    assert main(command) == 0
+    assert (tmp_path / "two.png").read_bytes() == (tmp_path / "one.png").read_bytes()
+    pairs = write_pairs(tmp_path / "pairs", 1, 1)
+    scoring = ["eval", str(pairs), "-d", "face", "-o", "s", "--workers", "1", "--no-figures", "-q"]
+    assert main(scoring) == 0
+    assert "`face`" in (tmp_path / "s" / "table.md").read_text()
+
+    assert main([*command[:-2], "face:size=3"]) == 2
+    assert "face has no parameters" in capsys.readouterr().err
+    shipped.unlink()
+    assert main(command) == 1
+    assert "no face.pt, the weights of the shipped network" in capsys.readouterr().err
+
+
+def test_uncertainty_is_a_map_beside_the_depth(
+    maps: Path, tmp_path: Path, shipped: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = maps / "a" / "m0_noisy.png"
+    command = ["denoise", str(source), "-o", "depth.png", "-q", "--uncertainty"]
+    assert main([*command, "sigma.png"]) == 0
+    depth, sigma = read(tmp_path / "depth.png"), read(tmp_path / "sigma.png")
+    np.testing.assert_array_equal(sigma, np.where(depth > 0, 123, 0))  # 1.234 mm, in 0.01 mm
+    assert main(["denoise", str(maps), "-o", "d", "--uncertainty", "s", "-q"]) == 0
+    assert len(list((tmp_path / "s" / "a").iterdir())) == 3
+
+    assert main([*command, "depth.png"]) == 2
+    assert "is where the depth goes" in capsys.readouterr().err
+    assert main([*command, "sigma.png", "-d", "quadric"]) == 2
+    assert "quadric does not say how sure it is" in capsys.readouterr().err
+
+
+def test_a_sigma_that_is_none_is_refused(maps: Path, shipped: Path) -> None:
+    text = shipped.read_text()
+    shipped.write_text(text.replace("1.234", "-1"))
+    command = ["denoise", str(maps / "a" / "m0_noisy.png"), "-o", "depth.png", "-q"]
+    assert main([*command, "--uncertainty", "sigma.png"]) == 1
 
 
 def test_list_and_help(capsys: pytest.CaptureFixture[str]) -> None:

@@ -247,7 +247,7 @@ def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
 
 def test_paper_table_needs_its_columns(pairs: Path, tmp_path: Path) -> None:
     found = run(pairs, tmp_path / "o", *PAPER, probes=False)
-    text = paper_table(found, found.summary.compared())
+    text = paper_table(found, found.summary.compared()).markdown()
     assert "| MSE, printed [mm²] | 1411 | 1411 | 1361 | 1147 | 1349 |" in text
     assert found.probes.methods == []
 

@@ -66,5 +66,5 @@ def study(
     write_bytes(report(results, absent).encode(), paths[0])
     for result in results:
         paths.append(out / result.sensor / "scores" / "paper_table_1.md")
-        write_bytes(paper_table(result.evaluation, result.table).encode(), paths[-1])
+        write_bytes(paper_table(result.evaluation, result.table).markdown().encode(), paths[-1])
     listed(paths)

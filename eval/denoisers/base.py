@@ -104,6 +104,32 @@ class Method:
             if self.temporal
             else self.function(stack[now], valid[now])
         )
+        return self._checked(result, shape)
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether it knows how sure it is: then ``with_sigma`` works."""
+        return bool(getattr(self.function, "uncertain", False))
+
+    def with_sigma(self, noisy_mm: Depth) -> tuple[Denoised, Depth]:
+        """Denoise one (H, W) map, and the standard deviation of the depth, (H, W) float32 mm.
+
+        The function has ``uncertain`` and ``with_uncertainty(noisy_mm, valid) -> (depth_mm, valid,
+        sigma_mm)``. Raises ConfigError if it has not, DenoiserError as a call does.
+        """
+        if not self.uncertain:
+            raise ConfigError(f"{self.label}: this denoiser does not say how sure it is")
+        noisy = noisy_mm.astype(np.float32)
+        function: Any = self.function
+        result = function.with_uncertainty(noisy, noisy > 0)
+        if not isinstance(result, tuple) or len(result) != 3:
+            raise DenoiserError(f"{self.label}: must return (depth_mm, valid, sigma_mm)")
+        sigma = np.asarray(result[2], np.float32)
+        if sigma.shape != noisy.shape or not (np.isfinite(sigma) & (sigma >= 0)).all():
+            raise DenoiserError(f"{self.label}: sigma must be finite, >= 0 and of the map's size")
+        return self._checked(result[:2], noisy.shape), sigma
+
+    def _checked(self, result: Any, shape: tuple[int, ...]) -> Denoised:
         if not isinstance(result, tuple) or len(result) != 2:
             raise DenoiserError(f"{self.label}: must return a pair (depth_mm, valid)")
         depth, kept = (np.asarray(part) for part in result)

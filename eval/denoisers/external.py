@@ -1,9 +1,10 @@
-"""Denoisers of users: any Python callable, and checkpoints of ``glsim train``."""
+"""Denoisers from elsewhere: any Python callable, checkpoints, and the shipped network."""
 
 from __future__ import annotations
 
 import functools
 import importlib
+import importlib.resources
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from .base import Method
 #: Where checkpoints are opened: ``load_denoiser(path) -> callable`` of the protocol. Reached by
 #: name, because ``glsim.eval`` and ``glsim.train`` do not import each other.
 _CHECKPOINT_MODULE = "glsim.train.denoiser"
+#: Where the shipped network lies; docs/model_card.md says what it is.
+_SHIPPED_PACKAGE, _SHIPPED_FILE = "glsim.train.shipped", "face.pt"
 
 
 def from_callable(module: str, name: str, parameters: dict[str, str], label: str) -> Method:
@@ -48,13 +51,28 @@ def from_checkpoint(path: Path, label: str) -> Method:
     if not path.is_file():
         raise DenoiserError(f"{label}: {path}: no such checkpoint")
     try:
-        module = importlib.import_module(_CHECKPOINT_MODULE)
+        function = importlib.import_module(_CHECKPOINT_MODULE).load_denoiser(path)
     except ImportError as error:
         raise DenoiserError(
-            f"{label}: checkpoints need glsim.train with PyTorch (pip install 'glsim[train]'): "
-            f"{error}"
+            f"{label}: networks need PyTorch: pip install 'glsim[train]', or choose a filter such "
+            f"as -d quadric:sigma_px=2.5,cleanup=5 ({error})"
         ) from None
-    return as_method(label, module.load_denoiser(path), _version(path))
+    return as_method(label, function, _version(path))
+
+
+def from_shipped(label: str) -> Method:
+    """The network that comes with glsim. DenoiserError if its weights or PyTorch are not there."""
+    try:
+        folder = importlib.resources.files(_SHIPPED_PACKAGE)
+        with importlib.resources.as_file(folder / _SHIPPED_FILE) as path:
+            if path.is_file():
+                return from_checkpoint(path, label)
+    except (ImportError, FileNotFoundError):
+        pass
+    raise DenoiserError(
+        f"{label}: this installation has no {_SHIPPED_FILE}, the weights of the shipped network: "
+        "install glsim again, or give -d and a checkpoint or filter (glsim eval --list)"
+    )
 
 
 def as_method(label: str, function: Any, version: str = "") -> Method:

@@ -12,7 +12,7 @@ from glsim.errors import ConfigError, did_you_mean
 
 from . import masked, paper, temporal
 from .base import Method, build
-from .external import as_method, from_callable, from_checkpoint
+from .external import as_method, from_callable, from_checkpoint, from_shipped
 
 _KINDS: Final[dict[str, type]] = {
     "noisy": paper.Identity,
@@ -29,6 +29,10 @@ _KINDS: Final[dict[str, type]] = {
     "rolling_guidance": masked.RollingGuidance,
     "temporal_median": temporal.TemporalMedian,
 }
+
+#: The shipped network; ``glsim denoise`` takes it unless told otherwise.
+SHIPPED: Final = "face"
+_SHIPPED_HELP: Final = "the shipped network for faces before a Kinect V2 (needs PyTorch)"
 
 #: The columns of the paper's table 1, in its order.
 PAPER: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
@@ -51,11 +55,13 @@ _SUFFIXES = (".pt", ".pth", ".ckpt")
 
 def known() -> list[str]:
     """The names of the shipped denoisers."""
-    return list(_KINDS)
+    return [*_KINDS, SHIPPED]
 
 
 def describe(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
     """What a shipped denoiser is, in a line, and parameter -> (default, help)."""
+    if name == SHIPPED:
+        return _SHIPPED_HELP, {}
     kind = _KINDS[name]
     parameters = {
         field.name: (field.default, str(field.metadata["help"]))
@@ -88,11 +94,15 @@ def load(spec: str) -> Method:
     name, _, tail = text.partition(":")
     if name in _KINDS:
         return as_method(label, build(_KINDS[name], _assignments(tail, spec), spec))
+    if name == SHIPPED and not tail:
+        return from_shipped(label)
     function, _, parameters = tail.partition(":")
     if function and "=" not in function:
         return from_callable(name, function, _assignments(parameters, spec), label)
+    if name == SHIPPED:
+        raise ConfigError(f"--denoiser {spec}: {SHIPPED} has no parameters")
     raise ConfigError(
-        f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, _KINDS)}); or write "
+        f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, known())}); or write "
         "module:function, or the path of a checkpoint"
     )
 

@@ -106,7 +106,7 @@ def _legend(figure: Any, columns: int) -> None:
 
 
 def _wrapped(name: str) -> str:
-    return name.replace(":", ":\n", 1).replace(",", ",\n")
+    return name.replace(":", ":\n", 1).replace(",", ",\n").replace(" [", "\n[")
 
 
 def _around(clean: Depth) -> tuple[slice, slice]:

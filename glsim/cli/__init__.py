@@ -17,6 +17,7 @@ from glsim.cli import (
     inspecting,
     preview,
     render,
+    reproduce,
     validate,
 )
 from glsim.cli.common import console, options
@@ -36,6 +37,7 @@ app.command("generate", epilog=generate.EXAMPLES)(generate.generate)
 app.command("preview", epilog=preview.EXAMPLES)(preview.preview)
 app.command("corrupt", epilog=corrupt.EXAMPLES)(corrupt.corrupt)
 app.command("validate", epilog=validate.EXAMPLES)(validate.validate)
+app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("fit", epilog=fit.EXAMPLES)(fit.fit)
 app.command("inspect", epilog=inspecting.EXAMPLES)(inspecting.inspect)
 app.add_typer(importing.app, name="import")

@@ -1,0 +1,1 @@
+"""The network that comes with glsim, ``face.pt``: see docs/model_card.md."""
