@@ -27,10 +27,13 @@ def interior(clean_mm: Tensor) -> Tensor:
         edge = ((second - first).abs() > JUMP_MM) & (first > 0) & (second > 0)
         jump.narrow(axis, 0, size).logical_or_(edge)
         jump.narrow(axis, 1, size).logical_or_(edge)
-    near_hole = _grown(~valid, BAND_PX)
-    near_jump = _grown(jump & valid, BAND_PX - 1)
+    near_hole = grown(~valid, BAND_PX)
+    near_jump = grown(jump & valid, BAND_PX - 1)
     return valid & ~near_hole & ~near_jump
 
 
-def _grown(mask: Tensor, radius: int) -> Tensor:
-    return functional.max_pool2d(mask.float(), 2 * radius + 1, 1, radius) > 0
+def grown(mask: Tensor, radius: int) -> Tensor:
+    """(B, 1, H, W) bool: at most so many pixels, in rows and in columns, from the mask."""
+    side = 2 * radius + 1
+    rows = functional.max_pool2d(mask.float(), (1, side), 1, (0, radius))  # one axis at a time:
+    return functional.max_pool2d(rows, (side, 1), 1, (radius, 0)) > 0  # side, not side^2, reads

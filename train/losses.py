@@ -17,7 +17,7 @@ from torch.nn import functional
 
 from glsim.config import validate
 from glsim.errors import ConfigError, did_you_mean
-from glsim.train.interior import interior
+from glsim.train.interior import grown, interior
 from glsim.train.models.base import Prediction
 
 Parts = dict[str, Tensor]
@@ -96,9 +96,7 @@ class Masked(Loss):
     ) -> tuple[Tensor, Parts]:
         """Parts: depth, and valid, slope and sigma where they weigh anything."""
         there = (clean_mm > 0).float()
-        window = 2 * self.reach_px + 1
-        near = functional.max_pool2d((noisy_mm > 0).float(), window, 1, self.reach_px)
-        asked = there * near
+        asked = there * grown(noisy_mm > 0, self.reach_px)
         inside = asked * interior(clean_mm)
         error = prediction.depth_mm - clean_mm
         weight = self.edge_weight * asked + (1 - self.edge_weight) * inside
