@@ -25,6 +25,7 @@ from glsim.bounds import Sight, Tangents, corners, emitter_view, image_window, u
 from glsim.camera import Emitter, Intrinsics, SensorRig
 from glsim.frame import Rect
 from glsim.gl.program import link_files
+from glsim.gl.silhouette import Silhouette
 from glsim.gl.source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.mesh import SKIN_ALBEDO, Mesh
@@ -67,6 +68,8 @@ class Renderer:
         self._camera_pool = (
             TargetPool(context, pinhole.width, pinhole.height) if rig.is_raw else self.pool
         )
+        #: Of the frame that was rendered last.
+        self.silhouette = Silhouette(self.pool)
         self.rays = self.pool.upload(_RAYS, rig.rays())
         self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
         drawing, lens = "surface", "lens"
@@ -114,6 +117,7 @@ class Renderer:
         layers = self._draw_surface(drawables, views, window)
         if self.rig.supersample > 1:
             layers |= self._centres.take(self.pool, layers["fine_seen"], window)
+        self.silhouette.draw(layers.get("uneven", layers["clean"]), window)
         corners_m = np.concatenate(boxes)
         self.nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
         casting = drawables if self.rig.shadow_map else []
@@ -130,6 +134,7 @@ class Renderer:
         """
         image = self.rig.intrinsics
         window = Rect(0, 0, image.width, image.height)
+        self.silhouette.leaves_out = False
         view = pose_matrix({})
         albedo = np.where(clean_m > 0, np.float32(SKIN_ALBEDO), np.float32(0.0))
         layers = {

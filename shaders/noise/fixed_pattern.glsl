@@ -2,6 +2,7 @@
 // fixed_pattern: an error of each pixel that is the same in every frame of one device.
 // Defaults: measured on Kinect V2 recordings, 0.72-0.91 mm in all, rows alternating by -0.17 and
 // +0.20 mm, correlated along columns.
+//@ sparse
 #include "lib/random.glsl"
 #include "lib/depth.glsl"
 

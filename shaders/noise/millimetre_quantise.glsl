@@ -1,6 +1,7 @@
 #version 330 core
 // millimetre_quantise: rounds the depth to whole steps.
 // Default: 1 mm, the unit in which the Kinect V2 delivers.
+//@ sparse
 uniform float step_mm = 1.0;  //@ [0.001, 100] mm smallest difference of depth
 
 uniform sampler2D u_depth;

@@ -1,6 +1,7 @@
 #version 330 core
 // range_gate: removes what is nearer or farther than the sensor measures.
 // Default: libfreenect2's, and Microsoft's reliable range of the Kinect V2.
+//@ sparse
 #include "reason.glsl"
 
 uniform float near_mm = 500.0;  //@ [0, 20000] mm nearest depth that is kept

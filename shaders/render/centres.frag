@@ -17,7 +17,7 @@ const float EDGE_SHARE = 0.01;
 out float clean;
 out vec4 normal; // and in w the albedo
 out float albedo;
-out float uneven; // m; 1 where some samples miss the surface
+out float uneven; // m; 1 where some samples miss the surface, 0 where all do
 
 // The way across the surface from one sample to the one two further, or to the next one on it.
 vec3 tangent(float before, float here, float after, vec3 ray, vec3 step) {
@@ -43,6 +43,7 @@ void main() {
     }
     uneven = abs(sum / float(SIDE * SIDE) - clean) + SHARE_OF_RANGE * (high - low);
     if (low <= 0.0 && high > 0.0) uneven = 1.0;
+    if (high > 0.0) uneven = max(uneven, 1e-9);
     vec3 ray = vec3(texelFetch(u_rays, pixel, 0).rg, 1.0);
     vec2 step = 1.0 / (float(SIDE) * u_focal_px);
     vec3 along_x = tangent(texelFetch(u_fine_seen, middle - ivec2(1, 0), 0).r, clean,

@@ -2,6 +2,7 @@
 // tof_bilateral: libfreenect2's joint bilateral filter: each phasor becomes a mean over 3x3, where
 // neighbours with another phase count less. Pixels whose phases differ from those around in any
 // frequency are marked; tof_edge removes them.
+//@ sparse
 #include "lib/kernel.glsl"
 #include "lib/loops.glsl"
 

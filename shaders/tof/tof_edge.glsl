@@ -1,6 +1,7 @@
 #version 330 core
 // tof_edge: libfreenect2's edge filter: removes pixels between two surfaces, and those that the
 // bilateral filter has marked.
+//@ sparse
 #include "reason.glsl"
 #include "lib/loops.glsl"
 

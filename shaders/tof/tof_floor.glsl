@@ -1,5 +1,6 @@
 #version 330 core
 // tof_floor: the noise of the depth that does not depend on the light; new in every frame.
+//@ sparse
 #include "lib/alike.glsl"
 #include "lib/floor.glsl"
 #include "lib/depth.glsl"

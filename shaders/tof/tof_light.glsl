@@ -4,6 +4,7 @@
 // from the emitter over the surface to the camera. A pixel that sees one smooth surface takes its
 // centre; one at an edge adds up the phasors of its samples, so that mixed pixels are what physics
 // makes of them and not a blend of depths.
+//@ sparse
 #include "lib/surface_light.glsl"
 #include "lib/loops.glsl"
 

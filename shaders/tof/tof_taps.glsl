@@ -3,6 +3,7 @@
 // and companding, put together again to a phasor a frequency.
 // Noise: Var = 1.755 + 0.0166 A, A the tap's amplitude; fits the phase noise that Jaremo Lawin,
 // Forssen and Ovren (ECCV 2016) measured on a Kinect V2 within 7 % rms.
+//@ sparse
 #include "lib/random.glsl"
 #include "lib/tof.glsl"
 #include "lib/taps.glsl"

@@ -1,5 +1,6 @@
 #version 330 core
 // tof_unwrap: phases to depth along the axis, as libfreenect2 decodes them.
+//@ sparse
 #include "lib/unwrap.glsl"
 
 uniform sampler2D u_phasor_a;
