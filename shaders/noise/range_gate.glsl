@@ -14,9 +14,10 @@ out float depth;
 out float reason;
 
 void main() {
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_depth, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    depth = texelFetch(u_depth, pixel, 0).r;
-    reason = texelFetch(u_reason, pixel, 0).r;
+    depth = textureLod(u_depth, here, 0.0).r;
+    reason = textureLod(u_reason, here, 0.0).r;
     float depth_mm = 1000.0 * depth;
     if (depth > 0.0 && (depth_mm < near_mm || depth_mm > far_mm)) {
         depth = 0.0;

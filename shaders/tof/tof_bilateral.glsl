@@ -44,8 +44,9 @@ void add(inout Sums sums, vec2 offset, float weight, vec3 real, vec3 imaginary, 
 }
 
 void main() {
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_phasor_a, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 own_a = texelFetch(u_phasor_a, pixel, 0), own_b = texelFetch(u_phasor_b, pixel, 0);
+    vec4 own_a = textureLod(u_phasor_a, here, 0.0), own_b = textureLod(u_phasor_b, here, 0.0);
     vec3 real = vec3(own_a.xz, own_b.x), imaginary = vec3(own_a.yw, own_b.y);
     vec3 norm = real * real + imaginary * imaginary;
     vec3 unit = inversesqrt(max(norm, 1e-20));

@@ -20,10 +20,11 @@ out float depth;
 out float reason;
 
 void main() {
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_decoded, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    depth = texelFetch(u_depth, pixel, 0).r;
-    reason = texelFetch(u_reason, pixel, 0).r;
-    vec2 own = texelFetch(u_decoded, pixel, 0).rg;
+    depth = textureLod(u_depth, here, 0.0).r;
+    reason = textureLod(u_reason, here, 0.0).r;
+    vec2 own = textureLod(u_decoded, here, 0.0).rg;
     float sum = own.y, squares = own.y * own.y, low = depth, high = depth;
     vec2 texel = 1.0 / vec2(textureSize(u_decoded, 0));
     for (int k = 0; k < 8; k++) { // without the middle

@@ -28,6 +28,7 @@ out vec4 phasor_a; // as light_a
 out vec4 phasor_b; // third frequency; infrared counts; 2: saturated
 
 void main() {
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_light_a, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     // Blur: three weights along each axis with the variance of the Gaussian. Beyond the frame it is
     // as at its border.
@@ -43,7 +44,7 @@ void main() {
         }
     }
     // Where the camera sees nothing, nothing is measured: a frame's window must not decide on noise.
-    bool seen = b.z > 0.0 || texelFetch(u_clean, pixel, 0).r > 0.0;
+    bool seen = b.z > 0.0 || textureLod(u_clean, here, 0.0).r > 0.0;
     bool dead = dead_border && (pixel.x == 0 || pixel.x == int(u_frame_size_px.x) - 1);
     vec3 light_real = vec3(a.xz, b.x) / CONTRAST_MULTIPLIER;
     vec3 light_imaginary = vec3(a.yw, b.y) / CONTRAST_MULTIPLIER;
