@@ -256,9 +256,6 @@ class Renderer:
             box = emitter_view(corners_m, self._sight, emitter.position_m)
             box = box.widened(emitter.spread_m * (1 / box.near_m - 1 / box.far_m))
             self._draw_map(emitter, box, drawables, views)
-            buffer.use()
-            buffer.viewport = window
-            self.context.enable_only(moderngl.BLEND)
             self.context.blend_func = moderngl.ONE, moderngl.ONE
             for unit, name in enumerate(("clean", "normal")):
                 layers[name].texture.use(unit)
@@ -270,9 +267,9 @@ class Renderer:
             self._lit_pass.program["u_rays"], self._lit_pass.program["u_projector"] = 2, 3
             self._lit_pass.program["u_projector_depth"] = 4
             self._lit_pass.program["u_weight"] = 1.0 / len(emitters)
-            self._lit_pass.render(moderngl.TRIANGLES, vertices=3)
+            with self.silhouette.limits([lit], window, None, moderngl.BLEND):
+                self._lit_pass.render(moderngl.TRIANGLES, vertices=3)
             self._map_depth.clear(4)
-            self.context.enable_only(moderngl.NOTHING)
         return lit
 
     def _draw_map(

@@ -49,12 +49,12 @@ class Silhouette:
 
     @contextmanager
     def limits(
-        self, targets: Sequence[Target], window: Rect, blank: Blank, flags: int = 0
+        self, targets: Sequence[Target], window: Rect, blank: Blank | None, flags: int = 0
     ) -> Iterator[None]:
         """Passes that are drawn meanwhile reach ``targets`` within the silhouette only.
 
-        Elsewhere in the window targets hold 0, or what ``blank`` says for their layer.
-        flags: what else is to be enabled (moderngl.BLEND).
+        Elsewhere in the window targets hold 0, or what ``blank`` says for their layer; what they
+        held before if it is None. flags: what else is to be enabled (moderngl.BLEND).
         """
         key = tuple(target.texture.glo for target in targets)
         if key not in self._framebuffers:
@@ -64,12 +64,13 @@ class Silhouette:
         buffer = self._framebuffers[key]
         buffer.use()
         buffer.viewport = window
-        buffer.clear(viewport=window)  # the depth is write-protected
+        if blank is not None:
+            buffer.clear(viewport=window)  # the depth is write-protected
         for target in targets:
-            if target.layer.name in blank:
+            if blank and target.layer.name in blank:
                 one = self._pool.framebuffer([target])
                 one.clear(blank[target.layer.name], viewport=window)
         buffer.use()
-        self._context.enable_only(moderngl.DEPTH_TEST | flags)
+        self._context.enable_only((moderngl.DEPTH_TEST if self.leaves_out else 0) | flags)
         yield
         self._context.enable_only(moderngl.NOTHING)
