@@ -12,6 +12,7 @@ from contextlib import contextmanager
 
 import moderngl
 
+from glsim.bounds import union
 from glsim.frame import Rect
 from glsim.gl.program import link_files
 from glsim.gl.targets import Target, TargetPool
@@ -53,7 +54,7 @@ class Silhouette:
     ) -> Iterator[None]:
         """Passes that are drawn meanwhile reach ``targets`` within the silhouette only.
 
-        Elsewhere in the window targets hold 0, or what ``blank`` says for their layer; what they
+        Elsewhere targets hold 0, or what ``blank`` says for their layer; what they
         held before if it is None. flags: what else is to be enabled (moderngl.BLEND).
         """
         key = tuple(target.texture.glo for target in targets)
@@ -64,12 +65,13 @@ class Silhouette:
         buffer = self._framebuffers[key]
         buffer.use()
         buffer.viewport = window
-        if blank is not None:
-            buffer.clear(viewport=window)  # the depth is write-protected
-        for target in targets:
-            if blank and target.layer.name in blank:
-                one = self._pool.framebuffer([target])
-                one.clear(blank[target.layer.name], viewport=window)
+        if blank is not None:  # once, for a clear takes as long as a simple pass
+            buffer.clear(viewport=union([window, *(t.drawn for t in targets if t.drawn)]))
+            for target in targets:
+                target.drawn = window
+                if target.layer.name in blank:
+                    one = self._pool.framebuffer([target])
+                    one.clear(blank[target.layer.name], viewport=window)
         buffer.use()
         self._context.enable_only((moderngl.DEPTH_TEST if self.leaves_out else 0) | flags)
         yield

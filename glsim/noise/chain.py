@@ -212,7 +212,9 @@ class StagePass:
                     "is switched off"
                 )
             layers[name].texture.use(unit)
-        targets = [pool.take(layer, frame.window) for layer in self.source.writes]
+        targets = [
+            pool.take(layer, frame.window, clean=within is None) for layer in self.source.writes
+        ]
         if within is not None:
             with within.limits(targets, frame.window, _BLANK):
                 self._array.render(moderngl.TRIANGLES, vertices=3)
