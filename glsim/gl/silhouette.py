@@ -1,8 +1,8 @@
 """Where a frame shows anything at all, for passes that have nothing to do elsewhere.
 
 A face covers a third of its window. Rasterisers test depth before they shade, so that a depth
-buffer in which empty pixels are nearer than the pass skips them: a third of the window costs a third
-of the time, where branches in a shader save nothing on a software rasteriser.
+buffer in which empty pixels are nearer than the pass skips them: a third of the window costs a
+third of the time, where branches in a shader save nothing on a software rasteriser.
 """
 
 from __future__ import annotations

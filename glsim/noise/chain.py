@@ -149,14 +149,14 @@ class ShaderChain:
         blank.use()
         blank.clear(viewport=frame.window)
         self._context.enable_only(moderngl.NOTHING)
-        blank = set(layers)  # the layers that hold nothing outside the silhouette
+        bare = set(layers)  # the layers that hold nothing outside the silhouette
         for step in self._passes:
             if not values[step.name][ENABLED]:
                 continue
-            if sparse := step.source.sparse and blank.issuperset(step.source.reads):
-                blank.update(layer.name for layer in step.source.writes)
+            if sparse := step.source.sparse and bare.issuperset(step.source.reads):
+                bare.update(layer.name for layer in step.source.writes)
             else:
-                blank.difference_update(layer.name for layer in step.source.writes)
+                bare.difference_update(layer.name for layer in step.source.writes)
             within = renderer.silhouette if sparse and renderer.silhouette.leaves_out else None
             drawn = step.draw(pool, layers, frame, values[step.name], within)
             for name, target in drawn.items():
