@@ -26,6 +26,7 @@ from glsim.camera import Emitter, Intrinsics, SensorRig
 from glsim.frame import Rect
 from glsim.gl.meshes import draw_meshes, index_buffer
 from glsim.gl.program import link_files
+from glsim.gl.silhouette import Silhouette
 from glsim.gl.source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.mesh import SKIN_ALBEDO, Mesh
@@ -69,6 +70,8 @@ class Renderer:
         self._camera_pool = (
             TargetPool(context, pinhole.width, pinhole.height) if rig.is_raw else self.pool
         )
+        #: Of the frame that was rendered last.
+        self.silhouette = Silhouette(self.pool)
         self.rays = self.pool.upload(_RAYS, rig.rays())
         self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
         drawing, lens = "surface", "lens"
@@ -121,6 +124,7 @@ class Renderer:
         layers = self._draw_surface(drawables, views, window)
         if self.rig.supersample > 1:
             layers |= self._centres.take(self.pool, layers["fine_seen"], window)
+        self.silhouette.draw(layers.get("uneven", layers["clean"]), window)
         corners_m = np.concatenate(boxes)
         self.nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
         casting = drawables if self.rig.shadow_map else []
@@ -149,6 +153,7 @@ class Renderer:
         """
         image = self.rig.intrinsics
         window = Rect(0, 0, image.width, image.height)
+        self.silhouette.leaves_out = False
         view = pose_matrix({})
         albedo = np.where(clean_m > 0, np.float32(SKIN_ALBEDO), np.float32(0.0))
         layers = {
@@ -250,9 +255,6 @@ class Renderer:
             box = emitter_view(corners_m, self._sight, emitter.position_m)
             box = box.widened(emitter.spread_m * (1 / box.near_m - 1 / box.far_m))
             self._draw_map(emitter, box, drawables, views)
-            buffer.use()
-            buffer.viewport = window
-            self.context.enable_only(moderngl.BLEND)
             self.context.blend_func = moderngl.ONE, moderngl.ONE
             for unit, name in enumerate(("clean", "normal")):
                 layers[name].texture.use(unit)
@@ -264,9 +266,9 @@ class Renderer:
             self._lit_pass.program["u_rays"], self._lit_pass.program["u_projector"] = 2, 3
             self._lit_pass.program["u_projector_depth"] = 4
             self._lit_pass.program["u_weight"] = 1.0 / len(emitters)
-            self._lit_pass.render(moderngl.TRIANGLES, vertices=3)
+            with self.silhouette.limits([lit], window, None, moderngl.BLEND):
+                self._lit_pass.render(moderngl.TRIANGLES, vertices=3)
             self._map_depth.clear(4)
-            self.context.enable_only(moderngl.NOTHING)
         return lit
 
     def _draw_map(

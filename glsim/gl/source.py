@@ -7,7 +7,9 @@ Everything here is text, so that stages can be listed and settings checked witho
 declares a parameter: type, name and default in GLSL's own words, then range, unit ("1" for none)
 and help. ``uniform sampler2D u_depth;`` says that the layer ``depth`` is read and
 ``out float depth;`` that it is written; ``//@ 1/3`` behind an ``out`` makes the written layers a
-third of the frame's size. Other ``u_`` uniforms are bound by glsim from a closed set
+third of the frame's size. A line ``//@ sparse`` says that a stage writes 0 (as the reason:
+NO_SURFACE) wherever nothing is seen within a pixel and all it reads is blank too, so that it need
+not be drawn there. Other ``u_`` uniforms are bound by glsim from a closed set
 (glsim.noise.shader_stage).
 """
 
@@ -47,6 +49,7 @@ _NOTE = re.compile(
     r"^\s*(?:\[(?P<low>[^,\]]+),(?P<high>[^,\]]+)\])?\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
 )
 _SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
+_SPARSE = re.compile(r"^//@ sparse\b")
 _PARAMETER_TYPES = {"float": float, "int": int, "bool": bool}
 _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
 
@@ -107,6 +110,7 @@ class ShaderSource:
     lines: where each line of ``text`` came from, (file, 1-based line).
     reads, writes: layers, in the order of their declaration.
     bound: the names of the ``u_`` uniforms that are neither samplers nor parameters.
+    sparse: whether it leaves blank what is blank (``//@ sparse``).
     """
 
     file: Path
@@ -117,6 +121,7 @@ class ShaderSource:
     reads: tuple[str, ...] = ()
     writes: tuple[Layer, ...] = ()
     bound: tuple[str, ...] = ()
+    sparse: bool = False
 
     def locate(self, message: str) -> str:
         """A driver's message with its line numbers turned into file:line.
@@ -178,6 +183,7 @@ def load_source(file: Path) -> ShaderSource:
         tuple(reads),
         tuple(writes),
         tuple(bound),
+        any(_SPARSE.match(text) for text, _, _ in flat),
     )
 
 

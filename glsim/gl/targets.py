@@ -40,8 +40,11 @@ class TargetPool:
         self._free: dict[tuple[int, float], list[Target]] = defaultdict(list)
         self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
 
-    def take(self, layer: Layer, window: Rect) -> Target:
-        """A target for ``layer``, zero outside ``window`` (given in frame pixels)."""
+    def take(self, layer: Layer, window: Rect, *, clean: bool = True) -> Target:
+        """A target for ``layer``, zero outside ``window`` (given in frame pixels).
+
+        clean: if False, as it was left, with ``drawn`` as it was, for who clears it anyway.
+        """
         free = self._free[(layer.components, float(layer.scale))]
         if free:
             target = free.pop()
@@ -55,6 +58,8 @@ class TargetPool:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             texture.repeat_x = texture.repeat_y = False
             target = Target(texture, layer, Rect(0, 0, *size))
+        if not clean:
+            return target
         drawn = layer.window(window)
         if target.drawn is not None and not drawn.contains(target.drawn):
             framebuffer = self.framebuffer([target])

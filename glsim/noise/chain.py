@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.gl.program import link
+from glsim.gl.silhouette import Silhouette
 from glsim.gl.source import Layer, ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.stage import ENABLED, Stage, shipped
 from glsim.noise.view import FrameContext, StageView
+from glsim.reason import Reason
 from glsim.render import Renderer
 
 #: Stage name -> parameter -> value, for one frame.
@@ -33,6 +35,9 @@ FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 
 _REASON = Layer("reason", "float")
+
+#: What sparse stages write where nothing is seen, other than 0.
+_BLANK = {"reason": float(Reason.NO_SURFACE)}
 
 #: The uniforms, besides layers, that a stage may declare, and where their values come from.
 _BOUND: dict[str, Callable[[StageView], object]] = {
@@ -144,10 +149,17 @@ class ShaderChain:
         blank.use()
         blank.clear(viewport=frame.window)
         self._context.enable_only(moderngl.NOTHING)
+        bare = set(layers)  # the layers that hold nothing outside the silhouette
         for step in self._passes:
             if not values[step.name][ENABLED]:
                 continue
-            for name, target in step.draw(pool, layers, frame, values[step.name]).items():
+            if sparse := step.source.sparse and bare.issuperset(step.source.reads):
+                bare.update(layer.name for layer in step.source.writes)
+            else:
+                bare.difference_update(layer.name for layer in step.source.writes)
+            within = renderer.silhouette if sparse and renderer.silhouette.leaves_out else None
+            drawn = step.draw(pool, layers, frame, values[step.name], within)
+            for name, target in drawn.items():
                 old = layers.get(name)
                 layers[name] = target
                 if old is not None and not any(old is other for other in layers.values()):
@@ -164,7 +176,7 @@ class StagePass:
     """One shader stage: a full-window draw from layers to layers."""
 
     def __init__(self, context: moderngl.Context, name: str, source: ShaderSource) -> None:
-        self.name, self._source = name, source
+        self.name, self.source = name, source
         self._program = link(context, source)
         self._array = context.vertex_array(self._program, [])
         self._reads = [n for n in source.reads if f"u_{n}" in self._program]
@@ -180,8 +192,12 @@ class StagePass:
         layers: Mapping[str, Target],
         frame: FrameContext,
         values: Mapping[str, float],
+        within: Silhouette | None = None,
     ) -> dict[str, Target]:
-        """Draw the frame's window; the written layers, by name. Raises ConfigError."""
+        """Draw the frame's window; the written layers, by name. Raises ConfigError.
+
+        within: skip what lies outside this silhouette.
+        """
         view = frame.view(self.name)
         for name in self._bound:
             self._program[name] = _BOUND[name](view)
@@ -196,7 +212,13 @@ class StagePass:
                     "is switched off"
                 )
             layers[name].texture.use(unit)
-        targets = [pool.take(layer, frame.window) for layer in self._source.writes]
+        targets = [
+            pool.take(layer, frame.window, clean=within is None) for layer in self.source.writes
+        ]
+        if within is not None:
+            with within.limits(targets, frame.window, _BLANK):
+                self._array.render(moderngl.TRIANGLES, vertices=3)
+            return {target.layer.name: target for target in targets}
         buffer = pool.framebuffer(targets)
         buffer.use()
         assert targets[0].drawn is not None

@@ -1,13 +1,8 @@
 // perlin: gradient noise on a seeded cubic lattice, about -1 to 1.
 // Perlin, "Improving Noise", SIGGRAPH 2002: quintic fade, the 12 edges of a cube as gradients.
-// Eight corners a sample want a cheaper hash than random_bits: one word of PCG a coordinate
-// (O'Neill 2014, RXS-M-XS 32), the outer coordinates shared between corners.
-
-uint pcg_word(uint v) {
-    uint state = v * 747796405u + 2891336453u;
-    uint word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-    return (word >> 22u) ^ word;
-}
+// Eight corners a sample want a cheaper hash than random_bits: one word of PCG a coordinate, the
+// outer coordinates shared between corners.
+#include "lib/random.glsl"
 
 float lattice_gradient(uint hash, vec3 offset) {
     uint h = hash >> 28u; // 16 cases: the 12 edges, 4 of them twice

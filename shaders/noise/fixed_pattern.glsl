@@ -2,6 +2,7 @@
 // fixed_pattern: an error of each pixel that is the same in every frame of one device.
 // Defaults: measured on Kinect V2 recordings, 0.72-0.91 mm in all, rows alternating by -0.17 and
 // +0.20 mm, correlated along columns.
+//@ sparse
 #include "lib/random.glsl"
 #include "lib/depth.glsl"
 
@@ -15,10 +16,11 @@ uniform uint u_device_seed;
 out float depth;
 
 void main() {
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_depth, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     float own = normal_pair(random_bits(pixel, u_device_seed, 0u).xy).x;
     float column = normal_pair(random_bits(ivec2(pixel.x, 0), u_device_seed, 1u).xy).x;
     float row = (pixel.y & 1) == 1 ? 0.5 : -0.5;
     float error = pixel_sigma_mm * own + column_sigma_mm * column + row_step_mm * row;
-    depth = moved_by_mm(texelFetch(u_depth, pixel, 0).r, error);
+    depth = moved_by_mm(textureLod(u_depth, here, 0.0).r, error);
 }

@@ -1,6 +1,7 @@
 #version 330 core
 // range_gate: removes what is nearer or farther than the sensor measures.
 // Default: libfreenect2's, and Microsoft's reliable range of the Kinect V2.
+//@ sparse
 #include "reason.glsl"
 
 uniform float near_mm = 500.0;  //@ [0, 20000] mm nearest depth that is kept
@@ -13,9 +14,10 @@ out float depth;
 out float reason;
 
 void main() {
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_depth, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    depth = texelFetch(u_depth, pixel, 0).r;
-    reason = texelFetch(u_reason, pixel, 0).r;
+    depth = textureLod(u_depth, here, 0.0).r;
+    reason = textureLod(u_reason, here, 0.0).r;
     float depth_mm = 1000.0 * depth;
     if (depth > 0.0 && (depth_mm < near_mm || depth_mm > far_mm)) {
         depth = 0.0;

@@ -17,7 +17,7 @@ const float EDGE_SHARE = 0.01;
 out float clean;
 out vec4 normal; // and in w the albedo
 out float albedo;
-out float uneven; // m; 1 where some samples miss the surface
+out float uneven; // m; 1 where some samples miss the surface, 0 where all do
 
 // The way across the surface from one sample to the one two further, or to the next one on it.
 vec3 tangent(float before, float here, float after, vec3 ray, vec3 step) {
@@ -29,26 +29,32 @@ vec3 tangent(float before, float here, float after, vec3 ray, vec3 step) {
 }
 
 void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy), first = pixel * SIDE, middle = first + SIDE / 2;
-    vec2 seen = texelFetch(u_fine_seen, middle, 0).rg;
+    vec2 texel = 1.0 / vec2(textureSize(u_fine_seen, 0));
+    vec2 middle = floor(gl_FragCoord.xy) * float(SIDE) + 0.5 * float(SIDE);
+    vec2 seen = textureLod(u_fine_seen, middle * texel, 0.0).rg;
     clean = seen.r;
     float low = clean, high = clean, sum = 0.0;
-    for (int y = 0; y < SIDE; y++) {
-        for (int x = 0; x < SIDE; x++) {
-            float z = texelFetch(u_fine_seen, first + ivec2(x, y), 0).r;
+    float left = clean, right = clean, above = clean, below = clean; // the samples beside the middle
+    const int REACH = SIDE / 2;
+    for (int y = -REACH; y <= REACH; y++) {
+        for (int x = -REACH; x <= REACH; x++) {
+            float z = textureLod(u_fine_seen, (middle + vec2(x, y)) * texel, 0.0).r;
             low = min(low, z);
             high = max(high, z);
             sum += z;
+            if (y == 0 && x == -1) left = z;
+            if (y == 0 && x == 1) right = z;
+            if (x == 0 && y == -1) above = z;
+            if (x == 0 && y == 1) below = z;
         }
     }
     uneven = abs(sum / float(SIDE * SIDE) - clean) + SHARE_OF_RANGE * (high - low);
     if (low <= 0.0 && high > 0.0) uneven = 1.0;
-    vec3 ray = vec3(texelFetch(u_rays, pixel, 0).rg, 1.0);
+    if (high > 0.0) uneven = max(uneven, 1e-9);
+    vec3 ray = vec3(texelFetch(u_rays, ivec2(gl_FragCoord.xy), 0).rg, 1.0);
     vec2 step = 1.0 / (float(SIDE) * u_focal_px);
-    vec3 along_x = tangent(texelFetch(u_fine_seen, middle - ivec2(1, 0), 0).r, clean,
-        texelFetch(u_fine_seen, middle + ivec2(1, 0), 0).r, ray, vec3(step.x, 0.0, 0.0));
-    vec3 along_y = tangent(texelFetch(u_fine_seen, middle - ivec2(0, 1), 0).r, clean,
-        texelFetch(u_fine_seen, middle + ivec2(0, 1), 0).r, ray, vec3(0.0, step.y, 0.0));
+    vec3 along_x = tangent(left, clean, right, ray, vec3(step.x, 0.0, 0.0));
+    vec3 along_y = tangent(above, clean, below, ray, vec3(0.0, step.y, 0.0));
     vec3 n = cross(along_y, along_x) * inversesqrt(
         max(dot(cross(along_y, along_x), cross(along_y, along_x)), 1e-30));
     albedo = clean > 0.0 ? seen.g : 0.0;

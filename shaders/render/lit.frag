@@ -28,39 +28,41 @@ const int MAX_WALK = 64; // texels: 15 mm of spread from 0.5 m to any distance a
 
 out float lit;
 
-// A depth seen from the emitter, m, to what the z-buffer holds, and back.
+// A depth seen from the emitter, m, to what the z-buffer holds; and that to 1 / depth.
 float to_stored(float z) {
     float n = u_map_range.x, f = u_map_range.y;
     return 0.5 + 0.5 * ((f + n) - 2.0 * f * n / z) / (f - n);
 }
 
-float from_stored(float stored) {
+float inverse_of_stored(float stored) {
     float n = u_map_range.x, f = u_map_range.y;
-    return 2.0 * f * n / ((f + n) - (2.0 * stored - 1.0) * (f - n));
+    return mix(1.0 / n, 1.0 / f, stored);
 }
 
-// Whether the end of the emitter, ``spread`` metres along ``direction``, sees the point at
+// Which ends of the emitter, ``spread`` metres along ``direction`` and against it, see the point at
 // ``tangent``, ``z``: s tangent units along, the line between them has depth 1 / (1 / z + s / spread).
-float reached(vec2 tangent, float z, float spread, vec2 direction, float bias) {
+vec2 reached(vec2 tangent, float z, float spread, vec2 direction, float bias) {
     float longest = spread * (1.0 / u_map_range.x - 1.0 / z);
-    float free = 1.0;
-    for (int k = 1; k <= MAX_WALK && (float(k) - 0.5) * u_texel < longest && free > 0.0; k++) {
-        float s = (float(k) - 0.5) * u_texel;
-        vec2 at = (tangent + s * direction) * u_map.xy + u_map.zw;
-        float there = from_stored(texture(u_projector_depth, at).r);
-        float behind = 1.0 / (1.0 / z + s / spread) - there;
-        if (behind > bias && behind < THICKNESS_M) free = 0.0;
+    vec2 free = vec2(1.0), middle = tangent * u_map.xy + u_map.zw;
+    vec2 texel = u_texel * direction * u_map.xy;
+    for (int k = 1; k <= MAX_WALK && (float(k) - 0.5) * u_texel < longest && free.x + free.y > 0.0; k++) {
+        float far = float(k) - 0.5, line = 1.0 / z + far * u_texel / spread;
+        vec2 there = vec2(
+            inverse_of_stored(textureLod(u_projector_depth, middle + far * texel, 0.0).r),
+            inverse_of_stored(textureLod(u_projector_depth, middle - far * texel, 0.0).r));
+        vec2 behind = there - line, scale = there * line; // m, times both inverse depths
+        free *= 1.0 - step(bias * scale, behind) * (1.0 - step(THICKNESS_M * scale, behind));
     }
     return free;
 }
 
 void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
-    float depth = texelFetch(u_clean, pixel, 0).r;
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_clean, 0));
+    float depth = textureLod(u_clean, here, 0.0).r;
     lit = 0.0;
     if (depth <= 0.0) return;
-    vec3 position = vec3(texelFetch(u_rays, pixel, 0).rg, 1.0) * depth;
-    vec3 normal = texelFetch(u_normal, pixel, 0).xyz;
+    vec3 position = vec3(textureLod(u_rays, here, 0.0).rg, 1.0) * depth;
+    vec3 normal = textureLod(u_normal, here, 0.0).xyz;
     vec3 seen = position - u_emitter_m; // from the emitter
     float facing = -dot(normal, seen) / seen.z;
     if (seen.z <= u_map_range.x || facing <= 0.0) return;
@@ -72,8 +74,8 @@ void main() {
     float spread = length(u_spread_m);
     if (spread > 0.0) {
         vec2 direction = u_spread_m / spread;
-        share = (share + reached(tangent, seen.z, spread, direction, bias) +
-            reached(tangent, seen.z, spread, -direction, bias)) / 3.0;
+        vec2 ends = reached(tangent, seen.z, spread, direction, bias);
+        share = (share + ends.x + ends.y) / 3.0;
     }
     lit = u_weight * share;
 }

@@ -1,8 +1,8 @@
 #version 330 core
 // tof_edge: libfreenect2's edge filter: removes pixels between two surfaces, and those that the
 // bilateral filter has marked.
+//@ sparse
 #include "reason.glsl"
-#include "lib/loops.glsl"
 
 uniform float min_contrast = 0.05;  //@ [0, 10]   1  standard deviation over mean of the infrared in 3x3 (libfreenect2: edge_ab_std_dev_threshold)
 uniform float min_mean = 50.0;      //@ [0, 1e5]  1  the mean is taken to be this at least (edge_ab_avg_min_value)
@@ -20,20 +20,21 @@ out float depth;
 out float reason;
 
 void main() {
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_decoded, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    depth = texelFetch(u_depth, pixel, 0).r;
-    reason = texelFetch(u_reason, pixel, 0).r;
-    vec2 own = texelFetch(u_decoded, pixel, 0).rg;
+    depth = textureLod(u_depth, here, 0.0).r;
+    reason = textureLod(u_reason, here, 0.0).r;
+    vec2 own = textureLod(u_decoded, here, 0.0).rg;
     float sum = own.y, squares = own.y * own.y, low = depth, high = depth;
-    int k = depth > 0.0 ? 0 : 7;
-    do {
-        int place = k + int(k > 3); // the 8 neighbours, without the middle
-        vec2 other = texelFetch(u_decoded, pixel + ivec2(place % 3, place / 3) - 1, 0).rg;
+    vec2 texel = 1.0 / vec2(textureSize(u_decoded, 0));
+    for (int k = 0; k < 8; k++) { // without the middle
+        ivec2 offset = ivec2((k + int(k > 3)) % 3, (k + int(k > 3)) / 3) - 1;
+        vec2 other = textureLod(u_decoded, (gl_FragCoord.xy + vec2(offset)) * texel, 0.0).rg;
         sum += other.y;
         squares += other.y * other.y;
         low = min(low, other.x > 0.0 ? other.x : depth);
         high = max(high, other.x > 0.0 ? other.x : depth);
-    } while (++k < 8);
+    }
     float spread = sqrt(max(9.0 * squares - sum * sum, 0.0)) / 9.0;
     float contrast = spread / max(sum / 9.0, min_mean);
     float near_mm = 1000.0 * (depth - low), far_mm = 1000.0 * (high - depth);

@@ -2,6 +2,7 @@
 // tof_fast: the time-of-flight sensor in one step, for very large sets. On even surfaces the noise is
 // drawn as the chain of tof_light to tof_floor leaves it; only beside depth steps are phasors added up,
 // filtered and unwrapped. One sample a pixel, no taps: no companding, no saturation.
+//@ sparse
 #include "lib/surface_light.glsl"
 #include "lib/unwrap.glsl"
 #include "lib/alike.glsl"

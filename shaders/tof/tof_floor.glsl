@@ -1,5 +1,6 @@
 #version 330 core
 // tof_floor: the noise of the depth that does not depend on the light; new in every frame.
+//@ sparse
 #include "lib/alike.glsl"
 #include "lib/floor.glsl"
 #include "lib/depth.glsl"
@@ -12,9 +13,10 @@ uniform uint u_seed;
 out float depth;
 
 void main() {
+    vec2 here = gl_FragCoord.xy / vec2(textureSize(u_depth, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    depth = texelFetch(u_depth, pixel, 0).r;
-    vec3 normal = texelFetch(u_normal, pixel, 0).xyz;
-    float sigma = sqrt(floor_variance(depth, normal, texelFetch(u_rays, pixel, 0).rg));
+    depth = textureLod(u_depth, here, 0.0).r;
+    vec3 normal = textureLod(u_normal, here, 0.0).xyz;
+    float sigma = sqrt(floor_variance(depth, normal, textureLod(u_rays, here, 0.0).rg));
     depth = moved_by_mm(depth, sigma * alike_noise(pixel, u_seed));
 }

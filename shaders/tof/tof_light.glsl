@@ -4,6 +4,7 @@
 // from the emitter over the surface to the camera. A pixel that sees one smooth surface takes its
 // centre; one at an edge adds up the phasors of its samples, so that mixed pixels are what physics
 // makes of them and not a blend of depths.
+//@ sparse
 #include "lib/surface_light.glsl"
 #include "lib/loops.glsl"
 
@@ -22,34 +23,38 @@ out vec4 light_a; // real and imaginary part at the first and the second frequen
 out vec4 light_b; // at the third; the light itself; unused
 
 void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 sum_a = vec4(0.0), sum_b = vec4(0.0);
-    bool mixed = u_supersample > 1 && texelFetch(u_uneven, pixel, 0).r > 0.001 * smooth_mm;
+    vec2 texel = 1.0 / vec2(textureSize(u_clean, 0)), pixel = floor(gl_FragCoord.xy);
+    vec2 at = gl_FragCoord.xy * texel;
+    bool mixed = u_supersample > 1 && textureLod(u_uneven, at, 0.0).r > 0.001 * smooth_mm;
     int side = u_supersample, samples = mixed ? side * side : 1;
-    float share = 1.0 / float(samples);
-    vec2 ray = texelFetch(u_rays, pixel, 0).rg;
+    float share = 1.0 / float(samples), width = 1.0 / float(side); // of a sample, pixels
+    vec2 ray = textureLod(u_rays, at, 0.0).rg;
     int k = 0;
     do { // an even pixel's only sample is the middle one
         ivec2 place = mixed ? ivec2(k % side, k / side) : ivec2(side / 2);
-        vec2 seen = texelFetch(u_fine_seen, pixel * side + place, 0).rg;
+        vec2 within = (vec2(place) + 0.5) * width;
+        vec2 seen = textureLod(u_fine_seen, (pixel + within) * texel, 0.0).rg;
         // Light and slope change slowly on a surface: a sample takes those of the pixel, of the four
         // beside it and itself, whose depth is nearest to its own.
-        ivec2 alike = pixel;
+        vec2 alike = at;
         float nearest = 1e5;
         int i = mixed ? 0 : 4;
         do {
-            ivec2 beside = pixel + (i == 4 ? ivec2(0) : ivec2((i & 1) * (i - 2), (1 - (i & 1)) * (i - 1)));
-            beside = clamp(beside, ivec2(0), textureSize(u_clean, 0) - 1);
-            float there = texelFetch(u_clean, beside, 0).r;
+            ivec2 way = i == 4 ? ivec2(0) : ivec2((i & 1) * (i - 2), (1 - (i & 1)) * (i - 1));
+            vec2 beside = at + vec2(way) * texel; // beyond the frame as at its border
+            float there = textureLod(u_clean, beside, 0.0).r;
             float apart = there > 0.0 ? abs(there - seen.r) : 1e5;
             alike = apart < nearest ? beside : alike;
             nearest = min(nearest, apart);
         } while (++i < 5);
         // A speck that no pixel's centre sees: lit, and facing the camera.
-        vec4 shape = nearest < 1e5 ? texelFetch(u_normal, alike, 0) : vec4(0.0, 0.0, -1.0, 0.0);
-        float lit = nearest < 1e5 ? texelFetch(u_lit, alike, 0).r : 1.0;
+        vec4 shape = textureLod(u_normal, alike, 0.0);
+        float lit = textureLod(u_lit, alike, 0.0).r;
+        shape = nearest < 1e5 ? shape : vec4(0.0, 0.0, -1.0, 0.0);
+        lit = nearest < 1e5 ? lit : 1.0;
         shape.w = mixed ? seen.g : shape.w;
-        vec2 aside = (vec2(place) - float(side / 2)) / (float(side) * u_focal_px);
+        vec2 aside = (within - 0.5) / u_focal_px;
         vec2 light = surface_light(seen.r, shape, ray + aside, share * lit);
         vec3 real, imaginary;
         correlate(light.y, real, imaginary);

@@ -2,6 +2,7 @@
 // tof_multipath: light that reaches a surface over another one that the camera sees, once: it bends
 // concave corners outwards. Points around in the image stand for what is around in the room; what
 // the camera does not see, and what blocks the way, is left out. Off in the shipped sensors.
+//@ sparse
 #include "lib/surface_light.glsl"
 #include "lib/loops.glsl"
 

@@ -4,6 +4,7 @@
 // k pixels on its depth is 1 / (1 / z + k / F), F the focal length times the baseline (this is
 // where the width of shadows, F (1 / z_near - 1 / z_far), comes from). A surface at that depth or
 // not far before it hides the point. One image instead of a z-buffer for each emitter.
+//@ sparse
 uniform float spread_mm = 15.0;     //@ [0, 100]  mm how far the outer emitters are from the middle one; not published
 uniform float thickness_mm = 250.0; //@ [1, 5000] mm how thick things are taken to be; a head is that deep
 uniform float bias_mm = 1.0;        //@ [0, 50]   mm a surface must be this much before the line to hide a point

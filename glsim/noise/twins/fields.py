@@ -5,26 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from glsim.noise.twins.layers import Image, mix, pixels
-from glsim.noise.twins.random import Words, random_bits, uniform01
+from glsim.noise.twins.random import Words, pcg_word, random_bits, uniform01
 from glsim.noise.view import StageView
 
 #: A point or a vector, by its three coordinates, which are broadcast.
 Vector = tuple[Image, Image, Image]
 
 
-def _pcg(word: Words) -> Words:
-    """One word of the generator PCG, RXS-M-XS 32."""
-    state = word * np.uint32(747796405) + np.uint32(2891336453)
-    mixed: Words = ((state >> ((state >> np.uint32(28)) + np.uint32(4))) ^ state) * np.uint32(
-        277803737
-    )
-    return (mixed >> np.uint32(22)) ^ mixed
-
-
 def _hash(node: tuple[Words, Words, Words], seed: int) -> Words:
     """Bits of a lattice node. The seed counts modulo 2^32, for octaves count up from it."""
     x, y, z = node
-    return _pcg(_pcg(_pcg(np.uint32(seed % 2**32) ^ _pcg(z)) + y) + x)
+    return pcg_word(pcg_word(pcg_word(np.uint32(seed % 2**32) ^ pcg_word(z)) + y) + x)
 
 
 def _gradient(bits: Words, offset: Vector) -> Image:

@@ -32,6 +32,15 @@ def _mix(a: Words, b: Words, c: Words, d: Words) -> tuple[Words, Words, Words, W
     return a, b, c, d + b * c
 
 
+def pcg_word(word: Words) -> Words:
+    """One word of the generator PCG, RXS-M-XS 32."""
+    state = word * np.uint32(747796405) + np.uint32(2891336453)
+    mixed: Words = ((state >> ((state >> np.uint32(28)) + np.uint32(4))) ^ state) * np.uint32(
+        277803737
+    )
+    return (mixed >> np.uint32(22)) ^ mixed
+
+
 def uniform01(bits: Words) -> NDArray[np.float32]:
     """Open interval (0, 1), 23 bits."""
     return ((bits >> np.uint32(9)).astype(np.float32) + np.float32(0.5)) * np.float32(

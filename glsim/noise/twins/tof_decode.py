@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from glsim.noise.twins.depth import moved_by_mm
 from glsim.noise.twins.layers import Image, Values, pixels
-from glsim.noise.twins.random import random_bits, uniform01
+from glsim.noise.twins.random import pcg_word
 from glsim.noise.twins.tof_light import TWO_PI, frequencies, half_wave_m_mhz
 from glsim.noise.view import Layers, StageView
 from glsim.reason import Reason
@@ -171,15 +171,15 @@ def tof_floor(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
 
 def alike_noise(view: StageView) -> Image:
     """Variance 1 over the frame, as the 3x3 filter leaves white noise."""
-    x, y = pixels(view.window)
+    x, y = (np.asarray(part, np.int64).astype(np.uint32) for part in pixels(view.window))
     noise = np.zeros((view.window.height, view.window.width), np.float32)
     for dy in (-1, 0, 1):
+        row = pcg_word(np.uint32(view.seed) ^ pcg_word(y + np.int32(dy).astype(np.uint32)))
         for dx in (-1, 0, 1):
-            words = random_bits(x + dx, y + dy, view.seed, 0)
-            white = uniform01(words[0]) + uniform01(words[1])
-            white = white + uniform01(words[2]) + uniform01(words[3]) - np.float32(2.0)
-            noise += KERNEL[abs(dx) + abs(dy)] * white * np.float32(1.73205080757)
-    return KERNEL_UNIT * noise
+            bits = pcg_word(row + x + np.int32(dx).astype(np.uint32))
+            halves = (bits >> np.uint32(16)).astype(np.int64) + (bits & np.uint32(0xFFFF))
+            noise += KERNEL[abs(dx) + abs(dy)] * (halves - 0xFFFF).astype(np.float32)
+    return KERNEL_UNIT * np.float32(3.73772e-5) * noise
 
 
 def floor_variance(view: StageView, layers: Layers, p: Values, depth_m: Image) -> Image:

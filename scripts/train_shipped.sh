@@ -1,0 +1,41 @@
+#!/usr/bin/env bash
+# Makes the network that the package ships: data, training, train/shipped/face.pt. Resumes.
+# Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
+#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 2 GB of data and the run, default build/shipped.
+# Half an hour on two cores. docs/model_card.md says what came out.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+model=${1:?say where ICT-FaceKit\'s FaceXModel is}
+out=${2:-build/shipped}
+glsim=${GLSIM:-.venv/bin/glsim}
+sets=()
+
+# generate NAME PEOPLE FRAMES OPTIONS...: of embedded heads and of ICT-FaceKit, as many of each.
+generate() {
+    local name=$1 people=$2 frames=$3
+    shift 3
+    for source in procedural ict-facekit; do
+        local root=()
+        [ $source = procedural ] || root=(--root "$model")
+        "$glsim" generate -q -o "$out/$name-$source" --source $source "${root[@]}" --subjects "$people" \
+            --frames-per-subject "$frames" --crop 128 --depth-unit-mm 0.1 --split 0.94,0.06,0 \
+            --set devices=4096 "$@"
+        sets+=(--data "$out/$name-$source")
+    done
+}
+
+# Any Kinect V2: parameters, distances and poses are drawn.
+any=(--config train/data/randomised.toml)
+generate kinect 500 16 "${any[@]}" --seed 101
+generate wall 100 16 "${any[@]}" --seed 102 --set 'scene.wall_mm={ uniform = [900, 2500] }'
+# A little of every other sensor, and of none (ideal), so that no harm is done to their frames.
+pose=(--set 'pose.yaw_deg={ uniform = [-60, 60] }' --set 'pose.pitch_deg={ uniform = [-25, 25] }'
+    --set 'pose.distance_mm={ uniform = [550, 1400] }')
+for sensor in kinect-v2-fast kinect-v2-fankhauser kinect-v2-paper kinect-v1 azure-kinect led3d; do
+    generate "$sensor" 50 8 --sensor "$sensor" --seed 103 "${pose[@]}"
+done
+generate ideal 125 8 --sensor ideal --seed 103 "${pose[@]}"
+generate ideal-wall 50 8 --sensor ideal --seed 104 "${pose[@]}" --set 'scene.wall_mm={ uniform = [900, 2500] }'
+
+"$glsim" train face "${sets[@]}" --resume -o "$out/run"
+cp "$out/run/best.pt" train/shipped/face.pt
