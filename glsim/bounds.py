@@ -15,7 +15,7 @@ from glsim.errors import MeshError
 from glsim.frame import Rect
 
 #: Windows are widened by this many pixels, so that stages can move and grow silhouettes; the
-#: shipped ones reach 8 px at most (lateral jitter is cut there).
+#: shipped shaders reach 8 px at most (lateral jitter is cut there). Array stages declare theirs.
 MARGIN_PX = 8
 
 #: Windows start and end at multiples of this, so that they seldom change from frame to frame
@@ -101,15 +101,18 @@ def tangents(
     return Tangents(*(float(v) for v in (x.min(), y.min(), x.max(), y.max(), z.min(), z.max())))
 
 
-def image_window(corners_m: NDArray[np.float64], sight: Sight, visible: Rect | None) -> Rect:
+def image_window(
+    corners_m: NDArray[np.float64], sight: Sight, visible: Rect | None, reach_px: int = 0
+) -> Rect:
     """The window of the image that a mesh can touch, with margin; the whole image if unsure.
 
-    visible: the crop that is delivered, or None for all. Raises MeshError if nothing is in view.
+    visible: the crop that is delivered, or None for all; reach_px: how far around it stages look
+    besides the margin. Raises MeshError if nothing is in view.
     """
     image, near_m = sight.rig.intrinsics, sight.rig.near_m
     whole = Rect(0, 0, image.width, image.height)
     if visible is not None:
-        whole = _grown(visible, whole)
+        whole = _grown(visible, whole, MARGIN_PX + reach_px)
     z = corners_m[:, 2]
     if z.max() <= near_m:
         raise MeshError(
@@ -130,7 +133,7 @@ def image_window(corners_m: NDArray[np.float64], sight: Sight, visible: Rect | N
             f"the mesh is out of view: it would span columns {left:.0f} to {right:.0f} and rows "
             f"{top:.0f} to {bottom:.0f} of {seen}"
         )
-    return _grown(exact, whole)
+    return _grown(exact, whole, MARGIN_PX)
 
 
 def emitter_view(
@@ -171,10 +174,10 @@ def union(windows: list[Rect]) -> Rect:
     return Rect(left, top, right - left, bottom - top)
 
 
-def _grown(rect: Rect, limit: Rect) -> Rect:
-    """``rect`` with margin, aligned, within ``limit``."""
-    left = math.floor((rect.left - MARGIN_PX) / _ALIGN_PX) * _ALIGN_PX
-    top = math.floor((rect.top - MARGIN_PX) / _ALIGN_PX) * _ALIGN_PX
-    right = math.ceil((rect.left + rect.width + MARGIN_PX) / _ALIGN_PX) * _ALIGN_PX
-    bottom = math.ceil((rect.top + rect.height + MARGIN_PX) / _ALIGN_PX) * _ALIGN_PX
+def _grown(rect: Rect, limit: Rect, by_px: int) -> Rect:
+    """``rect`` with ``by_px`` more on each side, aligned, within ``limit``."""
+    left = math.floor((rect.left - by_px) / _ALIGN_PX) * _ALIGN_PX
+    top = math.floor((rect.top - by_px) / _ALIGN_PX) * _ALIGN_PX
+    right = math.ceil((rect.left + rect.width + by_px) / _ALIGN_PX) * _ALIGN_PX
+    bottom = math.ceil((rect.top + rect.height + by_px) / _ALIGN_PX) * _ALIGN_PX
     return Rect(left, top, right - left, bottom - top).intersection(limit)

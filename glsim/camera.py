@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,9 +186,11 @@ class SensorRig:
         return (float(x), float(y), float(z))
 
     def rays(self) -> FloatArray:
-        """(H, W, 2) float32: x/z and y/z of the true ray through each delivered pixel."""
-        rays = self.intrinsics.rays()
-        return self.distortion.undistort(rays).astype(np.float32) if self.is_raw else rays
+        """(H, W, 2) float32: x/z and y/z of the true ray through each delivered pixel; read only.
+
+        Raises ConfigError where the lens cannot be inverted.
+        """
+        return _rays(self.intrinsics, self.distortion if self.is_raw else None)
 
     def for_map(
         self,
@@ -219,3 +222,13 @@ class SensorRig:
         return Intrinsics(
             int(right - left), int(bottom - top), i.fx, i.fy, float(-left), float(-top)
         )
+
+
+@lru_cache(maxsize=4)
+def _rays(image: Intrinsics, lens: Distortion | None) -> FloatArray:
+    """``SensorRig.rays``, kept: to invert the lens of a Kinect V2 takes 0.15 s."""
+    rays = image.rays()
+    if lens is not None:
+        rays = lens.undistort(rays).astype(np.float32)
+    rays.flags.writeable = False
+    return rays

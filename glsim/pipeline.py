@@ -32,7 +32,7 @@ from glsim.frame import LAYERS, Frame, Rect, Skipped
 from glsim.gl.context import is_software, make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.mesh import Mesh
-from glsim.noise.chain import ShaderChain, run_array_stages
+from glsim.noise.chain import ShaderChain, array_reach_px, run_array_stages
 from glsim.noise.stage import Stage
 from glsim.noise.view import FrameContext, Optics
 from glsim.plan import Task, make_tasks, stable_seed
@@ -203,7 +203,8 @@ class Simulator:
         if self._labels is not None:
             labels = [self._labels.of(task.source, len(face.mesh.vertices_mm))]
             labels += [None] * (len(meshes) - 1)  # the wall
-        layers, window = self._renderer.render(meshes, crop, labels)
+        reach_px = array_reach_px(self.sensor.stages, values)
+        layers, window = self._renderer.render(meshes, crop, labels, reach_px)
         context = FrameContext(
             window,
             rig.intrinsics.width,

@@ -108,17 +108,19 @@ class Renderer:
         meshes: Sequence[tuple[Mesh, NDArray[np.float32]]],
         visible: Rect | None = None,
         labels: Sequence[NDArray[np.float32] | None] = (),
+        reach_px: int = 0,
     ) -> tuple[dict[str, Target], Rect]:
         """Draw meshes, each with its (4, 4) matrix from canonical mm to camera m.
 
         visible: the crop that will be delivered (None: all). labels: one a mesh, (V,) numbers of
-        its vertices' regions or None; empty: the layer region is not drawn.
+        its vertices' regions or None; empty: the layer region is not drawn. reach_px: how far
+        around the crop stages look besides the margin.
         Returns the layers clean, normal, albedo and lit, those of the finer grid if the rig has
         one (fine_seen, uneven), and the window they are drawn in; give
         the targets back to ``pool``. Raises MeshError if the first mesh, the face, is not in view.
         """
         boxes = [corners(mesh.vertices_mm, view) for mesh, view in meshes]
-        window = union([image_window(box, self._sight, visible) for box in boxes])
+        window = union([image_window(box, self._sight, visible, reach_px) for box in boxes])
         drawables = [self._drawable(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
         layers = self._draw_surface(drawables, views, window)

@@ -96,6 +96,7 @@ def test_functions_of_modules_are_found() -> None:
     spec = find("glsim.noise.array_stages:despeckle")
     assert spec.function is despeckle
     assert list(spec.parameters) == ["min_area_px", "max_step_mm"]
+    assert spec.reach_px({"min_area_px": 20}) == 19
 
 
 def test_declarations_carry_file_and_line() -> None:
@@ -106,6 +107,16 @@ def test_declarations_carry_file_and_line() -> None:
     parameter = stage.stage_parameters["a"]  # type: ignore[attr-defined]
     assert parameter.file == Path(__file__)
     assert parameter.line > 70
+
+
+def test_despeckle_looks_as_far_as_it_declares() -> None:
+    """A line of 20 px, all of it needed: one less is seen from its end, and it goes."""
+    p = {"min_area_px": 20, "max_step_mm": 20.0}
+    depth = np.full((1, 20), 0.9, np.float32)
+    reach_px = find("despeckle").reach_px(p)
+    for seen_px, stays in ((reach_px, True), (reach_px - 1, False)):
+        seen = {"depth": depth[:, : 1 + seen_px], "reason": np.zeros((1, 1 + seen_px), np.float32)}
+        assert (despeckle(frame().view("despeckle"), seen, p)["depth"][0, 0] > 0) == stays
 
 
 def test_despeckle_removes_islands_below_the_area_only() -> None:

@@ -123,10 +123,8 @@ def test_two_simulations_may_be_taken_in_turn(context: moderngl.Context) -> None
 def test_a_crop_is_cut_from_the_whole_frame(
     context: moderngl.Context, sensor: str, wall: float | None
 ) -> None:
-    """Byte for byte, noise included. Despeckle alone looks farther than a window's margin."""
+    """Byte for byte, noise included."""
     changes: dict[str, object] = {"scene": {"wall_mm": wall}} if wall else {}
-    if sensor == "kinect-v1":
-        changes["stage"] = {"despeckle": {"enabled": False}}
     whole = frames_of(context, moving_settings(sensor, **changes), COARSE, 3)
     cut = frames_of(context, moving_settings(sensor, **changes, output={"crop": 128}), COARSE, 3)
     for full, part in zip(whole, cut, strict=True):
@@ -134,6 +132,23 @@ def test_a_crop_is_cut_from_the_whole_frame(
         top = round(full.intrinsics.cy - part.intrinsics.cy)
         window = np.s_[top : top + 128, left : left + 128]
         for layer in ("clean", "noisy", "infrared", "reason"):
+            np.testing.assert_array_equal(part.image(layer), full.image(layer)[window])
+
+
+def test_islands_are_as_large_as_in_the_whole_frame(context: moderngl.Context) -> None:
+    """A crop that, with its margin, is smaller than the islands that go."""
+    stage = {"despeckle": {"min_area_px": 3000}}
+    changes = {"scene": {"wall_mm": 1300}, "stage": stage}
+    whole, cut = (
+        frames_of(context, moving_settings("kinect-v1", **changes, **crop), COARSE, 3)
+        for crop in ({}, {"output": {"crop": 12}})
+    )
+    for full, part in zip(whole, cut, strict=True):
+        left = round(full.intrinsics.cx - part.intrinsics.cx)
+        top = round(full.intrinsics.cy - part.intrinsics.cy)
+        window = np.s_[top : top + 12, left : left + 12]
+        assert part.noisy.any()
+        for layer in ("noisy", "reason"):
             np.testing.assert_array_equal(part.image(layer), full.image(layer)[window])
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scenes import V2, V2_LENS, Plane, face_mesh, layers_of, rectangle, rig
 
+from glsim.camera import Distortion
 from glsim.frame import Rect
 from glsim.render import Renderer
 
@@ -19,6 +20,23 @@ def opencv_pixels(points_m: np.ndarray) -> np.ndarray:
     lens = np.array([V2_LENS.k1, V2_LENS.k2, V2_LENS.p1, V2_LENS.p2, V2_LENS.k3])
     seen, _ = cv2.projectPoints(points_m, np.zeros(3), np.zeros(3), matrix, lens)
     return np.asarray(seen[:, 0])
+
+
+def test_a_renderer_inverts_its_lens_once(
+    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lens = Distortion(k1=0.08, k2=-0.2, k3=0.0713)  # no other test's
+    invert, made = Distortion.undistort, []
+
+    def counted(self: Distortion, xy: np.ndarray) -> np.ndarray:
+        made.append(invert(self, xy))
+        return made[-1]
+
+    monkeypatch.setattr(Distortion, "undistort", counted)
+    device = rig((0.075, 0, 0), distortion=lens, deliver="raw")
+    layers_of(context, device, [Plane(1.2, 35, 30).mesh(1.0)])
+    assert len(made) == 1
+    assert device.rays().tobytes() == made[0].astype(np.float32).tobytes()
 
 
 def test_a_plane_stays_a_plane(context: moderngl.Context) -> None:

@@ -24,7 +24,7 @@ CASES: list[tuple[str, dict[str, float]]] = [
     *((use, {}) for use in STAGES),
     ("axial", {"angle_from_deg": 60, "angle_power": -0.5, "quadratic_from_m": 0.4}),
     ("disparity_quantise", {"step_px": 0.3}),
-    ("dot_spread", {"radius_px": 3.9}),
+    ("dot_spread", {"radius_px": 3.9, "edge_mm": 1.0}),
     ("dot_spread", {"radius_px": 0.5}),
     ("edge_dropout", {"radius_px": 3, "probability": 1.0}),
     ("gaussian", {"sigma_mm": 0.0, "sigma_px": 0.15}),

@@ -158,17 +158,30 @@ def test_spread_reasons(context: moderngl.Context) -> None:
     written = run_shader(context, "dot_spread", layers)
     before, after = layers["depth"] > 0, written["depth"] > 0
     clean = layers["clean"] > 0
+    # The scene is without noise, so that what a pixel took tells whose depth that is.
+    other = np.abs(written["depth"] - layers["clean"]) > np.float32(0.02)
     for pixels, code in (
         (before & ~after, Reason.WINDOW),
         (~before & after & clean, Reason.MOVED),
         (~before & after & ~clean, Reason.GROWN),
-        (before & after, Reason.VALID),
+        (before & after & ~other, Reason.VALID),
+        (before & after & other, Reason.MOVED),
     ):
         assert pixels.any()
         assert (written["reason"][pixels] == code).all()
     np.testing.assert_array_equal(
         written["reason"][~before & ~after], layers["reason"][~before & ~after]
     )
+
+
+def test_steps_of_disparity_are_no_other_surface(context: moderngl.Context) -> None:
+    """A plane at 4 m whose depths are 72 mm apart, as 1/8 px of disparity makes them."""
+    layers = flat(4.0)
+    layers["depth"] += np.float32(0.072) * (np.arange(WIDTH) % 2)
+    layers["dot_match"] = scene()["dot_match"] * 0 + 1
+    written = run_shader(context, "dot_spread", layers)
+    assert (np.abs(written["depth"] - layers["depth"]) > 0.07).any()
+    assert (written["reason"][written["depth"] > 0] == Reason.VALID).all()
 
 
 def test_a_plane_comes_through_whole(context: moderngl.Context) -> None:

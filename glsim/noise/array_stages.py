@@ -14,7 +14,13 @@ from glsim.reason import Reason
 __all__ = ["despeckle"]
 
 
+def _largest_island_px(p: Mapping[str, float]) -> int:
+    """From a pixel to the end of what is removed; whatever reaches farther is kept."""
+    return int(p["min_area_px"]) - 1
+
+
 @array_stage(
+    _largest_island_px,
     min_area_px=("int", 20, 1, 100000, "px", "smallest connected island that is kept"),
     max_step_mm=("float", 20, 0.1, 5000, "mm", "depth difference that still connects neighbours"),
 )

@@ -227,6 +227,15 @@ class StagePass:
         return {target.layer.name: target for target in targets}
 
 
+def array_reach_px(stages: Sequence[Stage], values: Values) -> int:
+    """How far around a pixel the array stages look, one after the other, pixels."""
+    return sum(
+        stage.spec.reach_px(values[stage.name])
+        for stage in stages
+        if stage.spec.function is not None and values[stage.name][ENABLED]
+    )
+
+
 def run_array_stages(
     stages: Sequence[Stage],
     layers: dict[str, NDArray[np.float32]],

@@ -7,6 +7,8 @@ A stage is a GLSL file, shipped (by its name) or the user's (by its path), or a 
     def despeckle(view, layers, p):
         ...
         return {"depth": depth, "reason": reason}
+
+One that looks at other pixels than its own says how far, as the first argument: a function of p.
 """
 
 from __future__ import annotations
@@ -33,6 +35,9 @@ ArrayFunction = Callable[
     [StageView, Layers, Mapping[str, float]], Mapping[str, NDArray[np.float32]]
 ]
 
+#: How far around a pixel a stage on arrays looks, pixels, by its parameters' values.
+Reach = Callable[[Mapping[str, float]], int]
+
 #: Where the shipped stages are, below shaders/.
 STAGE_FOLDERS = ("noise", "tof")
 
@@ -41,9 +46,16 @@ ENABLED = "enabled"
 _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage runs", Path(), 0)
 
 
+def _own_pixel(_: Mapping[str, float]) -> int:
+    return 0
+
+
 @dataclass(frozen=True)
 class StageSpec:
-    """A kind of stage. Exactly one of ``source`` (GLSL) and ``function`` (arrays) is set."""
+    """A kind of stage. Exactly one of ``source`` (GLSL) and ``function`` (arrays) is set.
+
+    reach_px: of a stage on arrays.
+    """
 
     name: str
     title: str
@@ -51,6 +63,7 @@ class StageSpec:
     file: str
     source: ShaderSource | None = None
     function: ArrayFunction | None = None
+    reach_px: Reach = _own_pixel
 
 
 @dataclass(frozen=True)
@@ -76,9 +89,14 @@ class Stage:
 
 
 def array_stage(
+    reach_px: Reach = _own_pixel,
+    /,
     **parameters: tuple[str, float, float, float, str, str],
 ) -> Callable[[ArrayFunction], ArrayFunction]:
-    """Mark a function as a stage: name=(type, default, low, high, unit, help) a parameter."""
+    """Mark a function as a stage: name=(type, default, low, high, unit, help) a parameter.
+
+    reach_px: how far around a pixel it looks, so that a crop is drawn with as much around it.
+    """
 
     def mark(function: ArrayFunction) -> ArrayFunction:
         code = function.__code__
@@ -87,6 +105,7 @@ def array_stage(
             for name, spec in parameters.items()
         }
         function.stage_parameters = declared  # type: ignore[attr-defined]
+        function.stage_reach_px = reach_px  # type: ignore[attr-defined]
         return function
 
     return mark
@@ -160,7 +179,10 @@ def _array_spec(name: str, function: Any, file: str) -> StageSpec:
     if parameters is None:
         raise ConfigError(f"{file}: {name} is not a stage: decorate it with @array_stage(...)")
     title = (function.__doc__ or name).strip().splitlines()[0]
-    return StageSpec(name, f"{name}: {title}", parameters, file, function=function)
+    return StageSpec(
+        name, f"{name}: {title}", parameters, file,
+        function=function, reach_px=function.stage_reach_px,
+    )  # fmt: skip
 
 
 def _python_spec(use: str, beside: Path | None) -> StageSpec:

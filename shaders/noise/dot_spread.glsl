@@ -6,6 +6,7 @@
 #include "reason.glsl"
 
 uniform float radius_px = 3.1;  //@ [0.5, 3.9] px how far the depth of a dot reaches (BlenSor, render_kinect: 3.1)
+uniform float edge_mm = 20.0;   //@ [1, 1000]  mm difference of the clean depths of pixel and dot that makes another surface
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;
@@ -37,7 +38,14 @@ void main() {
     depth = fetch(u_depth, source);
     if (depth <= 0.0) {
         if (here > 0.0) reason = REASON_WINDOW;
-    } else if (here <= 0.0) {
-        reason = texelFetch(u_clean, pixel, 0).r > 0.0 ? REASON_MOVED : REASON_GROWN;
+        return;
+    }
+    // Surfaces are told apart by their clean depths: far off, one step of disparity exceeds edge_mm.
+    float own = texelFetch(u_clean, pixel, 0).r, taken = texelFetch(u_clean, source, 0).r;
+    bool other = own > 0.0 && taken > 0.0 && abs(taken - own) > 0.001 * edge_mm;
+    if (here <= 0.0) {
+        reason = own > 0.0 ? REASON_MOVED : REASON_GROWN;
+    } else if (other) {
+        reason = REASON_MOVED;
     }
 }

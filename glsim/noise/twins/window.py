@@ -51,11 +51,11 @@ def dot_spread(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
     around = cells(window, 1)
     match = fetch(layers["dot_match"], cells(window), *pixels(around)).astype(np.int64)
     dot_x, dot_y = place_pixel(*pixels(around), match - 1)
-    value = fetch(here, window, dot_x, dot_y)
+    value, surface = (fetch(layers[name], window, dot_x, dot_y) for name in ("depth", "clean"))
     x, y = pixels(window)
     column, row = x // CELL_PX - around.left, y // CELL_PX - around.top
     nearest = np.full(here.shape, p["radius_px"] * p["radius_px"], np.float32)
-    depth = np.zeros(here.shape, np.float32)
+    depth, taken = (np.zeros(here.shape, np.float32) for _ in range(2))
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
             at = row + dy, column + dx
@@ -64,7 +64,11 @@ def dot_spread(view: StageView, layers: Layers, p: Values) -> dict[str, Image]:
             closer = (match[at] > 0) & (squared < nearest)
             nearest = np.where(closer, squared, nearest)
             depth = np.where(closer, value[at], depth)
-    return {"depth": depth, "reason": reasons_of_taken(layers, depth, Reason.WINDOW)}
+            taken = np.where(closer, surface[at], taken)
+    reason, own = reasons_of_taken(layers, depth, Reason.WINDOW), layers["clean"]
+    other = (own > 0) & (taken > 0) & (np.abs(taken - own) > np.float32(0.001) * p["edge_mm"])
+    moved = other & (depth > 0) & (here > 0)
+    return {"depth": depth, "reason": np.where(moved, np.float32(Reason.MOVED), reason)}
 
 
 def _weight(dx: NDArray[np.int64], dy: NDArray[np.int64]) -> Image:
