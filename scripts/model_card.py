@@ -89,7 +89,7 @@ SECTIONS: Final[dict[str, list[Cell]]] = {
         Cell("without all three", {"stage": _NO_PATTERN | _NO_FLOOR | _NO_BLUR}),
     ],
 }
-#: Clean frames as input: what a denoiser should leave alone.
+#: Where clean frames are given, which a denoiser should leave alone, and where sigma is checked.
 _CLEAN: Final = [_distance(mm) for mm in (600, 900, 1300)]
 _TITLES: Final = {
     "distances": "Distance, `kinect-v2`, yaw up to 30°",
@@ -97,6 +97,7 @@ _TITLES: Final = {
     "sensors": "Sensors, 0.9 m, with and without a wall 0.3 to 1.1 m behind",
     "limits": "What limits it: `kinect-v2` with a part of the noise switched off",
     "clean": "Clean input: how far the surface is moved",
+    "sigma": "Uncertainty: errors within the standard deviation that is stated",
     "time": "Time of `glsim denoise`, reading and writing included",
 }
 
@@ -152,6 +153,25 @@ def score_clean(job: Job, cell: Cell) -> tuple[float, float, float]:
         rounded = score(_denoised(job, whole), Truth(whole, whole, truth.rays))
         found.append((exact["both_rmse_mm"], rounded["both_rmse_mm"], rounded["flips_px"]))
     return tuple(mean(column) for column in zip(*found, strict=True))
+
+
+def score_sigma(job: Job, cell: Cell) -> tuple[float, float, float] | None:
+    """Median sigma in mm, and % of errors within one and two of it; None without an uncertainty.
+
+    Of pixels that have depth in truth and prediction. A normal law has 68 and 95 %.
+    """
+    method = _method(job.denoiser)
+    if not method.uncertain:
+        return None
+    sigmas, ratios = [], []
+    for _, noisy, truth in _frames(job, cell):
+        (depth, valid), sigma = method.with_sigma(noisy)
+        both = truth.valid & (valid > 0.5)
+        sigmas.append(sigma[both])
+        ratios.append(np.abs(depth - truth.clean)[both] / sigma[both])
+    ratio = np.concatenate(ratios)
+    within = (100 * float((ratio < limit).mean()) for limit in (1, 2))
+    return float(np.median(np.concatenate(sigmas))), *within
 
 
 def mean(values: Iterable[float]) -> float:
@@ -211,6 +231,7 @@ def card(job: Job, sections: Sequence[str], processes: int) -> str:
             if name in SECTIONS
         }
         moved = [pool.submit(score_clean, job, cell) for cell in _CLEAN if "clean" in sections]
+        stated = [pool.submit(score_sigma, job, cell) for cell in _CLEAN if "sigma" in sections]
         for name, rows in futures.items():
             names = [cell.name for cell in SECTIONS[name]]
             pages.append(_section(_TITLES[name], [row.result() for row in rows], names))
@@ -226,6 +247,11 @@ def card(job: Job, sections: Sequence[str], processes: int) -> str:
                 for cell, row in zip(_CLEAN, moved, strict=True)
             ]
             pages.append(Page(_TITLES["clean"], [Grid(head, grid)]))
+        rows = [(cell.name, row.result()) for cell, row in zip(_CLEAN, stated, strict=False)]
+        grid = [[name, *map(number, values)] for name, values in rows if values is not None]
+        if grid:
+            head = ["distance", "median sigma [mm]", "within 1 sigma [%]", "within 2 sigma [%]"]
+            pages.append(Page(_TITLES["sigma"], [Grid(head, grid)]))
     if "time" in sections:
         with tempfile.TemporaryDirectory() as folder:
             times = [

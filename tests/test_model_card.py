@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from glsim.config import load_settings
 from glsim.sensor import sensor_of
-from scripts.model_card import SECTIONS, Cell, Job, mean, score_cell, score_clean
+from scripts.model_card import SECTIONS, Cell, Job, mean, score_cell, score_clean, score_sigma
 
 IDLE = Job("noisy", {}, 2)
 
@@ -29,6 +30,31 @@ def test_a_filter_that_smooths_helps_against_white_noise_and_moves_a_clean_surfa
     assert moved > 0.3
     assert rounded > 0.3
     assert flips == 0
+
+
+class Sure:
+    """Returns its input and states a constant sigma."""
+
+    uncertain = True
+
+    def __init__(self, sigma_mm: float) -> None:
+        self.sigma_mm = sigma_mm
+
+    def __call__(self, noisy_mm, valid):  # type: ignore[no-untyped-def]
+        return noisy_mm, valid
+
+    def with_uncertainty(self, noisy_mm, valid):  # type: ignore[no-untyped-def]
+        return noisy_mm, valid, np.full_like(noisy_mm, self.sigma_mm)
+
+
+def test_a_stated_sigma_is_held_against_the_errors() -> None:
+    assert score_sigma(IDLE, Cell("x", {}, crop=64)) is None
+    flat = Cell("x", {"sensor": "led3d", "pose": {"distance_mm": 900}}, crop=64)
+    spread = [score_sigma(Job(f"test_model_card:Sure:sigma_mm={s}", {}, 2), flat) for s in (4, 40)]
+    assert spread[0] is not None
+    assert spread[1] is not None
+    assert spread[0][0] == 4
+    assert spread[0][1] < spread[0][2] < spread[1][1]
 
 
 def test_parts_of_the_noise_that_are_off_are_off() -> None:
