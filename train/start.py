@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,8 @@ from glsim.train import checkpoint
 from glsim.train.recipe import Recipe, TrainingSettings
 
 RECIPE: Final = "recipe.json"
+
+logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # what the recipe says anyway
 
 
 def make_fabric(settings: TrainingSettings) -> Fabric:
