@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple, NoReturn
 
@@ -243,7 +244,8 @@ class Training:
         judged = self.state.judged
         uncertain = isinstance(judged, MaskAware) and judged.uncertainty
         if uncertain:
-            calibrate(judged, self.held_out, "median")
+            with suppress(ConfigError):  # an early network may call no pixel depth: no errors yet
+                calibrate(judged, self.held_out, "median")
         content = self._common() | {
             "model": self.state.weights(),
             "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},

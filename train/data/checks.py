@@ -77,7 +77,7 @@ def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -
     if min(size) < crop or cut == "no":
         raise DatasetError(
             f"{where} is {size[1]} x {size[0]} pixels, the training asks for {crop} x {crop}: "
-            f"generate with --crop {crop}, or train on others (data.crop and data.cut of the recipe)"
+            f"generate with --crop {crop}, or train on others (data.crop, data.cut of the recipe)"
         )
 
 
