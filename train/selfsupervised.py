@@ -1,4 +1,4 @@
-"""Losses that never see a clean frame, made to know holes; docs/self_supervised.md has their limits.
+"""Losses that never see a clean frame, made to know holes; limits: docs/self_supervised.md.
 
 Both are denoising by the noise's independence, and so learn nothing of validity: which pixels have
 depth is left as it was measured.
