@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.camera import Intrinsics
 from glsim.config import SPLIT_NAMES
-from glsim.dataset.files import check_bytes, read_json
+from glsim.dataset.files import check_bytes, read_json, reading
 from glsim.dataset.images import Image, decode_png
 from glsim.dataset.layout import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
 from glsim.errors import DatasetError, did_you_mean
@@ -135,18 +135,12 @@ class Pair:
 
 def _read(path: Path, file: Mapping[str, Any]) -> bytes:
     """A whole file, or the part of a shard. A part that is cut short is returned as it is."""
-    try:
-        with path.open("rb") as stream:
-            if "offset" not in file:
-                return stream.read()
-            stream.seek(file["offset"])
-            return stream.read(file["size"])
-    except FileNotFoundError:
-        raise DatasetError(
-            f"{path}: is missing: run glsim generate again with the same settings to restore it"
-        ) from None
-    except OSError as error:
-        raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
+    with reading(path), path.open("rb") as stream:
+        if "offset" not in file:
+            return stream.read()
+        stream.seek(file["offset"])
+        content: bytes = stream.read(file["size"])
+    return content
 
 
 class Split(Sequence[Pair]):
