@@ -26,7 +26,7 @@ glsim train face --data data -o runs/face --minutes 60 --resume      goes on for
 
 glsim train paper-d7-small --data data --seed 1 -o runs/d7_1
 
-glsim train mine.toml --data data --set loss.beta_mm=2 --set training.batch=8
+glsim train mine.toml --data data --set loss.beta_mm=4 --set training.batch=8
 
 glsim train face --simulate --minutes 30
 
