@@ -17,7 +17,7 @@ from glsim.dataset.files import check_bytes, read_json, reading
 from glsim.dataset.images import Image, decode_png
 from glsim.dataset.layout import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
 from glsim.errors import DatasetError, did_you_mean
-from glsim.frame import WRITABLE
+from glsim.frame import WRITABLE, to_mm
 
 _BLOCK = 1 << 24
 
@@ -126,11 +126,7 @@ class Pair:
         return image
 
     def _depth_mm(self, layer: str) -> NDArray[np.float32]:
-        units = self.image(layer)
-        depth = units * np.float32(self._unit_mm)
-        if self.depth_offset_mm:
-            np.add(depth, np.float32(self.depth_offset_mm), out=depth, where=units > 0)
-        return depth
+        return to_mm(self.image(layer), self._unit_mm, self.depth_offset_mm)
 
 
 def _read(path: Path, file: Mapping[str, Any]) -> bytes:
