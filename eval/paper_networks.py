@@ -86,7 +86,9 @@ class _Scores:
         """Mean and standard deviation over seeds."""
         values, unit = self.values(metric), ALL[metric].unit
         text = number(statistics.fmean(values), unit)
-        return f"{text} ± {number(statistics.stdev(values), unit)}" if len(values) > 1 else text
+        if len(values) < 2 or not all(map(math.isfinite, values)):  # a seed may have no depth
+            return text
+        return f"{text} ± {number(statistics.stdev(values), unit)}"
 
 
 def _scored(groups: Sequence[Group], table: Table) -> list[_Scores]:

@@ -78,7 +78,10 @@ def find_trained(folder: Path) -> tuple[list[Trained], list[str]]:
         if first == checkpoint:
             found.append(trained)
         else:  # the spread over seeds would be of fewer than it says
-            refused.append(f"{checkpoint}: is the same recipe and seed as {first}")
+            refused.append(
+                f"{checkpoint}: is the same recipe and seed as {first}: if it is another network, "
+                "train it under a title of its own (--set title=...)"
+            )
     return found, refused
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,14 @@ def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray
 def decode_depth(units: NDArray[np.uint16], unit_mm: float = 1.0) -> NDArray[np.float32]:
     """The inverse of ``encode_depth``: float32 metres, 0 = no return."""
     return units.astype(np.float32) * np.float32(unit_mm / 1000.0)
+
+
+def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.float32]:
+    """float32 millimetres of the units of a depth file, and what was subtracted; 0 stays 0."""
+    depth_mm: NDArray[np.float32] = units * np.float32(unit_mm)
+    if offset_mm:
+        np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
+    return depth_mm
 
 
 @dataclass(frozen=True, eq=False)

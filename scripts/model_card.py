@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from glsim import Frame, load_settings, simulate
 from glsim.dataset import available_workers
+from glsim.dataset.files import write_bytes
 from glsim.errors import GlsimError
 from glsim.eval.denoisers import Method, compose, load
 from glsim.eval.metrics import Truth, score
@@ -280,7 +281,7 @@ def main() -> None:
     start = time.perf_counter()
     text = card(Job(chosen.denoiser, source, chosen.frames), chosen.only, chosen.processes)
     if chosen.out:
-        chosen.out.write_text(text)
+        write_bytes(text.encode(), chosen.out)
     else:
         sys.stdout.write(text)
     sys.stderr.write(f"{time.perf_counter() - start:.0f} s\n")

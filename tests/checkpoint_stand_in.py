@@ -1,7 +1,7 @@
 """Stands in for ``glsim.train.denoiser`` where tests need a checkpoint but no PyTorch.
 
 A checkpoint is JSON: gain (the depth is moved by gain times what the noisy map is off 900 mm), soft
-(the validity is a probability), sigma_mm (of every pixel, if it knows one).
+(the validity is a probability), sigma_mm (of every pixel, if it knows one), blind (finds no depth).
 """
 
 from __future__ import annotations
@@ -21,12 +21,14 @@ class Network:
     gain: float
     soft: bool = False
     sigma_mm: float | None = None
+    blind: bool = False
 
     @property
     def uncertain(self) -> bool:
         return self.sigma_mm is not None
 
     def __call__(self, noisy_mm: Any, valid: Any) -> tuple[Any, Any]:
+        valid = valid & (not self.blind)
         depth = np.where(valid, noisy_mm + self.gain * (900 - noisy_mm), 0).astype(np.float32)
         return depth, np.where(valid, 0.75, 0.25).astype(np.float32) if self.soft else valid
 

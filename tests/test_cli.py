@@ -178,6 +178,17 @@ def test_usage_errors_have_status_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Traceback" not in capsys.readouterr().err
 
 
+def test_ctrl_c_is_one_line_and_status_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def press() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("glsim.sensor.sensor_names", press)
+    assert main(["sensors"]) == 1
+    assert capsys.readouterr().err.startswith("interrupted: run the same command again")
+
+
 def test_lists_and_info_print_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("sensors") == 0
     assert "kinect-v2-paper" in capsys.readouterr().out

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 from pathlib import Path
 
 import pytest
-from test_layout import loaded_after
+from test_layout import imports, loaded_after
 
 FOLDER = Path(__file__).parent.parent / "eval"
 MODULES = sorted(FOLDER.rglob("*.py"))
@@ -17,17 +16,11 @@ BY_NAME_ONLY = ("torch", "matplotlib", "skimage", "scipy", "pandas", "glsim.trai
 
 @pytest.mark.parametrize("file", MODULES, ids=lambda f: str(f.relative_to(FOLDER)))
 def test_imports(file: Path) -> None:
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        names = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names = [node.module or ""]
-        for name in names:
-            assert not any(name == bad or name.startswith(f"{bad}.") for bad in BY_NAME_ONLY), name
-            assert not name.startswith("glsim.eval"), f"{name}: neighbours are relative"
-            if name in ("typer", "rich") or name.startswith("glsim.cli"):
-                assert file.parent.name == "commands", name
+    for name in imports(file):
+        assert not any(name == bad or name.startswith(f"{bad}.") for bad in BY_NAME_ONLY), name
+        assert not name.startswith("glsim.eval"), f"{name}: neighbours are relative"
+        if name in ("typer", "rich") or name.startswith("glsim.cli"):
+            assert file.parent.name == "commands", name
     assert len(file.read_text().splitlines()) < 300
 
 

@@ -142,6 +142,18 @@ def test_what_is_no_run_is_named_and_left_out(
     assert row_of(text, "D7", "DnCNN D7")[3] == "2"
 
 
+def test_a_seed_that_finds_no_depth_has_no_spread(runs: Path, tmp_path: Path) -> None:
+    for seed in (1, 2):
+        write_run(runs / f"d20-{seed}", 0.1, row="D20", seed=seed, blind=True)
+    pairs, out = write_pairs(tmp_path / "pairs", 2, 1), tmp_path / "o"
+    tables = ("--paper-table", "2", "--runs", str(runs), "--no-figures")
+    assert main(command(pairs, out, *tables)) == 0
+    text = (out / "paper_table_2.md").read_text()
+    assert "±" in row_of(text, "D20", "D20")[6], "its mean squared error is known"
+    hidden = text[text.index("## What all-pixel metrics hide") :]
+    assert row_of(hidden, "D20", "small")[2] == "n/a"
+
+
 def test_runs_alone_are_scored_beside_the_filters(runs: Path, tmp_path: Path) -> None:
     pairs, out = write_pairs(tmp_path / "pairs", 2, 1), tmp_path / "o"
     assert main(command(pairs, out, "--runs", str(runs), "--no-figures")) == 0

@@ -89,9 +89,10 @@ class Evil:
 def test_files_that_are_no_checkpoints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     good = tmp_path / "good.pt"
-    checkpoint.save(good, CONTENT | {"model": {"w": torch.ones(1000)}})
+    checkpoint.save(good, CONTENT | {"model": {"w": torch.ones(5000)}})
     whole = good.read_bytes()
     cases: dict[str, tuple[bytes | dict[str, Any], str]] = {
+        "start.pt": (whole[:5000], "cut short"),
         "half.pt": (whole[: len(whole) // 2], "cut short"),
         "empty.pt": (b"", "cut short"),
         "text.pt": (b"hello, this is no checkpoint at all", "no checkpoint"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from pathlib import Path
 
@@ -86,7 +87,11 @@ def test_train_denoise_and_score(
     data: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["train", "tiny.toml", "--data", str(data)]) == 0
-    assert "finished (epochs) after 8 steps" in " ".join(capsys.readouterr().err.split())
+    first, second, end = capsys.readouterr().err.splitlines()
+    figures = r", 0\.\d min: validation loss \S+, interior \S+ mm, flips \d+, mse \d+ mm2"
+    assert re.fullmatch(r"step 4/8, epoch 1" + figures, first)
+    assert re.fullmatch(r"step 8/8, epoch 2" + figures, second)
+    assert "finished (epochs) after 8 steps" in end
     run = here / "runs" / "tiny"
     report = json.loads((run / "run.json").read_text())
     assert (report["state"], report["epochs"], report["title"]) == ("finished", 2, "tiny")

@@ -121,6 +121,14 @@ def test_an_average_is_what_is_judged_and_kept(tmp_path: Path) -> None:
     assert any(not torch.equal(w, last["model"][name]) for name, w in best["model"].items())
 
 
+def test_a_network_that_calls_no_pixel_depth_goes_on(tmp_path: Path) -> None:
+    settings = recipe(model={"uncertainty": True}, training={"max_steps": 1})
+    blank: Any = [(torch.zeros(1, 24, 24), torch.zeros(1, 24, 24))]
+    report = fit(settings, StoredFeed(Domes(4), blank, {}, settings), tmp_path / "r")
+    assert report["state"] == "finished"
+    assert checkpoint.load(tmp_path / "r" / "best.pt")["model"]["sigma_scale"] == 1
+
+
 def test_minutes_end_it_and_count_over_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -181,6 +189,8 @@ def test_settings_that_cannot_be(tmp_path: Path) -> None:
         run(recipe(schedule={"kind": "cosine"}, training=limits), tmp_path / "a")
     with pytest.raises(ConfigError, match="there are 10 pairs"):
         run(recipe(training={"batch": 11}), tmp_path / "b")
+    with pytest.raises(ConfigError, match=r"noise2void compares with the noisy depth"):
+        run(recipe(loss={"kind": "noise2void"}), tmp_path / "n")
     with pytest.raises(ConfigError, match=r"model.uncertainty = true"):
         run(recipe(loss={"depth": "laplace"}), tmp_path / "c")
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 from pathlib import Path
 
 import pytest
-from test_layout import loaded_after
+from test_layout import imports, loaded_after
 
 FOLDER = Path(__file__).parent.parent / "train"
 MODULES = sorted(FOLDER.rglob("*.py"))
@@ -14,16 +13,10 @@ MODULES = sorted(FOLDER.rglob("*.py"))
 
 @pytest.mark.parametrize("file", MODULES, ids=lambda f: str(f.relative_to(FOLDER)))
 def test_imports(file: Path) -> None:
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        names = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names = [node.module or ""]
-        for name in names:
-            assert not name.startswith(("glsim.eval", "eval", "train")), name
-            if name in ("typer", "rich"):
-                assert file.parent.name == "commands", name
+    for name in imports(file):
+        assert not name.startswith(("glsim.eval", "eval", "train")), name
+        if name in ("typer", "rich"):
+            assert file.parent.name == "commands", name
     assert len(file.read_text().splitlines()) < 310
 
 

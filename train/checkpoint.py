@@ -50,14 +50,16 @@ def write(path: Path, content: dict[str, Any]) -> None:
 def load(path: Path) -> dict[str, Any]:
     """A checkpoint, its tensors in memory. Raises TrainError for what is none, or is cut short."""
     try:
-        with path.open("rb") as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of pickles that are not torch's: refused below
-            content = torch.load(file, map_location="cpu", weights_only=True)
+        data = path.read_bytes()
     except FileNotFoundError:
         raise TrainError(f"{path}: no such checkpoint") from None
     except OSError as error:
         raise TrainError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError):
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of pickles that are not torch's: refused below
+            content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError):
         raise TrainError(
             f"{path}: is cut short, or is no checkpoint of glsim train (code in a file is not run)"
         ) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +19,19 @@ from glsim.train.validation import HALF_MM
 Depth = NDArray[np.float32]
 Validity = NDArray[np.bool_] | NDArray[np.float32]
 
+#: Convolutions of a GPU in float32: its default, TF32, has ten bits, steps of 0.5 mm at 900 mm.
+_FLOAT32 = partial(torch.backends.cudnn.flags, enabled=True, allow_tf32=False)
+
 
 class NetworkDenoiser:
-    """Frames of any size, one at a time, on the CPU in float32.
+    """Frames of any size, one at a time, in float32; on the GPU if there is one.
 
     uncertain: whether ``with_uncertainty`` has something to say.
     """
 
     def __init__(self, model: DepthModel, name: str, uncertain: bool) -> None:
-        self._model = model.eval().to(memory_format=torch.channels_last)
+        self._device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self._model = model.eval().to(self._device, memory_format=torch.channels_last)
         self._name = name
         self.uncertain = uncertain
 
@@ -58,8 +63,9 @@ class NetworkDenoiser:
         self, noisy_mm: Depth, valid: NDArray[np.bool_]
     ) -> tuple[Depth, Validity, Depth | None]:
         frame = np.where(valid, noisy_mm, 0).astype(np.float32)
-        with torch.inference_mode():
-            prediction: Prediction = self._model(torch.from_numpy(frame)[None, None])
+        noisy = torch.from_numpy(frame)[None, None].to(self._device)
+        with torch.inference_mode(), _FLOAT32():
+            prediction: Prediction = self._model(noisy)
         depth_mm = _image(prediction.depth_mm)
         sigma = None if prediction.log_sigma is None else _image(prediction.log_sigma)
         if prediction.valid_logit is None:
@@ -68,7 +74,7 @@ class NetworkDenoiser:
 
 
 def _image(batch: torch.Tensor) -> Depth:
-    image: Depth = batch[0, 0].float().numpy()
+    image: Depth = batch[0, 0].float().cpu().numpy()
     return image
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple, NoReturn
 
@@ -19,6 +20,7 @@ from glsim.train.feed import VALIDATION_BATCH, Feed
 from glsim.train.logs import RUN, Logs, write_json, write_samples
 from glsim.train.models.calibration import calibrate
 from glsim.train.models.mask_aware import MaskAware
+from glsim.train.models.registry import parameter_count
 from glsim.train.recipe import Recipe
 from glsim.train.start import RECIPE, check_unused, last_checkpoint, make_fabric
 from glsim.train.state import State
@@ -30,14 +32,18 @@ _SAMPLES: Final = 4
 
 
 class Shown(NamedTuple):
-    """For a progress bar. total: steps of the whole training, if something limits them."""
+    """For a progress bar. total: steps of the whole training, if something limits them.
+
+    loss: of the last step. seconds: over all resumes. validation: figures, if it has just been.
+    """
 
     epoch: int
     steps: int
     total: int | None
     share: float
+    seconds: float
     loss: float
-    validation: dict[str, float]
+    validation: dict[str, float] | None
 
 
 def fit(
@@ -94,7 +100,7 @@ class Training:
     def run(self, show: Callable[[Shown], None] | None, stop: Callable[[], bool]) -> dict[str, Any]:
         """To the end, or until ``stop()``."""
         logs = self._open_logs() if self.fabric.is_global_zero else None
-        ended, stopped = self.ended(), False
+        ended, stopped, loss = self.ended(), False, math.nan
         while not (ended or stopped):
             batches = self.feed.batches(self.progress.epoch, self.progress.step)
             for noisy_mm, clean_mm in batches:
@@ -103,7 +109,7 @@ class Training:
                 if due:
                     self.validate(logs)
                 if show is not None:
-                    show(self._shown(loss))
+                    show(self._shown(loss, due))
                 ended, stopped = self.fabric.broadcast((self.ended(), stop()))
                 if ended or stopped:
                     break
@@ -111,6 +117,8 @@ class Training:
                     self.save("interrupted")
         if ended and self.progress.loss_count:  # a limit in the middle of an epoch
             self.validate(logs)
+            if show is not None:
+                show(self._shown(loss, True))
         if logs is not None:
             logs.close()
         return self.save("finished" if ended else "interrupted", ended)
@@ -180,7 +188,6 @@ class Training:
         """last.pt and run.json, whose content is returned."""
         progress = self.progress
         progress.seconds, self._since = self._seconds(), time.monotonic()
-        network = self.state.network
         report = {
             "state": state,
             "ended": ended,
@@ -189,7 +196,7 @@ class Training:
             "seconds": round(progress.seconds, 3),
             "best": {"monitor": self.recipe.training.monitor, "value": progress.best}
             | {"step": progress.best_step},
-            "parameters": sum(p.numel() for p in network.parameters() if p.requires_grad),
+            "parameters": parameter_count(self.state.network),
             **self.recipe.model_dump(mode="json", include={"title", "row", "size", "seed"}),
             "data": self.feed.fingerprint,
         }
@@ -237,7 +244,8 @@ class Training:
         judged = self.state.judged
         uncertain = isinstance(judged, MaskAware) and judged.uncertainty
         if uncertain:
-            calibrate(judged, self.held_out, "median")
+            with suppress(ConfigError):  # an early network may call no pixel depth: no errors yet
+                calibrate(judged, self.held_out, "median")
         content = self._common() | {
             "model": self.state.weights(),
             "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},
@@ -263,9 +271,10 @@ class Training:
         write_json(self.folder / RECIPE, self.recipe.model_dump(mode="json"))
         return Logs(self.folder, self.progress.steps)
 
-    def _shown(self, loss: float) -> Shown:
+    def _shown(self, loss: float, validated: bool) -> Shown:
         progress = self.progress
-        return Shown(progress.epoch, progress.steps, self.total, self._share(), loss, self.figures)
+        how_far = progress.epoch, progress.steps, self.total, self._share(), self._seconds()
+        return Shown(*how_far, loss, self.figures if validated else None)
 
     def _draw_samples(self) -> None:
         progress, frames = self.progress, self.held_out.dataset

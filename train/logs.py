@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from glsim.camera import Intrinsics
-from glsim.dataset.files import write_file, writing
+from glsim.dataset.files import write_bytes
 from glsim.preview import difference, shaded
 
 METRICS: Final = "metrics.csv"
@@ -70,7 +69,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """An object for people and programs; no NaN. Raises DatasetError if the disk refuses."""
     text = json.dumps(_finite(content), indent=1, allow_nan=False) + "\n"
-    _write(path, text.encode())
+    write_bytes(text.encode(), path)
 
 
 def _finite(value: Any) -> Any:
@@ -86,7 +85,7 @@ def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -
     """
     rows = [_row(*(_metres(image) for image in frame)) for frame in frames]
     picture = np.vstack([np.pad(row, ((0, _GAP), (0, 0), (0, 0))) for row in rows])
-    _write(path, cv2.imencode(".png", picture)[1].tobytes())
+    write_bytes(cv2.imencode(".png", picture)[1].tobytes(), path)
 
 
 def _row(
@@ -102,9 +101,3 @@ def _row(
 def _metres(image_mm: Tensor) -> NDArray[np.float32]:
     image: NDArray[np.float32] = image_mm[0].float().cpu().numpy() / np.float32(1000)
     return image
-
-
-def _write(path: Path, data: bytes) -> None:
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-    write_file(path, data, path.with_name(f".{path.name}.{os.getpid()}"))

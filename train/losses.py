@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import log
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import torch
 from pydantic import BaseModel, ConfigDict, Field
@@ -27,6 +27,8 @@ class Loss(BaseModel):
     """What all losses share."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+    #: Whether lower is better on frames of a validation, so that it may be monitored.
+    judges: ClassVar[bool] = True
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor

@@ -1,4 +1,4 @@
-"""Losses that never see a clean frame, made to know holes; docs/self_supervised.md has results.
+"""Losses that never see a clean frame, made to know holes; limits: docs/self_supervised.md.
 
 Both are denoising by the noise's independence, and so learn nothing of validity: which pixels have
 depth is left as it was measured.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import torch
 from pydantic import Field
@@ -26,6 +26,7 @@ _TRIES: Final = 10
 class _AgainstNoisy(Loss):
     """Compares with the measurement itself, where there is one."""
 
+    judges: ClassVar[bool] = False
     beta_mm: float = Field(3.0, gt=0, description="errors below are squared, those above are not")
 
     def __call__(
@@ -143,17 +144,3 @@ class Recorrupted(_AgainstNoisy):
         """Noise on the measured pixels, 0 elsewhere."""
         noise = torch.randn(noisy_mm.shape, generator=draw).to(noisy_mm.device)
         return torch.where(noisy_mm > 0, self.sigma_mm * noise, 0.0)
-
-    def averaged(
-        self,
-        model: Callable[[Tensor], Prediction],
-        noisy_mm: Tensor,
-        draw: Generator,
-        draws: int = 5,
-    ) -> Tensor:
-        """The depth as the method takes it: the mean over inputs recorrupted as in training."""
-        depths = [
-            in_float32(model(noisy_mm + self.tau * self.added_mm(noisy_mm, draw))).depth_mm
-            for _ in range(draws)
-        ]
-        return torch.stack(depths).mean(dim=0)

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 from torch.optim.swa_utils import AveragedModel
 
-from glsim.errors import TrainError
+from glsim.errors import ConfigError, TrainError
 from glsim.train.losses import Loss, build_loss
 from glsim.train.models.base import DepthModel
 from glsim.train.recipe import OptimiserSettings, Recipe
@@ -46,13 +46,18 @@ class State:
     """
 
     def __init__(self, recipe: Recipe, fabric: Fabric) -> None:
-        """Raises ConfigError for a model or loss that there is not."""
+        """Raises ConfigError for a model or loss that there is not, or that cannot be monitored."""
         from glsim.train.models.registry import build_model
 
         torch.manual_seed(recipe.seed)
         self._fabric = fabric
         self.progress = Progress()
         self.loss: Loss = build_loss(recipe.loss)
+        if recipe.training.monitor == "loss" and not self.loss.judges:
+            raise ConfigError(
+                f"training.monitor = 'loss': {recipe.loss['kind']} compares with the noisy depth, "
+                "and returning that would be best: set training.monitor = 'interior_rmse_mm'"
+            )
         self.network: DepthModel = build_model(recipe.model).to(memory_format=torch.channels_last)
         self.average = _average(self.network, recipe.training.ema_decay)
         self._plain_optimiser = _optimiser(self.network, recipe.optimiser)

@@ -49,7 +49,7 @@ def from_callable(module: str, name: str, parameters: dict[str, str], label: str
 def from_checkpoint(path: Path, label: str) -> Method:
     """A trained model. DenoiserError if the file or ``glsim.train`` is not there."""
     if not path.is_file():
-        raise DenoiserError(f"{label}: {path}: no such checkpoint")
+        raise DenoiserError(f"{path}: no such checkpoint: give the best.pt of a run of glsim train")
     try:
         function = importlib.import_module(_CHECKPOINT_MODULE).load_denoiser(path)
     except ImportError as error:

@@ -49,6 +49,10 @@ import_module("glsim.train.commands").register(app)
 import_module("glsim.eval.commands").register(app)
 
 
+#: What Typer makes of Ctrl-C.
+_INTERRUPTED = 130
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line; the exit status: 0 done, 1 failed or interrupted, 2 wrong usage.
 
@@ -56,6 +60,8 @@ def main(arguments: list[str] | None = None) -> int:
     """
     try:
         result = app(args=arguments, standalone_mode=False)
+        if result == _INTERRUPTED:
+            raise KeyboardInterrupt
         return result if isinstance(result, int) else 0
     except typer.TyperException as error:  # a command line that it cannot read
         message = getattr(error, "format_message", error.__str__)()

@@ -91,9 +91,9 @@ def overrides(**values: Any) -> dict[str, Any]:
 
 
 def say(text: str) -> None:
-    """A line for people, unless --quiet."""
+    """A line for people, unless --quiet; one line in a log too, however long."""
     if not options.quiet:
-        console.print(text)
+        console.print(text, soft_wrap=True)
 
 
 def listed(paths: Sequence[Path]) -> None:

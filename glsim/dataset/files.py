@@ -81,6 +81,19 @@ def writing(path: Path) -> Iterator[None]:
         raise cannot_write(path, error) from error
 
 
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turns every OSError within into a DatasetError about ``path``, a file of a data set."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise DatasetError(
+            f"{path}: is missing: run glsim generate again with the same settings to restore it"
+        ) from None
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
+
+
 class CheckedFile:
     """A file that appears under its name when it is complete; knows its size and CRC32.
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from glsim.camera import Intrinsics
 from glsim.config import SPLIT_NAMES
-from glsim.dataset.files import check_bytes, read_json
+from glsim.dataset.files import check_bytes, read_json, reading
 from glsim.dataset.images import Image, decode_png
 from glsim.dataset.layout import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
 from glsim.errors import DatasetError, did_you_mean
-from glsim.frame import WRITABLE
+from glsim.frame import WRITABLE, to_mm
 
 _BLOCK = 1 << 24
 
@@ -126,27 +126,17 @@ class Pair:
         return image
 
     def _depth_mm(self, layer: str) -> NDArray[np.float32]:
-        units = self.image(layer)
-        depth = units * np.float32(self._unit_mm)
-        if self.depth_offset_mm:
-            np.add(depth, np.float32(self.depth_offset_mm), out=depth, where=units > 0)
-        return depth
+        return to_mm(self.image(layer), self._unit_mm, self.depth_offset_mm)
 
 
 def _read(path: Path, file: Mapping[str, Any]) -> bytes:
     """A whole file, or the part of a shard. A part that is cut short is returned as it is."""
-    try:
-        with path.open("rb") as stream:
-            if "offset" not in file:
-                return stream.read()
-            stream.seek(file["offset"])
-            return stream.read(file["size"])
-    except FileNotFoundError:
-        raise DatasetError(
-            f"{path}: is missing: run glsim generate again with the same settings to restore it"
-        ) from None
-    except OSError as error:
-        raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
+    with reading(path), path.open("rb") as stream:
+        if "offset" not in file:
+            return stream.read()
+        stream.seek(file["offset"])
+        content: bytes = stream.read(file["size"])
+    return content
 
 
 class Split(Sequence[Pair]):

@@ -26,7 +26,7 @@ glsim train face --data data -o runs/face --minutes 60 --resume      goes on for
 
 glsim train paper-d7-small --data data --seed 1 -o runs/d7_1
 
-glsim train mine.toml --data data --set loss.beta_mm=2 --set training.batch=8
+glsim train mine.toml --data data --set loss.beta_mm=4 --set training.batch=8
 
 glsim train face --simulate --minutes 30
 
@@ -35,12 +35,12 @@ glsim train --list
 Ctrl-C stops after the step and keeps the training, which --resume goes on with.
 """
 
-#: The bar's figures of the last validation.
+#: What is told of a validation.
 _FIGURES = {
-    "loss": "; validation {:.3g}",
-    "interior_rmse_mm": ", interior {:.2f} mm",
-    "flips": ", flips {:.0f}",
-    "mse_mm2": ", mse {:.0f} mm2",
+    "loss": "loss {:.4g}",
+    "interior_rmse_mm": "interior {:.2f} mm",
+    "flips": "flips {:.0f}",
+    "mse_mm2": "mse {:.0f} mm2",
 }
 
 
@@ -50,7 +50,11 @@ def train(
     ] = None,
     data: Annotated[
         list[Path] | None,
-        typer.Option("--data", help="A data set of glsim generate. Repeatable: they are joined."),
+        typer.Option(
+            "--data",
+            metavar="DIR",
+            help="A data set of glsim generate. Repeatable: they are joined.",
+        ),
     ] = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Render the pairs while training; no data set.")
@@ -103,7 +107,7 @@ def train(
     from glsim.train.fit import fit
 
     pairs = feed.stored(data, chosen) if data else feed.simulated(chosen)
-    with stopping() as stop, _bar(chosen.title) as show:
+    with stopping() as stop, _progress(chosen.title) as show:
         report = fit(chosen, pairs, folder, resume=resume, show=show, stop=stop)
     _tell(report, folder)
     if report["state"] == "interrupted":
@@ -129,7 +133,8 @@ def stopping() -> Iterator[Callable[[], bool]]:
 
 
 @contextmanager
-def _bar(title: str) -> Iterator[Callable[[Shown], None] | None]:
+def _progress(title: str) -> Iterator[Callable[[Shown], None] | None]:
+    """A line a validation, and on a terminal a bar below them; nothing if --quiet."""
     if options.quiet:
         yield None
         return
@@ -141,16 +146,21 @@ def _bar(title: str) -> Iterator[Callable[[Shown], None] | None]:
         progress.TextColumn("{task.fields[text]}"),
         progress.TimeElapsedColumn(),
     )
-    with progress.Progress(*columns, console=console) as shown:
-        task = shown.add_task(title, total=None, text="")
+    with progress.Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as shown:
+        task = shown.add_task(title, total=None, text="", visible=False)
 
         def update(now: Shown) -> None:
-            steps = f"{now.steps}/{now.total}" if now.total else f"{now.steps}"
-            text = f"epoch {now.epoch}, step {steps}, loss {now.loss:.3g}"
-            for name, label in _FIGURES.items():
-                text += label.format(now.validation[name]) if name in now.validation else ""
+            place = f"step {now.steps}/{now.total}" if now.total else f"step {now.steps}"
+            place += f", epoch {now.epoch}"
+            if now.validation is not None:
+                figures = (label.format(now.validation[name]) for name, label in _FIGURES.items())
+                minutes = f"{now.seconds / 60:.1f} min"
+                say(f"{place}, {minutes}: validation {', '.join(figures)}")
+            text = f"{place}, loss {now.loss:.3g}"
             total = 1.0 if now.share else None
-            shown.update(task, total=total, completed=now.share, text=text)
+            shown.update(task, total=total, completed=now.share, text=text, visible=True)
 
         yield update
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from glsim.config import SPLIT_NAMES
 from glsim.dataset import Dataset, Split
-from glsim.dataset.files import check_of
+from glsim.dataset.files import check_of, reading
 from glsim.dataset.layout import MANIFEST
 from glsim.errors import ConfigError, DatasetError
 
@@ -77,7 +77,7 @@ def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -
     if min(size) < crop or cut == "no":
         raise DatasetError(
             f"{where} is {size[1]} x {size[0]} pixels, the training asks for {crop} x {crop}: "
-            f"generate with --crop {crop}, or set the crop of the training"
+            f"generate with --crop {crop}, or train on others (data.crop, data.cut of the recipe)"
         )
 
 
@@ -85,14 +85,8 @@ def _check_file(root: Path, file: Mapping[str, Any], sizes: dict[str, int]) -> N
     """The file is there and holds all of the image; ``sizes`` remembers those of shards."""
     path = root / file["name"]
     if file["name"] not in sizes:
-        try:
+        with reading(path):
             size = path.stat().st_size
-        except FileNotFoundError:
-            raise DatasetError(
-                f"{path}: is missing: run glsim generate again with the same settings to restore it"
-            ) from None
-        except OSError as error:
-            raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
         if "offset" in file:
             sizes[file["name"]] = size
     else:

@@ -18,12 +18,11 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from glsim.config import Settings, load_settings
 from glsim.errors import ConfigError, MeshError
-from glsim.frame import Frame, Skipped
+from glsim.frame import Frame, Skipped, to_mm
 from glsim.pipeline import open_sources, simulate
 from glsim.plan import Task
 from glsim.sensor import sensor_of
 
-from .stored import to_mm
 from .stream import LANES, Place, Stream, people_of
 
 log = logging.getLogger(__name__)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,6 +12,7 @@ from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
 from glsim.dataset import open_dataset
+from glsim.frame import to_mm
 from glsim.stable import stable_seed
 
 from .checks import LAYERS, Cut, checked_split
@@ -157,11 +157,3 @@ class _Cache:
 
     def pair_mm(self, number: int) -> NDArray[np.float32]:
         return to_mm(self.units[number], self._unit_mm, float(self._offset_mm[number]))
-
-
-def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.float32]:
-    """float32 millimetres of the uint16 that depth files hold; 0 stays 0."""
-    depth_mm: NDArray[np.float32] = units * np.float32(unit_mm)
-    if offset_mm:
-        np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
-    return depth_mm
