@@ -2,8 +2,10 @@
 
 A network that is trained on embedded heads alone learns that skin is as smooth as they are, and
 irons out what other faces have: lids, creases, nostrils. Bumps and creases of any size, drawn anew
-for each frame, leave it nothing to rely on but the noise. By experiment (trained on embedded heads,
-scored on ICT-FaceKit, kinect-v2 at 0.9 m, 500 steps of 8 frames): interior error 1.14 mm with it.
+for each frame, leave it nothing to rely on but the noise. By experiment (embedded heads, kinect-v2
+at 0.8 to 1.0 m, scored on ICT-FaceKit): without relief the interior error there was 1.19 mm after
+1,000 steps of 8 frames and 1.27 after 2,000, with it 1.14 after 500 and 1.17 after 1,000.
+
 The noise of a pair was drawn for the surface without relief, which is right to first order: what
 decides it, distance and tilt, changes little where the relief's slope is small.
 """
