@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import DenoiserError, GlsimError
 from glsim.train import checkpoint
+from glsim.train.caution import CLEAN_MM, believed, noise_mm
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.registry import build_model
 from glsim.train.validation import HALF_MM
@@ -39,7 +40,9 @@ class NetworkDenoiser:
         """(H, W) float32 millimetres with 0 = no return, and (H, W) bool.
 
         Returns depth in millimetres (H, W) float32, and the probability of depth, float32, or
-        bool where the network codes "no depth" as 0.
+        bool where the network codes "no depth" as 0. With a probability, frames without noise come
+        back as they are and what is not ``believed`` has a probability of 0, see
+        ``glsim.train.caution``.
         """
         depth_mm, validity, _ = self._run(noisy_mm, valid)
         return depth_mm, validity
@@ -51,13 +54,13 @@ class NetworkDenoiser:
 
         Raises DenoiserError for a network that was not trained to know it.
         """
-        depth_mm, validity, log_sigma = self._run(noisy_mm, valid)
-        if log_sigma is None:
+        depth_mm, validity, sigma_mm = self._run(noisy_mm, valid)
+        if sigma_mm is None:
             raise DenoiserError(
                 f"{self._name}: the network does not predict its uncertainty: train one with "
                 "model.uncertainty = true"
             )
-        return depth_mm, validity, np.exp(log_sigma)
+        return depth_mm, validity, sigma_mm
 
     def _run(
         self, noisy_mm: Depth, valid: NDArray[np.bool_]
@@ -67,10 +70,15 @@ class NetworkDenoiser:
         with torch.inference_mode(), _FLOAT32():
             prediction: Prediction = self._model(noisy)
         depth_mm = _image(prediction.depth_mm)
-        sigma = None if prediction.log_sigma is None else _image(prediction.log_sigma)
+        sigma_mm = None if prediction.log_sigma is None else _image(prediction.log_sigma.exp())
         if prediction.valid_logit is None:
-            return depth_mm, depth_mm >= HALF_MM, sigma
-        return np.maximum(depth_mm, 0), _image(prediction.valid_logit.sigmoid()), sigma
+            return depth_mm, depth_mm >= HALF_MM, sigma_mm
+        noise = noise_mm(frame)
+        if noise is not None and noise < CLEAN_MM:  # as it came; sigma is that of what is left
+            left = None if sigma_mm is None else np.full_like(frame, noise)
+            return frame, (frame > 0).astype(np.float32), left
+        probability = _image(prediction.valid_logit.sigmoid()) * believed(frame, sigma_mm)
+        return np.maximum(depth_mm, 0), probability, sigma_mm
 
 
 def _image(batch: torch.Tensor) -> Depth:

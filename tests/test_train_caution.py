@@ -1,0 +1,87 @@
+"""What keeps a network from doing harm: noise is measured, and not every pixel is believed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from glsim import load_settings, simulate
+from glsim.frame import Frame
+from glsim.train.caution import CLEAN_MM, LEAST_SURE_MM, REACH_PX, believed, noise_mm
+from glsim.train.denoiser import NetworkDenoiser
+from glsim.train.models.base import DepthModel, Prediction
+
+
+def ball() -> np.ndarray:
+    """A ball of 100 mm at 900 mm, 2.5 mm a pixel, before nothing."""
+    y, x = np.mgrid[-48:48, -48:48] * 2.5
+    inside = x * x + y * y < 95**2
+    depth = 900 - np.sqrt(np.maximum(100**2 - x * x - y * y, 0))
+    return np.where(inside, depth, 0).astype(np.float32)
+
+
+@pytest.mark.parametrize("sigma_mm", [0.5, 1.5, 4.0])
+def test_white_noise_is_measured(sigma_mm: float) -> None:
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(10):
+        depth = ball()
+        depth[depth > 0] += rng.normal(0, sigma_mm, np.count_nonzero(depth)).astype(np.float32)
+        found.append(noise_mm(depth))
+    assert np.mean(found) == pytest.approx(sigma_mm, rel=0.03)
+
+
+def test_rounding_to_millimetres_is_no_noise_and_little_depth_tells_nothing() -> None:
+    rounded = noise_mm(np.rint(ball()))
+    assert rounded is not None
+    assert 0.15 < rounded < CLEAN_MM
+    assert noise_mm(np.zeros((20, 20), np.float32)) is None
+
+
+@pytest.mark.parametrize(("sensor", "clean"), [("ideal", True), ("kinect-v2", False)])
+def test_simulated_heads_are_told_apart(sensor: str, clean: bool) -> None:
+    source = {"subjects": 4, "frames_per_subject": 2}
+    overrides = {"sensor": sensor, "output": {"crop": 128}}
+    for frame in simulate(load_settings(overrides=overrides, source=source)):
+        assert isinstance(frame, Frame)
+        found = noise_mm(frame.noisy.astype(np.float32))
+        assert found is not None
+        assert (found < CLEAN_MM) is clean
+
+
+def test_only_what_is_near_and_sure_is_believed() -> None:
+    depth = np.zeros((60, 60), np.float32)
+    depth[30, 30] = 900
+    near = believed(depth, None)
+    assert near[30 + REACH_PX, 30 - REACH_PX]
+    assert near.sum() == (2 * REACH_PX + 1) ** 2
+    sigma = np.full_like(depth, LEAST_SURE_MM / 2)
+    sigma[28] = LEAST_SURE_MM
+    np.testing.assert_array_equal(believed(depth, sigma)[28], False)
+    np.testing.assert_array_equal(np.delete(believed(depth, sigma), 28, 0), np.delete(near, 28, 0))
+
+
+class Shifts(DepthModel):
+    """Moves everything by 5 mm, believes in depth everywhere, unsure on the left."""
+
+    def forward(self, noisy_mm: torch.Tensor) -> Prediction:
+        sigma = torch.full_like(noisy_mm, 2.0)
+        sigma[..., :40] = 100.0
+        return Prediction(noisy_mm + 5, torch.full_like(noisy_mm, 9.0), sigma.log())
+
+
+def test_a_denoiser_leaves_alone_what_is_clean_and_drops_what_it_does_not_know() -> None:
+    denoise = NetworkDenoiser(Shifts(), "shifts", uncertain=True)
+    clean = np.rint(ball())
+    depth, probability, sigma = denoise.with_uncertainty(clean, clean > 0)
+    np.testing.assert_array_equal(depth, clean)
+    np.testing.assert_array_equal(probability, clean > 0)
+    assert (sigma < CLEAN_MM).all()
+    noise = np.random.default_rng(0).normal(0, 2, clean.shape).astype(np.float32)
+    noisy = np.where(clean > 0, clean + noise, 0)
+    depth, probability = denoise(noisy, noisy > 0)
+    np.testing.assert_allclose(depth, noisy + 5, rtol=1e-6)
+    assert (probability[:, :40] == 0).all()
+    assert probability[48, 48] > 0.99
+    assert probability[0, 95] == 0, "nothing was measured near"
