@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -174,6 +175,13 @@ def test_pairs_rendered_while_training(here: Path) -> None:
     report = json.loads((here / "r" / "run.json").read_text())
     assert (report["epochs"], report["steps"]) == (2, 4)
     assert report["data"]["sensor"] == "kinect-v2"
+
+
+def test_without_pytorch_it_says_what_to_install(
+    data: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "glsim.train.fit", None)  # importing it now fails
+    assert "pip install 'glsim[train]'" in fails(capsys, 1, "tiny.toml", "--data", str(data))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import Debug, Quiet, SeedOption, Verbose, console, options, overrides, say
-from glsim.errors import ConfigError
+from glsim.errors import ConfigError, TrainError
 
 if TYPE_CHECKING:
     from glsim.train.fit import Shown
@@ -103,8 +103,13 @@ def train(
     chosen = load_recipe(recipe, assignment or (), given)
     folder = out if out is not None else Path("runs") / Path(recipe).stem
 
-    from glsim.train import feed
-    from glsim.train.fit import fit
+    try:
+        from glsim.train import feed
+        from glsim.train.fit import fit
+    except ImportError as error:
+        raise TrainError(
+            f"training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' ({error})"
+        ) from None
 
     pairs = feed.stored(data, chosen) if data else feed.simulated(chosen)
     with stopping() as stop, _progress(chosen.title) as show:
