@@ -90,9 +90,11 @@ def test_workers_killed_at_random_times(tmp_path: Path, undisturbed) -> None:
 
 
 SCRIPT = """
-import sys
+import signal, sys
 from pathlib import Path
 from dataset_fakes import children, make, make_settings
+# A shell that starts the tests in the background has its children ignore Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 try:
     make(Path(sys.argv[1]), make_settings(format=sys.argv[2]), workers=int(sys.argv[3]),
          delay_s=0.01, skip_every=7, progress=lambda p: print(p.done, flush=True))
