@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from glsim.camera import Intrinsics
+from glsim.dataset.files import read_json
+from glsim.dataset.layout import HEADER
 from glsim.depthfile import read_depth
-from glsim.errors import ConfigError
+from glsim.errors import ConfigError, DatasetError
 
 from .frames import Key, Sample, check_millimetres
 
@@ -37,6 +40,33 @@ class MapFrames:
         check_millimetres(depth, str(file))
         height, width = depth.shape
         return Sample(depth, depth, Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0))
+
+
+def unit_mm(files: Sequence[Path], given: float | None) -> float:
+    """The step of depth files: what the data sets that they lie in say, else ``given``, else 1.
+
+    Raises ConfigError where those differ. Reading a data set in steps of 0.1 mm as millimetres
+    would put every face ten times too far away, and nothing would look wrong.
+    """
+    stated = {unit for folder in {file.parent for file in files} if (unit := _stated(folder))}
+    if len(stated) > 1:
+        raise ConfigError("the maps are of data sets with different steps: denoise them one by one")
+    if stated and given is not None and {given} != stated:
+        raise ConfigError(
+            f"--depth-unit-mm {given:g}: the data set of these maps has steps of "
+            f"{min(stated):g} mm: leave the option out"
+        )
+    return stated.pop() if stated else given or 1.0
+
+
+def _stated(folder: Path) -> float | None:
+    """By the data set that a folder is part of, if it is."""
+    for place in (folder, *folder.absolute().parents):
+        if (place / HEADER).is_file():
+            with suppress(DatasetError):  # a file of that name may be somebody else's
+                unit = read_json(place / HEADER).get("depth_unit_mm")
+                return float(unit) if isinstance(unit, int | float) else None
+    return None
 
 
 def _matching(pattern: Path) -> list[Path]:

@@ -61,6 +61,29 @@ def test_denoise_knows_sequences_and_units(maps: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(tmp_path / "fine_out.png"), fine)
 
 
+def test_denoise_takes_the_step_of_the_data_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    fine = (dome(whole=False) * 10).astype(np.uint16)
+    for name, unit in (("d", 0.1), ("e", 1.0)):
+        (tmp_path / name / "test").mkdir(parents=True)
+        (tmp_path / name / "dataset.json").write_text(f'{{"depth_unit_mm": {unit}}}')
+        write(tmp_path / name / "test" / f"{name}.png", fine)
+    command = ["denoise", "d/test/d.png", "-d", "quadric", "-q", "-o"]
+    assert main([*command, "known.png"]) == 0
+    write(tmp_path / "alone.png", fine)
+    alone = ["denoise", "alone.png", "-d", "quadric", "-q", "-o", "told.png"]
+    assert main([*alone, "--depth-unit-mm", "0.1"]) == 0
+    np.testing.assert_array_equal(read(tmp_path / "known.png"), read(tmp_path / "told.png"))
+    assert main([*command, "x.png", "--depth-unit-mm", "1"]) == 2
+    assert "steps of 0.1 mm" in capsys.readouterr().err
+    assert main(["denoise", "d/test", "e/test", "-d", "quadric", "-q", "-o", "x"]) == 2
+    assert "different steps" in capsys.readouterr().err
+    (tmp_path / "d" / "dataset.json").write_text("somebody's")
+    assert main([*command, "y.png", "--depth-unit-mm", "0.1"]) == 0
+
+
 def test_denoise_names_what_it_cannot_read(maps: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cv2.imwrite(str(maps / "eight.png"), np.full((9, 9), 90, np.uint8))
     write(maps / "metres.png", np.full((9, 9), 1))

@@ -56,8 +56,11 @@ def denoise(
         str, typer.Option(help="Of a soft validity: soft, hard or 'input mask'.")
     ] = "hard",
     depth_unit_mm: Annotated[
-        float, typer.Option(min=0.01, max=10, help="Step of the depth files, millimetres.")
-    ] = 1.0,
+        float | None,
+        typer.Option(
+            min=0.01, max=10, help="Step of the depth files, mm. Default: their data set's, else 1."
+        ),
+    ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
     debug: Debug = False,
@@ -75,14 +78,16 @@ def denoise(
 
     from ..denoisers import COMPOSITES, compose, load
     from ..frames import Stacks
-    from ..maps import MapFrames, find_maps
+    from ..maps import MapFrames, find_maps, unit_mm
 
     if composite not in COMPOSITES:
         raise ConfigError(f"--composite {composite}: choose one of {', '.join(COMPOSITES)}")
     method = load(denoiser)
     pairs = find_maps(noisy, out)
     sigma_targets = _sigma_targets(noisy, out, uncertainty, method)
-    frames = MapFrames([source for source, _ in pairs], depth_unit_mm)
+    sources = [source for source, _ in pairs]
+    step_mm = unit_mm(sources, depth_unit_mm)
+    frames = MapFrames(sources, step_mm)
     stacks = Stacks(frames, method.before, method.after)
     failures = 0
     for number, (source, target) in enumerate(pairs):
@@ -100,7 +105,7 @@ def denoise(
             denoised = method(stack, now)
         parts = compose(denoised, stack[now])
         depth_m = parts["" if "" in parts else composite] * np.float32(0.001)
-        write_bytes(encode_png(encode_depth(depth_m, depth_unit_mm)), target)
+        write_bytes(encode_png(encode_depth(depth_m, step_mm)), target)
         if sigma_targets:
             write_bytes(encode_png(_encode_sigma(sigma_mm, depth_m > 0)), sigma_targets[number])
     say(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}")
