@@ -17,6 +17,7 @@ from torch.nn import functional
 
 from glsim.config import validate
 from glsim.errors import ConfigError, did_you_mean
+from glsim.train.caution import REACH_PX
 from glsim.train.interior import grown, interior
 from glsim.train.models.base import Prediction
 
@@ -91,7 +92,7 @@ class Masked(Loss):
     sigma_weight: float = Field(
         0.1, ge=0, description="of log_sigma, if any, with smooth_l1; depth does not feel it"
     )
-    reach_px: int = Field(12, ge=1, description="depth is asked for so near to a valid pixel")
+    reach_px: int = Field(REACH_PX, ge=1, description="depth is asked for so near to a valid pixel")
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
