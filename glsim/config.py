@@ -9,6 +9,8 @@
     frames_per_subject = 30
     [pose]
     yaw_deg = { uniform = [-30, 30] }
+    [variation]
+    shape_mm = 4
     [scene]
     wall_mm = 1500
     [rig]                             over the rig of the sensor's file
@@ -32,7 +34,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from glsim.distribution import Drawn, constant
+from glsim.distribution import Drawn, Scope, constant
 from glsim.errors import ConfigError, did_you_mean
 
 Layer = Literal["clean", "noisy", "infrared", "reason", "regions"]
@@ -99,6 +101,26 @@ class PoseSettings(_Table):
     roll_deg: Drawn = Field(constant(0.0), description="head tilted to its own left")
 
 
+class VariationSettings(_Table):
+    """How far heads are changed beyond their source, for networks that shall not learn it."""
+
+    shape_mm: Drawn = Field(
+        constant(0.0), description="standard deviation of a smooth warp of the head"
+    )
+    albedo: Drawn = Field(
+        constant(0.0), description="standard deviation of the log of reflectivity, in patches"
+    )
+    per: Scope = Field("subject", description="frame, sequence or subject: when it changes")
+
+    @model_validator(mode="after")
+    def _check(self) -> VariationSettings:
+        for name, most in (("shape_mm", 6.0), ("albedo", 2.0)):
+            low, high = getattr(self, name).bounds()
+            if low < 0 or high > most:
+                raise ValueError(f"{name}: {low:g} to {high:g} is not within 0 to {most:g}")
+        return self
+
+
 class SceneSettings(_Table):
     """What else the sensor sees."""
 
@@ -153,6 +175,7 @@ class Settings(_Table):
     split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = (0.70, 0.12, 0.18)
     source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
     pose: PoseSettings = PoseSettings()
+    variation: VariationSettings = VariationSettings()
     scene: SceneSettings = SceneSettings()
     rig: dict[str, Any] = Field(default_factory=dict, description="over the sensor's [rig]")
     stage: dict[str, dict[str, Drawn]] = Field(default_factory=dict)

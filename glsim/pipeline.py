@@ -2,6 +2,7 @@
 
 simulate(settings)   for each task of the plan:
     source.load      -> a face (mesh in the canonical frame)
+    vary             -> a warped, patchy one, where the settings ask for it
     pose, parameters -> drawn from the frame's seed
     Renderer         -> clean, normal, albedo, lit
     ShaderChain      -> depth (noisy), reason, infrared
@@ -41,6 +42,7 @@ from glsim.regionpass import REGION
 from glsim.regions import RegionLabels
 from glsim.render import Renderer
 from glsim.sensor import Sensor, sensor_of
+from glsim.variation import draw_variation, vary
 
 #: Faces that are evaluated together: a matrix product of this many rows keeps a core busy while
 #: the vertices of a batch stay in tens of megabytes.
@@ -166,7 +168,12 @@ class Simulator:
 
     def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
         loaded = self._sources[batch[0].source].load([task.key for task in batch])
-        return list(zip(batch, loaded, strict=True))
+        pairs = zip(batch, loaded, strict=True)
+        variation = self._settings.variation
+        return [
+            (task, face if isinstance(face, BadFace) else vary(face, variation, task.seeds))
+            for task, face in pairs
+        ]
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue all drawing of one frame."""
@@ -191,6 +198,7 @@ class Simulator:
             for name in type(settings.pose).model_fields
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
+        drawn |= draw_variation(settings.variation, task.seeds)
         meshes = [(face.mesh, pose_matrix(pose))]
         if settings.scene.wall_mm is not None:
             wall_mm = settings.scene.wall_mm.draw(task.seeds, "scene.wall_mm")
