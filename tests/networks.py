@@ -31,6 +31,7 @@ WRAPPERS: dict[str, dict[str, Any]] = {
     "paper": {"kind": "paper_input"},
     "masked": {"kind": "mask_aware"},
     "uncertain": {"kind": "mask_aware", "uncertainty": True},
+    "surfaces": {"kind": "mask_aware", "uncertainty": True, "surfaces": True},
 }
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 import torch
-from networks import build, frames
+from networks import build, frames, parts
 from torch import Tensor
 
 from glsim.errors import ConfigError
@@ -18,9 +18,10 @@ from glsim.train.models.registry import build_model
 BACKBONES = ("dncnn", "small_unet", "partial_conv", "normalized_conv")
 
 
-def untrained(uncertainty: bool = True) -> MaskAware:
+def untrained(uncertainty: bool = True, surfaces: bool = False) -> MaskAware:
     spec = {"kind": "small_unet", "width": 8, "scales": 3}
-    model = build_model({"kind": "mask_aware", "uncertainty": uncertainty, "backbone": spec})
+    own = {"uncertainty": uncertainty, "surfaces": surfaces}
+    model = build_model({"kind": "mask_aware", "backbone": spec} | own)
     assert isinstance(model, MaskAware)
     return model.eval()
 
@@ -34,9 +35,10 @@ def face_and_wall(wall_mm: float) -> Tensor:
     return torch.where(radius < 30, face, wall_mm)[None, None]
 
 
-def test_it_starts_from_the_frame_as_measured() -> None:
+@pytest.mark.parametrize("surfaces", [False, True])
+def test_it_starts_from_the_frame_as_measured(surfaces: bool) -> None:
     noisy_mm = frames()
-    prediction = untrained()(noisy_mm)
+    prediction = untrained(surfaces=surfaces)(noisy_mm)
     valid = noisy_mm > 0
     assert torch.equal(prediction.depth_mm[valid], noisy_mm[valid])
     assert torch.equal(prediction.hard_mm(), noisy_mm)
@@ -114,28 +116,30 @@ def test_the_distance_of_a_wall_does_not_change_the_face(backbone: str) -> None:
     torch.testing.assert_close(here.depth_mm[inside], there.depth_mm[inside], rtol=0, atol=1.0)
 
 
+@pytest.mark.parametrize("wrapper", ["uncertain", "surfaces"])
 @pytest.mark.parametrize("backbone", BACKBONES)
-def test_a_crop_is_treated_as_within_its_frame(backbone: str) -> None:
-    model = build("uncertain", backbone).eval()
+def test_a_crop_is_treated_as_within_its_frame(wrapper: str, backbone: str) -> None:
+    model = build(wrapper, backbone).eval()
     frame = frames(1, 160, 176)
     top, left, size, margin = 16, 24, 128, 60  # features see 24 px, the U-Net of 3 scales 28 more
     with torch.no_grad():
-        whole = model(frame)
-        crop = model(frame[..., top : top + size, left : left + size])
+        whole = parts(model, frame)
+        crop = parts(model, frame[..., top : top + size, left : left + size])
     for big, small in zip(whole, crop, strict=True):
         big = big[..., top + margin : top + size - margin, left + margin : left + size - margin]
         small = small[..., margin:-margin, margin:-margin]
         torch.testing.assert_close(small, big, rtol=0, atol=2e-3)
 
 
+@pytest.mark.parametrize("wrapper", ["uncertain", "surfaces"])
 @pytest.mark.parametrize("backbone", [*BACKBONES, "unet", "restormer"])
-def test_frames_without_depth_give_numbers(backbone: str) -> None:
-    model = build("uncertain", backbone)
+def test_frames_without_depth_give_numbers(wrapper: str, backbone: str) -> None:
+    model = build(wrapper, backbone)
     empty = torch.zeros(1, 1, 40, 40)
     single = empty.clone()
     single[..., 20, 20] = 900.0
     for frame in (empty, single):
-        prediction = model(frame)
+        prediction = parts(model, frame)
         sum(part.mean() for part in prediction).backward()
         for value in (*prediction, *(parameter.grad for parameter in model.parameters())):
             assert value is None or value.isfinite().all()
@@ -143,9 +147,10 @@ def test_frames_without_depth_give_numbers(backbone: str) -> None:
     assert not start.hard_mm().any()
 
 
+@pytest.mark.parametrize("wrapper", ["masked", "surfaces"])
 @pytest.mark.parametrize("backbone", BACKBONES)
-def test_what_is_in_a_hole_is_not_looked_at(backbone: str) -> None:
-    model = build("masked", backbone).eval()
+def test_what_is_in_a_hole_is_not_looked_at(wrapper: str, backbone: str) -> None:
+    model = build(wrapper, backbone).eval()
     clean = frames()
     with torch.no_grad():
         expected = model(clean)

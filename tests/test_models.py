@@ -28,9 +28,11 @@ def test_shapes_and_types(wrapper: str, backbone: str) -> None:
     for noisy_mm in (frames(), frames(1, 32, 32), frames(1, 9, 40)):
         prediction = model(noisy_mm)
         given = [part is not None for part in prediction]
-        assert given == [True, wrapper != "paper", wrapper == "uncertain"]
-        for part in parts(model, noisy_mm):
-            assert part.shape == noisy_mm.shape
+        chooses, sure = wrapper == "surfaces", wrapper in ("uncertain", "surfaces")
+        assert given == [True, wrapper != "paper", sure, chooses, chooses]
+        for number, part in enumerate(parts(model, noisy_mm)):
+            candidates = 3 if number >= 3 else 1
+            assert part.shape == (len(noisy_mm), candidates, *noisy_mm.shape[2:])
             assert part.dtype == torch.float32
             assert part.isfinite().all()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import log
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Final, Literal
 
 import torch
 from pydantic import BaseModel, ConfigDict, Field
@@ -22,6 +22,9 @@ from glsim.train.interior import grown, interior
 from glsim.train.models.base import Prediction
 
 Parts = dict[str, Tensor]
+
+#: Several times the noise, and half of what makes a flying pixel.
+_ANOTHER_MM: Final = 25.0
 
 
 class Loss(BaseModel):
@@ -85,6 +88,9 @@ class Masked(Loss):
         0.2, ge=0, le=1, description="of depth at most 3 px from a rim; the interior has 1"
     )
     valid_weight: float = Field(20.0, ge=0, description="of the cross entropy of validity")
+    choice_weight: float = Field(
+        5.0, ge=0, description="of the cross entropy of the surface, if the network chooses one"
+    )
     slope_weight: float = Field(
         3.0, ge=0, description="of the error of depth from pixel to pixel in the interior"
     )
@@ -97,11 +103,20 @@ class Masked(Loss):
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
     ) -> tuple[Tensor, Parts]:
-        """Parts: depth, and valid, slope and sigma where they weigh anything."""
+        """Parts: depth, and valid, choice, slope and sigma where there is such a thing.
+
+        Of several candidates only the right one's depth counts; sigma is that of the chosen one.
+        """
         there = (clean_mm > 0).float()
         asked = there * grown(noisy_mm > 0, self.reach_px)
         inside = asked * interior(clean_mm)
         error = prediction.depth_mm - clean_mm
+        choice = None
+        if prediction.candidates_mm is not None and prediction.choice_logits is not None:
+            errors = prediction.candidates_mm - clean_mm
+            right = right_surface(errors.detach())
+            error = errors.gather(1, right)
+            choice = _negative_log(prediction.choice_logits, right)
         weight = self.edge_weight * asked + (1 - self.edge_weight) * inside
         parts = {"depth": mean_where(self._depth(error, prediction.log_sigma), weight)}
         total = parts["depth"]
@@ -110,11 +125,15 @@ class Masked(Loss):
                 prediction.valid_logit, there
             )
             total = total + self.valid_weight * parts["valid"]
+        if choice is not None:
+            parts["choice"] = mean_where(choice, asked)
+            total = total + self.choice_weight * parts["choice"]
         if self.slope_weight:
             parts["slope"] = self._slope(error, inside)
             total = total + self.slope_weight * parts["slope"]
         if self.sigma_weight and self.depth == "smooth_l1" and prediction.log_sigma is not None:
-            parts["sigma"] = mean_where(_laplace(error.detach(), prediction.log_sigma), asked)
+            said = (prediction.depth_mm - clean_mm).detach()
+            parts["sigma"] = mean_where(_laplace(said, prediction.log_sigma), asked)
             total = total + self.sigma_weight * parts["sigma"]
         return total, parts
 
@@ -139,6 +158,20 @@ class Masked(Loss):
             both = _behind(inside, axis) * _ahead(inside, axis)
             terms.append(mean_where(_smooth(step, self.slope_beta_mm), both))
         return torch.stack(terms).sum()
+
+
+def right_surface(errors_mm: Tensor) -> Tensor:
+    """(B, 1, H, W) which of (B, K, H, W) candidates a pixel is on: the first unless another is
+    nearer to the truth by `_ANOTHER_MM`, so that one surface with three names has one.
+    """
+    size = errors_mm.abs()
+    size = torch.cat([size[:, :1] - _ANOTHER_MM, size[:, 1:]], dim=1)
+    return size.argmin(dim=1, keepdim=True)
+
+
+def _negative_log(logits: Tensor, right: Tensor) -> Tensor:
+    """(B, 1, H, W) cross entropy."""
+    return -logits.log_softmax(dim=1).gather(1, right)
 
 
 def losses() -> dict[str, type[Loss]]:

@@ -15,11 +15,15 @@ class Prediction(NamedTuple):
     valid_logit: log odds of depth; None if the network codes "no depth" as 0 in ``depth_mm``, as
         the networks of the paper do.
     log_sigma: natural logarithm of the standard deviation of ``depth_mm`` in millimetres, or None.
+    candidates_mm, choice_logits: (B, K, H, W), for networks that choose between surfaces: the depth
+        of each, and log odds up to a common term. ``depth_mm`` is the likeliest one.
     """
 
     depth_mm: Tensor
     valid_logit: Tensor | None = None
     log_sigma: Tensor | None = None
+    candidates_mm: Tensor | None = None
+    choice_logits: Tensor | None = None
 
     def hard_mm(self) -> Tensor:
         """Depth with 0 where the network believes in none."""

@@ -57,10 +57,10 @@ def calibrate(
     model.eval()
     standardised = [torch.zeros(0)]
     for noisy_mm, clean_mm in pairs:
-        depth_mm, logit, log_sigma = model(noisy_mm)
-        unscaled = (log_sigma - model.sigma_scale.log()).exp()
-        depth = (clean_mm > 0) & (logit > 0)
-        standardised.append(((depth_mm - clean_mm) / unscaled)[depth].cpu())
+        said = model(noisy_mm)
+        unscaled = (said.log_sigma - model.sigma_scale.log()).exp()
+        depth = (clean_mm > 0) & (said.valid_logit > 0)
+        standardised.append(((said.depth_mm - clean_mm) / unscaled)[depth].cpu())
     model.train(training)
     scale = sigma_scale(torch.cat(standardised), fit)
     model.sigma_scale.fill_(scale)

@@ -6,6 +6,7 @@ as it is within its frame, and a wall behind a face does not change how the face
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import torch
@@ -66,6 +67,37 @@ def depth_features(noisy_mm: Tensor) -> Features:
     return Features(fill_mm, torch.cat(channels, dim=1))
 
 
+def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
+    """(B, 2, H, W): the nearest and the farthest surface that was measured within 6 px, mm.
+
+    Each is the mean of the samples up to 50 mm behind the nearest and before the farthest one.
+    Where nothing was measured so near, both are ``fill_mm``.
+    """
+    samples = list(_taps(torch.where(noisy_mm > 0, noisy_mm, torch.nan)))
+    nearest = torch.stack([s.nan_to_num(torch.inf) for s in samples]).amin(dim=0)
+    farthest = torch.stack([s.nan_to_num(0.0) for s in samples]).amax(dim=0)
+    surfaces = []
+    for extreme in (nearest, farthest):
+        total, count = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
+        for sample in samples:
+            alike = (sample - extreme).abs() < _SURFACE_MM  # not so for nan
+            total += torch.where(alike, sample, 0.0)
+            count += alike
+        surfaces.append(torch.where(count > 0, total / count.clamp_min(1), fill_mm))
+    return torch.cat(surfaces, dim=1)
+
+
+def _taps(image: Tensor) -> Iterator[Tensor]:
+    """The image as each of the 5x5 places 3 px apart around a pixel sees it; nan beyond it."""
+    height, width = image.shape[-2:]
+    reach = _TAPS * _TAP_STEP
+    around = F.pad(image, (reach,) * 4, value=torch.nan)
+    steps = range(0, 2 * reach + 1, _TAP_STEP)
+    for down in steps:
+        for right in steps:
+            yield around[..., down : down + height, right : right + width]
+
+
 def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
     """Depth grown into its holes by rounds of normalised convolution; 0 where it does not reach."""
     for _ in range(_FILL_ROUNDS):
@@ -95,17 +127,11 @@ def _own_surface(fill_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> tuple[Tens
 
     Weights are Tukey's (1 - (d / 50 mm)^2)^2, smooth at the limit: one step of a mean shift.
     """
-    height, width = fill_mm.shape[-2:]
-    reach = _TAPS * _TAP_STEP
-    around = F.pad(torch.where(valid > 0, depth_mm, -torch.inf), (reach,) * 4, value=-torch.inf)
     offset_sum, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
-    steps = range(0, 2 * reach + 1, _TAP_STEP)
-    for down in steps:
-        for right in steps:
-            offset = around[..., down : down + height, right : right + width] - fill_mm
-            offset = offset.clamp(-_SURFACE_MM, _SURFACE_MM)
-            weight = (1.0 - (offset / _SURFACE_MM).square()).square()
-            offset_sum += weight * offset
-            weight_sum += weight
+    for sample in _taps(torch.where(valid > 0, depth_mm, torch.nan)):
+        offset = (sample - fill_mm).nan_to_num(_SURFACE_MM).clamp(-_SURFACE_MM, _SURFACE_MM)
+        weight = (1.0 - (offset / _SURFACE_MM).square()).square()
+        offset_sum += weight * offset
+        weight_sum += weight
     mean = fill_mm + offset_sum / weight_sum.clamp_min(_TINY)
-    return mean, weight_sum / len(steps) ** 2
+    return mean, weight_sum / (2 * _TAPS + 1) ** 2

@@ -17,12 +17,16 @@ from torch import Tensor
 
 from .backbone import Backbone
 from .base import DepthModel, Prediction
-from .features import CHANNELS, depth_features
+from .features import CHANNELS, depth_features, front_and_back
 
 #: A correction of 1 in the network, mm: the scale of its first input channel.
 _CORRECTION_MM: Final = 10.0
 #: Log odds before anything is learned: +3 for measured pixels, -3 for holes, i.e. 95 %.
 _PRIOR_LOGIT: Final = 6.0
+#: Log odds of a pixel's own surface over another before anything is learned: 95 %.
+_PRIOR_CHOICE: Final = 3.0
+#: Other surfaces are shown as asinh(mm / this): small steps in full, large ones as logarithms.
+_OFFSET_MM: Final = 20.0
 #: Standard deviation before anything is learned, mm: Kinect v2's noise at 0.9 m.
 _PRIOR_SIGMA_MM: Final = 1.65
 #: Beyond these no depth camera goes, and exp() stays tame.
@@ -35,26 +39,35 @@ class MaskAware(DepthModel):
     noisy_mm: (B, 1, H, W) float32; pixels that are not above 0 are holes, whatever they hold. The
     features and the sums in millimetres are made in float32 under autocast too. With a last layer
     of zeros, which the registry asks for, training starts from: the depth as measured, the mask as
-    measured, 1.65 mm. Parameters are those of the backbone, from 5 channels to 2 (3 with
-    ``uncertainty``).
+    measured, 1.65 mm.
 
-    ``sigma_scale`` (a buffer, 1 until `calibration.calibrate`) multiplies sigma.
+    With ``surfaces`` a pixel may also be put onto the surface in front of it or the one behind. At
+    a step in depth a mean of the two is in mid-air, and so is what any loss of one number makes of
+    a pixel that may be on either; to choose a mode instead is the idea of Tosi et al., "SMD-Nets:
+    Stereo Mixture Density Networks", CVPR 2021.
+
+    Parameters are those of the backbone, from 5 channels (7 with ``surfaces``) to 2 (1 more with
+    ``uncertainty``, 4 more with ``surfaces``). ``sigma_scale`` (a buffer, 1 until
+    `calibration.calibrate`) multiplies sigma.
     """
 
     sigma_scale: Tensor
 
-    def __init__(self, backbone: Backbone, uncertainty: bool = False) -> None:
+    def __init__(
+        self, backbone: Backbone, uncertainty: bool = False, surfaces: bool = False
+    ) -> None:
         super().__init__()
         self.backbone = backbone
         self.uncertainty = uncertainty
+        self.surfaces = surfaces
         self.register_buffer("sigma_scale", torch.ones(()))
 
     @staticmethod
-    def backbone_settings(uncertainty: bool = False) -> dict[str, Any]:
+    def backbone_settings(uncertainty: bool = False, surfaces: bool = False) -> dict[str, Any]:
         """What the backbone has to be built with."""
         return {
-            "in_channels": CHANNELS,
-            "out_channels": 3 if uncertainty else 2,
+            "in_channels": CHANNELS + 2 * surfaces,
+            "out_channels": 2 + uncertainty + 4 * surfaces,
             "residual": False,
             "zero_last": True,
         }
@@ -62,13 +75,30 @@ class MaskAware(DepthModel):
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""
         with torch.autocast(noisy_mm.device.type, enabled=False):
-            fill_mm, channels = depth_features(noisy_mm.float())
+            noisy_mm = noisy_mm.float()
+            fill_mm, channels = depth_features(noisy_mm)
+            if self.surfaces:
+                around_mm = front_and_back(noisy_mm, fill_mm)
+                offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
+                channels = torch.cat([offset, channels], dim=1)
         valid = channels[:, -1:]
         out = self.backbone(channels, valid).float()
-        return Prediction(
+        prediction = Prediction(
             depth_mm=fill_mm + _CORRECTION_MM * out[:, 0:1],
             valid_logit=out[:, 1:2] + _PRIOR_LOGIT * (valid - 0.5),
             log_sigma=self._log_sigma(out[:, 2:3]) if self.uncertainty else None,
+        )
+        return self._chosen(prediction, around_mm, out[:, -4:]) if self.surfaces else prediction
+
+    def _chosen(self, own: Prediction, around_mm: Tensor, out: Tensor) -> Prediction:
+        """The prediction with the likeliest of three surfaces: its own, in front, behind."""
+        candidates_mm = torch.cat([own.depth_mm, around_mm + _CORRECTION_MM * out[:, :2]], dim=1)
+        logits = torch.cat([torch.zeros_like(own.depth_mm), out[:, 2:] - _PRIOR_CHOICE], dim=1)
+        likeliest = logits.argmax(dim=1, keepdim=True)
+        return own._replace(
+            depth_mm=candidates_mm.gather(1, likeliest),
+            candidates_mm=candidates_mm,
+            choice_logits=logits,
         )
 
     def _log_sigma(self, out: Tensor) -> Tensor:
