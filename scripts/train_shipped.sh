@@ -24,18 +24,19 @@ generate() {
     done
 }
 
-# Any Kinect V2: parameters, distances and poses are drawn.
+# Any Kinect V2: parameters, distances, poses and variation are drawn; a third stands before a wall.
 any=(--config train/data/randomised.toml)
-generate kinect 500 16 "${any[@]}" --seed 101
-generate wall 100 16 "${any[@]}" --seed 102 --set 'scene.wall_mm={ uniform = [900, 2500] }'
+wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
+generate kinect 400 16 "${any[@]}" --seed 101
+generate wall 200 16 "${any[@]}" --seed 102 "${wall[@]}"
 # A little of every other sensor, and of none (ideal), so that no harm is done to their frames.
 pose=(--set 'pose.yaw_deg={ uniform = [-60, 60] }' --set 'pose.pitch_deg={ uniform = [-25, 25] }'
-    --set 'pose.distance_mm={ uniform = [550, 1400] }')
-for sensor in kinect-v2-fast kinect-v2-fankhauser kinect-v2-paper kinect-v1 azure-kinect led3d; do
+    --set 'pose.distance_mm={ uniform = [550, 1400] }' --set variation.per=frame
+    --set 'variation.shape_mm={ uniform = [0, 5] }' --set 'variation.albedo={ uniform = [0, 0.7] }')
+for sensor in kinect-v2-fast kinect-v2-fankhauser kinect-v2-paper kinect-v1 azure-kinect led3d ideal; do
     generate "$sensor" 50 8 --sensor "$sensor" --seed 103 "${pose[@]}"
+    generate "$sensor-wall" 25 8 --sensor "$sensor" --seed 104 "${pose[@]}" "${wall[@]}"
 done
-generate ideal 125 8 --sensor ideal --seed 103 "${pose[@]}"
-generate ideal-wall 50 8 --sensor ideal --seed 104 "${pose[@]}" --set 'scene.wall_mm={ uniform = [900, 2500] }'
 
 "$glsim" train face "${sets[@]}" --resume -o "$out/run"
 cp "$out/run/best.pt" train/shipped/face.pt

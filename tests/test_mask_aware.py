@@ -183,8 +183,9 @@ def test_sigma_scale_makes_errors_standard() -> None:
     assert sigma_scale(errors / sigma, "median") == pytest.approx(2.5, rel=0.06)
 
 
-def test_calibration_sets_and_resets_the_factor() -> None:
-    model = untrained()
+@pytest.mark.parametrize("surfaces", [False, True])
+def test_calibration_sets_and_resets_the_factor(surfaces: bool) -> None:
+    model = untrained(surfaces=surfaces)
     clean = torch.full((2, 1, 64, 64), 900.0)
     clean[..., :20] = 0.0
     noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(0))
@@ -197,7 +198,7 @@ def test_calibration_sets_and_resets_the_factor() -> None:
     torch.testing.assert_close(
         model(noisy).log_sigma.exp(), torch.full_like(noisy, 3.3), rtol=0.05, atol=0
     )
-    copy = untrained()
+    copy = untrained(surfaces=surfaces)
     copy.load_state_dict(model.state_dict())
     assert copy.sigma_scale == model.sigma_scale
 
