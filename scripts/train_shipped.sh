@@ -32,7 +32,7 @@ generate wall 200 16 "${any[@]}" --seed 102 "${wall[@]}"
 # A little of every other sensor, and of none (ideal), so that no harm is done to their frames.
 pose=(--set 'pose.yaw_deg={ uniform = [-60, 60] }' --set 'pose.pitch_deg={ uniform = [-25, 25] }'
     --set 'pose.distance_mm={ uniform = [550, 1400] }' --set variation.per=frame
-    --set 'variation.shape_mm={ uniform = [0, 5] }' --set 'variation.albedo={ uniform = [0, 0.7] }')
+    --set 'variation.shape_mm={ uniform = [0, 5] }' --set 'variation.albedo={ uniform = [0, 1.2] }')
 for sensor in kinect-v2-fast kinect-v2-fankhauser kinect-v2-paper kinect-v1 azure-kinect led3d ideal; do
     generate "$sensor" 50 8 --sensor "$sensor" --seed 103 "${pose[@]}"
     generate "$sensor-wall" 25 8 --sensor "$sensor" --seed 104 "${pose[@]}" "${wall[@]}"

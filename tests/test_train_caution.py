@@ -8,7 +8,7 @@ import torch
 
 from glsim import load_settings, simulate
 from glsim.frame import Frame
-from glsim.train.caution import CLEAN_MM, LEAST_SURE_MM, REACH_PX, believed, noise_mm
+from glsim.train.caution import CLEAN_MM, LEAST_CHOSEN, REACH_PX, believed, noise_mm
 from glsim.train.denoiser import NetworkDenoiser
 from glsim.train.models.base import DepthModel, Prediction
 
@@ -56,19 +56,22 @@ def test_only_what_is_near_and_sure_is_believed() -> None:
     near = believed(depth, None)
     assert near[30 + REACH_PX, 30 - REACH_PX]
     assert near.sum() == (2 * REACH_PX + 1) ** 2
-    sigma = np.full_like(depth, LEAST_SURE_MM / 2)
-    sigma[28] = LEAST_SURE_MM
-    np.testing.assert_array_equal(believed(depth, sigma)[28], False)
-    np.testing.assert_array_equal(np.delete(believed(depth, sigma), 28, 0), np.delete(near, 28, 0))
+    chosen = np.full_like(depth, LEAST_CHOSEN)
+    chosen[28] -= 0.01
+    np.testing.assert_array_equal(believed(depth, chosen)[28], False)
+    np.testing.assert_array_equal(np.delete(believed(depth, chosen), 28, 0), np.delete(near, 28, 0))
 
 
 class Shifts(DepthModel):
-    """Moves everything by 5 mm, believes in depth everywhere, unsure on the left."""
+    """Moves everything by 5 mm, believes in depth everywhere, unsure of the surface on the left."""
 
     def forward(self, noisy_mm: torch.Tensor) -> Prediction:
-        sigma = torch.full_like(noisy_mm, 2.0)
-        sigma[..., :40] = 100.0
-        return Prediction(noisy_mm + 5, torch.full_like(noisy_mm, 9.0), sigma.log())
+        log_sigma = torch.full_like(noisy_mm, 2.0).log()
+        moved_mm = noisy_mm + 5
+        logits = torch.zeros(1, 3, *noisy_mm.shape[2:])
+        logits[:, 0, :, 40:] = 9.0
+        logit = torch.full_like(noisy_mm, 9.0)
+        return Prediction(moved_mm, logit, log_sigma, moved_mm.expand(1, 3, -1, -1), logits)
 
 
 def test_a_denoiser_leaves_alone_what_is_clean_and_drops_what_it_does_not_know() -> None:

@@ -77,8 +77,16 @@ class NetworkDenoiser:
         if noise is not None and noise < CLEAN_MM:  # as it came; sigma is that of what is left
             left = None if sigma_mm is None else np.full_like(frame, noise)
             return frame, (frame > 0).astype(np.float32), left
-        probability = _image(prediction.valid_logit.sigmoid()) * believed(frame, sigma_mm)
+        probability = _image(prediction.valid_logit.sigmoid())
+        probability *= believed(frame, _chosen(prediction))
         return np.maximum(depth_mm, 0), probability, sigma_mm
+
+
+def _chosen(prediction: Prediction) -> Depth | None:
+    """The probability of the surface that was chosen, if there was a choice."""
+    if prediction.choice_logits is None:
+        return None
+    return _image(prediction.choice_logits.softmax(dim=1).amax(dim=1, keepdim=True))
 
 
 def _image(batch: torch.Tensor) -> Depth:
