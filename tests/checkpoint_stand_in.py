@@ -1,7 +1,8 @@
 """Stands in for ``glsim.train.denoiser`` where tests need a checkpoint but no PyTorch.
 
 A checkpoint is JSON: gain (the depth is moved by gain times what the noisy map is off 900 mm), soft
-(the validity is a probability), sigma_mm (of every pixel, if it knows one), blind (finds no depth).
+(the validity is a probability), sigma_mm (of every pixel, if it knows one), blind (finds no depth;
+nor does it if asked to be surer than 0.75).
 """
 
 from __future__ import annotations
@@ -36,9 +37,11 @@ class Network:
         return *self(noisy_mm, valid), np.full(noisy_mm.shape, self.sigma_mm, np.float32)
 
 
-def load_denoiser(path: Path) -> Network:
+def load_denoiser(path: Path, sure: float = 0.0) -> Network:
     try:
-        return Network(**json.loads(path.read_text()))
+        network = Network(**json.loads(path.read_text()))
+        network.blind |= sure > 0.75
+        return network
     except (ValueError, TypeError) as error:
         raise DenoiserError(f"{path}: is no checkpoint: {error}") from None
 

@@ -161,8 +161,15 @@ def test_without_a_denoiser_the_shipped_network_is_taken(
     assert main(scoring) == 0
     assert "`face`" in (tmp_path / "s" / "table.md").read_text()
 
+    for asked, kept in (("face:sure=0.6", True), ("face:sure=0.9", False)):
+        assert main([*command[:-2], asked, "-q"]) == 0
+        assert read(tmp_path / "two.png").any() == kept
+        assert main([*command[:-2], asked.replace("face", str(shipped)), "-q"]) == 0
+        assert read(tmp_path / "two.png").any() == kept
     assert main([*command[:-2], "face:size=3"]) == 2
-    assert "face has no parameters" in capsys.readouterr().err
+    assert "no such parameter 'size'" in capsys.readouterr().err
+    assert main([*command[:-2], "face:sure=2"]) == 2
+    assert "sure must lie in [0, 0.999]" in capsys.readouterr().err
     shipped.unlink()
     assert main(command) == 1
     assert "no face.pt, the weights of the shipped network" in capsys.readouterr().err

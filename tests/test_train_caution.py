@@ -88,3 +88,16 @@ def test_a_denoiser_leaves_alone_what_is_clean_and_drops_what_it_does_not_know()
     assert (probability[:, :40] == 0).all()
     assert probability[48, 48] > 0.99
     assert probability[0, 95] == 0, "nothing was measured near"
+
+
+def test_who_asks_for_sure_depth_gets_a_mask() -> None:
+    noise = np.random.default_rng(0).normal(0, 2, ball().shape).astype(np.float32)
+    noisy = np.where(ball() > 0, ball() + noise, 0).astype(np.float32)
+    for sure, kept in ((0.99, True), (0.9999, False)):  # it believes in depth with log odds of 9
+        _, valid = NetworkDenoiser(Shifts(), "shifts", True, sure)(noisy, noisy > 0)
+        assert valid.dtype == bool
+        assert valid[48, 48] == kept
+        assert not valid[:, :40].any()
+    clean = np.rint(ball())
+    _, valid = NetworkDenoiser(Shifts(), "shifts", True, 0.9)(clean, clean > 0)
+    np.testing.assert_array_equal(valid, clean > 0)

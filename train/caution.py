@@ -55,7 +55,9 @@ def noise_mm(depth_mm: Depth) -> float | None:
     return float((np.sqrt(size).mean() / _ROOT) ** 2 / _GAIN)
 
 
-def believed(depth_mm: Depth, chosen: Probability | None) -> Mask:
+def believed(
+    depth_mm: Depth, chosen: Probability | None, least_chosen: float = LEAST_CHOSEN
+) -> Mask:
     """Where a prediction counts, (H, W): near measured depth, and where it is sure of its surface.
 
     depth_mm: as measured, 0 = no return. chosen: the probability of the surface that was chosen,
@@ -64,4 +66,4 @@ def believed(depth_mm: Depth, chosen: Probability | None) -> Mask:
     side = 2 * REACH_PX + 1
     measured = (depth_mm > 0).astype(np.uint8)
     near: Mask = cv2.dilate(measured, np.ones((side, side), np.uint8)) > 0
-    return near if chosen is None else near & (chosen >= LEAST_CHOSEN)
+    return near if chosen is None else near & (chosen >= least_chosen)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import DenoiserError, GlsimError
 from glsim.train import checkpoint
-from glsim.train.caution import CLEAN_MM, believed, noise_mm
+from glsim.train.caution import CLEAN_MM, LEAST_CHOSEN, believed, noise_mm
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.registry import build_model
 from glsim.train.validation import HALF_MM
@@ -27,22 +27,24 @@ _FLOAT32 = partial(torch.backends.cudnn.flags, enabled=True, allow_tf32=False)
 class NetworkDenoiser:
     """Frames of any size, one at a time, in float32; on the GPU if there is one.
 
-    uncertain: whether ``with_uncertainty`` has something to say.
+    uncertain: whether ``with_uncertainty`` has something to say. sure: depth is kept where it, and
+    the surface that was chosen for it, are more probable than this; 0: the probability is returned.
     """
 
-    def __init__(self, model: DepthModel, name: str, uncertain: bool) -> None:
+    def __init__(self, model: DepthModel, name: str, uncertain: bool, sure: float = 0.0) -> None:
         self._device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         self._model = model.eval().to(self._device, memory_format=torch.channels_last)
         self._name = name
+        self._sure = sure
         self.uncertain = uncertain
 
     def __call__(self, noisy_mm: Depth, valid: NDArray[np.bool_]) -> tuple[Depth, Validity]:
         """(H, W) float32 millimetres with 0 = no return, and (H, W) bool.
 
         Returns depth in millimetres (H, W) float32, and the probability of depth, float32, or
-        bool where the network codes "no depth" as 0. With a probability, frames without noise come
-        back as they are and what is not ``believed`` has a probability of 0, see
-        ``glsim.train.caution``.
+        bool with ``sure`` or where the network codes "no depth" as 0. With a probability, frames
+        without noise come back as they are and what is not ``believed`` has a probability of 0,
+        see ``glsim.train.caution``.
         """
         depth_mm, validity, _ = self._run(noisy_mm, valid)
         return depth_mm, validity
@@ -76,10 +78,13 @@ class NetworkDenoiser:
         noise = noise_mm(frame)
         if noise is not None and noise < CLEAN_MM:  # as it came; sigma is that of what is left
             left = None if sigma_mm is None else np.full_like(frame, noise)
-            return frame, (frame > 0).astype(np.float32), left
+            return frame, self._validity((frame > 0).astype(np.float32)), left
         probability = _image(prediction.valid_logit.sigmoid())
-        probability *= believed(frame, _chosen(prediction))
-        return np.maximum(depth_mm, 0), probability, sigma_mm
+        probability *= believed(frame, _chosen(prediction), max(self._sure, LEAST_CHOSEN))
+        return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm
+
+    def _validity(self, probability: Depth) -> Validity:
+        return probability > self._sure if self._sure else probability
 
 
 def _chosen(prediction: Prediction) -> Depth | None:
@@ -94,8 +99,10 @@ def _image(batch: torch.Tensor) -> Depth:
     return image
 
 
-def load_denoiser(path: Path) -> NetworkDenoiser:
+def load_denoiser(path: Path, sure: float = 0.0) -> NetworkDenoiser:
     """The network of a checkpoint of ``glsim train``, best.pt or last.pt; no code in it is run.
+
+    sure: see ``NetworkDenoiser``; networks that code "no depth" as 0 take no notice of it.
 
     Raises DenoiserError for a file that is truncated, foreign, or does not fit this glsim's models.
     """
@@ -111,4 +118,4 @@ def load_denoiser(path: Path) -> NetworkDenoiser:
         raise DenoiserError(
             f"{path}: its weights do not fit its recipe ({reason}): train again"
         ) from None
-    return NetworkDenoiser(model, str(path), bool(table.get("uncertainty", False)))
+    return NetworkDenoiser(model, str(path), bool(table.get("uncertainty", False)), sure)

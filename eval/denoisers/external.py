@@ -6,15 +6,16 @@ import functools
 import importlib
 import importlib.resources
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from glsim.errors import DenoiserError
 
-from .base import Method
+from .base import Method, parameter
 
-#: Where checkpoints are opened: ``load_denoiser(path) -> callable`` of the protocol. Reached by
-#: name, because ``glsim.eval`` and ``glsim.train`` do not import each other.
+#: Where checkpoints are opened: ``load_denoiser(path, sure) -> callable`` of the protocol. Reached
+#: by name, because ``glsim.eval`` and ``glsim.train`` do not import each other.
 _CHECKPOINT_MODULE = "glsim.train.denoiser"
 #: Where the shipped network lies; docs/model_card.md says what it is.
 _SHIPPED_PACKAGE, _SHIPPED_FILE = "glsim.train.shipped", "face.pt"
@@ -46,27 +47,36 @@ def from_callable(module: str, name: str, parameters: dict[str, str], label: str
     return as_method(label, found, _version(getattr(sys.modules[module], "__file__", None)))
 
 
-def from_checkpoint(path: Path, label: str) -> Method:
+@dataclass(frozen=True)
+class Network:
+    """What one may ask of a trained network."""
+
+    sure: float = parameter(
+        0.0, 0.0, 0.999, "keep depth that is more probable than this; 0: see --composite"
+    )
+
+
+def from_checkpoint(path: Path, label: str, asked: Network = Network()) -> Method:
     """A trained model. DenoiserError if the file or ``glsim.train`` is not there."""
     if not path.is_file():
         raise DenoiserError(f"{path}: no such checkpoint: give the best.pt of a run of glsim train")
     try:
-        function = importlib.import_module(_CHECKPOINT_MODULE).load_denoiser(path)
+        function = importlib.import_module(_CHECKPOINT_MODULE).load_denoiser(path, asked.sure)
     except ImportError as error:
         raise DenoiserError(
             f"{label}: networks need PyTorch: pip install 'glsim[train]', or choose a filter such "
             f"as -d quadric:sigma_px=2.5,cleanup=5 ({error})"
         ) from None
-    return as_method(label, function, _version(path))
+    return as_method(label, function, f"{_version(path)} {asked}")
 
 
-def from_shipped(label: str) -> Method:
+def from_shipped(label: str, asked: Network) -> Method:
     """The network that comes with glsim. DenoiserError if its weights or PyTorch are not there."""
     try:
         folder = importlib.resources.files(_SHIPPED_PACKAGE)
         with importlib.resources.as_file(folder / _SHIPPED_FILE) as path:
             if path.is_file():
-                return from_checkpoint(path, label)
+                return from_checkpoint(path, label, asked)
     except (ImportError, FileNotFoundError):
         pass
     raise DenoiserError(

@@ -12,7 +12,7 @@ from glsim.errors import ConfigError, did_you_mean
 
 from . import masked, paper, temporal
 from .base import Method, build
-from .external import as_method, from_callable, from_checkpoint, from_shipped
+from .external import Network, as_method, from_callable, from_checkpoint, from_shipped
 
 _KINDS: Final[dict[str, type]] = {
     "noisy": paper.Identity,
@@ -60,14 +60,13 @@ def known() -> list[str]:
 
 def describe(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
     """What a shipped denoiser is, in a line, and parameter -> (default, help)."""
-    if name == SHIPPED:
-        return _SHIPPED_HELP, {}
-    kind = _KINDS[name]
+    kind = Network if name == SHIPPED else _KINDS[name]
     parameters = {
         field.name: (field.default, str(field.metadata["help"]))
         for field in dataclasses.fields(kind)
     }
-    return (kind.__doc__ or "").splitlines()[0], parameters
+    what = _SHIPPED_HELP if name == SHIPPED else (kind.__doc__ or "").splitlines()[0]
+    return what, parameters
 
 
 def grid(name: str, cleanups: Sequence[int]) -> list[str]:
@@ -80,7 +79,7 @@ def grid(name: str, cleanups: Sequence[int]) -> list[str]:
 
 
 def load(spec: str) -> Method:
-    """A denoiser from ``name:key=value,...``, ``module:function:key=value,...`` or a checkpoint.
+    """A denoiser from ``name:key=value,...``, ``module:function:key=value,...`` or ``best.pt``.
 
     ``label@spec`` gives it a name of its own in tables. Raises ConfigError for an unknown name or
     parameter, DenoiserError for what cannot be imported.
@@ -91,20 +90,26 @@ def load(spec: str) -> Method:
         raise ConfigError(f"--denoiser {spec!r}: give a name, e.g. median:size=5")
     if text.endswith(_SUFFIXES):
         return from_checkpoint(Path(text), label)
+    path, _, asked = text.rpartition(":")
+    if path.endswith(_SUFFIXES):
+        return from_checkpoint(Path(path), label, _network(asked, spec))
     name, _, tail = text.partition(":")
     if name in _KINDS:
         return as_method(label, build(_KINDS[name], _assignments(tail, spec), spec))
-    if name == SHIPPED and not tail:
-        return from_shipped(label)
+    if name == SHIPPED:
+        return from_shipped(label, _network(tail, spec))
     function, _, parameters = tail.partition(":")
     if function and "=" not in function:
         return from_callable(name, function, _assignments(parameters, spec), label)
-    if name == SHIPPED:
-        raise ConfigError(f"--denoiser {spec}: {SHIPPED} has no parameters")
     raise ConfigError(
         f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, known())}); or write "
         "module:function, or the path of a checkpoint"
     )
+
+
+def _network(text: str, spec: str) -> Network:
+    asked: Network = build(Network, _assignments(text, spec), spec)
+    return asked
 
 
 def _assignments(text: str, spec: str) -> dict[str, Any]:
