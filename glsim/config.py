@@ -117,7 +117,8 @@ class VariationSettings(_Table):
         for name, most in (("shape_mm", 6.0), ("albedo", 2.0)):
             low, high = getattr(self, name).bounds()
             if low < 0 or high > most:
-                raise ValueError(f"{name}: {low:g} to {high:g} is not within 0 to {most:g}")
+                wrong = low if low < 0 else high
+                raise ValueError(f"{name} may be {wrong:g}, but must lie in [0, {most:g}]")
         return self
 
 
