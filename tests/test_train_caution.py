@@ -8,7 +8,14 @@ import torch
 
 from glsim import load_settings, simulate
 from glsim.frame import Frame
-from glsim.train.caution import CLEAN_MM, LEAST_CHOSEN, REACH_PX, believed, noise_mm
+from glsim.train.caution import (
+    CLEAN_MM,
+    HOLE_RISK_MM,
+    MEASURED_RISK_MM,
+    REACH_PX,
+    believed,
+    noise_mm,
+)
 from glsim.train.denoiser import NetworkDenoiser
 from glsim.train.models.base import DepthModel, Prediction
 
@@ -56,10 +63,13 @@ def test_only_what_is_near_and_sure_is_believed() -> None:
     near = believed(depth, None)
     assert near[30 + REACH_PX, 30 - REACH_PX]
     assert near.sum() == (2 * REACH_PX + 1) ** 2
-    chosen = np.full_like(depth, LEAST_CHOSEN)
-    chosen[28] -= 0.01
-    np.testing.assert_array_equal(believed(depth, chosen)[28], False)
-    np.testing.assert_array_equal(np.delete(believed(depth, chosen), 28, 0), np.delete(near, 28, 0))
+    risk = np.full_like(depth, HOLE_RISK_MM / 2)
+    risk[28] = HOLE_RISK_MM
+    np.testing.assert_array_equal(believed(depth, risk)[28], False)
+    np.testing.assert_array_equal(np.delete(believed(depth, risk), 28, 0), np.delete(near, 28, 0))
+    everywhere = np.full_like(depth, 900)
+    assert believed(everywhere, risk).all()
+    assert not believed(everywhere, np.full_like(depth, MEASURED_RISK_MM)).any()
 
 
 class Shifts(DepthModel):
@@ -68,10 +78,11 @@ class Shifts(DepthModel):
     def forward(self, noisy_mm: torch.Tensor) -> Prediction:
         log_sigma = torch.full_like(noisy_mm, 2.0).log()
         moved_mm = noisy_mm + 5
+        candidates_mm = torch.cat([moved_mm, moved_mm, moved_mm + 600], dim=1)
         logits = torch.zeros(1, 3, *noisy_mm.shape[2:])
         logits[:, 0, :, 40:] = 9.0
         logit = torch.full_like(noisy_mm, 9.0)
-        return Prediction(moved_mm, logit, log_sigma, moved_mm.expand(1, 3, -1, -1), logits)
+        return Prediction(moved_mm, logit, log_sigma, candidates_mm, logits)
 
 
 def test_a_denoiser_leaves_alone_what_is_clean_and_drops_what_it_does_not_know() -> None:

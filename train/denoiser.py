@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import DenoiserError, GlsimError
 from glsim.train import checkpoint
-from glsim.train.caution import CLEAN_MM, LEAST_CHOSEN, believed, noise_mm
+from glsim.train.caution import CLEAN_MM, believed, noise_mm
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.registry import build_model
 from glsim.train.validation import HALF_MM
@@ -27,8 +27,9 @@ _FLOAT32 = partial(torch.backends.cudnn.flags, enabled=True, allow_tf32=False)
 class NetworkDenoiser:
     """Frames of any size, one at a time, in float32; on the GPU if there is one.
 
-    uncertain: whether ``with_uncertainty`` has something to say. sure: depth is kept where it, and
-    the surface that was chosen for it, are more probable than this; 0: the probability is returned.
+    uncertain: whether ``with_uncertainty`` has something to say. sure: depth is kept where that
+    there is some, on the surface that was chosen, is more probable than this; 0: the probability of
+    depth is returned.
     """
 
     def __init__(self, model: DepthModel, name: str, uncertain: bool, sure: float = 0.0) -> None:
@@ -79,19 +80,27 @@ class NetworkDenoiser:
         if noise is not None and noise < CLEAN_MM:  # as it came; sigma is that of what is left
             left = None if sigma_mm is None else np.full_like(frame, noise)
             return frame, self._validity((frame > 0).astype(np.float32)), left
-        probability = _image(prediction.valid_logit.sigmoid())
-        probability *= believed(frame, _chosen(prediction), max(self._sure, LEAST_CHOSEN))
+        chosen, risk_mm = _choice(prediction)
+        probability = _image(prediction.valid_logit.sigmoid()) * believed(frame, risk_mm)
+        if self._sure:
+            probability *= chosen
         return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm
 
     def _validity(self, probability: Depth) -> Validity:
         return probability > self._sure if self._sure else probability
 
 
-def _chosen(prediction: Prediction) -> Depth | None:
-    """The probability of the surface that was chosen, if there was a choice."""
-    if prediction.choice_logits is None:
-        return None
-    return _image(prediction.choice_logits.softmax(dim=1).amax(dim=1, keepdim=True))
+def _choice(prediction: Prediction) -> tuple[Depth | float, Depth | None]:
+    """The probability of the surface that was chosen, and how far off it is on average, mm.
+
+    1 and None for a network that does not choose.
+    """
+    if prediction.choice_logits is None or prediction.candidates_mm is None:
+        return 1.0, None
+    probability = prediction.choice_logits.softmax(dim=1)
+    off_mm = (prediction.candidates_mm - prediction.depth_mm).abs()
+    risk_mm = (probability * off_mm).sum(dim=1, keepdim=True)
+    return _image(probability.amax(dim=1, keepdim=True)), _image(risk_mm)
 
 
 def _image(batch: torch.Tensor) -> Depth:
