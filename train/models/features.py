@@ -7,6 +7,7 @@ as it is within its frame, and a wall behind a face does not change how the face
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import reduce
 from typing import Final, NamedTuple
 
 import torch
@@ -74,10 +75,8 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     Where nothing was measured so near, both are ``fill_mm``.
     """
     samples = list(_taps(torch.where(noisy_mm > 0, noisy_mm, torch.nan)))
-    nearest = torch.stack([s.nan_to_num(torch.inf) for s in samples]).amin(dim=0)
-    farthest = torch.stack([s.nan_to_num(0.0) for s in samples]).amax(dim=0)
     surfaces = []
-    for extreme in (nearest, farthest):
+    for extreme in (reduce(torch.fmin, samples), reduce(torch.fmax, samples)):  # but for nan
         total, count = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
         for sample in samples:
             alike = (sample - extreme).abs() < _SURFACE_MM  # not so for nan

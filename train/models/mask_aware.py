@@ -94,7 +94,10 @@ class MaskAware(DepthModel):
         """The prediction with the likeliest of three surfaces: its own, in front, behind."""
         candidates_mm = torch.cat([own.depth_mm, around_mm + _CORRECTION_MM * out[:, :2]], dim=1)
         logits = torch.cat([torch.zeros_like(own.depth_mm), out[:, 2:] - _PRIOR_CHOICE], dim=1)
-        likeliest = logits.argmax(dim=1, keepdim=True)
+        # argmax over three channels would take a tenth of the time of all the rest.
+        front, behind = logits[:, 1:2], logits[:, 2:]
+        other = torch.where(behind > front, 2, 1)
+        likeliest = torch.where(torch.maximum(front, behind) > 0, other, 0)
         return own._replace(
             depth_mm=candidates_mm.gather(1, likeliest),
             candidates_mm=candidates_mm,
