@@ -27,18 +27,17 @@ its GLSL file; they are checked when the sensor is loaded (glsim.sensor).
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from glsim.distribution import Drawn, Scope, constant
-from glsim.errors import ConfigError, did_you_mean
+from glsim.errors import ConfigError
+from glsim.toml import assign, merge_tables, read_toml, split_assignment, validate
 
 Layer = Literal["clean", "noisy", "infrared", "reason", "regions"]
-_Model = TypeVar("_Model", bound=BaseModel)
 DEFAULT_SUBJECTS = 10
 DEFAULT_FRAMES = 30
 DEFAULT_SENSOR = "kinect-v2"
@@ -232,16 +231,6 @@ def _with_counts(source: SourceSettings) -> SourceSettings:
     return source.model_copy(update=update)
 
 
-def read_toml(file: Path) -> dict[str, Any]:
-    """A TOML file as nested dicts. Raises ConfigError with the file's name."""
-    try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{file}: no such file") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"{file}: {error}") from None
-
-
 def parse_assignment(text: str) -> tuple[list[str], Any]:
     """``"axial.base_sigma_mm=2.5"`` to (["stage", "axial", "base_sigma_mm"], 2.5).
 
@@ -251,71 +240,3 @@ def parse_assignment(text: str) -> tuple[list[str], Any]:
     if len(path) == 2 and path[0] not in Settings.model_fields:
         path = ["stage", *path]
     return path, value
-
-
-def split_assignment(text: str, example: str) -> tuple[list[str], Any]:
-    """``"a.b=2.5"`` to (["a", "b"], 2.5); values are TOML, a bare word is taken as a string.
-
-    Raises ConfigError, which shows the example, if there is no "name=value".
-    """
-    name, equals, value = text.partition("=")
-    path = [part.strip() for part in name.split(".")]
-    if not equals or not value.strip() or not all(path):
-        raise ConfigError(f"--set {text}: write name=value, e.g. {example}")
-    try:
-        return path, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return path, value.strip()
-
-
-def assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> None:
-    """Put a value at a path into nested dicts. Raises ConfigError, with ``text``, if it cannot."""
-    node: Any = tree
-    for part in path[:-1]:
-        if isinstance(node, dict):
-            node = node.setdefault(part, {})
-    if not isinstance(node, dict):
-        raise ConfigError(f"--set {text}: {'.'.join(path[:-1])} is not a single table")
-    node[path[-1]] = value
-
-
-def merge_tables(tree: dict[str, Any], overrides: Mapping[str, Any]) -> None:
-    """Put ``overrides`` over nested dicts, in place; tables are merged, all else is replaced."""
-    for key, value in overrides.items():
-        if isinstance(value, Mapping) and isinstance(tree.get(key), dict):
-            merge_tables(tree[key], value)
-        else:
-            tree[key] = dict(value) if isinstance(value, Mapping) else value
-
-
-def validate(model: type[_Model], tree: Mapping[str, Any], where: str) -> _Model:
-    """Build ``model`` from nested dicts; the first problem becomes one line. Raises ConfigError."""
-    try:
-        return model.model_validate(tree)
-    except ValidationError as error:
-        problem = error.errors()[0]
-        path = [
-            part for part in problem["loc"] if not str(part).startswith(("function-", "tuple["))
-        ]
-        name = ".".join(str(part) for part in path) or "the whole"
-        if problem["type"] == "extra_forbidden":
-            known = _fields_at(model, path[:-1])
-            raise ConfigError(
-                f"{where}: no such setting {name!r} ({did_you_mean(str(path[-1]), known)})"
-            ) from None
-        message = problem["msg"].removeprefix("Value error, ")
-        given = problem.get("input")
-        tail = f" (got {given!r})" if isinstance(given, str | int | float) else ""
-        raise ConfigError(f"{where}: {name}: {message}{tail}") from None
-
-
-def _fields_at(model: type[BaseModel], path: list[Any]) -> list[str]:
-    for part in path:
-        field = model.model_fields.get(str(part))
-        if field is None:
-            continue
-        inner = [field.annotation, *getattr(field.annotation, "__args__", ())]
-        models = [a for a in inner if isinstance(a, type) and issubclass(a, BaseModel)]
-        if models:
-            model = models[0]
-    return list(model.model_fields)

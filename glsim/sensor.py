@@ -28,12 +28,13 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from glsim.camera import Distortion, Emitter, Intrinsics, SensorRig
-from glsim.config import Settings, merge_tables, read_toml, validate
+from glsim.config import Settings
 from glsim.distribution import Distribution, Drawn
 from glsim.errors import ConfigError, did_you_mean
 from glsim.noise.chain import check_chain
 from glsim.noise.light import check_light
 from glsim.noise.stage import Stage, find, make_stage
+from glsim.toml import merge_tables, read_toml, validate
 
 SENSOR_FOLDER = Path(__file__).parent / "sensors"
 

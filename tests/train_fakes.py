@@ -9,7 +9,7 @@ import torch
 from eval_scenes import dome, noisy
 from torch import Tensor
 
-from glsim.config import validate
+from glsim.toml import validate
 from glsim.train.feed import StoredFeed
 from glsim.train.recipe import Recipe
 

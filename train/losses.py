@@ -15,8 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from torch import Generator, Tensor
 from torch.nn import functional
 
-from glsim.config import validate
 from glsim.errors import ConfigError, did_you_mean
+from glsim.toml import validate
 from glsim.train.caution import REACH_PX
 from glsim.train.interior import grown, interior
 from glsim.train.models.base import Prediction

@@ -27,8 +27,8 @@ from typing import Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.config import assign, read_toml, split_assignment, validate
 from glsim.errors import ConfigError, did_you_mean
+from glsim.toml import assign, read_toml, split_assignment, validate
 
 FOLDER: Final = Path(__file__).parent / "recipes"
 Row = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]

@@ -10,8 +10,8 @@ import torch
 from lightning_fabric import Fabric
 from lightning_fabric.utilities.exceptions import MisconfigurationException
 
-from glsim.config import validate
 from glsim.errors import ConfigError, TrainError
+from glsim.toml import validate
 from glsim.train import checkpoint
 from glsim.train.recipe import Recipe, TrainingSettings
 

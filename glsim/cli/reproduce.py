@@ -25,9 +25,9 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 
 from glsim.cli.common import Debug, Quiet, Verbose, console, say
-from glsim.config import read_toml, validate
 from glsim.dataset.files import read_json
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
+from glsim.toml import read_toml, validate
 
 EXAMPLES = """
 [bold]Examples[/bold]

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from glsim.camera import Intrinsics
-from glsim.config import read_toml
 from glsim.errors import ConfigError, did_you_mean
 from glsim.fit.model import Model
 from glsim.fit.statistics import Statistics
 from glsim.sensor import SENSOR_FOLDER, sensor_names
+from glsim.toml import read_toml
 
 #: Sensors that a fit can start from, the cheapest first.
 BASES = ("kinect-v2-fast", "kinect-v2")
