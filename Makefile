@@ -1,8 +1,10 @@
 # make demo   a data set of synthetic faces and a contact sheet, in ./demo
-# make test   lint, format, types and tests
+# make check  lint, format and types
+# make test   the same, and tests
+# make bench  pairs per second, against Open3D and pyrender
 # make reproduce         the paper's tables 1 to 3, small, on a CPU: about half an hour, in ./reproduced
 # make reproduce-paper   the same at the paper's size, for a GPU, in ./reproduced-paper
-# All set up .venv first (Debian packages included) and go on where they were interrupted.
+# Each sets up .venv first (Debian packages included) and continues if it was interrupted.
 .PHONY: demo test check bench reproduce reproduce-paper clean
 
 VENV := .venv/bin

@@ -1,1 +1,1 @@
-"""Side-by-side measurements against peers. Each file is one command: python -m benchmarks.NAME."""
+"""Measurements against peers. Each file with a main is one command: python -m benchmarks.NAME."""

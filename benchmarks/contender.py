@@ -1,6 +1,6 @@
 """One contender of benchmarks.generate: python -m benchmarks.contender NAME FRAMES OUT [ICT_ROOT].
 
-Prints one JSON line: ms of CPU a pair for each step, in all, and ms of wall.
+Prints one JSON line: CPU ms per pair for each step, total CPU ms and wall ms per pair.
 """
 
 from __future__ import annotations
@@ -18,28 +18,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.faces import settings_for, source_for
-from glsim.bounds import Sight, corners, image_window
-from glsim.distribution import DrawKeys
-from glsim.frame import Rect, encode_depth
-from glsim.mesh import Mesh
+from benchmarks.peer import PeerRenderer
+from glsim.faces.base import Face
+from glsim.frame import encode_depth
+from glsim.geometry.bounds import FieldOfView, bounding_corners, image_window
+from glsim.geometry.pose import pose_matrix
+from glsim.geometry.rect import Rect
 from glsim.noise.chain import run_twins
-from glsim.noise.view import FrameContext
-from glsim.pipeline import draw_values
-from glsim.pose import pose_matrix
-from glsim.sensor import Sensor, sensor_of
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.stage import draw_values
+from glsim.sensors.sensor import Sensor, sensor_of
+from glsim.settings.distribution import DrawKeys
 
-#: Frames that are made before the clock starts: shaders compile, caches fill.
+#: Frames before the clock starts: shaders compile, caches fill.
 WARM_UP = 10
 
-#: How far in front of a point something must be to shadow it, m: the shader's order of magnitude.
-SHADOW_BIAS_M = 0.003
 
-#: (mesh, window) to clean depth and lit share of the window, both (h, w) float32.
-Renderer = Callable[[Mesh, Rect], tuple[NDArray[np.float32], NDArray[np.float32]]]
-
-
-class Clock:
-    """CPU seconds by step, wall in all."""
+class StepClock:
+    """Measures CPU seconds per step, and total wall time."""
 
     def __init__(self) -> None:
         self.cpu: dict[str, float] = defaultdict(float)
@@ -66,15 +62,15 @@ class Clock:
 
 
 def run_glsim(frames: int, out: Path, ict_root: Path | None) -> dict[str, float]:
-    """Simulator and frame writer, as ``glsim generate`` runs them in a worker.
+    """Run simulator and frame writer as a worker of ``glsim generate`` does.
 
-    A first run is timed as a whole. A second one waits for OpenGL after each step to tell where the
-    time goes; its steps are scaled to the total of the first.
+    A first run measures the total. A second one waits for OpenGL after each step to measure the
+    steps, which are scaled to the total of the first.
     """
     total = _glsim_pass(frames, out, ict_root, wait=False)
-    apart = _glsim_pass(frames, out, ict_root, wait=True)
-    scale = total["cpu_ms"] / apart["cpu_ms"]
-    return total | {step: scale * apart[step] for step in apart if not step.endswith("_ms")}
+    steps = _glsim_pass(frames, out, ict_root, wait=True)
+    scale = total["cpu_ms"] / steps["cpu_ms"]
+    return total | {step: scale * steps[step] for step in steps if not step.endswith("_ms")}
 
 
 def _glsim_pass(frames: int, out: Path, ict_root: Path | None, *, wait: bool) -> dict[str, float]:
@@ -82,18 +78,18 @@ def _glsim_pass(frames: int, out: Path, ict_root: Path | None, *, wait: bool) ->
     from glsim.frame import Frame
     from glsim.gl.context import open_context
     from glsim.pipeline import Simulator
-    from glsim.plan import make_tasks
+    from glsim.plan.tasks import make_tasks
 
     settings = settings_for(ict_root, frames + WARM_UP)
     source = source_for(ict_root)
     tasks = make_tasks(settings, [source])[: frames + WARM_UP]
-    clock = Clock()
+    clock = StepClock()
     context = open_context()
     simulator = Simulator(settings, [source], context, ("clean", "noisy"))
     if wait:
         for owner, method, step in (
             (simulator._renderer, "_draw_surface", "clean depth"),
-            (simulator._renderer, "_draw_lit", "shadow"),
+            (simulator._renderer._shadow_map, "draw", "shadow"),
             (simulator._chain, "run", "noise"),
         ):
             setattr(owner, method, _waiting(getattr(owner, method), clock, step, context.finish))
@@ -109,7 +105,7 @@ def _glsim_pass(frames: int, out: Path, ict_root: Path | None, *, wait: bool) ->
 
 
 def _waiting(
-    method: Callable[..., Any], clock: Clock, step: str, finish: Callable[[], None]
+    method: Callable[..., Any], clock: StepClock, step: str, finish: Callable[[], None]
 ) -> Callable[..., Any]:
     def timed(*arguments: Any, **named: Any) -> Any:
         with clock.step(step):
@@ -121,18 +117,18 @@ def _waiting(
 
 
 def run_peer(name: str, frames: int, out: Path, ict_root: Path | None) -> dict[str, float]:
-    """A peer's depth and shadow, NumPy noise, OpenCV's PNGs."""
+    """Run a peer: its depth and shadow, NumPy noise, OpenCV's PNGs."""
     import cv2
 
     settings = settings_for(ict_root, frames + WARM_UP)
     sensor = sensor_of(settings)
     image = sensor.rig.intrinsics
     whole = Rect(0, 0, image.width, image.height)
-    clock = Clock()
+    clock = StepClock()
     if name.startswith("open3d"):
         from benchmarks.open3d_peer import Open3DRenderer
 
-        render: Renderer = Open3DRenderer(sensor.rig, clock.step)
+        render: PeerRenderer = Open3DRenderer(sensor.rig, clock.step)
     else:
         from benchmarks.pyrender_peer import PyrenderRenderer
 
@@ -144,14 +140,16 @@ def run_peer(name: str, frames: int, out: Path, ict_root: Path | None) -> dict[s
         for key in source.frames(subject, settings.source[0].frames_per_subject)
     ][: frames + WARM_UP]
     view = pose_matrix({"distance_mm": 900.0})
-    rays, sight = sensor.rig.rays(), Sight.of(sensor.rig)
+    rays, sight = sensor.rig.rays(), FieldOfView.of(sensor.rig)
     loaded = iter(source.load(keys))
     for number in range(len(keys)):
         if number == WARM_UP:
             clock.restart()
         with clock.step("face"):
-            mesh = next(loaded).mesh  # type: ignore[union-attr]
-        box = corners(mesh.vertices_mm, view)
+            face = next(loaded)
+        assert isinstance(face, Face), face
+        mesh = face.mesh
+        box = bounding_corners(mesh.vertices_mm, view)
         window = whole if name.endswith("full") else image_window(box, sight, None)
         clean, lit = render(mesh, window)
         with clock.step("noise"):
@@ -172,7 +170,6 @@ def _noise(
     window: Rect,
     seed: int,
 ) -> NDArray[np.float32]:
-    image = sensor.rig.intrinsics
     layers = {
         "clean": clean,
         "depth": clean,
@@ -183,8 +180,8 @@ def _noise(
     # Only the infrared stage needs normals and albedo; no infrared image is asked for here.
     stages = [stage for stage in sensor.stages if stage.name != "infrared"]
     _, values = draw_values(stages, DrawKeys(seed, seed, seed))
-    context = FrameContext(
-        window, image.width, image.height, seed, seed, 0, 0.0, image.fx * sensor.rig.baseline_m
+    context = FrameContext.for_frame(
+        rig=sensor.rig, window=window, seed=seed, sequence_seed=seed, device_seed=0
     )
     run_twins(stages, layers, context, values)
     return layers["depth"]

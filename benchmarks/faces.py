@@ -1,19 +1,19 @@
-"""The faces and settings that all benchmarks share."""
+"""Shared faces and settings of the benchmarks."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from glsim.config import Settings, load_settings
 from glsim.faces.base import FaceSource
+from glsim.settings.schema import Settings, load_settings
 
 SENSOR = "kinect-v2-paper"
-_FRAMES_A_SUBJECT = 60
+_FRAMES_PER_SUBJECT = 60
 
 
 def source_for(ict_root: Path | None) -> FaceSource:
-    """ICT-FaceKit with a new person every frame, or the embedded procedural heads."""
+    """Open ICT-FaceKit with a new person every frame, or the embedded procedural heads."""
     if ict_root is not None:
         from glsim.faces.ict_facekit import IctFaceKit
 
@@ -24,10 +24,10 @@ def source_for(ict_root: Path | None) -> FaceSource:
 
 
 def settings_for(ict_root: Path | None, frames: int) -> Settings:
-    """A data set of about ``frames`` frames of these faces."""
+    """Settings of a data set of about ``frames`` frames of these faces."""
     source: dict[str, Any] = {
-        "subjects": max(1, frames // _FRAMES_A_SUBJECT),
-        "frames_per_subject": min(frames, _FRAMES_A_SUBJECT),
+        "subjects": max(1, frames // _FRAMES_PER_SUBJECT),
+        "frames_per_subject": min(frames, _FRAMES_PER_SUBJECT),
     }
     if ict_root is not None:
         source |= {"kind": "ict-facekit", "root": ict_root}

@@ -1,15 +1,15 @@
-"""Pairs a second: glsim against Open3D and pyrender with NumPy noise, on the same meshes.
+"""Pairs per second: glsim against Open3D and pyrender with NumPy noise, on the same meshes.
 
     python -m benchmarks.generate [--ict-root FaceXModel] [--frames 300]
 
 Every contender gets the same faces (a new one every frame), makes clean depth, shadow and the noise
 of kinect-v2-paper at 512x424, and writes two 16-bit PNGs to disk, in one process on one core. The
-peers' noise is glsim's own NumPy twin of the same chain: vectorised, and already restricted to the
-window of the face, which is more than their users would write; "full frame" rows do without that.
-What a peer lacks is what its users would add: PNGs by OpenCV at its default settings.
+peers' noise is glsim's own NumPy twin of the same chain: vectorised and restricted to the window of
+the face, which is more than their users would write; "full frame" rows are not restricted. Peers
+write PNGs with OpenCV at its default settings, as their users would.
 
-CPU seconds count, for they depend least on what else the machine does; wall is beside them. Each
-contender runs in a process of its own (pyrender leaves the GL state unusable for others).
+The result is CPU time, which depends least on other load of the machine; wall time is beside it.
+Each contender runs in its own process (pyrender leaves the GL state unusable for others).
 """
 
 from __future__ import annotations
@@ -40,8 +40,10 @@ def main() -> None:
     parser.add_argument(
         "--ict-root", type=Path, help="FaceXModel folder; default: procedural faces"
     )
-    parser.add_argument("--frames", type=int, default=300)
-    parser.add_argument("--only", nargs="+", choices=CONTENDERS, default=list(CONTENDERS))
+    parser.add_argument("--frames", type=int, default=300, help="pairs by glsim; a fifth by peers")
+    parser.add_argument(
+        "--only", nargs="+", choices=CONTENDERS, default=list(CONTENDERS), help="default: all"
+    )
     arguments = parser.parse_args()
     results = {name: _run(name, arguments) for name in arguments.only}
     _print(results, arguments)
@@ -50,7 +52,7 @@ def main() -> None:
 
 
 def _run(name: str, arguments: argparse.Namespace) -> dict[str, float]:
-    """One contender in a process of its own, single-threaded; its report."""
+    """Run one contender in its own process, single-threaded; return its report."""
     frames = arguments.frames if name == "glsim" else max(20, arguments.frames // 5)
     environment = os.environ | {
         "OMP_NUM_THREADS": "1",
@@ -71,7 +73,7 @@ def _run(name: str, arguments: argparse.Namespace) -> dict[str, float]:
 def _print(results: dict[str, dict[str, float]], arguments: argparse.Namespace) -> None:
     ours = results.get("glsim")
     faces = "ICT-FaceKit" if arguments.ict_root else "procedural"
-    table = Table(title=f"kinect-v2-paper, {faces} faces, 512x424, ms of CPU a pair")
+    table = Table(title=f"kinect-v2-paper, {faces} faces, 512x424, CPU ms per pair")
     for column in ("contender", *STEPS, "CPU ms", "wall ms", "pairs/s", "glsim is"):
         table.add_column(column, justify="left" if column == "contender" else "right")
     for name, report in results.items():
@@ -88,7 +90,7 @@ def _print(results: dict[str, dict[str, float]], arguments: argparse.Namespace) 
 
 
 def _print_scaling(arguments: argparse.Namespace) -> None:
-    """What the second core adds, by ``glsim generate`` itself."""
+    """Print the rates of ``glsim generate`` with one and with two workers."""
     from benchmarks.faces import settings_for
     from glsim.dataset import generate
 
@@ -101,7 +103,7 @@ def _print_scaling(arguments: argparse.Namespace) -> None:
         rates[workers] = summary.rendered / summary.seconds
         Console().print(
             f"glsim generate, {workers} worker(s): {rates[workers]:.1f} pairs/s, "
-            f"{1000 * summary.cpu_seconds / summary.rendered:.2f} ms of CPU a pair"
+            f"{1000 * summary.cpu_seconds / summary.rendered:.2f} CPU ms per pair"
         )
     Console().print(f"2 workers are {rates[2] / rates[1]:.2f}x as fast as 1")
 

@@ -1,6 +1,6 @@
 """Resident memory of a worker over many frames: python -m benchmarks.memory [--frames 20000].
 
-One process renders, finishes and encodes pairs as a worker of ``glsim generate`` does. Memory is
+One process renders, assembles and encodes pairs as a worker of ``glsim generate`` does. Memory is
 read after the first tenth, when caches are full, and at the end; growth should be under 2 %.
 """
 
@@ -29,10 +29,10 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=20_000)
     arguments = parser.parse_args()
 
-    from glsim.dataset.png import encode_png
+    from glsim.files.png import encode_png
     from glsim.frame import Frame
     from glsim.pipeline import simulate
-    from glsim.plan import make_tasks
+    from glsim.plan.tasks import make_tasks
 
     settings = settings_for(arguments.ict_root, arguments.frames)
     sources = [source_for(arguments.ict_root)]

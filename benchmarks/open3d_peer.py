@@ -1,25 +1,22 @@
-"""Clean depth and shadow by Open3D's ray casting, on one core."""
+"""Open3D as a peer: clean depth and shadow by ray casting, on one core."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from benchmarks.contender import SHADOW_BIAS_M
-from glsim.camera import SensorRig
-from glsim.frame import Rect
-from glsim.mesh import Mesh
-from glsim.pose import pose_matrix
+from benchmarks.peer import SHADOW_BIAS_M, StepTimer
+from glsim.geometry.camera import SensorRig
+from glsim.geometry.mesh import Mesh
+from glsim.geometry.pose import pose_matrix
+from glsim.geometry.rect import Rect
 
 
 class Open3DRenderer:
-    """A new scene (and BVH) for each mesh; camera rays are made once."""
+    """Casts rays into a new scene (and BVH) for each mesh; the camera's rays are made once."""
 
-    def __init__(self, rig: SensorRig, step: Callable[[str], AbstractContextManager[None]]) -> None:
+    def __init__(self, rig: SensorRig, step: StepTimer) -> None:
         self._step = step
         self._emitter = np.asarray(rig.emitters[0].position_m, dtype=np.float32)
         self._view = pose_matrix({"distance_mm": 900.0})
@@ -32,11 +29,11 @@ class Open3DRenderer:
             points = mesh.vertices_mm @ self._view[:3, :3].T + self._view[:3, 3]
             scene = o3d.t.geometry.RaycastingScene(nthreads=1)
             scene.add_triangles(
-                o3d.core.Tensor(np.ascontiguousarray(points, dtype=np.float32)),
-                o3d.core.Tensor(mesh.faces.astype(np.uint32)),
+                o3d.core.Tensor.from_numpy(np.ascontiguousarray(points, dtype=np.float32)),
+                o3d.core.Tensor.from_numpy(mesh.faces.astype(np.uint32)),
             )
             rays = np.ascontiguousarray(self._rays[window.slices])
-            depth = scene.cast_rays(o3d.core.Tensor(rays), nthreads=1)["t_hit"].numpy()
+            depth = self._distances(scene, rays)
             depth[~np.isfinite(depth)] = 0.0  # the rays' z is 1: t is depth along the axis
         with self._step("shadow"):
             hit = depth > 0
@@ -45,7 +42,16 @@ class Open3DRenderer:
             towards = at - self._emitter
             starts = np.broadcast_to(self._emitter, at.shape)
             shadow_rays = np.concatenate([starts, towards], axis=1).astype(np.float32)
-            first = scene.cast_rays(o3d.core.Tensor(shadow_rays), nthreads=1)["t_hit"].numpy()
+            first = self._distances(scene, shadow_rays)
             lit = np.zeros_like(depth)
             lit[hit] = (1.0 - first) * np.linalg.norm(towards, axis=1) < SHADOW_BIAS_M
         return depth, lit
+
+    @staticmethod
+    def _distances(
+        scene: o3d.t.geometry.RaycastingScene, rays: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Distance to the first hit in lengths of each ray's direction; inf without a hit."""
+        hits = scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
+        distances: NDArray[np.float32] = hits["t_hit"].numpy()
+        return distances

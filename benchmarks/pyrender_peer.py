@@ -1,25 +1,22 @@
-"""Clean depth by pyrender from the camera and from the emitter; shadow from the two."""
+"""pyrender as a peer: depth seen from the camera and from the emitter, and shadow from both."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 
 import numpy as np
 import pyrender
 from numpy.typing import NDArray
 
-from benchmarks.contender import SHADOW_BIAS_M
-from glsim.camera import SensorRig
-from glsim.frame import Rect
-from glsim.mesh import Mesh
-from glsim.pose import pose_matrix
+from benchmarks.peer import SHADOW_BIAS_M, StepTimer
+from glsim.geometry.camera import SensorRig
+from glsim.geometry.mesh import Mesh
+from glsim.geometry.pose import pose_matrix
+from glsim.geometry.rect import Rect
 
 
 class PyrenderRenderer:
-    """One off-screen renderer; each mesh is drawn twice, depth only."""
+    """Draws each mesh twice, depth only, with one off-screen renderer."""
 
-    def __init__(self, rig: SensorRig, step: Callable[[str], AbstractContextManager[None]]) -> None:
+    def __init__(self, rig: SensorRig, step: StepTimer) -> None:
         image = rig.intrinsics
         self._step, self._rig = step, rig
         self._renderer = pyrender.OffscreenRenderer(image.width, image.height)

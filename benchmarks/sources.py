@@ -1,16 +1,15 @@
-"""How fast face sets are read, and whether reading holds the rendering up.
+"""Reading speed of face sets, and its effect on the rate of rendering.
 
     python -m benchmarks.sources [--frames 1200] [--workers 2] [--no-render]
 
 Files of the sets' true sizes are made of one analytic face: FLAME's 5,023 vertices, FaceWarehouse's
-11,510, Biwi's 6,918, raw D3DFACS's 30,000. The second table is ``glsim generate`` with these files
-against the same meshes kept in memory.
+11,510, Biwi's 6,918, raw D3DFACS's 30,000. The second table compares ``glsim generate`` with these
+files and with the same meshes in memory.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -22,17 +21,15 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from glsim.config import Settings, SourceSettings, load_settings
 from glsim.faces import open_source
 from glsim.faces.base import Face, FaceKey, FaceSource
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from glsim.settings.schema import Settings, SourceSettings, load_settings
 
 SENSOR = "kinect-v2-paper"
 
 
 class InMemory:
-    """A source's faces, read once."""
+    """A face source that holds all faces of another one in memory."""
 
     def __init__(self, source: FaceSource, keys: Sequence[FaceKey]) -> None:
         self.name = source.name
@@ -55,8 +52,8 @@ class InMemory:
 
 
 def _grid(rows: int, columns: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """A face in quads."""
-    from facemodels import analytic_face
+    """Vertices, (rows * columns, 3), and quads of an analytic face."""
+    from tests.support.face_models import analytic_face
 
     points, _ = analytic_face(rows=rows, columns=columns)
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
@@ -68,7 +65,7 @@ def _triangles(quads: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _registrations(root: Path, frames: int) -> dict[str, object]:
-    from facesets import ply_bytes, put
+    from tests.support.face_sets import ply_bytes, put
 
     points, quads = _grid(79, 64)
     for number in range(frames):
@@ -78,7 +75,7 @@ def _registrations(root: Path, frames: int) -> dict[str, object]:
 
 
 def _raw(root: Path, frames: int) -> dict[str, object]:
-    from facesets import obj_bytes, put
+    from tests.support.face_sets import obj_bytes, put
 
     points, quads = _grid(200, 150)
     for number in range(min(frames, 24)):
@@ -88,7 +85,7 @@ def _raw(root: Path, frames: int) -> dict[str, object]:
 
 
 def _warehouse(root: Path, frames: int) -> dict[str, object]:
-    from facesets import obj_bytes, put, shape_bytes
+    from tests.support.face_sets import obj_bytes, put, shape_bytes
 
     points, quads = _grid(120, 96)
     shapes = np.stack([points * (1 + 1e-4 * k) for k in range(47)]) / 110
@@ -99,7 +96,7 @@ def _warehouse(root: Path, frames: int) -> dict[str, object]:
 
 
 def _poses(root: Path, frames: int) -> dict[str, object]:
-    from facesets import obj_bytes, put
+    from tests.support.face_sets import obj_bytes, put
 
     points, quads = _grid(120, 96)
     data = obj_bytes(points / 110, quads, "/1/1")
@@ -109,7 +106,7 @@ def _poses(root: Path, frames: int) -> dict[str, object]:
 
 
 def _biwi(root: Path, frames: int) -> dict[str, object]:
-    from facesets import obj_bytes, pose_text, put
+    from tests.support.face_sets import obj_bytes, pose_text, put
 
     points, quads = _grid(93, 74)
     for number in range(1, 9):
@@ -133,11 +130,11 @@ RENDERED = tuple(MAKERS)[:3]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--frames", type=int, default=1200)
+    parser.add_argument("--frames", type=int, default=1200, help="about so many per set")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--no-render", action="store_true")
+    parser.add_argument("--no-render", action="store_true", help="measure reading only")
     arguments = parser.parse_args()
-    reading = Table("files", "vertices", "ms a frame", "first ms", "frames/s", title="reading")
+    reading = Table("files", "vertices", "ms per frame", "first ms", "frames/s", title="reading")
     rates = Table("files", "from disk /s", "from memory /s", "share", title="rendering")
     with tempfile.TemporaryDirectory() as folder:
         for number, (name, make) in enumerate(MAKERS.items()):
@@ -152,7 +149,7 @@ def main() -> None:
 
 
 def _reading(settings: SourceSettings) -> list[str]:
-    """Vertices, milliseconds a frame once the scale is known, and for the first frame."""
+    """Vertices, ms per frame once the scale is known, ms of the first frame, frames per second."""
     source = open_source(settings, 0)
     keys = source.frames(source.subjects(None)[0], 150)
     started = time.perf_counter()
@@ -161,16 +158,16 @@ def _reading(settings: SourceSettings) -> list[str]:
     assert isinstance(first, Face), first
     started = time.perf_counter()
     count = sum(isinstance(face, Face) for face in source.load(keys))
-    each = (time.perf_counter() - started) / count
-    return [str(len(first.mesh.vertices_mm)), f"{1000 * each:.2f}", f"{first_ms:.0f}",
-            f"{1 / each:.0f}"]  # fmt: skip
+    seconds = (time.perf_counter() - started) / count
+    vertices = len(first.mesh.vertices_mm)
+    return [str(vertices), f"{1000 * seconds:.2f}", f"{first_ms:.0f}", f"{1 / seconds:.0f}"]
 
 
 def _rendering(source_settings: SourceSettings, folder: Path, workers: int) -> list[str]:
-    """Frames a second from disk and from memory, and their ratio."""
-    from glsim.dataset.run import write_dataset
+    """Frames per second from disk and from memory, and their ratio."""
+    from glsim.dataset.driver import write_dataset
     from glsim.pipeline import simulate
-    from glsim.plan import make_tasks
+    from glsim.plan.tasks import make_tasks
 
     settings: Settings = load_settings(overrides={"sensor": SENSOR}).model_copy(
         update={"source": (source_settings,)}
@@ -199,6 +196,6 @@ def _rendering(source_settings: SourceSettings, folder: Path, workers: int) -> l
 
 
 if __name__ == "__main__":
-    from benchmarks import sources  # so that workers find InMemory under its module's name
+    from benchmarks import sources  # workers must find InMemory under its module's name
 
     sources.main()

@@ -1,5 +1,4 @@
-"""Scores denoisers of depth frames: filters, metrics, tables, figures.
+"""Evaluation of denoisers of depth frames: metrics, scoring, reports, and the paper's tables.
 
-Installed as ``glsim.eval``; the folder stands at the top because it is a layer above the
-simulator, which knows nothing of it.
+Installed as ``glsim.eval``. The simulator imports nothing from it.
 """

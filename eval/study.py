@@ -1,4 +1,4 @@
-"""The same faces through several sensors: does the ranking of the filters survive the noise?"""
+"""Score filters on the same faces under several sensors: does the ranking depend on the noise?"""
 
 from __future__ import annotations
 
@@ -7,26 +7,37 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.config import load_settings
 from glsim.dataset import generate
-from glsim.dataset.run import Progress as Generated
+from glsim.dataset.driver import GenerateProgress as GenerationProgress
+from glsim.denoise import PAPER_FILTERS
 from glsim.errors import ConfigError
-from glsim.sensor import sensor_names
+from glsim.eval.report.tables import ResultTable, format_number
+from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.run import Evaluation, ScoringProgress, evaluate
+from glsim.eval.scoring.tune import tune
+from glsim.files.markdown import markdown_table
+from glsim.sensors.sensor import sensor_names
+from glsim.settings.schema import load_settings
 
-from .blocks import Scoring
-from .denoisers import PAPER
-from .run import Evaluation, Progress, evaluate
-from .tables import Table, number
-from .tune import tune
-
-#: What is compared unless told otherwise, as far as it is shipped.
+#: The default sensors, as far as they are shipped.
 SENSORS: Final = ("kinect-v2-paper", "kinect-v2", "kinect-v2-fast", "led3d")
 #: Filters that are tuned on each sensor's validation split and scored beside the paper's.
 RIVALS: Final = ("masked_bilateral", "quadric")
-#: No subject is trained on: some to tune with, all others to score.
+#: Shares of train, val (tuning) and test (scoring) subjects; nothing is trained.
 _SPLIT: Final = (0.0, 0.2, 0.8)
 
-#: Metric -> heading of its table.
+#: Columns of the table of the noise: metric -> heading.
+_NOISE_COLUMNS: Final = {
+    "mse_mm2": "MSE [mm²]",
+    "mse_flips_pct": "of it in flipped pixels [%]",
+    "flips_px": "flipped pixels",
+    "flying_px": "flying pixels",
+    "both_interior_bias_mm": "interior bias [mm]",
+    "both_interior_rmse_mm": "interior RMSE [mm]",
+    "both_edge_rmse_mm": "edge RMSE [mm]",
+    "normal_mean_deg": "normals [°]",
+}
+#: Tables of all methods: metric -> heading.
 _TABLES: Final = {
     "mse_mm2": "MSE over all pixels [mm²]",
     "both_interior_rmse_mm": "RMSE, interior, valid in both [mm]",
@@ -36,41 +47,44 @@ _TABLES: Final = {
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """Of one sensor. names: label in the tables -> method."""
+class SensorResult:
+    """The scores of one sensor. names: label in the tables -> method."""
 
     sensor: str
     evaluation: Evaluation
-    table: Table
+    table: ResultTable
     names: dict[str, str]
 
 
-def choose(sensors: Sequence[str] | None) -> tuple[list[str], list[str]]:
-    """(sensors to run, those of SENSORS that this glsim does not have). ConfigError for unknown."""
-    known = sensor_names()
+def choose_sensors(sensors: Sequence[str] | None) -> tuple[list[str], list[str]]:
+    """Return the sensors to run, and those of SENSORS that are not shipped.
+
+    Raises ConfigError if none is shipped.
+    """
+    shipped = sensor_names()
     if sensors:
         return list(sensors), []
-    found: list[str] = [name for name in SENSORS if name in known]
-    if not found:
+    available: list[str] = [name for name in SENSORS if name in shipped]
+    if not available:
         raise ConfigError(f"none of {', '.join(SENSORS)} is shipped")
-    return found, [name for name in SENSORS if name not in known]
+    return available, [name for name in SENSORS if name not in shipped]
 
 
-def study(
+def run_study(
     out: Path,
     sensors: Sequence[str],
     overrides: dict[str, Any],
     source: dict[str, Any],
     *,
     workers: int,
-    generating: Callable[[str], Callable[[Generated], None] | None] = lambda _: None,
-    scoring: Callable[[str], Callable[[Progress], None] | None] = lambda _: None,
-) -> list[Result]:
-    """Make the same faces with each sensor, and score the paper's filters and tuned rivals.
+    generating: Callable[[str], Callable[[GenerationProgress], None] | None] = lambda _: None,
+    scoring: Callable[[str], Callable[[ScoringProgress], None] | None] = lambda _: None,
+) -> list[SensorResult]:
+    """Generate the same faces with each sensor; score the paper's filters and tuned rivals.
 
-    out: gets a folder for each sensor with its data set and its scores; all of it is resumable.
-    overrides, source: settings of the data sets, see ``load_settings``. The callbacks make the
-    progress reports of each sensor.
+    out: gets a folder per sensor with its data set and scores; all steps are resumable.
+    overrides, source: settings of the data sets, see ``load_settings``. generating, scoring: return
+    the progress callback of a sensor.
     """
     results = []
     for sensor in sensors:
@@ -78,19 +92,19 @@ def study(
         data, scores = out / sensor / "data", out / sensor / "scores"
         generate(load_settings(None, [], tree, source), data, workers=workers,
                  progress=generating(sensor))  # fmt: skip
-        val = Scoring(data, "val", ())
-        names = {name: name for name in PAPER}
+        val = ScoringJob(data, "val", ())
+        names = {name: name for name in PAPER_FILTERS}
         for rival in tune(val, RIVALS, scores, workers=workers):
             names[f"{rival.name}, tuned"] = rival.plain
             names[f"{rival.name}, tuned, mask cleaned"] = rival.cleaned
-        job = Scoring(data, "test", tuple(names.values()))
-        found = evaluate(job, scores, workers=workers, progress=scoring(sensor))
-        results.append(Result(sensor, found, found.summary.compared(), names))
+        job = ScoringJob(data, "test", tuple(names.values()))
+        evaluation = evaluate(job, scores, workers=workers, progress=scoring(sensor))
+        results.append(SensorResult(sensor, evaluation, evaluation.summary.compared(), names))
     return results
 
 
-def report(results: Sequence[Result], absent: Sequence[str]) -> str:
-    """Markdown: the noise of each sensor, Table 1 of each, and which filter wins by what."""
+def study_markdown(results: Sequence[SensorResult], absent: Sequence[str]) -> str:
+    """Return study.md: the noise of each sensor, its table 1, and the best filters."""
     frames, subjects = results[0].evaluation.frames, len(results[0].evaluation.summary.subjects)
     lines = [
         "# The same faces through several sensors",
@@ -100,51 +114,55 @@ def report(results: Sequence[Result], absent: Sequence[str]) -> str:
     ]
     if absent:
         lines += [f"Not in this glsim, and so left out: {', '.join(absent)}.", ""]
-    columns = (
-        *("mse_mm2", "mse_flips_pct", "flips_px", "flying_px", "both_interior_bias_mm"),
-        *("both_interior_rmse_mm", "both_edge_rmse_mm", "normal_mean_deg"),
-    )
-    lines += [
-        "## The noise",
-        "",
-        "| sensor | MSE [mm²] | of it in flipped pixels [%] | flipped pixels | flying pixels | "
-        "interior bias [mm] | interior RMSE [mm] | edge RMSE [mm] | normals [°] |",
-        "|---" * (len(columns) + 1) + "|",
-    ]
-    for result in results:
-        noisy = result.table["noisy"]
-        cells = " | ".join(number(noisy[name].mean) for name in columns)
-        lines.append(f"| `{result.sensor}` | {cells} |")
-    labels = list(results[0].names)
+    lines += ["## The noise", "", *_noise_table(results)]
     for metric, title in _TABLES.items():
-        lines += ["", f"## {title}", "", f"| sensor | {' | '.join(labels)} |"]
-        lines.append("|---" * (len(labels) + 1) + "|")
-        for result in results:
-            means = {label: result.table[name][metric].mean for label, name in result.names.items()}
-            top = min(means.values())
-            cells = " | ".join(
-                f"**{number(value)}**" if number(value) == number(top) else number(value)
-                for value in means.values()
-            )
-            lines.append(f"| `{result.sensor}` | {cells} |")
-    lines += ["", "## Who wins", "", "| sensor | by MSE | by interior RMSE | by normals |"]
-    lines.append("|---|---|---|---|")
-    for result in results:
-        winners = [_winner(result, metric) for metric in list(_TABLES)[:3]]
-        lines.append(f"| `{result.sensor}` | {' | '.join(winners)} |")
-    lines += ["", "Among the paper's filters alone:", ""]
-    lines += ["| sensor | by MSE | by interior RMSE | by normals |", "|---|---|---|---|"]
-    for result in results:
-        winners = [_winner(result, metric, PAPER) for metric in list(_TABLES)[:3]]
-        lines.append(f"| `{result.sensor}` | {' | '.join(winners)} |")
+        lines += ["", f"## {title}", "", *_metric_table(results, metric)]
+    lines += ["", "## Who wins", "", *_winner_table(results)]
+    lines += ["", "Among the paper's filters alone:", "", *_winner_table(results, PAPER_FILTERS)]
     lines += ["", "The rivals' settings, chosen on the validation subjects of each sensor:", ""]
     for result in results:
-        chosen = [f"`{name}`" for name in result.names.values() if name not in PAPER]
+        chosen = [f"`{name}`" for name in result.names.values() if name not in PAPER_FILTERS]
         lines.append(f"- `{result.sensor}`: {', '.join(chosen)}")
     return "\n".join(lines) + "\n"
 
 
-def _winner(result: Result, metric: str, among: Sequence[str] | None = None) -> str:
+def _noise_table(results: Sequence[SensorResult]) -> list[str]:
+    """Return the metrics of the noisy input: a row per sensor."""
+    rows = [
+        [
+            f"`{result.sensor}`",
+            *(format_number(result.table["noisy"][metric].mean) for metric in _NOISE_COLUMNS),
+        ]
+        for result in results
+    ]
+    return markdown_table(["sensor", *_NOISE_COLUMNS.values()], rows)
+
+
+def _metric_table(results: Sequence[SensorResult], metric: str) -> list[str]:
+    """Return the means of a metric: a row per sensor, a column per method, the best bold."""
+    rows = []
+    for result in results:
+        means = [result.table[name][metric].mean for name in result.names.values()]
+        best = format_number(min(means))
+        cells = [format_number(mean) for mean in means]
+        rows.append(
+            [f"`{result.sensor}`", *(f"**{cell}**" if cell == best else cell for cell in cells)]
+        )
+    return markdown_table(["sensor", *results[0].names], rows)
+
+
+def _winner_table(results: Sequence[SensorResult], among: Sequence[str] | None = None) -> list[str]:
+    """Return the best of the methods ``among`` (default: all) by three metrics, per sensor."""
+    metrics = list(_TABLES)[:3]
+    rows = [
+        [f"`{result.sensor}`", *(_winner(result, metric, among) for metric in metrics)]
+        for result in results
+    ]
+    return markdown_table(["sensor", "by MSE", "by interior RMSE", "by normals"], rows)
+
+
+def _winner(result: SensorResult, metric: str, among: Sequence[str] | None = None) -> str:
+    """Return the method with the lowest mean, and its change against the noisy input in %."""
     names = {label: name for label, name in result.names.items() if not among or label in among}
     means = {label: result.table[name][metric].mean for label, name in names.items()}
     label = min(means, key=lambda label: means[label])

@@ -1,11 +1,11 @@
-"""glsim: 3D faces in, paired clean and noisy 16-bit depth frames out, without a display.
+"""glsim: simulate paired clean and noisy 16-bit depth frames of 3D faces, without a display.
 
     from glsim import load_settings, simulate
     for frame in simulate(load_settings(overrides={"sensor": "kinect-v2", ...})):
         frame.clean, frame.noisy, frame.infrared, frame.reason
 
-The names below are the public API; each is imported when it is first used, so that
-``import glsim`` costs nothing and needs no OpenGL.
+The names below are the public API, with those of ``glsim.train``. Each is imported when it is first
+used: ``import glsim`` loads neither OpenGL nor NumPy.
 """
 
 from __future__ import annotations
@@ -14,39 +14,47 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from glsim.camera import Intrinsics, SensorRig
-    from glsim.config import Settings, load_settings
     from glsim.corrupt import Corrupter
     from glsim.dataset import generate, open_dataset, verify
+    from glsim.denoise import load_denoiser
     from glsim.errors import GlsimError
-    from glsim.faces.one import OneMesh
+    from glsim.eval.scoring.blocks import ScoringJob
+    from glsim.eval.scoring.run import evaluate
+    from glsim.faces.one_mesh import OneMesh
     from glsim.frame import Frame, Skipped
-    from glsim.mesh import Mesh
+    from glsim.geometry.camera import Intrinsics, SensorRig
+    from glsim.geometry.mesh import Mesh
+    from glsim.meshio import load_mesh
     from glsim.noise.stage import array_stage
     from glsim.pipeline import simulate
-    from glsim.plan import make_tasks
+    from glsim.plan.tasks import make_tasks
     from glsim.reason import Reason
-    from glsim.sensor import Sensor, load_sensor, sensor_names
+    from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
+    from glsim.settings.schema import Settings, load_settings
 
 _HOME = {
     "Corrupter": "glsim.corrupt",
     "Frame": "glsim.frame",
     "GlsimError": "glsim.errors",
-    "Intrinsics": "glsim.camera",
-    "Mesh": "glsim.mesh",
-    "OneMesh": "glsim.faces.one",
+    "Intrinsics": "glsim.geometry.camera",
+    "Mesh": "glsim.geometry.mesh",
+    "OneMesh": "glsim.faces.one_mesh",
     "Reason": "glsim.reason",
-    "Sensor": "glsim.sensor",
-    "SensorRig": "glsim.camera",
-    "Settings": "glsim.config",
+    "ScoringJob": "glsim.eval.scoring.blocks",
+    "Sensor": "glsim.sensors.sensor",
+    "SensorRig": "glsim.geometry.camera",
+    "Settings": "glsim.settings.schema",
     "Skipped": "glsim.frame",
     "array_stage": "glsim.noise.stage",
+    "evaluate": "glsim.eval.scoring.run",
     "generate": "glsim.dataset",
-    "load_sensor": "glsim.sensor",
-    "load_settings": "glsim.config",
-    "make_tasks": "glsim.plan",
+    "load_denoiser": "glsim.denoise",
+    "load_mesh": "glsim.meshio",
+    "load_sensor": "glsim.sensors.sensor",
+    "load_settings": "glsim.settings.schema",
+    "make_tasks": "glsim.plan.tasks",
     "open_dataset": "glsim.dataset",
-    "sensor_names": "glsim.sensor",
+    "sensor_names": "glsim.sensors.sensor",
     "simulate": "glsim.pipeline",
     "verify": "glsim.dataset",
 }
@@ -59,12 +67,16 @@ __all__ = [
     "Mesh",
     "OneMesh",
     "Reason",
+    "ScoringJob",
     "Sensor",
     "SensorRig",
     "Settings",
     "Skipped",
     "array_stage",
+    "evaluate",
     "generate",
+    "load_denoiser",
+    "load_mesh",
     "load_sensor",
     "load_settings",
     "make_tasks",
@@ -76,7 +88,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name from where it lives."""
+    """Import a public name from its module."""
     if name not in _HOME:
         raise AttributeError(f"module 'glsim' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOME[name]), name)

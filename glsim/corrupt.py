@@ -1,4 +1,4 @@
-"""Sensor noise on a clean depth map that the user already has."""
+"""Add sensor noise to the user's own clean depth maps."""
 
 from __future__ import annotations
 
@@ -7,31 +7,33 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim import depthmap
-from glsim.config import OutputSettings, Settings
-from glsim.distribution import DrawKeys
 from glsim.errors import ConfigError
 from glsim.faces.base import FaceKey
-from glsim.finish import finish
-from glsim.frame import Frame, Rect, decode_depth
+from glsim.frame import Frame, decode_depth
+from glsim.frame_assembly import assemble_frame
+from glsim.geometry import depth_map
+from glsim.geometry.mesh import SKIN_ALBEDO
+from glsim.geometry.rect import Rect
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
-from glsim.mesh import SKIN_ALBEDO
 from glsim.noise.chain import ShaderChain, run_array_stages, run_twins
-from glsim.noise.view import FrameContext, Optics
-from glsim.pipeline import draw_values
-from glsim.plan import stable_seed
-from glsim.render import Renderer
-from glsim.sensor import sensor_of
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.stage import draw_values
+from glsim.render.renderer import Renderer
+from glsim.sensors.sensor import sensor_of
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import OutputSettings, Settings
+from glsim.settings.seeds import stable_seed
 
 
 class Corrupter:
-    """A sensor's noise chain for depth maps of one size. Use as a context manager.
+    """A sensor's noise chain for depth maps of one size. Use it as a context manager.
 
-    settings: sensor, seed, stage parameters and output.depth_unit_mm are used.
-    backend: "egl", "osmesa", "numpy" (the twins; no GL at all) or None (a GL backend that works).
-    centre_px, focal_px: of the camera that made the maps; by default the sensor's own for maps of
-        the sensor's size, and for others (crops) its focal length and the map's centre.
+    settings: sensor, rig, seed, stage parameters and output.depth_unit_mm are used.
+    shape: (height, width) of the maps, pixels.
+    backend: "egl", "osmesa", "numpy" (the twins, without GL) or None (a GL backend that works).
+    focal_px, centre_px: (x, y) of the camera that made the maps; by default the sensor's own for
+        maps of the sensor's size, else (crops) its focal length and the map's centre.
     """
 
     def __init__(
@@ -65,9 +67,9 @@ class Corrupter:
             self._context.release()
 
     def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
-        """(H, W) uint16 depth in steps of depth_unit_mm (0 = none) to a Frame.
+        """Return a Frame with noise for (H, W) uint16 depth in steps of depth_unit_mm, 0 = none.
 
-        name: of the map; with the settings' seed it decides the noise. Raises ConfigError.
+        name: of the map; the noise is a function of it and the settings' seed. Raises ConfigError.
         """
         image = self.rig.intrinsics
         if clean.dtype != np.uint16 or clean.ndim != 2:
@@ -84,33 +86,22 @@ class Corrupter:
         seed = stable_seed("corrupt", self._settings.seed, name)
         drawn, values = draw_values(self.sensor.stages, DrawKeys(seed, seed, seed))
         window = Rect(0, 0, image.width, image.height)
-        context = FrameContext(
-            window,
-            image.width,
-            image.height,
-            seed,
-            seed,
-            stable_seed("device", self._settings.seed, 0),
-            0.0,
-            image.fx * self.rig.baseline_m,
-            Optics.of(self.rig, float(depth_m[depth_m > 0].min(initial=np.inf)), supersample=1),
-        )
-        if not depth_m.any():  # nothing to see, nothing to light
+        if not depth_m.any():  # an empty map has no surface to light
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))
         elif self._context is None:
             layers = self._array_layers(depth_m)
-            run_twins(self.sensor.stages, layers, context, values)
+            frame = self._frame(window, seed, float(depth_m[depth_m > 0].min()))
+            run_twins(self.sensor.stages, layers, frame, values)
         else:
             make_current(self._context)
-            seen = self._renderer.light_depth_map(
-                depth_m,
-                depthmap.normals(depth_m, self.rig.rays()),
-                depthmap.surface(depth_m, self.rig),
-            )
-            self._chain.run(self._renderer, seen, context, values, self._readback)
+            normal = depth_map.normals(depth_m, self.rig.rays())
+            surface = depth_map.surface(depth_m, self.rig)
+            with self._renderer.light_depth_map(depth_m, normal, surface) as rendered:
+                frame = self._frame(rendered.window, seed, rendered.nearest_m)
+                self._chain.run(rendered, frame, values, self._readback)
             layers = self._readback.arrays()
-            run_array_stages(self.sensor.stages, layers, context, values)
-        return finish(
+            run_array_stages(self.sensor.stages, layers, frame, values)
+        return assemble_frame(
             layers,
             window,
             window,
@@ -122,17 +113,28 @@ class Corrupter:
             parameters=drawn,
         )
 
+    def _frame(self, window: Rect, seed: int, nearest_m: float) -> FrameContext:
+        return FrameContext.for_frame(
+            rig=self.rig,
+            window=window,
+            seed=seed,
+            sequence_seed=seed,
+            device_seed=stable_seed("device", self._settings.seed, 0),
+            nearest_m=nearest_m,
+            supersample=1,  # a map has no samples
+        )
+
     def _array_layers(self, depth_m: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
-        """The layers that a chain starts from, without GL."""
+        """Compute the layers that a chain starts from, without GL."""
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
-        normal = np.dstack([depthmap.normals(depth_m, rays), albedo])
+        normal = np.dstack([depth_map.normals(depth_m, rays), albedo])
         return {
             "clean": depth_m,
             "depth": depth_m,
             "reason": np.zeros_like(depth_m),
             "normal": normal,
             "albedo": albedo,
-            "lit": depthmap.lit_by_marching(depth_m, self.rig),
+            "lit": depth_map.lit_by_marching(depth_m, self.rig),
             "rays": rays,
         }

@@ -1,15 +1,15 @@
-"""Everything glsim raises on purpose.
+"""The errors that glsim raises on purpose.
 
     GlsimError
     |- ConfigError    a setting, a parameter or a sensor file is wrong (CLI exit status 2)
     |- ShaderError    a GLSL file does not parse, compile or link
-    |- DeviceError    no OpenGL context of the wanted kind
+    |- DeviceError    no OpenGL context of the requested kind is available
     |- MeshError      a face cannot be read or cannot be rendered
-    |- DatasetError   a data set on disk is not what it should be, or cannot be written
-    |- TrainError     a training cannot start, go on or be kept
-    |- DenoiserError  a denoiser cannot be loaded, or returns what is no depth map
+    |- DatasetError   a data set on disk is invalid, or cannot be written
+    |- TrainError     a training cannot start, continue or be saved
+    |- DenoiserError  a denoiser cannot be loaded, or returns an invalid depth map
 
-Every message says what is wrong, where, and what to do about it, in one line.
+Every message says in one line what is wrong, where, and how to fix it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections.abc import Iterable
 
 
 class GlsimError(Exception):
-    """Root of the tree; catch this to catch all of them."""
+    """The base class: catch it to catch every error of glsim."""
 
 
 class ConfigError(GlsimError):
@@ -31,7 +31,7 @@ class ShaderError(GlsimError):
 
 
 class DeviceError(GlsimError):
-    """No OpenGL context of the wanted kind can be had."""
+    """No OpenGL context of the requested kind is available."""
 
 
 class MeshError(GlsimError):
@@ -39,19 +39,19 @@ class MeshError(GlsimError):
 
 
 class DatasetError(GlsimError):
-    """A data set on disk is not what it should be, or cannot be written."""
+    """A data set on disk is invalid, or cannot be written."""
 
 
 class TrainError(GlsimError):
-    """A training cannot start, go on or be kept; a checkpoint is not what it should be."""
+    """A training cannot start, continue or be saved, or a checkpoint is invalid."""
 
 
 class DenoiserError(GlsimError):
-    """A denoiser cannot be loaded, or returns what is no depth map."""
+    """A denoiser cannot be loaded, or returns an invalid depth map."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The tail of an "unknown name" message: near names if any, otherwise all of them."""
+    """Return the end of an "unknown name" message: similar names if any, otherwise all names."""
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=3)
     if near:

@@ -1,67 +1,35 @@
-"""One simulated frame, and how depth becomes whole numbers."""
+"""A simulated frame, and the encoding of depth as 16-bit integers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.camera import Intrinsics
 from glsim.errors import ConfigError, did_you_mean
 from glsim.faces.base import FaceKey
+from glsim.geometry.camera import Intrinsics
+from glsim.geometry.rect import Rect
 from glsim.reason import Reason
 
 _T = TypeVar("_T", bound=np.generic)
 
-#: The largest depth a 16-bit file can hold, in units.
+#: The largest value of a 16-bit file.
 _UINT16_MAX = 65535
 
-#: The layers that every frame has: clean, noisy, infrared are uint16, reason is uint8.
+#: The images of every frame: clean, noisy, infrared are uint16, reason is uint8.
 LAYERS = ("clean", "noisy", "infrared", "reason")
-#: Those that can be written to files; regions (uint8) is drawn only where it is asked for.
+#: The images that can be written to files; regions (uint8) is drawn on request only.
 WRITABLE = (*LAYERS, "regions")
 
 
-class Rect(NamedTuple):
-    """A window of an image, pixels: columns [left, left+width), rows [top, top+height)."""
-
-    left: int
-    top: int
-    width: int
-    height: int
-
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        """Rows and columns, to index an image with."""
-        return (
-            slice(self.top, self.top + self.height),
-            slice(self.left, self.left + self.width),
-        )
-
-    def contains(self, other: Rect) -> bool:
-        """Whether ``other`` lies within."""
-        return (
-            self.left <= other.left
-            and self.top <= other.top
-            and self.left + self.width >= other.left + other.width
-            and self.top + self.height >= other.top + other.height
-        )
-
-    def intersection(self, other: Rect) -> Rect:
-        """What both cover; width or height 0 if nothing."""
-        left, top = max(self.left, other.left), max(self.top, other.top)
-        right = min(self.left + self.width, other.left + other.width)
-        bottom = min(self.top + self.height, other.top + other.height)
-        return Rect(left, top, max(0, right - left), max(0, bottom - top))
-
-
 def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray[np.uint16]:
-    """Depth in metres to whole units, rounded; 0 stays 0, and nothing else becomes 0.
+    """Round depth in metres to uint16 units; 0 stays 0, and nothing else becomes 0.
 
-    Raises ConfigError where a depth exceeds 65535 units.
+    Raises ConfigError if a depth exceeds 65535 units.
     """
     units = np.rint(depth_m * np.float32(1000.0 / unit_mm))
     if units.max(initial=0.0) > _UINT16_MAX:
@@ -75,12 +43,12 @@ def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray
 
 
 def decode_depth(units: NDArray[np.uint16], unit_mm: float = 1.0) -> NDArray[np.float32]:
-    """The inverse of ``encode_depth``: float32 metres, 0 = no return."""
+    """Invert ``encode_depth``: float32 metres, 0 = no return."""
     return units.astype(np.float32) * np.float32(unit_mm / 1000.0)
 
 
 def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.float32]:
-    """float32 millimetres of the units of a depth file, and what was subtracted; 0 stays 0."""
+    """Convert a depth file's units to float32 millimetres and add ``offset_mm``; 0 stays 0."""
     depth_mm: NDArray[np.float32] = units * np.float32(unit_mm)
     if offset_mm:
         np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
@@ -89,21 +57,28 @@ def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.f
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A clean and a noisy depth map of one face, with how they came about.
+    """A clean and a noisy depth map of one face, and the parameters that made them.
 
-    Images are kept as the window that holds anything; ``depth_m``, ``clean``, ... paste them into
-    the full frame, (height, width) of ``intrinsics``.
+    The fields hold the window of the image that is not empty; the properties ``clean``, ``noisy``,
+    ``infrared``, ``reason`` and ``regions`` paste it into the frame, (height, width) of
+    ``intrinsics``.
 
-    window: where the arrays below lie in the delivered frame.
-    clean_m, noisy_m: (window) float32 metres along the optical axis, 0 = no return.
-    infrared: (window) float32, 16-bit counts. reason: (window) uint8 Reason codes.
-    region_codes: (window) uint8 parts of the face as ``region_numbers`` (name -> number) has them,
-        0 = none; None where they were not asked for.
-    extra: any further layers that a stage wrote, by name.
-    depth_unit_mm: the millimetres that one step of ``clean`` and ``noisy`` stands for.
-    depth_offset_mm: what was subtracted from every depth (0 unless normalised).
-    seed: the frame's own 64-bit seed. parameters: "stage.parameter" -> the value that was drawn.
-    pose: distance_mm, yaw_deg, ... as drawn.
+    key: subject, sequence and frame number. source: the name of the face source.
+    seed: the frame's 64-bit seed.
+    intrinsics: the pinhole camera of the delivered frame, crop included.
+    window: the place of the arrays below in the delivered frame; all are (h, w) of it.
+    clean_m, noisy_m: float32 metres along the optical axis, 0 = no surface or no return.
+    infrared_counts: float32, in counts of the 16-bit image.
+    reason_codes: uint8 codes of glsim.reason.Reason.
+    region_codes: uint8 numbers of the parts of the face, 0 = none; None if not requested.
+    region_numbers: part of the face -> its number.
+    extra: further float32 layers of the stages, by name.
+    depth_unit_mm: millimetres per step of ``clean`` and ``noisy``.
+    depth_offset_mm: millimetres subtracted from every depth (0 unless normalised).
+    pose: drawn values of distance_mm, yaw_deg, ...
+    expression: action unit or blend shape -> intensity in [0, 1].
+    parameters: "stage.parameter" -> drawn value; constants are left out.
+    notes: further JSON values about the face, from its source.
     """
 
     key: FaceKey
@@ -127,40 +102,40 @@ class Frame:
 
     @property
     def clean(self) -> NDArray[np.uint16]:
-        """(H, W) uint16 clean depth in steps of depth_unit_mm, 0 = no surface."""
+        """Clean depth, (H, W) uint16 in steps of depth_unit_mm, 0 = no surface."""
         return self._paste(encode_depth(self.clean_m, self.depth_unit_mm))
 
     @property
     def noisy(self) -> NDArray[np.uint16]:
-        """(H, W) uint16 noisy depth in steps of depth_unit_mm, 0 = no return."""
+        """Noisy depth, (H, W) uint16 in steps of depth_unit_mm, 0 = no return."""
         return self._paste(encode_depth(self.noisy_m, self.depth_unit_mm))
 
     @property
     def infrared(self) -> NDArray[np.uint16]:
-        """(H, W) uint16 infrared counts."""
+        """Infrared image, (H, W) uint16 counts."""
         counts = np.clip(np.rint(self.infrared_counts), 0, _UINT16_MAX)
         return self._paste(counts.astype(np.uint16))
 
     @property
     def reason(self) -> NDArray[np.uint8]:
-        """(H, W) uint8 codes of glsim.reason.Reason."""
+        """Why each pixel has or lacks a depth, (H, W) uint8 codes of glsim.reason.Reason."""
         return self._paste(self.reason_codes, fill=int(Reason.NO_SURFACE))
 
     @property
     def regions(self) -> NDArray[np.uint8]:
-        """(H, W) uint8 parts of the face, 0 = none. Raises ConfigError if they were not drawn."""
+        """Parts of the face, (H, W) uint8, 0 = none. Raises ConfigError if they were not drawn."""
         if self.region_codes is None:
             raise ConfigError(f"{self.source}: this frame was made without the layer 'regions'")
         return self._paste(self.region_codes)
 
     @property
     def seen_regions(self) -> dict[str, int]:
-        """Name -> number of the parts of the face that at least one pixel shows."""
+        """Parts of the face that at least one pixel shows, name -> number."""
         seen = np.unique(self.regions)
         return {name: number for name, number in self.region_numbers.items() if number in seen}
 
     def image(self, layer: str) -> NDArray[np.uint16] | NDArray[np.uint8]:
-        """A layer that can be written, by its name. Raises ConfigError for another."""
+        """Return an image of WRITABLE by its name. Raises ConfigError for another name."""
         if layer not in WRITABLE:
             raise ConfigError(f"no such layer {layer!r}: {did_you_mean(layer, WRITABLE)}")
         image: NDArray[np.uint16] | NDArray[np.uint8] = getattr(self, layer)
@@ -177,7 +152,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Skipped:
-    """A frame that could not be made, and why (one line)."""
+    """A frame that could not be made. why: the reason, one line."""
 
     key: FaceKey
     source: str

@@ -1,4 +1,4 @@
-"""What a folder or a file of faces holds: format, people, frames, units and axes, problems."""
+"""Inspect a face set on disk: its format, people, frames, units and axes, and problems."""
 
 from __future__ import annotations
 
@@ -9,34 +9,36 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from glsim.config import ENDLESS, SourceSettings, load_settings
-from glsim.dataset.layout import HEADER
-from glsim.distribution import DrawKeys
+from glsim.dataset.disk_format import HEADER
 from glsim.errors import ConfigError, GlsimError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
-from glsim.faces.one import OneMesh
-from glsim.faces.tree import check_root, listing
+from glsim.faces.one_mesh import OneMesh
+from glsim.faces.scans.file_tree import check_root, list_names
 from glsim.frame import Frame
-from glsim.meshio import load_mesh
+from glsim.meshio.load import load_mesh
 from glsim.pipeline import simulate
-from glsim.plan import Task
-from glsim.preview import Shown, of_frame
+from glsim.plan.tasks import Task
+from glsim.preview import PreviewFrame
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import GENERATORS, SourceSettings, load_settings
 
-SAMPLE: Final = 40
-"""Frames that are read unless told otherwise: enough for every person of most sets."""
+#: The default number of frames to read: enough for every person of most sets.
+SAMPLE_FRAMES: Final = 40
 
-_FACS: Final = re.compile(r"\d+[LR]?(\+\d+[LR]?)*", re.ASCII)
-_DEPTH: Final = 4
-_LOOK: Final = 200  # folders that are looked into to tell a format
+_FACS_SEQUENCE: Final = re.compile(r"\d+[LR]?(\+\d+[LR]?)*", re.ASCII)
+_MAX_DEPTH: Final = 4  # levels of folders searched to recognise a format
+_MAX_FOLDERS: Final = 200  # folders searched to recognise a format
 
 
 @dataclass
-class Report:
-    """kind: a source's name or "mesh". people: subject -> sequences, frames.
+class FaceSetReport:
+    """The contents of a face set.
 
-    checked: frames that were read. vertices, triangles: of those, least and most. frames_found:
-    "unit, axes" -> how many of them. problems: reason -> how many. good: those that can be shown.
+    kind: name of the source that reads it, or "mesh". people: subject -> (sequences, frames).
+    checked: number of frames that were read. vertices, triangles: their (least, most) numbers.
+    placements: description of unit and axes -> frames. problems: description -> number.
+    usable: frames that can be drawn.
     """
 
     kind: str
@@ -45,55 +47,57 @@ class Report:
     checked: int = 0
     vertices: tuple[int, int] = (0, 0)
     triangles: tuple[int, int] = (0, 0)
-    placed: Counter[str] = field(default_factory=Counter)
+    placements: Counter[str] = field(default_factory=Counter)
     problems: Counter[str] = field(default_factory=Counter)
-    good: list[FaceKey] = field(default_factory=list)
+    usable: list[FaceKey] = field(default_factory=list)
 
     @property
     def frames(self) -> int:
-        """All frames of all people."""
+        """The number of frames of all people."""
         return sum(frames for _, frames in self.people.values())
 
 
 def recognise(path: Path) -> str:
-    """The kind of source that reads a folder. Raises ConfigError for none and for a data set."""
+    """Return the kind of source that reads a folder. ConfigError if it is missing or a data set."""
     root = check_root(path)
     if (root / HEADER).is_file():
         raise ConfigError(f"{root}: is a data set of glsim: look at it with glsim preview")
     if (root / "generic_neutral_mesh.obj").is_file():
         return "ict-facekit"
     registrations = 0
-    for number, folder in enumerate(_folders(root, _DEPTH)):
+    for number, folder in enumerate(_folders(root, _MAX_DEPTH)):
         if re.fullmatch(r"Tester_\d+", folder.name):
             return "facewarehouse"
         if re.fullmatch(r"\d\d", folder.name) and any(folder.glob("frame_*_pose.txt")):
             return "biwi"
-        if _FACS.fullmatch(folder.name) and any(folder.glob("*.[op][bl][jy]")):
+        if _FACS_SEQUENCE.fullmatch(folder.name) and any(folder.glob("*.[op][bl][jy]")):
             registrations += 1
-        if number > _LOOK:
+        if number > _MAX_FOLDERS:
             break
     return "d3dfacs" if registrations else "folder"
 
 
-def open_path(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str, FaceSource]:
-    """The kind and the source of a folder or of one mesh file. Raises ConfigError, MeshError."""
+def open_faces(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str, FaceSource]:
+    """Open a folder or one mesh file: (kind, source). Raises ConfigError, MeshError."""
     if path.is_file():
         loaded = load_mesh(path, unit=unit, axes=axes)
         return "mesh", OneMesh(loaded.mesh, path.stem, loaded.notes)
     kind = recognise(path)
-    given: dict[str, object] = {"kind": kind, "root": path}
-    if kind not in ENDLESS:
-        given |= {"unit": unit, "axes": axes}
-    return kind, open_source(SourceSettings.model_validate(given), 0)
+    options: dict[str, object] = {"kind": kind, "root": path}
+    if kind not in GENERATORS:
+        options |= {"unit": unit, "axes": axes}
+    return kind, open_source(SourceSettings.model_validate(options), 0)
 
 
-def inspect(path: Path, kind: str, source: FaceSource, sample: int = SAMPLE) -> Report:
-    """List everything, read ``sample`` frames spread over it (0: all). Raises ConfigError."""
-    report = Report(kind, path)
-    people, each = (3, 4) if kind in ENDLESS else (None, None)
+def inspect(
+    path: Path, kind: str, source: FaceSource, sample: int = SAMPLE_FRAMES
+) -> FaceSetReport:
+    """List all frames, and read ``sample`` of them, evenly spread (0: all). Raises ConfigError."""
+    report = FaceSetReport(kind, path)
+    people, frames_each = (3, 4) if kind in GENERATORS else (None, None)
     keys: list[FaceKey] = []
     for subject in source.subjects(people):
-        frames = source.frames(subject, each)
+        frames = source.frames(subject, frames_each)
         report.people[subject] = len({key.sequence for key in frames}), len(frames)
         keys += frames
     chosen = keys if sample == 0 else _spread(keys, sample)
@@ -104,8 +108,8 @@ def inspect(path: Path, kind: str, source: FaceSource, sample: int = SAMPLE) -> 
             report.problems[_without_root(str(result.error), path)] += 1
         else:
             sizes.append((len(result.mesh.vertices_mm), len(result.mesh.faces)))
-            report.good.append(result.key)
-            _note(report, result)
+            report.usable.append(result.key)
+            _add_notes(report, result)
     if sizes:
         vertices, triangles = zip(*sizes, strict=True)
         report.vertices = min(vertices), max(vertices)
@@ -113,10 +117,10 @@ def inspect(path: Path, kind: str, source: FaceSource, sample: int = SAMPLE) -> 
     return report
 
 
-def pictures(
+def preview_faces(
     source: FaceSource, keys: Sequence[FaceKey], backend: str | None = None
-) -> Iterator[Shown]:
-    """Frames as an ideal sensor sees them at 0.9 m; those that cannot be rendered are left out."""
+) -> Iterator[PreviewFrame]:
+    """Render frames with an ideal sensor at 0.9 m; frames that cannot be rendered are omitted."""
     settings = load_settings(overrides={"sensor": "ideal"})
     tasks = [
         Task(number, "train", key.subject, 0, key, DrawKeys(0, 0, 0), 0)
@@ -124,27 +128,27 @@ def pictures(
     ]
     for result in simulate(settings, tasks, sources=[source], backend=backend):
         if isinstance(result, Frame):
-            shown = of_frame(result)
             key = result.key
             caption = f"{key.subject} {key.sequence} {key.frame}"
-            yield Shown(shown.clean_m, shown.noisy_m, shown.reason, shown.intrinsics, caption)
+            yield PreviewFrame.of_frame(result, caption)
 
 
-def _note(report: Report, face: Face) -> None:
+def _add_notes(report: FaceSetReport, face: Face) -> None:
+    """Count a face's unit, axes and doubts in the report."""
     unit, axes = face.notes.get("unit"), face.notes.get("axes")
     if unit is not None:
-        how = face.notes.get("found_by_rule")
-        found = " and ".join(map(str, how)) if isinstance(how, list) else ""
-        rule = f" ({found} found by rule)" if found else ""
+        detected = face.notes.get("found_by_rule")
+        names = " and ".join(map(str, detected)) if isinstance(detected, list) else ""
+        rule = f" ({names} found by rule)" if names else ""
         scale = f" {face.notes['scale']}" if "scale" in face.notes else ""
-        report.placed[f"unit {unit}{scale}, axes {axes}{rule}"] += 1
+        report.placements[f"unit {unit}{scale}, axes {axes}{rule}"] += 1
     doubts = face.notes.get("doubts")
     for doubt in doubts if isinstance(doubts, list) else []:
         report.problems[f"{face.key.subject}: {doubt}"] += 1
 
 
 def _spread(keys: list[FaceKey], count: int) -> list[FaceKey]:
-    """``count`` keys at even distances, the first and the last among them."""
+    """Return ``count`` keys at even distances, including the first and the last."""
     if len(keys) <= count:
         return keys
     last = len(keys) - 1
@@ -156,16 +160,16 @@ def _without_root(text: str, root: Path) -> str:
 
 
 def _folders(root: Path, depth: int) -> Iterator[Path]:
-    """Folders below the root, level by level."""
+    """Yield the folders below the root, level by level."""
     level = [root]
     for _ in range(depth):
         below = []
         for folder in level:
             try:
-                below += [folder / name for name in listing(folder) if (folder / name).is_dir()]
+                below += [folder / name for name in list_names(folder) if (folder / name).is_dir()]
             except GlsimError:
                 continue
-            if len(below) > _LOOK:
+            if len(below) > _MAX_FOLDERS:
                 break
         yield from below
         level = below

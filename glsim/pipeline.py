@@ -1,13 +1,15 @@
-"""From settings to frames: the file to read first.
+"""Turn settings into frames: the file to read first.
 
-simulate(settings)   for each task of the plan:
-    source.load      -> a face (mesh in the canonical frame)
-    vary             -> a warped, patchy one, where the settings ask for it
-    pose, parameters -> drawn from the frame's seed
-    Renderer         -> clean, normal, albedo, lit
-    ShaderChain      -> depth (noisy), reason, infrared
-    Readback         -> arrays, array stages
-    Frame            -> 16-bit images, in the order of the plan
+simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
+    source.load          -> a face (mesh in canonical axes, mm), in batches
+    vary                 -> the face with another shape and albedo, if the settings vary it
+    pose, draw_values    -> pose and stage parameters, drawn from the task's seeds
+    crop_window          -> the delivered part of the image
+    Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
+    ShaderChain.run      -> depth (noisy), reason, infrared: GPU targets, readback queued
+    Readback.arrays      -> the same as float32 arrays
+    run_array_stages     -> depth and reason after the Python stages
+    assemble_frame       -> Frame, in the order of the tasks (or Skipped for a bad face)
 """
 
 from __future__ import annotations
@@ -22,37 +24,38 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.camera import Intrinsics
-from glsim.config import Settings
-from glsim.distribution import DrawKeys
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource
-from glsim.finish import finish
-from glsim.frame import LAYERS, Frame, Rect, Skipped
+from glsim.faces.regions import RegionLabels
+from glsim.faces.variation import draw_variation, vary
+from glsim.frame import LAYERS, Frame, Skipped
+from glsim.frame_assembly import assemble_frame
+from glsim.geometry.camera import Intrinsics
+from glsim.geometry.mesh import Mesh
+from glsim.geometry.pose import pose_matrix
+from glsim.geometry.rect import Rect
 from glsim.gl.context import is_software, make_current, open_context
 from glsim.gl.targets import Readback
-from glsim.mesh import Mesh
 from glsim.noise.chain import ShaderChain, array_reach_px, run_array_stages
-from glsim.noise.stage import Stage
-from glsim.noise.view import FrameContext, Optics
-from glsim.plan import Task, make_tasks, stable_seed
-from glsim.pose import pose_matrix
-from glsim.regionpass import REGION
-from glsim.regions import RegionLabels
-from glsim.render import Renderer
-from glsim.sensor import Sensor, sensor_of
-from glsim.variation import draw_variation, vary
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.stage import draw_values
+from glsim.plan.tasks import Task, make_tasks
+from glsim.render.regions import REGION
+from glsim.render.renderer import Renderer
+from glsim.sensors.sensor import Sensor, sensor_of
+from glsim.settings.schema import Settings
+from glsim.settings.seeds import stable_seed
 
-#: Faces that are evaluated together: a matrix product of this many rows keeps a core busy while
-#: the vertices of a batch stay in tens of megabytes.
+#: Faces per batch: a matrix product of this many rows keeps a core busy, and the vertices of a
+#: batch take tens of megabytes.
 _FACE_BATCH = 32
 
-#: Frames in flight between drawing and reading. A GPU works behind the CPU's back and needs a few;
-#: the software rasteriser draws when told and only delays the frame.
+#: Frames in flight between drawing and readback. A GPU draws asynchronously and needs a few; the
+#: software rasteriser draws at once, where more frames only add delay.
 _RING_ON_GPU = 4
 
-#: A wall is a square of this half side, which fills any view up to 12 m.
+#: Half the side of the square wall, mm; it fills any view up to 12 m.
 _WALL_MM = 20_000.0
 
 _WALL_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
@@ -60,11 +63,13 @@ _WALL_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 
 @dataclass(eq=False)
 class _InFlight:
+    """A frame between drawing and readback."""
+
     readback: Readback
     task: Task
     face: Face
     crop: Rect
-    context: FrameContext
+    frame: FrameContext
     values: dict[str, dict[str, float]]
     pose: dict[str, float]
     drawn: dict[str, float]
@@ -80,13 +85,13 @@ def simulate(
     layers: Collection[str] = LAYERS,
     extra_layers: Sequence[str] = (),
 ) -> Iterator[Frame | Skipped]:
-    """Make the frames of ``tasks`` (default: the whole plan), in order, one result each.
+    """Make the frames of ``tasks`` (default: the whole plan), in order, one result per task.
 
-    sources: what ``settings.source`` describes, if it is open already; any FaceSource will do.
-    backend: "egl" or "osmesa". context: one to draw in; by default one is opened and closed.
-    layers: that will be looked at. Without "infrared" that image stays 0 unless a stage needs it;
-    "regions", the parts of the face, are drawn only with it.
-    extra_layers: further layers of the stages that frames shall carry (``Frame.extra``).
+    sources: the open face sources, any FaceSource (default: those of ``settings.source``).
+    backend: "egl" or "osmesa". context: draws the frames; by default one is opened and closed.
+    layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads it;
+    "regions", the parts of the face, are drawn on request only.
+    extra_layers: layers of the stages to copy to ``Frame.extra``.
     A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
     and MeshError for a bad face if ``settings.strict``.
     """
@@ -103,7 +108,7 @@ def simulate(
 
 
 def open_sources(settings: Settings) -> list[FaceSource]:
-    """The face sources that the settings name. Raises ConfigError."""
+    """Open the face sources that the settings name. Raises ConfigError."""
     return [
         open_source(s, stable_seed("source", settings.seed, number))
         for number, s in enumerate(settings.source)
@@ -111,7 +116,7 @@ def open_sources(settings: Settings) -> list[FaceSource]:
 
 
 class Simulator:
-    """A sensor on one GL context, making frames."""
+    """Makes frames of one sensor on one GL context."""
 
     def __init__(
         self,
@@ -121,15 +126,15 @@ class Simulator:
         extra_layers: Sequence[str] = (),
         layers: Collection[str] = LAYERS,
     ) -> None:
-        """extra_layers: further layers of the stages that frames shall carry (``Frame.extra``)."""
+        """Compile the shaders. Arguments as in ``simulate``. Raises ConfigError or ShaderError."""
         self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
         self._context = context
         self.sensor: Sensor = sensor_of(settings)
         make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
-        brought = (*self._extra, REGION.name) if "regions" in layers else self._extra
+        read_back = (*self._extra, REGION.name) if "regions" in layers else self._extra
         self._chain = ShaderChain(
-            context, self.sensor.stages, brought, infrared="infrared" in layers
+            context, self.sensor.stages, read_back, infrared="infrared" in layers
         )
         self._labels = RegionLabels(sources) if "regions" in layers else None
         ring = 1 if is_software(context) else _RING_ON_GPU
@@ -142,7 +147,7 @@ class Simulator:
             )
 
     def frames(self, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
-        """One result a task, in order."""
+        """Yield one result per task, in order."""
         in_flight: deque[_InFlight | Skipped] = deque()
         ring = len(self._readbacks)
         for number, (task, face) in enumerate(self._faces(tasks)):
@@ -153,9 +158,9 @@ class Simulator:
             yield self._deliver(in_flight.popleft())
 
     def _faces(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
-        """Geometry in batches of tasks that share a source.
+        """Load faces in batches of tasks that share a source.
 
-        While one batch is drawn, a thread reads the next, so that disks do not hold drawing up.
+        A thread reads the next batch while one is drawn, so that drawing does not wait for disks.
         """
         with ThreadPoolExecutor(1, "faces") as reader:
             ahead: deque[Future[list[tuple[Task, Face | BadFace]]]] = deque()
@@ -176,7 +181,7 @@ class Simulator:
         ]
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
-        """Queue all drawing of one frame."""
+        """Queue the drawing of one frame, or return the record of a bad face."""
         try:
             if isinstance(face, BadFace):
                 raise face.error
@@ -185,14 +190,14 @@ class Simulator:
             return self._skipped(task, error)
 
     def _skipped(self, task: Task, error: MeshError) -> Skipped:
-        """The record of a bad face. Raises it if the settings are strict."""
+        """Return the record of a bad face. Raises ``error`` if the settings are strict."""
         if self._settings.strict:
             raise error
         return Skipped(task.key, self._sources[task.source].name, str(error))
 
     def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
         settings, rig = self._settings, self.sensor.rig
-        make_current(self._context)  # whoever takes the frames may use another between two
+        make_current(self._context)  # the caller may have used another since the last frame
         pose = {
             name: getattr(settings.pose, name).draw(task.seeds, f"pose.{name}")
             for name in type(settings.pose).model_fields
@@ -212,23 +217,21 @@ class Simulator:
             labels = [self._labels.of(task.source, len(face.mesh.vertices_mm))]
             labels += [None] * (len(meshes) - 1)  # the wall
         reach_px = array_reach_px(self.sensor.stages, values)
-        layers, window = self._renderer.render(meshes, crop, labels, reach_px)
-        context = FrameContext(
-            window,
-            rig.intrinsics.width,
-            rig.intrinsics.height,
-            task.seeds.frame,
-            task.seeds.sequence,
-            stable_seed("device", settings.seed, task.device),
-            task.key.time_s,
-            rig.intrinsics.fx * rig.baseline_m,
-            Optics.of(rig, self._renderer.nearest_m),
-        )
-        self._chain.run(self._renderer, layers, context, values, readback)
-        return _InFlight(readback, task, face, crop, context, values, pose, drawn)
+        with self._renderer.render(meshes, crop, labels, reach_px) as rendered:
+            frame = FrameContext.for_frame(
+                rig=rig,
+                window=rendered.window,
+                seed=task.seeds.frame,
+                sequence_seed=task.seeds.sequence,
+                device_seed=stable_seed("device", settings.seed, task.device),
+                time_s=task.key.time_s,
+                nearest_m=rendered.nearest_m,
+            )
+            self._chain.run(rendered, frame, values, readback)
+        return _InFlight(readback, task, face, crop, frame, values, pose, drawn)
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:
-        """Wait for one frame's layers and make them a Frame."""
+        """Wait for one frame's layers, run the array stages, and assemble the Frame."""
         if isinstance(item, Skipped):
             return item
         make_current(self._context)
@@ -240,11 +243,11 @@ class Simulator:
                     "the mesh covers no pixel: its triangles are wound inside out, or too small"
                 ),
             )
-        run_array_stages(self.sensor.stages, layers, item.context, item.values)
+        run_array_stages(self.sensor.stages, layers, item.frame, item.values)
         task, face = item.task, item.face
-        return finish(
+        return assemble_frame(
             layers,
-            item.context.window,
+            item.frame.window,
             item.crop,
             self.sensor.rig.intrinsics,
             self._settings.output,
@@ -261,31 +264,20 @@ class Simulator:
 
 
 def _batches(tasks: Iterable[Task]) -> Iterator[list[Task]]:
-    """Tasks in their order, some at a time, each time of one source."""
+    """Split tasks, in their order, into batches of one source each."""
     for _, run in itertools.groupby(tasks, key=lambda task: task.source):
         while batch := list(itertools.islice(run, _FACE_BATCH)):
             yield batch
 
 
-def draw_values(
-    stages: Sequence[Stage], seeds: DrawKeys
-) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
-    """What was drawn from distributions, "stage.parameter" -> value, and all values by stage."""
-    values = {stage.name: stage.draw(lambda s, name: s.draw(seeds, name)) for stage in stages}
-    drawn = {
-        f"{stage.name}.{name}": values[stage.name][name]
-        for stage in stages
-        for name, setting in stage.settings.items()
-        if not setting.is_constant
-    }
-    return drawn, values
-
-
 def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) -> Rect:
-    """The square that is delivered, centred on the face and shifted to lie within the image."""
+    """Return the delivered square, centred on the face and shifted into the image.
+
+    side: pixels; None delivers the whole image.
+    """
     if side is None:
         return Rect(0, 0, image.width, image.height)
-    # A face at or behind the camera has no place in the image; the renderer says so.
+    # A face at or behind the camera has no place in the image; the renderer reports it.
     depth_mm = max(pose["distance_mm"], 1.0)
     centre = image.project(np.array([[pose["x_mm"], pose["y_mm"], depth_mm]]))[0]
     left = int(np.clip(round(centre[0] - side / 2), 0, image.width - side))

@@ -1,4 +1,4 @@
-"""Pictures for people: shaded depth, differences, reasons, contact sheets. 8-bit BGR arrays."""
+"""Preview pictures: shaded depth, differences, reasons, contact sheets; uint8 BGR arrays."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim import depthmap
-from glsim.camera import Intrinsics
-from glsim.dataset import Pair
-from glsim.finish import explain
+from glsim.dataset.reader import Pair
 from glsim.frame import Frame
+from glsim.frame_assembly import reconcile_reasons
+from glsim.geometry import depth_map
+from glsim.geometry.camera import Intrinsics
 from glsim.reason import Reason
 
 Picture = NDArray[np.uint8]
 
-#: Light from the upper left behind the camera, in camera axes (y down), and a fill from the right.
+#: Directions to the lights in camera axes (y down): the key light is at the upper left behind the
+#: camera, the fill light at the right.
 _KEY_LIGHT = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.70])
 _FILL_LIGHT = np.array([0.70, -0.10, -0.70]) / np.linalg.norm([0.70, -0.10, -0.70])
 
 _BACKGROUND = (38, 32, 28)
 _TEXT = (235, 235, 235)
 
-#: Differences beyond this are drawn in the colour of this.
+#: Larger differences are drawn in the colour of this one.
 DIFFERENCE_MM = 20.0
 
-#: BGR, one a reason: greys and greens where there is depth, saturated colours where it is missing.
+#: BGR colour per reason: greys and greens for pixels with depth, saturated colours for holes.
 _REASON_COLOURS = {
     Reason.VALID: (150, 150, 150),
     Reason.NO_SURFACE: _BACKGROUND,
@@ -47,8 +48,8 @@ _REASON_COLOURS = {
 
 
 def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
-    """(H, W, 3): the depth map as a matte surface under two lights."""
-    normal = depthmap.normals(np.asarray(depth_m, dtype=np.float32), intrinsics.rays())
+    """Draw a depth map, (H, W) metres, as a matte surface under two lights: (H, W, 3) BGR."""
+    normal = depth_map.normals(np.asarray(depth_m, dtype=np.float32), intrinsics.rays())
     key = np.clip(normal @ _KEY_LIGHT, 0, 1)
     fill = np.clip(normal @ _FILL_LIGHT, 0, 1)
     grey = np.clip(20 + 195 * key + 55 * fill, 0, 255).astype(np.uint8)
@@ -58,7 +59,7 @@ def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
 
 
 def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Picture:
-    """(H, W, 3): noisy minus clean where both have depth; blue nearer, red farther."""
+    """Draw noisy minus clean where both have depth, metres: (H, W, 3), blue nearer, red farther."""
     share = np.clip((noisy_m - clean_m) * 1000.0 / DIFFERENCE_MM, -1, 1)[..., None]
     white, near, far = (np.array(c, float) for c in ((245, 245, 245), (190, 80, 30), (40, 40, 190)))
     colour = white + np.where(share < 0, -share * (near - white), share * (far - white))
@@ -68,15 +69,15 @@ def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Pi
 
 
 def reasons(codes: NDArray[np.uint8]) -> Picture:
-    """(H, W, 3): the colour of each pixel's reason."""
+    """Draw (H, W) reason codes as colours: (H, W, 3) BGR."""
     palette: Picture = np.array([_REASON_COLOURS[Reason(r)] for r in sorted(Reason)], np.uint8)
     picture: Picture = palette[codes]
     return picture
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """What a row of a contact sheet is drawn from: (H, W) metres, metres, codes; a caption."""
+class PreviewFrame:
+    """A frame to draw: (H, W) clean and noisy depth in metres, reason codes, and a caption."""
 
     clean_m: NDArray[np.float32]
     noisy_m: NDArray[np.float32]
@@ -84,58 +85,63 @@ class Shown:
     intrinsics: Intrinsics
     caption: str = ""
 
+    @classmethod
+    def of_frame(cls, frame: Frame, caption: str = "") -> PreviewFrame:
+        """Take a simulated frame, cropped to its window."""
+        camera = frame.intrinsics.cropped(*frame.window)
+        return cls(frame.clean_m, frame.noisy_m, frame.reason_codes, camera, caption)
 
-def of_frame(frame: Frame) -> Shown:
-    """A simulated frame, cut to its window."""
-    part = frame.intrinsics.cropped(*frame.window)
-    return Shown(frame.clean_m, frame.noisy_m, frame.reason_codes, part)
+    @classmethod
+    def of_pair(cls, pair: Pair) -> PreviewFrame:
+        """Take a frame of a data set; without a reason layer, infer reasons from the depths."""
+        clean_m, noisy_m = pair.clean_mm / np.float32(1000), pair.noisy_mm / np.float32(1000)
+        if "reason" in pair.record["files"]:
+            codes = np.asarray(pair.reason, dtype=np.uint8)
+        else:
+            codes = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
+        caption = f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}"
+        return cls(clean_m, noisy_m, codes, pair.intrinsics, caption)
 
 
-def of_pair(pair: Pair) -> Shown:
-    """A frame of a data set. Where it has no reason layer, the depths tell what they can."""
-    clean_m, noisy_m = pair.clean_mm / np.float32(1000), pair.noisy_mm / np.float32(1000)
-    if "reason" in pair.record["files"]:
-        codes = np.asarray(pair.reason, dtype=np.uint8)
-    else:
-        codes = explain(clean_m, noisy_m, np.zeros_like(clean_m))
-    caption = f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}"
-    return Shown(clean_m, noisy_m, codes, pair.intrinsics, caption)
+def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
+    """Draw four cells, cropped to the face: shaded clean, shaded noisy, difference, reasons.
 
-
-def strip(shown: Shown, side: int = 320) -> Picture:
-    """One frame as a row: shaded clean, shaded noisy, difference, reasons; cut to the face."""
+    side: width and height of a cell, pixels.
+    """
     cells = [
-        shaded(shown.clean_m, shown.intrinsics),
-        shaded(shown.noisy_m, shown.intrinsics),
-        difference(shown.clean_m, shown.noisy_m),
-        reasons(shown.reason),
+        shaded(frame.clean_m, frame.intrinsics),
+        shaded(frame.noisy_m, frame.intrinsics),
+        difference(frame.clean_m, frame.noisy_m),
+        reasons(frame.reason),
     ]
-    cut = _surface_slices(shown.clean_m)
-    row = np.hstack([_fit(cell[cut], side) for cell in cells])
-    _write(row, shown.caption, (10, 16), 0.4)
+    crop = _surface_slices(frame.clean_m)
+    row = np.hstack([_fit(cell[crop], side) for cell in cells])
+    _write(row, frame.caption, (10, 16), 0.4)
     return row
 
 
-def contact_sheet(rows: Sequence[Shown], title: str, side: int = 300) -> Picture:
-    """Rows of ``strip`` under headings, with a legend of differences and reasons."""
+def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -> Picture:
+    """Draw one ``frame_row`` per frame under headings, with a legend of colours and reasons."""
     width = 4 * side
     head = np.full((66, width, 3), _BACKGROUND, np.uint8)
     _write(head, title, (10, 26), 0.62)
     headings = ("clean, shaded", "noisy, shaded", "noisy - clean", "invalid or altered")
     for column, text in enumerate(headings):
         _write(head, text, (column * side + 10, 56), 0.5)
-    used = sorted({Reason(int(code)) for row in rows for code in np.unique(row.reason)})
-    strips = [strip(row, side) for row in rows]
-    return np.vstack([head, *strips, _legend(width, used)])
+    used = sorted({Reason(int(code)) for frame in frames for code in np.unique(frame.reason)})
+    rows = [frame_row(frame, side) for frame in frames]
+    return np.vstack([head, *rows, _legend(width, used)])
 
 
-def gallery(faces: Sequence[Shown], title: str, columns: int = 4, side: int = 240) -> Picture:
-    """Shaded clean maps in a grid, each with its caption."""
+def gallery(
+    faces: Sequence[PreviewFrame], title: str, columns: int = 4, side: int = 240
+) -> Picture:
+    """Draw the shaded clean maps in a grid, each with its caption."""
     columns = max(1, min(columns, len(faces)))
     cells = []
     for face in faces:
-        cut = _surface_slices(face.clean_m)
-        cell = _fit(shaded(face.clean_m, face.intrinsics)[cut], side)
+        crop = _surface_slices(face.clean_m)
+        cell = _fit(shaded(face.clean_m, face.intrinsics)[crop], side)
         _write(cell, face.caption, (8, 16), 0.4)
         cells.append(cell)
     cells += [np.full((side, side, 3), _BACKGROUND, np.uint8)] * (-len(cells) % columns)
@@ -160,7 +166,7 @@ def _legend(width: int, used: Sequence[Reason]) -> Picture:
 
 
 def _surface_slices(depth_m: NDArray[np.float32], margin_px: int = 6) -> tuple[slice, slice]:
-    """Rows and columns that hold any depth, with a margin; everything if there is none."""
+    """Return the rows and columns that hold any depth, with a margin; all if there is none."""
     rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
     if len(rows) == 0:
         return slice(None), slice(None)
@@ -171,7 +177,7 @@ def _surface_slices(depth_m: NDArray[np.float32], margin_px: int = 6) -> tuple[s
 
 
 def _fit(picture: Picture, side: int) -> Picture:
-    """Scaled by whole pixels' nearest neighbour to fit a square, centred."""
+    """Scale a picture by nearest neighbour to fit a square of ``side`` pixels, centred."""
     scale = side / max(picture.shape[:2])
     size = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
     resized = cv2.resize(picture, size, interpolation=cv2.INTER_NEAREST)
@@ -182,4 +188,5 @@ def _fit(picture: Picture, side: int) -> Picture:
 
 
 def _write(picture: Picture, text: str, at: tuple[int, int], size: float) -> None:
+    """Draw text. at: (x, y) of its lower left corner, pixels. size: scale of the font."""
     cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _TEXT, 1, cv2.LINE_AA)

@@ -1,7 +1,7 @@
-"""Why a pixel of the noisy depth map is what it is: the codes in ``*_reason.png``.
+"""Reason codes: why each pixel of the noisy depth map is valid, altered or missing.
 
-The same names reach the shaders as REASON_SHADOW and so on, through ``#include "reason.glsl"``,
-which is generated from this enumeration.
+They are the pixel values of ``*_reason.png``. Shaders see the same names
+(REASON_SHADOW, ...) through ``#include "reason.glsl"``, which is generated from this enumeration.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from enum import IntEnum
 
 
 class Reason(IntEnum):
-    """One code a pixel, uint8. Depth is 0 for every code but VALID, MOVED and GROWN."""
+    """The uint8 code of a pixel. Depth is 0 for every code but VALID, MOVED and GROWN."""
 
     VALID = 0
     NO_SURFACE = 1
@@ -28,7 +28,7 @@ class Reason(IntEnum):
 
     @property
     def help(self) -> str:
-        """One line for tables."""
+        """The meaning of the code, one line."""
         return _HELP[self]
 
     @property
@@ -55,6 +55,6 @@ _HELP = {
 
 
 def glsl() -> str:
-    """The text of the generated include "reason.glsl"."""
+    """Return the text of the generated include "reason.glsl"."""
     lines = [f"const float REASON_{r.name} = {r.value}.0; // {r.help}" for r in Reason]
     return "\n".join(["// generated from glsim/reason.py", *lines]) + "\n"

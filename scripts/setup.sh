@@ -1,18 +1,18 @@
 #!/usr/bin/env bash
-# Sets up .venv with an editable install, and the Debian packages that OpenGL needs. Quick when
-# nothing is left to do. Usage: scripts/setup.sh demo | EXTRA (an extra of pyproject.toml: test)
+# Sets up .venv with an editable install, and the Debian packages that OpenGL needs. Quick if all is
+# installed. Usage: scripts/setup.sh demo | EXTRA (an extra of pyproject.toml: test)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 extra=${1:?say which extra, e.g. test}
 
-# Debian package: a file of its that must be there.
+# Debian package -> a file that it installs.
 declare -A needed=(
     [libegl1]=libEGL.so.1
     [libgl1-mesa-dri]=swrast_dri.so
     [libosmesa6]=libOSMesa.so.8
     [libgl1]=libGL.so.1
 )
-if [ "$extra" = test ]; then # Open3D, against which the tests check
+if [ "$extra" = test ]; then # needed by Open3D, which the tests compare with
     needed+=([libusb-1.0-0]=libusb-1.0.so.0 [libgomp1]=libgomp.so.1 [libx11-6]=libX11.so.6)
 fi
 missing=()

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Makes the network that the package ships: data, training, train/shipped/face.pt. Resumes.
+# Makes the network that the package ships: data, training, glsim/denoise/shipped/face.pt. Resumes.
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
 #   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 2 GB of data and the run, default build/shipped.
-# An hour on two cores. docs/model_card.md says what came out.
+# An hour on two cores. The results are in docs/model_card.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 model=${1:?say where ICT-FaceKit\'s FaceXModel is}
@@ -10,7 +10,7 @@ out=${2:-build/shipped}
 glsim=${GLSIM:-.venv/bin/glsim}
 sets=()
 
-# generate NAME PEOPLE FRAMES OPTIONS...: of embedded heads and of ICT-FaceKit, as many of each.
+# generate NAME PEOPLE FRAMES OPTIONS...: a data set of embedded heads and one of ICT-FaceKit.
 generate() {
     local name=$1 people=$2 frames=$3
     shift 3
@@ -29,7 +29,7 @@ any=(--config train/data/randomised.toml)
 wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
 generate kinect 400 16 "${any[@]}" --seed 101
 generate wall 200 16 "${any[@]}" --seed 102 "${wall[@]}"
-# A little of every other sensor, and of none (ideal), so that no harm is done to their frames.
+# Some pairs of every other sensor, and without noise (ideal), so that their frames are not harmed.
 pose=(--set 'pose.yaw_deg={ uniform = [-60, 60] }' --set 'pose.pitch_deg={ uniform = [-25, 25] }'
     --set 'pose.distance_mm={ uniform = [550, 1400] }' --set variation.per=frame
     --set 'variation.shape_mm={ uniform = [0, 5] }' --set 'variation.albedo={ uniform = [0, 1.2] }')
@@ -38,7 +38,7 @@ for sensor in kinect-v2-fast kinect-v2-fankhauser kinect-v2-paper kinect-v1 azur
     generate "$sensor-wall" 25 8 --sensor "$sensor" --seed 104 "${pose[@]}" "${wall[@]}"
 done
 
-# In two parts, as the shipped weights were: the cosine of the second goes on from 6,000 of 10,000.
+# In two parts, like the shipped weights: the second continues its cosine at step 6,000 of 10,000.
 "$glsim" train face "${sets[@]}" --resume --steps 6000 -o "$out/run"
 "$glsim" train face "${sets[@]}" --resume --steps 10000 -o "$out/run"
-cp "$out/run/best.pt" train/shipped/face.pt
+cp "$out/run/best.pt" glsim/denoise/shipped/face.pt

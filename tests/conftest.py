@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import moderngl
 import numpy as np
 import pytest
-from scenes import face_mesh
 
+from glsim.geometry.mesh import Mesh
 from glsim.gl.context import make_current, open_context
-from glsim.mesh import Mesh
+from tests.support.scenes import face_mesh
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -1,4 +1,4 @@
-"""Noise on depth maps that exist already, through OpenGL and through NumPy."""
+"""Noise on the user's own depth maps, by OpenGL and by NumPy."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import moderngl
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scenes import V2, Plane, face_mesh, frames_of, layers_of, rig, settings_for
-from stage_harness import Z_MAX, z_sd
 
-from glsim import depthmap
-from glsim.config import load_settings
 from glsim.corrupt import Corrupter
 from glsim.errors import ConfigError
 from glsim.frame import Frame
+from glsim.geometry import depth_map
 from glsim.reason import Reason
+from glsim.settings.schema import load_settings
+from tests.support.scenes import V2, Plane, face_mesh, frames_of, layers_of, rig, settings_for
+from tests.support.stage_harness import Z_MAX, z_sd
 
 SENSORS = ["ideal", "kinect-v1", "kinect-v2", "kinect-v2-paper"]
 
 
 def turned_face(context: moderngl.Context, crop: int | None = 160) -> NDArray[np.uint16]:
-    """Before a wall, in whole millimetres."""
+    """A face before a wall, whole millimetres."""
     pose = {"distance_mm": 900, "yaw_deg": 20}
     settings = settings_for(scene={"wall_mm": 1300}, pose=pose, output={"crop": crop})
     return frames_of(context, settings, face_mesh())[0].clean
@@ -47,8 +47,8 @@ def corrupted(
 
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_both_backends_agree(context: moderngl.Context, sensor: str) -> None:
-    """The edges of shadows differ: the mesh of a map ends at the centres of its pixels, for the
-    NumPy march pixels are squares.
+    """The edges of shadows differ: the mesh of a map ends at its pixels' centres, but the NumPy
+    march takes pixels as squares.
     """
     clean = turned_face(context, crop=None)
     drawn, computed = corrupted(sensor, clean), corrupted(sensor, clean, backend="numpy")
@@ -126,8 +126,8 @@ def test_what_is_no_depth_map_is_named(array: np.ndarray, message: str) -> None:
 def test_a_shader_of_the_users_own_needs_opengl(
     tmp_path_factory: pytest.TempPathFactory, clean: NDArray[np.uint16]
 ) -> None:
-    """Even under the name of one of ours, whose twin is not its own."""
-    from scenes import sensor_file
+    """Even if the file has the name of a shipped stage, whose twin it must not use."""
+    from tests.support.scenes import sensor_file
 
     folder = tmp_path_factory.mktemp("own")
     (folder / "gaussian.glsl").write_text(
@@ -155,7 +155,7 @@ def test_cameras_default_to_the_sensors_own() -> None:
 
 @pytest.mark.parametrize("backend", [None, "numpy"])
 def test_the_noise_is_that_of_the_sensor(backend: str | None) -> None:
-    """Axial noise by its formula, alone, in tenths of a millimetre."""
+    """Axial noise alone follows its formula, in tenths of a millimetre."""
     flat = np.full((128, 128), 20_000, np.uint16)
     only = {"axial": {"angle_mm": 0}, "millimetre_quantise": {"step_mm": 0.1}}
     off = {n: {"enabled": False} for n in ("lateral", "fixed_pattern", "edge_dropout", "shadow")}
@@ -170,25 +170,25 @@ def test_normals_of_a_map_are_those_of_its_plane() -> None:
         plane = Plane(1.0, tilt, turn)
         depth = plane.depth(V2.rays()).astype(np.float32)
         seen = (depth > 0.3) & (depth < 3)
-        normal = depthmap.normals(np.where(seen, depth, np.float32(0)), V2.rays())
+        normal = depth_map.normals(np.where(seen, depth, np.float32(0)), V2.rays())
         assert np.abs(normal - plane.normal)[seen].max() < 5e-3
         assert (normal[~seen] == [0, 0, -1]).all()
 
 
 def test_normals_do_not_mix_surfaces(context: moderngl.Context) -> None:
-    """Beside a step they are those of the own side."""
+    """Beside a step they are those of the pixel's own side."""
     steps = np.full((V2.height, V2.width), 1.0, np.float32)
     steps[:, 200:] = 1.5
-    normal = depthmap.normals(steps, V2.rays())
+    normal = depth_map.normals(steps, V2.rays())
     np.testing.assert_allclose(normal, np.broadcast_to([0, 0, -1.0], normal.shape), atol=1e-6)
 
 
 def test_the_surface_of_a_map_is_where_it_was_seen(context: moderngl.Context) -> None:
     seen = layers_of(context, rig(), [(face_mesh(), {"distance_mm": 900})])["clean"]
-    mesh = depthmap.surface(seen, rig())
+    mesh = depth_map.surface(seen, rig())
     assert mesh is not None
     again = layers_of(context, rig(), [mesh])["clean"]
     both = (seen > 0) & (again > 0)
     assert both.sum() > 0.9 * (seen > 0).sum()
     assert np.abs(seen - again)[both].max() < 1e-5
-    assert depthmap.surface(np.zeros_like(seen), rig()) is None
+    assert depth_map.surface(np.zeros_like(seen), rig()) is None

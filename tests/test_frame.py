@@ -1,4 +1,4 @@
-"""Frames as whole numbers: encoding, windows, masks, reasons."""
+"""Frames: encoding as integers, windows, masks, reasons."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import V2
 
-from glsim.config import OutputSettings
 from glsim.errors import ConfigError
 from glsim.faces.base import FaceKey
-from glsim.finish import explain, finish
-from glsim.frame import Frame, Rect, decode_depth, encode_depth
+from glsim.frame import Frame, decode_depth, encode_depth
+from glsim.frame_assembly import assemble_frame, reconcile_reasons
+from glsim.geometry.rect import Rect
 from glsim.reason import Reason
+from glsim.settings.schema import OutputSettings
+from tests.support.scenes import V2
 
 WITH_DEPTH = [Reason.VALID, Reason.MOVED, Reason.GROWN]
 
@@ -23,7 +24,7 @@ WITH_DEPTH = [Reason.VALID, Reason.MOVED, Reason.GROWN]
 def made(
     clean_mm: float = 900, noisy_mm: float = 905, crop: Rect | None = None, **output: object
 ) -> Frame:
-    """A frame with one window of two pixels: the given depths, and nothing."""
+    """A frame with a window of two pixels: one has the given depths, the other none."""
     window = Rect(100, 50, 2, 1)
     layers = {
         "clean": np.array([[clean_mm / 1000, 0]], np.float32),
@@ -31,7 +32,7 @@ def made(
         "reason": np.zeros((1, 2), np.float32),
         "infrared": np.array([[70_000.4, 12.6]], np.float32),
     }
-    return finish(
+    return assemble_frame(
         layers,
         window,
         crop or Rect(0, 0, V2.width, V2.height),
@@ -111,7 +112,7 @@ def test_the_nearest_clean_point_may_be_shifted_to_a_depth() -> None:
     frame = made(900, 905, nearest_to_mm=100)
     assert (frame.clean.max(), frame.noisy.max()) == (100, 105)
     assert frame.depth_offset_mm == pytest.approx(800, abs=1e-3)
-    near = made(900, 750, nearest_to_mm=100)  # beyond the zero: keeps one unit, and its depth
+    near = made(900, 750, nearest_to_mm=100)  # would be below 0: keeps one unit
     assert (near.clean.max(), near.noisy.max()) == (100, 1)
     assert near.reason[50, 100] == Reason.VALID
     assert made(0, 0, nearest_to_mm=100).depth_offset_mm == 0
@@ -119,7 +120,7 @@ def test_the_nearest_clean_point_may_be_shifted_to_a_depth() -> None:
 
 def explained(clean: float, noisy: float, code: float) -> Reason:
     arrays = (np.array([[value]], np.float32) for value in (clean, noisy, code))
-    return Reason(int(explain(*arrays)[0, 0]))
+    return Reason(int(reconcile_reasons(*arrays)[0, 0]))
 
 
 @pytest.mark.parametrize("code", [*Reason, 13, 99, 200.4])
@@ -129,7 +130,7 @@ def test_reasons_agree_with_the_depth(clean: float, noisy: float, code: float) -
     found = explained(clean, noisy, code)
     assert found.has_depth == (noisy > 0)
     if noisy > 0:
-        # What has a depth but no surface was grown; what is said to have none is valid after all.
+        # A depth without a surface was grown; a code without depth becomes VALID.
         expected = said if said.has_depth else Reason.VALID
         assert found == (Reason.GROWN if expected == Reason.VALID and clean == 0 else expected)
     elif said.has_depth:

@@ -1,6 +1,6 @@
-"""Frames as they were: what no formula covers must not change unnoticed.
+"""Golden frames: noise that no formula covers must not change unnoticed.
 
-``pytest tests/test_golden.py --regenerate`` writes them anew, after a change that is meant.
+``pytest tests/test_golden.py --regenerate`` writes them again after an intended change.
 """
 
 from __future__ import annotations
@@ -12,17 +12,18 @@ import moderngl
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scenes import face_mesh, frames_of, settings_for
+
+from tests.support.scenes import face_mesh, frames_of, settings_for
 
 GOLDEN = Path(__file__).parent / "golden"
 POSE = {"distance_mm": 900.0, "yaw_deg": 25.0, "pitch_deg": -8.0, "roll_deg": 4.0}
 
-#: Steps of 1 mm; where one has depth and the other has none, a share of the pixels.
+#: Largest difference, mm, and the share of pixels where only one image may have depth.
 ATOL_MM, ATOL_SHARE = 1, 0.002
 
 
 def picture(expected: NDArray[np.uint16], found: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """Expected, found, and their difference (white: more than 1 mm), four times as large."""
+    """Show expected, found and their difference (white: more than 1 mm), enlarged four times."""
     largest = max(int(expected.max()), 1)
     off = np.abs(expected.astype(int) - found.astype(int)) > ATOL_MM
     cells = [
@@ -54,7 +55,7 @@ def test_frames_are_as_they_were(
     assert expected.dtype == np.uint16
     assert expected.shape == (96, 96)
     if "llvmpipe" not in renderer:
-        # The statistics must be alike on any renderer, pixels need not.
+        # On another renderer only the statistics must agree.
         both = (expected > 0) & (found > 0)
         assert both.sum() > 0.97 * (expected > 0).sum()
         assert np.median(np.abs(expected.astype(int) - found)[both]) <= ATOL_MM

@@ -1,4 +1,4 @@
-"""Recognising face sets, saying what is in them, and looking ahead with --plan."""
+"""Test inspecting face sets, and estimating a data set with --plan."""
 
 from __future__ import annotations
 
@@ -6,8 +6,16 @@ from pathlib import Path
 
 import cv2
 import pytest
-from facemodels import write_face_x_model
-from facesets import (
+
+from glsim.cli import main
+from glsim.dataset.estimate import estimate_dataset
+from glsim.errors import ConfigError, DeviceError
+from glsim.inspection import inspect, open_faces, recognise
+from glsim.pipeline import open_sources
+from glsim.plan.tasks import make_tasks
+from glsim.settings.schema import load_settings
+from tests.support.face_models import write_face_x_model
+from tests.support.face_sets import (
     FACE,
     TRIANGLES,
     fixture,
@@ -17,14 +25,6 @@ from facesets import (
     write_recording,
     write_tester,
 )
-
-from glsim.cli import main
-from glsim.config import load_settings
-from glsim.errors import ConfigError, DeviceError
-from glsim.forecast import forecast
-from glsim.inspection import inspect, open_path, recognise
-from glsim.pipeline import open_sources
-from glsim.plan import make_tasks
 
 
 def _d3dfacs(root: Path) -> Path:
@@ -52,13 +52,13 @@ def test_formats_are_recognised(tmp_path: Path) -> None:
 def test_what_is_there_is_counted_and_problems_are_named(tmp_path: Path) -> None:
     _d3dfacs(tmp_path)
     put(tmp_path / "Joe/1+2/1+2_9.ply", b"ply\n")
-    kind, source = open_path(tmp_path)
+    kind, source = open_faces(tmp_path)
     report = inspect(tmp_path, kind, source)
     assert report.people == {"Joe": (1, 4)}
     assert (report.frames, report.checked) == (4, 4)
     assert report.vertices == (len(FACE), len(FACE))
     assert report.triangles == (len(TRIANGLES), len(TRIANGLES))
-    assert report.placed == {"unit m, axes +x+y+z": 3}
+    assert report.placements == {"unit m, axes +x+y+z": 3}
     (problem,) = report.problems
     assert problem.startswith("Joe/1+2/1+2_9.ply: damaged")
     assert inspect(tmp_path, kind, source, 2).checked == 2
@@ -110,22 +110,24 @@ def test_a_plan_writes_nothing_and_counts_everything(
     assert "give -o DIR" in capsys.readouterr().err
 
 
-def test_a_forecast_without_opengl_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_estimate_without_opengl_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_tester(tmp_path, 1, poses=0)
     put(tmp_path / "Tester_1/Blendshape/shape.bs", b"")
     source = {"kind": "facewarehouse", "root": tmp_path}
     settings = load_settings(overrides={"sensor": "ideal", "source": source})
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
-    ahead = forecast(settings, sources, tasks, sample=3)
-    assert (ahead.measured, len(ahead.skipped), ahead.frames) == (0, 3, 47)
+    estimate = estimate_dataset(settings, sources, tasks, sample=3)
+    assert (estimate.measured_frames, len(estimate.skipped), estimate.frames) == (0, 3, 47)
 
     def missing(*_: object, **__: object) -> None:
         raise DeviceError("none")
 
-    monkeypatch.setattr("glsim.forecast.simulate", missing)
-    ahead = forecast(settings, sources, tasks, workers=2)
-    assert ahead.measured == 0
-    assert ahead.bytes > 0
-    assert ahead.by_split() == {"train": (1, 47), "val": (0, 0), "test": (0, 0)}
-    assert ahead.by_source() == {"0 facewarehouse": (1, 47)}
+    monkeypatch.setattr("glsim.dataset.estimate.simulate", missing)
+    estimate = estimate_dataset(settings, sources, tasks, workers=2)
+    assert estimate.measured_frames == 0
+    assert estimate.bytes > 0
+    assert estimate.by_split() == {"train": (1, 47), "val": (0, 0), "test": (0, 0)}
+    assert estimate.by_source() == {"0 facewarehouse": (1, 47)}

@@ -12,22 +12,30 @@ from pathlib import Path
 import moderngl
 import numpy as np
 import pytest
-from scenes import V2, TwoSequences, face_mesh, frames_of, moving_settings, plate, settings_for
 
-from glsim.config import Settings, load_settings
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.one import OneMesh
+from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame, Skipped
-from glsim.mesh import Mesh
+from glsim.geometry.mesh import Mesh
 from glsim.pipeline import Simulator, simulate
-from glsim.plan import Task, make_tasks
+from glsim.plan.tasks import Task, make_tasks
+from glsim.settings.schema import Settings, load_settings
+from tests.support.scenes import (
+    V2,
+    TwoSequences,
+    face_mesh,
+    frames_of,
+    moving_settings,
+    plate,
+    settings_for,
+)
 
 COARSE = face_mesh(60)
 
 
 def fingerprint(frame: Frame | Skipped) -> int:
-    """All that a data set would hold."""
+    """Hash all that a data set would hold."""
     assert isinstance(frame, Frame)
     total = 0
     for layer in ("clean", "noisy", "infrared", "reason"):
@@ -54,7 +62,7 @@ def made(
 def test_a_frame_is_the_same_whatever_was_made_before(
     context: moderngl.Context, sensor: str
 ) -> None:
-    """Any part of the plan, in any order, by a Simulator that is new or has worked before."""
+    """Any part of the plan, in any order, by a Simulator that is new or was used before."""
     drawn = {"uniform": [0, 1]}
     stage = {
         "kinect-v1": {"axial": {"angle_mm": drawn}},
@@ -75,7 +83,7 @@ def test_a_frame_is_the_same_whatever_was_made_before(
 _FRESH = """
 import sys
 sys.path.insert(0, sys.argv[1])
-import test_pipeline as t
+import tests.test_pipeline as t
 from glsim.gl.context import describe, open_context
 context = open_context(sys.argv[2])
 print(describe(context)["renderer"], file=sys.stderr)
@@ -88,9 +96,9 @@ print(t.json.dumps([list(t.made(context, t.moving_settings(s, output={"crop": 12
 def test_other_processes_and_backends_give_the_same_bytes(
     context: moderngl.Context, backend: str
 ) -> None:
-    """Bytes are promised for one renderer, which EGL and OSMesa share where there is no GPU."""
+    """Bytes are guaranteed per renderer; EGL and OSMesa share one without a GPU."""
     done = subprocess.run(
-        [sys.executable, "-c", _FRESH, Path(__file__).parent, backend],
+        [sys.executable, "-c", _FRESH, Path(__file__).parents[1], backend],
         capture_output=True,
         text=True,
         timeout=120,
@@ -106,7 +114,7 @@ def test_other_processes_and_backends_give_the_same_bytes(
 
 
 def test_two_simulations_may_be_taken_in_turn(context: moderngl.Context) -> None:
-    """Each on a context of its own, in one thread."""
+    """Each has its own context; both run in one thread."""
     one, other = moving_settings(), moving_settings("ideal")
     alone = [list(made(context, settings).values()) for settings in (one, other)]
     both = zip(
@@ -123,7 +131,7 @@ def test_two_simulations_may_be_taken_in_turn(context: moderngl.Context) -> None
 def test_a_crop_is_cut_from_the_whole_frame(
     context: moderngl.Context, sensor: str, wall: float | None
 ) -> None:
-    """Byte for byte, noise included."""
+    """The bytes agree, noise included."""
     changes: dict[str, object] = {"scene": {"wall_mm": wall}} if wall else {}
     whole = frames_of(context, moving_settings(sensor, **changes), COARSE, 3)
     cut = frames_of(context, moving_settings(sensor, **changes, output={"crop": 128}), COARSE, 3)
@@ -136,7 +144,7 @@ def test_a_crop_is_cut_from_the_whole_frame(
 
 
 def test_islands_are_as_large_as_in_the_whole_frame(context: moderngl.Context) -> None:
-    """A crop that, with its margin, is smaller than the islands that go."""
+    """The crop and its margin are smaller than the islands that are removed."""
     stage = {"despeckle": {"min_area_px": 3000}}
     changes = {"scene": {"wall_mm": 1300}, "stage": stage}
     whole, cut = (
@@ -172,7 +180,7 @@ def test_a_crop_larger_than_the_image_is_refused(context: moderngl.Context) -> N
 
 
 class Mixed(OneMesh):
-    """Good faces, and one of each kind of bad ones."""
+    """Good faces, and one bad face of each kind."""
 
     _NAN = Mesh(np.full((3, 3), np.nan, np.float32), np.array([[0, 1, 2]], np.int32))
     _AWAY = Mesh(plate().vertices_mm + np.float32([9000, 0, 0]), plate().faces)

@@ -1,5 +1,60 @@
-"""Trains denoisers of depth frames on simulated pairs: models, recipes, data, checkpoints.
+"""Training of depth denoisers on simulated pairs: networks, losses, recipes, data, loop.
 
-Installed as ``glsim.train``; the folder stands at the top because it is a layer above the
-simulator, which knows nothing of it.
+    from glsim.train import fit, load_recipe, stored_batches
+    recipe = load_recipe("face")
+    fit(recipe, stored_batches([Path("data")], recipe), Path("runs/mine"))
+
+Installed as ``glsim.train``. The names below are the public API; each is imported when it is first
+used, so that ``import glsim.train`` loads no PyTorch.
 """
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from glsim.train.batches import simulated_batches, stored_batches
+    from glsim.train.data.simulated import SimulatedPairs, randomised
+    from glsim.train.data.stored import Augmentation, StoredPairs
+    from glsim.train.loop import fit
+    from glsim.train.losses.registry import build_loss
+    from glsim.train.models.registry import build_model
+    from glsim.train.recipe import Recipe, load_recipe, recipe_names
+
+_HOME = {
+    "Augmentation": "glsim.train.data.stored",
+    "Recipe": "glsim.train.recipe",
+    "SimulatedPairs": "glsim.train.data.simulated",
+    "StoredPairs": "glsim.train.data.stored",
+    "build_loss": "glsim.train.losses.registry",
+    "build_model": "glsim.train.models.registry",
+    "fit": "glsim.train.loop",
+    "load_recipe": "glsim.train.recipe",
+    "randomised": "glsim.train.data.simulated",
+    "recipe_names": "glsim.train.recipe",
+    "simulated_batches": "glsim.train.batches",
+    "stored_batches": "glsim.train.batches",
+}
+
+__all__ = [
+    "Augmentation",
+    "Recipe",
+    "SimulatedPairs",
+    "StoredPairs",
+    "build_loss",
+    "build_model",
+    "fit",
+    "load_recipe",
+    "randomised",
+    "recipe_names",
+    "simulated_batches",
+    "stored_batches",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its module."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'glsim.train' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOME[name]), name)

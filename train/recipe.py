@@ -1,21 +1,21 @@
-"""Recipes: what is trained, on which loss, how, and when it ends. A TOML file of differences.
+"""Recipes: network, loss, optimiser and limits of a training, as a TOML file of differences.
 
     extends = "paper"                  a shipped recipe, or a file beside this one
     title = "DnCNN D7"
-    row = "D7"                         the row of the paper's tables that it is, if any
-    size = "small"                     full (as published), small (says what is less), own
+    row = "D7"                         the row of the paper's tables, if any
+    size = "small"                     full (as published), small (reduced), own
     [model]                            see glsim.train.models.registry
     kind = "paper_input"
     backbone = { kind = "dncnn", depth = 7, width = 64 }
-    [loss]                             see glsim.train.losses
+    [loss]                             see glsim.train.losses.registry
     kind = "all_pixels"
     [optimiser]
     lr = 1e-4
     [training]
     patience = 10
 
-Tables are merged over those of the recipe that is extended. A table that names another ``kind``
-replaces the one below: the parameters of one kind mean nothing to another.
+Tables are merged over those of the extended recipe. A table that names another ``kind`` replaces
+the extended one: the parameters of one kind mean nothing to another.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from typing import Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from glsim.errors import ConfigError, did_you_mean
-from glsim.toml import assign, read_toml, split_assignment, validate
+from glsim.settings.tables import assign, parse_table, read_toml, split_assignment
 
-FOLDER: Final = Path(__file__).parent / "recipes"
-Row = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]
-Metric = Literal["loss", "mse_mm2", "interior_rmse_mm", "flips"]
-#: A training that is shorter than ten times its warm-up warms up in a tenth of it.
-_WARM_SHARE: Final = 0.1
-#: Chains of ``extends`` longer than this go in a circle.
-_DEEPEST = 8
+RECIPE_FOLDER: Final = Path(__file__).parent / "recipes"
+PaperRow = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]
+MonitoredFigure = Literal["loss", "mse_mm2", "interior_rmse_mm", "flips"]
+#: The warm-up takes at most this share of the training.
+_WARMUP_SHARE: Final = 0.1
+#: Longest chain of ``extends``; longer ones are circular.
+_MAX_EXTENDS: Final = 8
 
 
 class _Table(BaseModel):
@@ -44,7 +44,7 @@ class _Table(BaseModel):
 
 
 class OptimiserSettings(_Table):
-    """How weights are moved."""
+    """Optimiser and its parameters."""
 
     kind: Literal["adam", "adamw"] = "adam"
     lr: float = Field(1e-4, gt=0, le=1)
@@ -53,74 +53,80 @@ class OptimiserSettings(_Table):
 
 
 class ScheduleSettings(_Table):
-    """How the learning rate changes: a function of the steps done, and of the share of the whole.
+    """Learning-rate schedule: a function of the steps and of the fraction of the training done.
 
-    The whole is what limits the training: steps, epochs or minutes, whichever ends first.
+    The whole training is its limit in steps, epochs or minutes, whichever comes first.
     """
 
     kind: Literal["constant", "cosine", "step"] = "constant"
-    warmup_steps: int = Field(0, ge=0, description="from 0 to lr, linearly")
-    final: float = Field(0.01, ge=0, le=1, description="share of lr at the end of cosine")
-    step_at: float = Field(0.7, gt=0, le=1, description="share of the training before the step")
-    step_to: float = Field(0.2, ge=0, le=1, description="share of lr after the step")
+    warmup_steps: int = Field(0, ge=0, description="steps from 0 to lr, linearly")
+    final: float = Field(0.01, ge=0, le=1, description="factor on lr at the end of cosine")
+    step_at: float = Field(0.7, gt=0, le=1, description="fraction of training before the step")
+    step_to: float = Field(0.2, ge=0, le=1, description="factor on lr after the step")
 
-    def factor(self, steps: int, share: float) -> float:
-        """What lr is multiplied with. steps: done so far. share: of the whole training, 0 to 1."""
-        warm = min(1.0, max((steps + 1) / (self.warmup_steps + 1), share / _WARM_SHARE))
+    def factor(self, steps: int, done: float) -> float:
+        """Factor on lr. steps: done so far. done: fraction of the whole training, 0 to 1."""
+        warmup = min(1.0, max((steps + 1) / (self.warmup_steps + 1), done / _WARMUP_SHARE))
         if self.kind == "cosine":
-            return warm * (self.final + (1 - self.final) * (1 + cos(pi * min(share, 1.0))) / 2)
-        if self.kind == "step" and share >= self.step_at:
-            return warm * self.step_to
-        return warm
+            return warmup * (self.final + (1 - self.final) * (1 + cos(pi * min(done, 1.0))) / 2)
+        if self.kind == "step" and done >= self.step_at:
+            return warmup * self.step_to
+        return warmup
 
 
 class TrainingSettings(_Table):
-    """Size of the steps, when to look, when to stop, and on what."""
+    """Batch size, validation interval, limits, early stopping, precision and devices."""
 
-    batch: int = Field(4, ge=1, description="pairs a step and device")
+    batch: int = Field(4, ge=1, description="pairs per step and device")
     max_epochs: int | None = Field(None, ge=1)
     max_steps: int | None = Field(None, ge=1)
-    max_minutes: float | None = Field(None, gt=0, description="of training, over all resumes")
-    patience: int | None = Field(10, ge=1, description="validations without a better one")
-    monitor: Metric = Field("mse_mm2", description="what is better when it is lower")
+    max_minutes: float | None = Field(None, gt=0, description="training time, over all resumes")
+    patience: int | None = Field(
+        10, ge=1, description="validations without improvement before the training stops"
+    )
+    monitor: MonitoredFigure = Field(
+        "mse_mm2", description="validation figure that chooses the best weights; lower is better"
+    )
     validate_every: int = Field(1, ge=1)
     validate_unit: Literal["epochs", "steps"] = "epochs"
     ema_decay: float | None = Field(
-        None, gt=0, lt=1, description="validate and keep an average of the weights over time"
+        None, gt=0, lt=1, description="validate and keep an exponential average of the weights"
     )
     precision: Literal["32-true", "bf16-mixed", "16-mixed"] = "32-true"
     compile: bool = False
-    devices: int | Literal["auto"] = Field(1, description="GPUs; one CPU is always one device")
+    devices: int | Literal["auto"] = Field(1, description="number of GPUs; a CPU is one device")
 
 
 class DataSettings(_Table):
-    """What is taken from a data set. What it holds is a matter of ``glsim generate``."""
+    """Selection and augmentation of pairs. ``glsim generate`` decides what a data set holds."""
 
-    crop: int = Field(128, ge=0, description="side of the frames; 0: whole, as they are")
-    cut: Literal["no", "centre", "random"] = Field("no", description="of frames that are larger")
+    crop: int = Field(128, ge=0, description="side of the square frames, px; 0: whole frames")
+    cut: Literal["no", "centre", "random"] = Field(
+        "no", description="how frames larger than crop are cropped; no: they are an error"
+    )
     flip: bool = Field(False, description="mirror left and right, at random")
     relief_mm: float = Field(
-        0.0, ge=0, description="height of random bumps and creases on stored pairs; 0: none"
+        0.0, ge=0, description="height of random surface bumps on stored pairs; 0: none"
     )
-    train_frames: int | None = Field(None, ge=1, description="the first so many; all, if left out")
+    train_frames: int | None = Field(None, ge=1, description="use the first N frames; default: all")
     validation_frames: int | None = Field(
-        None, ge=1, description="spread over the split; all, if left out"
+        None, ge=1, description="number of frames, spread evenly over the split; default: all"
     )
     workers: int = Field(
-        0, ge=0, description="processes that read or render; 0: this one, which keeps what it read"
+        0, ge=0, description="number of processes that read or render; 0: this one, with a cache"
     )
-    reuse: int = Field(1, ge=1, description="uses of a pair of --simulate before it is dropped")
-    epoch_steps: int = Field(500, ge=1, description="steps of --simulate that count as an epoch")
+    reuse: int = Field(1, ge=1, description="uses of each pair of --simulate")
+    epoch_steps: int = Field(500, ge=1, description="steps per epoch of --simulate")
 
 
 class Recipe(_Table):
-    """Everything that determines a training, except the data."""
+    """Every setting of a training, except the data."""
 
     title: str
     description: str = Field(
-        "", description="one line: what it is, and what is less than published"
+        "", description="one line: the network, and how it is smaller than published"
     )
-    row: Row | None = None
+    row: PaperRow | None = None
     size: Literal["full", "small", "own"] = "own"
     seed: int = Field(0, ge=0, lt=2**31)
     model: dict[str, Any]
@@ -130,20 +136,20 @@ class Recipe(_Table):
     training: TrainingSettings = TrainingSettings()
     data: DataSettings = DataSettings()
     simulate: dict[str, Any] = Field(
-        default_factory=dict, description="settings of glsim generate, for --simulate"
+        default_factory=dict, description="changes to the settings of --simulate"
     )
 
     def difference(self, other: Recipe) -> str | None:
-        """The first setting in which the two would train differently; limits may differ."""
-        ours, theirs = (_flat(recipe.model_dump(mode="json")) for recipe in (self, other))
+        """Name the first setting that would change the training; None if there is none."""
+        ours, theirs = (_flattened(recipe.model_dump(mode="json")) for recipe in (self, other))
         for name in sorted(ours.keys() | theirs.keys()):
-            if name not in _LIMITS and ours.get(name) != theirs.get(name):
+            if name not in _RESUMABLE and ours.get(name) != theirs.get(name):
                 return f"{name} is {ours.get(name)!r}, not {theirs.get(name)!r}"
         return None
 
 
-#: What a run that is resumed may be given anew.
-_LIMITS: Final = {
+#: Settings that may change when a training is resumed.
+_RESUMABLE: Final = {
     "title",
     "description",
     "data.workers",
@@ -152,8 +158,8 @@ _LIMITS: Final = {
 
 
 def recipe_names() -> list[str]:
-    """The shipped recipes. ``paper`` is not among them: it is what the paper's rows share."""
-    return sorted(file.stem for file in FOLDER.glob("*.toml") if file.stem != "paper")
+    """Names of the shipped recipes, without ``paper``, the shared base of the paper's rows."""
+    return sorted(file.stem for file in RECIPE_FOLDER.glob("*.toml") if file.stem != "paper")
 
 
 def load_recipe(
@@ -161,21 +167,21 @@ def load_recipe(
     assignments: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
 ) -> Recipe:
-    """A recipe by name or by the path of a TOML file, then ``a.b=value``, then a nested mapping.
+    """Load a recipe by name or TOML path; apply ``a.b=value`` texts, then a nested mapping.
 
     Raises ConfigError: no such recipe, a file that cannot be read, an unknown key or a bad value.
-    What model and loss understand is checked where they are built.
+    The tables [model] and [loss] are checked where they are built.
     """
-    file = _find(recipe, Path())
-    tree = _tree(file, 0)
+    file = _recipe_file(recipe, Path())
+    tree = _read_tree(file, 0)
     for text in assignments:
         assign(tree, *split_assignment(text, "training.batch=8 or loss.beta_mm=2"), text)
     merge_kinds(tree, overrides or {})
-    return validate(Recipe, tree, str(file.stem if file.parent == FOLDER else file))
+    return parse_table(Recipe, tree, str(file.stem if file.parent == RECIPE_FOLDER else file))
 
 
 def merge_kinds(tree: dict[str, Any], over: Mapping[str, Any]) -> None:
-    """Put ``over`` over nested dicts, in place; a table that names another kind replaces."""
+    """Merge ``over`` into nested dicts, in place; a table of another kind replaces the old one."""
     for key, value in over.items():
         below = tree.get(key)
         if not isinstance(value, Mapping):
@@ -186,35 +192,35 @@ def merge_kinds(tree: dict[str, Any], over: Mapping[str, Any]) -> None:
             tree[key] = dict(value)
 
 
-def _find(recipe: str, beside: Path) -> Path:
+def _recipe_file(recipe: str, folder: Path) -> Path:
     if recipe.endswith(".toml"):
-        return beside / recipe
-    file = FOLDER / f"{recipe}.toml"
+        return folder / recipe
+    file = RECIPE_FOLDER / f"{recipe}.toml"
     if not file.is_file():
         raise ConfigError(
             f"no such recipe {recipe!r} ({did_you_mean(recipe, recipe_names())}; glsim train "
-            "--list shows them; the path of a recipe of your own ends in .toml)"
+            "--list prints all; the path of a recipe file ends in .toml)"
         )
     return file
 
 
-def _tree(file: Path, depth: int) -> dict[str, Any]:
+def _read_tree(file: Path, depth: int) -> dict[str, Any]:
     tree = read_toml(file)
     base = tree.pop("extends", None)
     if base is None:
         return tree
     if not isinstance(base, str):
         raise ConfigError(f"{file}: extends must be the name or the path of a recipe")
-    if depth == _DEEPEST:
+    if depth == _MAX_EXTENDS:
         raise ConfigError(f"{file}: extends {base!r}, which goes in a circle")
-    merged = _tree(_find(base, file.parent), depth + 1)
+    merged = _read_tree(_recipe_file(base, file.parent), depth + 1)
     merge_kinds(merged, tree)
     return merged
 
 
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _flattened(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in tree.items():
         name = f"{prefix}{key}"
-        flat |= _flat(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+        flat |= _flattened(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
     return flat

@@ -1,4 +1,4 @@
-"""What a training is made of between two steps, and how it goes into a checkpoint and out."""
+"""The state of a training between two steps; saved to and restored from a checkpoint."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from torch.optim import Optimizer
 from torch.optim.swa_utils import AveragedModel
 
 from glsim.errors import ConfigError, TrainError
-from glsim.train.losses import Loss, build_loss
+from glsim.train.losses.base import Loss
+from glsim.train.losses.registry import build_loss
 from glsim.train.models.base import DepthModel
+from glsim.train.models.registry import build_model
 from glsim.train.recipe import OptimiserSettings, Recipe
 
 
 @dataclass
-class Progress:
-    """How far a training is.
+class TrainingProgress:
+    """Counters of a training.
 
-    epoch: whole epochs done. step: steps done of the next. steps: of all. seconds: of training and
-    validation, over all resumes. best, best_step: of the monitored figure, and when. stale:
-    validations since. loss_sum, loss_count: of the steps since the last validation.
+    epoch: whole epochs done. step: steps done of the current epoch. steps: steps done in all.
+    seconds: training and validation time, over all resumes. best, best_step: best value of the
+    monitored metric, and its step. stale: validations since that step. loss_sum, loss_count: sum
+    and number of the losses of the steps since the last validation.
     """
 
     epoch: int = 0
@@ -38,59 +41,56 @@ class Progress:
     loss_count: int = 0
 
 
-class State:
-    """Network, its average over time, optimiser, loss and progress of a recipe from its seed.
+class TrainingState:
+    """Network, its weight average, optimiser, loss and progress, built from a recipe and its seed.
 
-    network: the plain module. model: what a training step calls, on its device, with mixed
-    precision. judged: the module that is validated and kept.
+    network: the plain module. average: exponential average of its weights, or None.
     """
 
     def __init__(self, recipe: Recipe, fabric: Fabric) -> None:
-        """Raises ConfigError for a model or loss that there is not, or that cannot be monitored."""
-        from glsim.train.models.registry import build_model
-
+        """Raises ConfigError for an unknown model or loss, or a loss that cannot be monitored."""
         torch.manual_seed(recipe.seed)
         self._fabric = fabric
-        self.progress = Progress()
+        self.progress = TrainingProgress()
         self.loss: Loss = build_loss(recipe.loss)
-        if recipe.training.monitor == "loss" and not self.loss.judges:
+        if recipe.training.monitor == "loss" and not self.loss.can_be_monitored:
             raise ConfigError(
                 f"training.monitor = 'loss': {recipe.loss['kind']} compares with the noisy depth, "
                 "and returning that would be best: set training.monitor = 'interior_rmse_mm'"
             )
         self.network: DepthModel = build_model(recipe.model).to(memory_format=torch.channels_last)
-        self.average = _average(self.network, recipe.training.ema_decay)
+        self.average = _weight_average(self.network, recipe.training.ema_decay)
         self._plain_optimiser = _optimiser(self.network, recipe.optimiser)
         self._compile = recipe.training.compile
 
     @property
-    def judged(self) -> nn.Module:
-        """The average, if one is kept."""
+    def evaluated(self) -> nn.Module:
+        """The network that is validated and kept: the average if there is one."""
         return self.network if self.average is None else self.average.module
 
     def set_up(self) -> tuple[nn.Module, Optimizer]:
-        """Model and optimiser as a training step uses them. Call it after ``restore``."""
+        """Move model and optimiser to their device and precision. Call it after ``restore``."""
         module = torch.compile(self.network) if self._compile else self.network
         if self.average is not None:
             self.average.to(self._fabric.device)
         model, optimiser = self._fabric.setup(module, self._plain_optimiser)
         return model, optimiser
 
-    def stepped(self) -> None:
-        """After each step of the optimiser."""
+    def update_average(self) -> None:
+        """Add the present weights to the average; call it after each step of the optimiser."""
         if self.average is not None:
             self.average.update_parameters(self.network)
 
-    def finite(self) -> bool:
-        """No weight is nan or infinite."""
+    def weights_are_finite(self) -> bool:
+        """Whether no weight is nan or infinite."""
         return all(bool(p.isfinite().all()) for p in self.network.state_dict().values())
 
     def weights(self) -> dict[str, Tensor]:
-        """Those that are validated and kept, on the CPU."""
-        return {name: value.cpu() for name, value in self.judged.state_dict().items()}
+        """Weights of the evaluated network, on the CPU."""
+        return {name: value.cpu() for name, value in self.evaluated.state_dict().items()}
 
     def dump(self) -> dict[str, Any]:
-        """All that a resumed training needs besides recipe and data."""
+        """Everything that a resumed training needs besides recipe and data."""
         return {
             "model": self.network.state_dict(),
             "average": None if self.average is None else self.average.state_dict(),
@@ -101,7 +101,7 @@ class State:
         }
 
     def restore(self, content: dict[str, Any]) -> None:
-        """From ``dump``. Raises TrainError if the weights are those of another network."""
+        """Load the result of ``dump``. Raises TrainError if it belongs to another network."""
         try:
             self.network.load_state_dict(content["model"])
             if self.average is not None:
@@ -111,7 +111,7 @@ class State:
             torch.set_rng_state(content["rng"]["cpu"])
             if len(content["rng"]["cuda"]) == torch.cuda.device_count():
                 torch.cuda.set_rng_state_all(content["rng"]["cuda"])
-            self.progress = Progress(**content["progress"])
+            self.progress = TrainingProgress(**content["progress"])
         except (RuntimeError, KeyError, TypeError, ValueError) as error:
             reason = " ".join(str(error).split())[:200]
             raise TrainError(f"the checkpoint does not fit its recipe: {reason}") from None
@@ -122,14 +122,14 @@ def _optimiser(network: nn.Module, settings: OptimiserSettings) -> Optimizer:
     return kind(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
 
 
-def _average(network: nn.Module, decay: float | None) -> AveragedModel | None:
-    """Exponential, with buffers as they are in the network itself."""
+def _weight_average(network: nn.Module, decay: float | None) -> AveragedModel | None:
+    """Make an exponential average of the weights; buffers are copied. None without a decay."""
     if decay is None:
         return None
 
-    def move(averages: Sequence[Tensor], weights: Sequence[Tensor], count: Tensor) -> None:
-        # The first weights would dominate a short training: the average grows with its age.
-        share = min(decay, (1 + int(count)) / (10 + int(count)))
-        torch._foreach_lerp_(averages, weights, 1 - share)
+    def update(averages: Sequence[Tensor], weights: Sequence[Tensor], count: Tensor) -> None:
+        # The decay grows to its value, so that the first weights do not dominate a short training.
+        present_decay = min(decay, (1 + int(count)) / (10 + int(count)))
+        torch._foreach_lerp_(averages, weights, 1 - present_decay)
 
-    return AveragedModel(network, multi_avg_fn=move)
+    return AveragedModel(network, multi_avg_fn=update)

@@ -1,70 +1,72 @@
-"""What is measured while training: few figures, on the same frames each time, cheap to have."""
+"""Validation metrics during training: few and cheap, always on the same frames."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from glsim.train.interior import interior
-from glsim.train.losses import Loss, in_float32
+from glsim.denoise.protocol import MIN_DEPTH_MM
+from glsim.train.interior_mask import interior_mask
+from glsim.train.losses.base import Loss, to_float32
 from glsim.train.models.base import Prediction
 
-#: Less than this is 0 in a 16-bit file in millimetres.
-HALF_MM: Final = 0.5
 
-
-class Sums(NamedTuple):
-    """Of one batch; each a scalar. What is averaged at the end over all frames at once."""
+class _FigureSums(NamedTuple):
+    """Sums over one batch, each a scalar; they are added over batches and divided at the end."""
 
     loss: Tensor
-    square: Tensor
+    square_mm2: Tensor
     pixels: Tensor
-    inner_square: Tensor
-    inner: Tensor
+    interior_square_mm2: Tensor
+    interior_pixels: Tensor
     flips: Tensor
     frames: Tensor
 
 
-def validate(
+def validation_figures(
     model: Callable[[Tensor], Prediction], batches: Iterable[list[Tensor]], loss: Loss
 ) -> dict[str, float]:
-    """Figures of a network in the state that it is in, lower is better; NaN where undefined.
+    """Compute the validation metrics of a network in its present mode; lower is better.
 
-    loss: the training's. mse_mm2: over all pixels, hard decision on validity. interior_rmse_mm:
-    where prediction and truth have depth, more than 3 px from an edge of the truth. flips: pixels
-    a frame whose validity is wrong.
+    loss: mean of the training's loss. mse_mm2: over all pixels, with a hard decision on validity.
+    interior_rmse_mm: where prediction and truth have depth, more than 3 px from an edge of the
+    truth. flips: pixels per frame whose validity is wrong. An undefined metric is NaN.
     """
     sums = []
     with torch.no_grad():
         for noisy_mm, clean_mm in batches:
-            sums.append(_sums(model(noisy_mm), noisy_mm, clean_mm, loss))
-    total = Sums(*(torch.stack(parts).sum().item() for parts in zip(*sums, strict=True)))
-    inner_mm2 = total.inner_square / total.inner if total.inner else math.nan
+            sums.append(_figure_sums(model(noisy_mm), noisy_mm, clean_mm, loss))
+    total = _FigureSums(*(torch.stack(parts).sum().item() for parts in zip(*sums, strict=True)))
+    interior_mm2 = math.nan
+    if total.interior_pixels:
+        interior_mm2 = total.interior_square_mm2 / total.interior_pixels
     return {
         "loss": total.loss / total.frames,
-        "mse_mm2": total.square / total.pixels,
-        "interior_rmse_mm": math.sqrt(inner_mm2),
+        "mse_mm2": total.square_mm2 / total.pixels,
+        "interior_rmse_mm": math.sqrt(interior_mm2),
         "flips": total.flips / total.frames,
     }
 
 
-def _sums(prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor, loss: Loss) -> Sums:
-    prediction = in_float32(prediction)
-    hard = prediction.hard_mm()
-    hard = torch.where(hard >= HALF_MM, hard, 0.0)
-    error = (hard - clean_mm).double()
-    inner = interior(clean_mm) & (hard > 0)
+def _figure_sums(
+    prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor, loss: Loss
+) -> _FigureSums:
+    prediction = to_float32(prediction)
+    hard_mm = prediction.hard_mm()
+    hard_mm = torch.where(hard_mm >= MIN_DEPTH_MM, hard_mm, 0.0)
+    error_mm = (hard_mm - clean_mm).double()
+    inside = interior_mask(clean_mm) & (hard_mm > 0)
     frames = torch.tensor(float(len(clean_mm)), dtype=torch.float64, device=clean_mm.device)
-    return Sums(
-        loss(prediction, noisy_mm, clean_mm)[0].double() * frames,
-        error.square().sum(),
-        frames * clean_mm[0].numel(),
-        error[inner].square().sum(),
-        inner.sum().double(),
-        ((hard > 0) != (clean_mm > 0)).sum().double(),
-        frames,
+    return _FigureSums(
+        loss=loss(prediction, noisy_mm, clean_mm)[0].double() * frames,
+        square_mm2=error_mm.square().sum(),
+        pixels=frames * clean_mm[0].numel(),
+        interior_square_mm2=error_mm[inside].square().sum(),
+        interior_pixels=inside.sum().double(),
+        flips=((hard_mm > 0) != (clean_mm > 0)).sum().double(),
+        frames=frames,
     )

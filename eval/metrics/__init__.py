@@ -1,16 +1,16 @@
-"""One number a frame, each with its unit and direction: see ``catalogue``."""
+"""Metrics of one frame. ``catalogue`` lists them with unit and direction."""
 
-from .catalogue import METRICS, Metric
-from .regions import OF_REGION, Regions, column, metrics_with
-from .score import Truth, score
+from glsim.eval.metrics.catalogue import METRICS, Metric
+from glsim.eval.metrics.regions import REGION_METRICS, Regions, metrics_with_regions, region_column
+from glsim.eval.metrics.score import Truth, score
 
 __all__ = [
     "METRICS",
-    "OF_REGION",
+    "REGION_METRICS",
     "Metric",
     "Regions",
     "Truth",
-    "column",
-    "metrics_with",
+    "metrics_with_regions",
+    "region_column",
     "score",
 ]

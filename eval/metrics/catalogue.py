@@ -1,6 +1,6 @@
-"""Every metric by name: unit, which direction is better, what it is. The one list of them.
+"""The list of all metrics: name, unit, better direction, definition.
 
-Data sets with face regions have more, which are made from these: see ``regions``.
+Data sets with face regions also have a copy of some metrics per region: see ``regions``.
 """
 
 from __future__ import annotations
@@ -8,59 +8,55 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from .ssim import PRESETS
+from glsim.eval.metrics.ssim import PRESETS
+from glsim.geometry.edges import BAND_PX
 
-#: A measured depth this far from the truth hangs in the air, mm.
+#: A depth with a larger error, mm, is a flying pixel.
 FLYING_MM: Final = 50.0
-#: Width of the edge band to either side of an edge, px.
-BAND_PX: Final = 3
-#: Two neighbours of the clean map this far apart are on two surfaces, mm: one surface would have
-#: to be seen at 85 degrees, at 0.9 m and the Kinect V2's 2.5 mm a pixel.
-JUMP_MM: Final = 30.0
-#: MAX of the paper's PSNR, mm.
+#: The MAX of the paper's PSNR, mm.
 PSNR_MAX_MM: Final = 8000.0
-#: Normals closer than this count as right, degrees.
+#: A normal with a smaller error, degrees, counts as good.
 NORMAL_DEG: Final = 10.0
 
-Better = Literal["lower", "higher", "neither"]
-Block = Literal["paper", "validity", "depth", "normals", "regions", "time"]
+Direction = Literal["lower", "higher", "neither"]
+MetricGroup = Literal["paper", "validity", "depth", "normals", "regions", "time"]
 
 
 @dataclass(frozen=True)
 class Metric:
-    """One column of the rows. ``help`` is the definition in a line."""
+    """A column of rows.csv. ``help`` is its definition in one line; ``block`` groups metrics."""
 
     name: str
     unit: str
-    better: Better
-    block: Block
+    better: Direction
+    block: MetricGroup
     help: str
 
     @property
     def heading(self) -> str:
-        """Name and unit for tables."""
+        """Name and unit, for tables."""
         return f"{self.name} [{self.unit}]" if self.unit != "1" else self.name
 
     @property
     def arrow(self) -> str:
-        """Which way is better, for tables."""
+        """Arrow in the better direction, for tables; "" if neither is better."""
         return {"lower": "↓", "higher": "↑", "neither": ""}[self.better]
 
 
-#: Base sets of pixels: key -> what belongs to it.
+#: Base sets of pixels: key -> definition.
 SETS: Final = {
     "both": "prediction and clean valid",
     "input": "input and clean valid, the same pixels for every method; where the method has no "
     "depth its input's stands in",
 }
-#: Parts of a base set: key -> (part of the column's name, what belongs to it).
+#: Parts of a base set: key -> (suffix of the column name, definition).
 PARTS: Final = {
     "all": ("", ""),
     "interior": ("_interior", f", more than {BAND_PX} px from an edge of the clean map"),
     "edge": ("_edge", f", at most {BAND_PX} px from an edge of the clean map"),
 }
-#: Statistics of the error prediction - clean on a set: key -> (direction, what).
-STATISTICS: Final[dict[str, tuple[Better, str]]] = {
+#: Statistics of the error prediction - clean over a set: key -> (direction, definition).
+STATISTICS: Final[dict[str, tuple[Direction, str]]] = {
     "rmse": ("lower", "root mean square error"),
     "mae": ("lower", "mean absolute error"),
     "median": ("lower", "median absolute error"),
@@ -71,14 +67,14 @@ STATISTICS: Final[dict[str, tuple[Better, str]]] = {
 
 def _depth_metrics() -> list[Metric]:
     sets = [
-        (f"{base}{suffix}", what + where)
-        for base, what in SETS.items()
+        (f"{base}{suffix}", definition + where)
+        for base, definition in SETS.items()
         for suffix, where in PARTS.values()
     ]
     sets.append(("filled", "prediction and clean valid, input not"))
     return [
-        Metric(f"{name}_{key}_mm", "mm", better, "depth", f"{words} where {what}")
-        for name, what in sets
+        Metric(f"{name}_{key}_mm", "mm", better, "depth", f"{words} where {definition}")
+        for name, definition in sets
         for key, (better, words) in STATISTICS.items()
     ]
 

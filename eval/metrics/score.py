@@ -1,4 +1,4 @@
-"""All metrics of one frame. What depends on the truth alone is computed once for all methods."""
+"""Compute all metrics of a frame. ``Truth`` holds what all methods of a frame share."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.denoise.protocol import Depth, Mask
 from glsim.errors import DenoiserError
-
-from ..types import Depth, Mask
-from .catalogue import (
-    BAND_PX,
+from glsim.eval.metrics.catalogue import (
     FLYING_MM,
-    JUMP_MM,
     METRICS,
     NORMAL_DEG,
     PARTS,
@@ -22,18 +19,20 @@ from .catalogue import (
     SETS,
     STATISTICS,
 )
-from .normals import angles_deg, normals_at, whole_windows
-from .regions import Regions
-from .ssim import Moments, ssim
+from glsim.eval.metrics.normals import angles_deg, whole_windows
+from glsim.eval.metrics.regions import Regions
+from glsim.eval.metrics.ssim import Moments, ssim
+from glsim.geometry.depth_map import central_normals
+from glsim.geometry.edges import BAND_PX, JUMP_MM
 
 _NAN = float("nan")
 
 
 class Truth:
-    """A clean frame with its input, prepared for comparison.
+    """A clean frame and its noisy input, prepared for scoring.
 
     clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth. rays: (H, W, 2), x/z and y/z.
-    regions: the parts of the face, if they are known.
+    regions: the face regions, if known.
     """
 
     def __init__(
@@ -57,7 +56,7 @@ class Truth:
 
 
 def jump_edges(clean: NDArray[np.floating]) -> Mask:
-    """Pixels beside another surface: a neighbour in row or column is JUMP_MM nearer or farther."""
+    """Return (H, W) pixels with a row or column neighbour over JUMP_MM nearer or farther."""
     edges = np.zeros(clean.shape, np.bool_)
     for axis in (0, 1):
         first, second = (
@@ -72,12 +71,12 @@ def jump_edges(clean: NDArray[np.floating]) -> Mask:
 
 
 def edge_band(valid: Mask, jumps: Mask) -> Mask:
-    """Valid pixels at most BAND_PX (in rows and columns) from an invalid pixel or a jump.
+    """Return (H, W) valid pixels at most BAND_PX rows and columns from an invalid pixel or a jump.
 
-    What lies outside the image is unknown and makes no edge.
+    The image border makes no edge: depth beyond it is unknown.
     """
     inside = valid & ~jumps
-    # Pixels of a jump are the band's first themselves, an invalid pixel is not.
+    # The pixels of a jump belong to the band, an invalid pixel does not: hence BAND_PX - 1.
     near_hole = cv2.erode(valid.astype(np.uint8), _square(BAND_PX)) == 0
     near_jump = cv2.erode(inside.astype(np.uint8) | ~valid, _square(BAND_PX - 1)) == 0
     band: Mask = valid & (near_hole | near_jump)
@@ -89,7 +88,10 @@ def _square(radius: int) -> NDArray[np.uint8]:
 
 
 def check_prediction(prediction: NDArray[np.generic], shape: tuple[int, ...]) -> Depth:
-    """A method's depth as float32, or DenoiserError: another size or type, NaN, negative."""
+    """Return a prediction as float32 (H, W).
+
+    Raises DenoiserError for another shape or dtype, values that are not finite, and negative ones.
+    """
     if prediction.shape != shape:
         raise DenoiserError(f"returned depth of shape {prediction.shape} instead of {shape}")
     if prediction.dtype.kind not in "fiu":
@@ -105,16 +107,16 @@ def check_prediction(prediction: NDArray[np.generic], shape: tuple[int, ...]) ->
 
 
 def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
-    """Every metric but the time, by name; those of the truth's regions last; NaN where undefined.
+    """Compute all metrics but the time, by name; region columns last; NaN where undefined.
 
-    prediction_mm: (H, W) millimetres, 0 = no depth. Raises DenoiserError, see check_prediction.
+    prediction_mm: (H, W) millimetres, 0 = no depth. Raises DenoiserError as ``check_prediction``.
     """
     prediction = check_prediction(prediction_mm, truth.clean.shape).astype(np.float64)
     valid = prediction > 0
     error = prediction - truth.clean
     result = _paper(prediction, valid, error, truth) | _validity(valid, error, truth)
     base = {"both": valid & truth.valid, "input": truth.input_valid & truth.valid}
-    of_regions: dict[str, float] = {}
+    per_region: dict[str, float] = {}
     for name in SETS:
         for part, (suffix, _) in PARTS.items():
             pixels = base[name] & truth.parts[part]
@@ -124,13 +126,13 @@ def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
                 errors = np.where(valid[pixels], errors, fallback)
             result |= _errors(f"{name}{suffix}", errors)
             if truth.regions is not None and (name, part) == ("input", "interior"):
-                of_regions = truth.regions.errors(errors, pixels)
+                per_region = truth.regions.errors(errors, pixels)
     result |= _errors("filled", error[base["both"] & ~truth.input_valid])
     at, angle = _angles(prediction, valid, truth)
     result |= _normals(angle)
     if truth.regions is not None:
-        of_regions |= truth.regions.angles(angle, at)
-    return {name: result[name] for name in METRICS if name in result} | of_regions
+        per_region |= truth.regions.angles(angle, at)
+    return {name: result[name] for name in METRICS if name in result} | per_region
 
 
 def _paper(
@@ -149,7 +151,7 @@ def _paper(
 
 
 def psnr_db(mse_mm2: float) -> float:
-    """With MAX = PSNR_MAX_MM; NaN for an error of 0, which has none."""
+    """Compute the PSNR for MAX = PSNR_MAX_MM, dB; NaN for an MSE of 0, where it is undefined."""
     return 10.0 * math.log10(PSNR_MAX_MM**2 / mse_mm2) if mse_mm2 > 0 else _NAN
 
 
@@ -172,7 +174,7 @@ def _validity(valid: Mask, error: NDArray[np.float64], truth: Truth) -> dict[str
 
 
 def _errors(name: str, error: NDArray[np.float64]) -> dict[str, float]:
-    """STATISTICS of (N,) errors."""
+    """Compute STATISTICS of (N,) errors in mm, NaN without errors."""
     if error.size == 0:
         return {f"{name}_{key}_mm": _NAN for key in STATISTICS}
     size = np.abs(error)
@@ -190,14 +192,14 @@ def _errors(name: str, error: NDArray[np.float64]) -> dict[str, float]:
 def _angles(
     prediction: NDArray[np.float64], valid: Mask, truth: Truth
 ) -> tuple[Mask, NDArray[np.float64]]:
-    """(H, W) where both have a normal, and (N,) the degrees between them there."""
+    """Return the N pixels where both maps have a normal, (H, W), and (N,) angles in degrees."""
     at = truth.smooth & whole_windows(valid)
-    first, second = (normals_at(depth, truth.rays, at) for depth in (prediction, truth.clean))
+    first, second = (central_normals(depth, truth.rays, at) for depth in (prediction, truth.clean))
     return at, angles_deg(first, second)
 
 
 def _normals(angle: NDArray[np.float64]) -> dict[str, float]:
-    """Of (N,) degrees."""
+    """Compute the normal metrics of (N,) angles in degrees, NaN without angles."""
     if not angle.size:
         return dict.fromkeys(("normal_mean_deg", "normal_median_deg", "normal_good_pct"), _NAN)
     return {

@@ -1,8 +1,8 @@
-"""Structural similarity with its settings in the open.
+"""Structural similarity (SSIM) with explicit constants.
 
-Wang et al. 2004, equation 13, with a uniform window and sample covariances as scikit-image's
-``structural_similarity`` has them by default; tests hold the two together. The value depends on
-K1, K2 and L so much that none without them means anything: PRESETS are what we print.
+Wang et al. 2004, equation 13, with a uniform window and sample covariances, the defaults of
+scikit-image's ``structural_similarity``; tests compare the two. The value depends so much on K1, K2
+and L that it means nothing without them: PRESETS lists the constants we print.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
-#: Side of the uniform window, px: scikit-image's default.
+#: Side of the uniform window, px; scikit-image's default.
 WINDOW: Final = 7
 
 
 @dataclass(frozen=True)
 class Preset:
-    """C1 = (k1 L)^2 and C2 = (k2 L)^2, L in mm."""
+    """Constants of SSIM: C1 = (k1 L)^2 and C2 = (k2 L)^2, with L = data_range in mm."""
 
     k1: float
     k2: float
@@ -35,8 +35,8 @@ class Preset:
         )
 
 
-#: paper: as Kendrick et al. print them (K a tenth of everybody else's). standard: K1, K2 of Wang
-#: et al. with the paper's L, and with the range of 16-bit files.
+#: paper: as Kendrick et al. print them (K a tenth of the usual). standard: K1, K2 of Wang et al.
+#: with the paper's L. 16bit: the same with the range of 16-bit files.
 PRESETS: Final[dict[str, Preset]] = {
     "paper": Preset(0.001, 0.003, 8000.0),
     "standard": Preset(0.01, 0.03, 8000.0),
@@ -46,7 +46,7 @@ PRESETS: Final[dict[str, Preset]] = {
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """An image with its window means, and those of its square: (H, W) float64."""
+    """An image, its window means and those of its square: (H, W) float64 each."""
 
     image: _Array
     mean: _Array
@@ -54,13 +54,13 @@ class Moments:
 
     @classmethod
     def of(cls, image: NDArray[np.floating]) -> Moments:
-        """Of (H, W) millimetres."""
+        """Compute the moments of (H, W) millimetres."""
         values = image.astype(np.float64)
         return cls(values, _window_mean(values), _window_mean(values * values))
 
 
 def ssim(first: Moments, second: Moments) -> dict[str, float]:
-    """Mean similarity of two images for each preset; NaN if smaller than the window."""
+    """Compute the mean SSIM of two images for each preset; NaN if smaller than the window."""
     if min(first.image.shape) < WINDOW:
         return dict.fromkeys(PRESETS, float("nan"))
     pad = WINDOW // 2

@@ -1,27 +1,28 @@
-"""The ``glsim`` command. Each sub-command has a file of its own, imported when it runs."""
+"""The ``glsim`` command line. Each sub-command has its own file and imports packages when run."""
 
 from __future__ import annotations
-
-import sys
-import traceback
-from importlib import import_module
 
 import typer
 
 from glsim.cli import (
     corrupt,
-    describe,
+    denoise,
     fit,
     generate,
-    importing,
-    inspecting,
+    import_,
+    info,
+    inspect,
     preview,
     render,
     reproduce,
+    sensors,
+    stages,
+    study,
+    train,
     validate,
 )
-from glsim.cli.common import console, options
-from glsim.errors import ConfigError, GlsimError
+from glsim.cli import eval as evaluate
+from glsim.cli.common import run_command_line
 
 app = typer.Typer(
     name="glsim",
@@ -39,51 +40,17 @@ app.command("corrupt", epilog=corrupt.EXAMPLES)(corrupt.corrupt)
 app.command("validate", epilog=validate.EXAMPLES)(validate.validate)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("fit", epilog=fit.EXAMPLES)(fit.fit)
-app.command("inspect", epilog=inspecting.EXAMPLES)(inspecting.inspect)
-app.add_typer(importing.app, name="import")
-app.command("sensors", epilog=describe.SENSORS_EXAMPLES)(describe.sensors)
-app.command("stages", epilog=describe.STAGES_EXAMPLES)(describe.stages)
-app.command("info", epilog=describe.INFO_EXAMPLES)(describe.info)
-# The layers above the simulator bring their commands; it knows them by name only.
-import_module("glsim.train.commands").register(app)
-import_module("glsim.eval.commands").register(app)
-
-
-#: What Typer makes of Ctrl-C.
-_INTERRUPTED = 130
+app.command("inspect", epilog=inspect.EXAMPLES)(inspect.inspect)
+app.add_typer(import_.app, name="import")
+app.command("sensors", epilog=sensors.EXAMPLES)(sensors.sensors)
+app.command("stages", epilog=stages.EXAMPLES)(stages.stages)
+app.command("info", epilog=info.EXAMPLES)(info.info)
+app.command("train", epilog=train.EXAMPLES)(train.train)
+app.command("eval", epilog=evaluate.EXAMPLES)(evaluate.evaluate)
+app.command("denoise", epilog=denoise.EXAMPLES)(denoise.denoise)
+app.command("study", epilog=study.EXAMPLES)(study.study)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command line; the exit status: 0 done, 1 failed or interrupted, 2 wrong usage.
-
-    This is the one place where glsim's errors become a line on stderr.
-    """
-    try:
-        result = app(args=arguments, standalone_mode=False)
-        if result == _INTERRUPTED:
-            raise KeyboardInterrupt
-        return result if isinstance(result, int) else 0
-    except typer.TyperException as error:  # a command line that it cannot read
-        message = getattr(error, "format_message", error.__str__)()
-        if message:  # a bare ``glsim`` has printed its help and says nothing more
-            sys.stderr.write(f"glsim: error: {message} (see --help)\n")
-        return 2
-    except (KeyboardInterrupt, typer.Abort):
-        console.print("interrupted: run the same command again to go on", style="yellow")
-        return 1
-    except GlsimError as error:
-        return _fail(error, 2 if isinstance(error, ConfigError) else 1)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output left, e.g. ``| head``
-        return 0
-    except Exception as error:
-        return _fail(error, 1)
-
-
-def _fail(error: Exception, status: int) -> int:
-    if options.debug:
-        traceback.print_exception(error)
-    known = isinstance(error, GlsimError)
-    text = str(error) if known else f"{type(error).__name__}: {error} (a bug; --debug shows where)"
-    sys.stderr.write(f"glsim: error: {text}\n")
-    return status
+    """Run a command line (default: that of the process); returns the exit status 0, 1 or 2."""
+    return run_command_line(app, arguments)

@@ -1,9 +1,11 @@
-"""What the commands share: verbosity, the options that many of them have."""
+"""Options that several commands share, messages, and the exit status of errors."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+import sys
+import traceback
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,10 +13,11 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
+from rich.table import Table
 
-from glsim.errors import ConfigError
+from glsim.errors import ConfigError, GlsimError
 
-#: Everything for people goes to stderr; stdout is for what a command was asked to print.
+#: Messages go to stderr; stdout is for the output that the user asked for.
 console = Console(stderr=True, highlight=False)
 
 
@@ -51,10 +54,13 @@ Quiet = Annotated[
     bool, typer.Option("-q", "--quiet", help="Print errors only.", callback=_set_quiet)
 ]
 Verbose = Annotated[
-    bool, typer.Option("-v", "--verbose", help="Say what is found.", callback=_set_verbose)
+    bool,
+    typer.Option(
+        "-v", "--verbose", help="Log detected units, axes and decisions.", callback=_set_verbose
+    ),
 ]
 Debug = Annotated[
-    bool, typer.Option("--debug", help="Show tracebacks and all logs.", callback=_set_debug)
+    bool, typer.Option("--debug", help="Show tracebacks and all log messages.", callback=_set_debug)
 ]
 SensorOption = Annotated[
     str | None,
@@ -65,19 +71,69 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Set a parameter: stage.parameter=2.5, pose.yaw_deg={uniform=[-30,30]}, "
+        help="Set a parameter, such as stage.parameter=2.5, pose.yaw_deg={uniform=[-30,30]}, "
         "scene.wall_mm=1500, rig.deliver=raw. Repeatable.",
     ),
 ]
-SeedOption = Annotated[int | None, typer.Option(help="Same seed, same bytes.")]
-ConfigOption = Annotated[Path | None, typer.Option("--config", help="Settings from a TOML file.")]
-BackendOption = Annotated[
-    str | None, typer.Option(help="egl or osmesa; default: GLSIM_BACKEND, or what works.")
+SeedOption = Annotated[
+    int | None, typer.Option(help="Random seed; the same seed gives the same bytes.")
 ]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="Read settings from a TOML file.")
+]
+WorkersOption = Annotated[
+    str, typer.Option(help="Number of worker processes; auto starts one per core.")
+]
+BackendOption = Annotated[
+    str | None,
+    typer.Option(
+        help="OpenGL back end: egl or osmesa. Default: GLSIM_BACKEND, else the first that works."
+    ),
+]
+
+#: Exit status that Typer returns for Ctrl-C.
+_INTERRUPTED = 130
+
+
+def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -> int:
+    """Run a command line of ``glsim``; returns the exit status.
+
+    The status is 0 after success, 1 after a failure or an interruption, 2 for wrong usage. This is
+    the only place that turns errors of glsim into a line on stderr.
+    """
+    try:
+        result = command(args=arguments, standalone_mode=False)
+        if result == _INTERRUPTED:
+            raise KeyboardInterrupt
+        return result if isinstance(result, int) else 0
+    except typer.TyperException as error:  # wrong usage
+        message = getattr(error, "format_message", error.__str__)()
+        if message:  # ``glsim`` without arguments prints its help and has no message
+            sys.stderr.write(f"glsim: error: {message} (see --help)\n")
+        return 2
+    except (KeyboardInterrupt, typer.Abort):
+        console.print("interrupted: run the same command again to go on", style="yellow")
+        return 1
+    except GlsimError as error:
+        return _report_error(error, 2 if isinstance(error, ConfigError) else 1)
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of the output has ended, e.g. ``| head``
+        return 0
+    except Exception as error:
+        return _report_error(error, 1)
+
+
+def _report_error(error: Exception, status: int) -> int:
+    if options.debug:
+        traceback.print_exception(error)
+    known = isinstance(error, GlsimError)
+    text = str(error) if known else f"{type(error).__name__}: {error} (a bug; --debug shows where)"
+    sys.stderr.write(f"glsim: error: {text}\n")
+    return status
 
 
 def overrides(**values: Any) -> dict[str, Any]:
-    """Options that were given, nested: output__crop=128 is {"output": {"crop": 128}}."""
+    """Nest the options that were given: output__crop=128 becomes {"output": {"crop": 128}}."""
     tree: dict[str, Any] = {}
     for name, value in values.items():
         if value is None:
@@ -90,20 +146,20 @@ def overrides(**values: Any) -> dict[str, Any]:
     return tree
 
 
-def say(text: str) -> None:
-    """A line for people, unless --quiet; one line in a log too, however long."""
+def print_message(text: str) -> None:
+    """Print a message on stderr, unless --quiet; without line breaks, however long."""
     if not options.quiet:
         console.print(text, soft_wrap=True)
 
 
-def listed(paths: Sequence[Path]) -> None:
-    """Name the files that were written."""
+def print_written(paths: Sequence[Path]) -> None:
+    """Print the names of written files."""
     for path in paths:
-        say(f"wrote {path}")
+        print_message(f"wrote {path}")
 
 
-def words(text: str | None) -> list[str] | None:
-    """A comma-separated option as a list."""
+def split_names(text: str | None) -> list[str] | None:
+    """Split a comma-separated option. Raises ConfigError if no name is left."""
     if text is None:
         return None
     parts = [part.strip() for part in text.split(",") if part.strip()]
@@ -113,9 +169,15 @@ def words(text: str | None) -> list[str] | None:
 
 
 def two_numbers(option: str, text: str) -> tuple[float, float]:
-    """An option of the form x,y. Raises ConfigError."""
+    """Parse an option of the form x,y. Raises ConfigError."""
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         raise ConfigError(f"{option} {text}: give two numbers, x,y") from None
     return x, y
+
+
+def print_table(table: Table) -> None:
+    """Print a table to stdout; 200 columns wide when piped, so that grep finds whole words."""
+    out = Console(highlight=False)
+    (out if out.is_terminal else Console(width=200, highlight=False)).print(table)

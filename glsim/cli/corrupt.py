@@ -1,4 +1,4 @@
-"""``glsim corrupt``: sensor noise on depth maps that exist already."""
+"""``glsim corrupt``: add sensor noise to existing depth maps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from glsim.cli.common import (
     Verbose,
     console,
     overrides,
-    say,
+    print_message,
     two_numbers,
 )
 from glsim.errors import ConfigError, DatasetError
@@ -35,36 +35,40 @@ glsim corrupt clean.png -o noisy.png --backend numpy --focal-px 575.8 --centre-p
 
 
 def corrupt(
-    clean: Annotated[Path, typer.Argument(help="A 16-bit depth PNG, or a folder of them.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="The noisy PNG, or a folder.")],
+    clean: Annotated[Path, typer.Argument(help="A clean 16-bit depth PNG, or a folder of them.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="The noisy PNG, or a folder for them.")],
     sensor: SensorOption = None,
     assignments: SetOption = None,
     seed: SeedOption = None,
-    depth_unit_mm: Annotated[float | None, typer.Option(help="Step of the depth files.")] = None,
+    depth_unit_mm: Annotated[
+        float | None, typer.Option(help="Step of the depth files, mm.")
+    ] = None,
     focal_px: Annotated[
-        float | None, typer.Option(help="Focal length of the maps; default: the sensor's.")
+        float | None, typer.Option(help="Focal length of the maps, pixels. Default: the sensor's.")
     ] = None,
     centre_px: Annotated[
-        str | None, typer.Option(help="Principal point x,y; default: the sensor's, or the middle.")
+        str | None,
+        typer.Option(
+            help="Principal point x,y of the maps, pixels. Default: the sensor's, or the centre."
+        ),
     ] = None,
     config: ConfigOption = None,
     backend: Annotated[
-        str | None, typer.Option(help="egl, osmesa, or numpy (no OpenGL needed).")
+        str | None, typer.Option(help="egl, osmesa, or numpy, which needs no OpenGL.")
     ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
-    """Put a sensor's noise on clean depth maps; 0 means no depth, before and after.
+    """Add the noise of a sensor to clean depth maps; 0 means no depth, in and out.
 
-    In a folder every .png is taken, sub-folders included, and keeps its name; the noise of a map
-    depends on the seed and on its name. Maps that cannot be read are named and left out.
+    A folder is read with its sub-folders; every .png keeps its name. The noise of a map depends on
+    the seed and on its name. Maps that cannot be read are reported and skipped.
     """
-    from glsim.config import load_settings
     from glsim.corrupt import Corrupter
-    from glsim.dataset.files import write_bytes
-    from glsim.dataset.png import encode_png
-    from glsim.depthfile import read_depth
+    from glsim.files.atomic import write_atomic
+    from glsim.files.png import encode_png, read_depth_png
+    from glsim.settings.schema import load_settings
 
     settings = load_settings(
         config,
@@ -79,7 +83,7 @@ def corrupt(
         by_shape: dict[tuple[int, int], Corrupter] = {}
         for source, target, name in pairs:
             try:
-                depth = read_depth(source)
+                depth = read_depth_png(source)
             except DatasetError as error:
                 if source == clean:
                     raise
@@ -90,14 +94,14 @@ def corrupt(
             if shape not in by_shape:
                 corrupter = Corrupter(settings, shape, backend, focal, centre)
                 by_shape[shape] = stack.enter_context(corrupter)
-            write_bytes(encode_png(by_shape[shape].corrupt(depth, name).noisy), target)
-    say(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")
+            write_atomic(encode_png(by_shape[shape].corrupt(depth, name).noisy), target)
+    print_message(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")
     if failures:
         raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
 
 
 def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path, str]]:
-    """(input, output, name that decides the noise) for a file or for all PNGs of a folder."""
+    """List (input, output, name that decides the noise) of a file or of all PNGs of a folder."""
     if not clean.exists():
         raise ConfigError(f"{clean}: no such file or folder")
     if clean.is_file():

@@ -1,4 +1,4 @@
-"""``glsim fit``: a sensor from a recording of a real camera."""
+"""``glsim fit``: fit a sensor to a recording of a real camera."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, listed, options
+from glsim.cli.common import Debug, Quiet, Verbose, options, print_written
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.camera import Intrinsics
-    from glsim.fit import Model, Statistics
+    from glsim.fit import NoiseModel, RecordingStatistics
+    from glsim.geometry.camera import Intrinsics
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -29,42 +29,47 @@ glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --centre-px 320,240
 
 
 def fit(
-    frames: Annotated[list[Path], typer.Argument(help="A folder of 16-bit depth PNGs, or PNGs.")],
+    frames: Annotated[
+        list[Path], typer.Argument(help="A folder of 16-bit depth PNGs, or the PNGs.")
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="The sensor file to write.")] = Path(
         "sensor.toml"
     ),
     focal_px: Annotated[
-        float | None, typer.Option(min=1, help="Focal length; default: the base sensor's.")
+        float | None, typer.Option(min=1, help="Focal length, pixels. Default: the base sensor's.")
     ] = None,
     centre_px: Annotated[
-        str | None, typer.Option(help="Principal point x,y; default: the base's, or the middle.")
+        str | None,
+        typer.Option(
+            help="Principal point x,y, pixels. Default: the base sensor's, or the image centre."
+        ),
     ] = None,
     albedo: Annotated[
-        float, typer.Option(min=0.01, max=2, help="Of the scene, relative to a white wall.")
+        float, typer.Option(min=0.01, max=2, help="Albedo of the scene relative to a white wall.")
     ] = 1.0,
-    depth_unit_mm: Annotated[float, typer.Option(help="Step of the depth files.")] = 1.0,
+    depth_unit_mm: Annotated[float, typer.Option(help="Step of the depth files, mm.")] = 1.0,
     base: Annotated[
-        str | None, typer.Option(help="What to start from: kinect-v2-fast or kinect-v2.")
+        str | None, typer.Option(help="Base sensor: kinect-v2-fast (default) or kinect-v2.")
     ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
-    """Measure a camera's noise on a recording of a static scene and write a sensor with it.
+    """Measure a camera's noise on a recording of a static scene and write a sensor file.
 
-    Record 30 frames or more of walls and furniture at many distances; nothing may move. Only
-    distance, not brightness, is looked at: the amplitude that is found is of walls of --albedo.
+    Record at least 30 frames of walls and furniture at many distances; nothing may move. The fit
+    uses distances, not brightness, and assumes that all surfaces have the albedo --albedo.
     """
-    from glsim.dataset.files import write_bytes
+    from glsim.files.atomic import write_atomic
     from glsim.fit import (
         base_sensor,
-        fit_model,
+        fit_noise_model,
         fitted_values,
-        measure,
+        measure_recording,
         read_recording,
-        sensor_text,
+        sensor_toml,
     )
-    from glsim.sensor import load_sensor
+    from glsim.sensors.sensor import load_sensor
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
@@ -72,27 +77,28 @@ def fit(
     recording = read_recording(frames, depth_unit_mm)
     shape = (recording.depth.shape[1], recording.depth.shape[2])
     image = _camera(tree["rig"], shape, focal_px, centre_px)
-    found = measure(recording, image)
+    statistics = measure_recording(recording, image)
     emitter = load_sensor(name).rig.emitter_m
-    model = fit_model(found, image, albedo, depth_unit_mm, _vignetting(tree), emitter)
-    values = fitted_values(found, model)
+    model = fit_noise_model(statistics, image, albedo, depth_unit_mm, _vignetting(tree), emitter)
+    values = fitted_values(statistics, model)
     comments = [
-        f"Fitted by glsim fit to {found.frames} frames of {shape[1]}x{shape[0]}: {recording.where}",
-        *(f"{what}: {number}" for what, number in _facts(found, model)),
-        "What is not fitted is as in " + name + ".",
+        f"Fitted by glsim fit to {len(recording.depth)} frames of {shape[1]}x{shape[0]}: "
+        f"{recording.where}",
+        *(f"{name}: {text}" for name, text in _result_lines(statistics, model)),
+        f"All other values are those of {name}.",
     ]
-    write_bytes(sensor_text(name, tree, values, image, comments).encode(), out)
+    write_atomic(sensor_toml(name, tree, values, image, comments).encode(), out)
     if not options.quiet:
-        _print(found, model)
-    listed([out])
+        _print(statistics, model)
+    print_written([out])
 
 
 def _camera(
     rig: dict[str, object], shape: tuple[int, int], focal_px: float | None, centre_px: str | None
 ) -> Intrinsics:
-    """The pinhole of the recording: as told, else the base's if the frames are of its size."""
-    from glsim.camera import Intrinsics
+    """Choose the intrinsics: from options, else the base sensor's if the frames have its size."""
     from glsim.cli.common import two_numbers
+    from glsim.geometry.camera import Intrinsics
 
     height, width = shape
     same = (width, height) == (rig["width"], rig["height"])
@@ -111,48 +117,49 @@ def _camera(
 
 
 def _vignetting(tree: dict[str, list[dict[str, float]]]) -> float:
-    """The power of the cosine by which the base sensor's image darkens."""
-    from glsim.noise.stage import find
+    """Return the power of the cosine by which the base sensor's image darkens."""
+    from glsim.noise.registry import find_stage
 
     for stage in tree["stage"]:
-        parameter = find(str(stage["use"])).parameters.get("vignetting")
+        parameter = find_stage(str(stage["use"])).parameters.get("vignetting")
         if parameter is not None:
             return float(stage.get("vignetting", parameter.default))
     return 0.0
 
 
-def _facts(found: Statistics, model: Model) -> list[tuple[str, str]]:
-    """What was found, in words."""
-    known = f"{model.amplitude:.0f} +- {max(1.0, 100 * model.amplitude_error):.0f} %"
-    facts = [
-        ("amplitude of a white wall at 1 m", known if model.knows_amplitude else
-         "not told by this recording (add far or dark walls): the base's is kept"),
+def _result_lines(statistics: RecordingStatistics, model: NoiseModel) -> list[tuple[str, str]]:
+    """Describe the results as (name, text)."""
+    amplitude = f"{model.amplitude:.0f} +- {max(1.0, 100 * model.amplitude_error):.0f} %"
+    lines = [
+        ("amplitude of a white wall at 1 m", amplitude if model.knows_amplitude else
+         "not determined by this recording (add far or dark walls): the base sensor's is kept"),
         ("floor of the temporal noise", f"{model.floor_mm:.2f} mm"),
-        ("fixed pattern", f"{found.pattern_mm:.2f} mm (pixels {found.pixel_mm:.2f}, columns "
-         f"{found.column_mm:.2f}, step between rows {found.row_step_mm:.2f})"),
+        ("fixed pattern",
+         f"{statistics.pattern_mm:.2f} mm (pixels {statistics.pixel_mm:.2f}, columns "
+         f"{statistics.column_mm:.2f}, step between rows {statistics.row_step_mm:.2f})"),
         ("correlation of the noise at 1 to 4 px",
-         ", ".join(f"{c:.2f}" for c in found.correlation[1:])),
+         ", ".join(f"{c:.2f}" for c in statistics.correlation[1:])),
     ]  # fmt: skip
-    if math.isfinite(found.invalid_share):
-        facts.append((
-            f"pixels beside depth edges ({found.edge_pixels} a frame)",
-            f"{100 * found.invalid_share:.0f} % without depth, {100 * found.flying_share:.1f} % "
-            "between the surfaces",
+    if math.isfinite(statistics.invalid_share):
+        lines.append((
+            f"pixels beside depth edges ({statistics.edge_pixels} per frame)",
+            f"{100 * statistics.invalid_share:.0f} % without depth, "
+            f"{100 * statistics.flying_share:.1f} % between the surfaces",
         ))  # fmt: skip
-    return facts
+    return lines
 
 
-def _print(found: Statistics, model: Model) -> None:
+def _print(statistics: RecordingStatistics, model: NoiseModel) -> None:
     out = Console(highlight=False)
-    for what, number in _facts(found, model):
-        out.print(f"{what}: {number}", soft_wrap=True)
-    radii = sorted({cell.radius_px for cell in found.table})
+    for name, text in _result_lines(statistics, model):
+        out.print(f"{name}: {text}", soft_wrap=True)
+    radii = sorted({cell.radius_px for cell in statistics.table})
     names = (f"{a:.0f} to {b:.0f} px" if b < 1000 else f"beyond {a:.0f} px" for a, b in radii)
     table = Table(box=None)
     for name in ("temporal sigma, mm", *names):
         table.add_column(name, no_wrap=True)
-    for distance in sorted({cell.distance_m for cell in found.table}):
-        sigma = {c.radius_px: c.sigma_mm for c in found.table if c.distance_m == distance}
+    for distance in sorted({cell.distance_m for cell in statistics.table}):
+        sigma = {c.radius_px: c.sigma_mm for c in statistics.table if c.distance_m == distance}
         cells = (f"{sigma[r]:.2f}" if r in sigma else "" for r in radii)
         table.add_row(f"{distance[0]:g} to {distance[1]:g} m", *cells)
     out.print(table)

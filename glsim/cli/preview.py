@@ -1,4 +1,4 @@
-"""``glsim preview``: look at a data set."""
+"""``glsim preview``: draw a contact sheet of a data set and summarise its noise."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import Debug, Quiet, Verbose, listed
+from glsim.cli.common import Debug, Quiet, Verbose, print_written
 from glsim.errors import DatasetError
 
 EXAMPLES = """
@@ -18,42 +18,44 @@ glsim preview data
 glsim preview data -o pictures --frames 12 --split test
 """
 
-#: Frames whose noise is summed up; more change no digit that is printed.
-_MEASURED = 200
+#: Number of frames for the noise summary; more do not change the printed digits.
+_MEASURED_FRAMES = 200
 
 
 def preview(
     dataset: Annotated[Path, typer.Argument(help="Folder of a data set.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the two files.")] = Path(),
-    frames: Annotated[int, typer.Option(min=1, max=40, help="Rows of the contact sheet.")] = 6,
-    split: Annotated[str | None, typer.Option(help="train, val or test; default: all.")] = None,
+    frames: Annotated[
+        int, typer.Option(min=1, max=40, help="Number of frames (rows) on the contact sheet.")
+    ] = 6,
+    split: Annotated[str | None, typer.Option(help="train, val or test. Default: all.")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
-    """Draw a contact sheet of a data set and sum up its noise.
+    """Draw a contact sheet of a data set and summarise its noise.
 
     Writes contact_sheet.png (shaded clean, shaded noisy, difference, invalid mask) and summary.md.
     """
-    from glsim.cli.files import write_picture
     from glsim.dataset import open_dataset
-    from glsim.dataset.files import write_bytes
+    from glsim.dataset.noise_statistics import measure_noise, noise_table
     from glsim.dataset.reader import read_header
-    from glsim.preview import contact_sheet, of_pair
-    from glsim.summary import as_markdown, measure
+    from glsim.files.atomic import write_atomic
+    from glsim.files.png import write_picture
+    from glsim.preview import PreviewFrame, contact_sheet
 
     opened = open_dataset(dataset)
     pairs = opened if split is None else opened.split(split)
     if len(pairs) == 0:
-        raise DatasetError(f"{dataset}: has no frames to look at")
+        raise DatasetError(f"{dataset}: has no frames to draw")
     get = opened.pair if split is None else opened.split(split).__getitem__
-    # Evenly over the frames, from the middle of each share, so that expressions are at work.
+    # Frames are spread evenly, each from the middle of its share, where expressions are strong.
     rows = min(frames, len(pairs))
-    shown = [of_pair(get(int((row + 0.5) * len(pairs) / rows))) for row in range(rows)]
+    shown = [PreviewFrame.of_pair(get(int((row + 0.5) * len(pairs) / rows))) for row in range(rows)]
     sensor = str(read_header(dataset)["sensor"]["title"])
     sheet, summary = out / "contact_sheet.png", out / "summary.md"
     write_picture(contact_sheet(shown, sensor), sheet)
-    step = max(1, len(pairs) // _MEASURED)
-    noise = measure(get(number) for number in range(0, len(pairs), step))
-    write_bytes(as_markdown(noise, sensor).encode(), summary)
-    listed([sheet, summary])
+    step = max(1, len(pairs) // _MEASURED_FRAMES)
+    noise = measure_noise(get(number) for number in range(0, len(pairs), step))
+    write_atomic(noise_table(noise, sensor).encode(), summary)
+    print_written([sheet, summary])

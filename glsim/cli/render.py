@@ -1,4 +1,4 @@
-"""``glsim render``: one mesh to a pair of frames."""
+"""``glsim render``: render one mesh to a pair of clean and noisy depth maps."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from glsim.cli.common import (
     SensorOption,
     SetOption,
     Verbose,
-    listed,
     overrides,
-    say,
+    print_message,
+    print_written,
 )
 
 EXAMPLES = """
@@ -35,19 +35,24 @@ glsim render face.glb --set pose.yaw_deg=30 --set tof_floor.sigma_mm=2 --set sce
 
 
 def render(
-    face: Annotated[Path, typer.Argument(help="A mesh: OBJ, PLY, STL, GLB, OFF.")],
+    face: Annotated[Path, typer.Argument(help="A mesh file: OBJ, PLY, STL, GLB or OFF.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the images.")] = Path(),
     sensor: SensorOption = None,
     assignments: SetOption = None,
     seed: SeedOption = None,
     crop: Annotated[int | None, typer.Option(help="Side of the centre crop, pixels.")] = None,
-    depth_unit_mm: Annotated[float | None, typer.Option(help="Step of the depth files.")] = None,
-    unit: Annotated[str, typer.Option(help="mm, cm, dm, m or inch; found by rule.")] = "auto",
+    depth_unit_mm: Annotated[
+        float | None, typer.Option(help="Step of the depth files, mm.")
+    ] = None,
+    unit: Annotated[
+        str, typer.Option(help="Unit of the mesh file: mm, cm, dm, m or inch; overrides detection.")
+    ] = "auto",
     axes: Annotated[
-        str, typer.Option(help="File axes that are x, y, z: +x+y+z; found by rule.")
+        str,
+        typer.Option(help="File axes that become x, y, z, such as +x+y+z; overrides detection."),
     ] = "auto",
     raw: Annotated[
-        bool, typer.Option("--raw", help="Also the Kinect V2's raw frame, for libfreenect2.")
+        bool, typer.Option("--raw", help="Also write the Kinect V2's raw frame for libfreenect2.")
     ] = False,
     config: ConfigOption = None,
     backend: BackendOption = None,
@@ -59,19 +64,19 @@ def render(
 
     Writes FACE_clean.png, FACE_noisy.png, FACE_infrared.png, FACE_reason.png and FACE_preview.png;
     with --raw also FACE_raw.bin, ten packed sub-images of 11 bits, and FACE_p0.bin, their phase
-    tables as libfreenect2 wants them.
+    tables in the format of libfreenect2.
     """
-    from glsim import raw as raw_frames
-    from glsim.cli.files import write_picture
-    from glsim.config import SourceSettings, load_settings
     from glsim.dataset import write_frame
-    from glsim.dataset.files import write_bytes
-    from glsim.faces.one import OneMesh
+    from glsim.faces.one_mesh import OneMesh
+    from glsim.files.atomic import write_atomic
+    from glsim.files.png import write_picture
     from glsim.frame import LAYERS, Frame
-    from glsim.meshio import load_mesh
+    from glsim.meshio.load import load_mesh
     from glsim.pipeline import simulate
-    from glsim.preview import contact_sheet, of_frame
-    from glsim.sensor import sensor_of
+    from glsim.preview import PreviewFrame, contact_sheet
+    from glsim.sensors import kinect_packet
+    from glsim.sensors.sensor import sensor_of
+    from glsim.settings.schema import SourceSettings, load_settings
 
     given = overrides(
         sensor=sensor, seed=seed, output__crop=crop, output__depth_unit_mm=depth_unit_mm
@@ -80,20 +85,21 @@ def render(
     loaded = load_mesh(face, unit=unit, axes=axes)
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
     single = SourceSettings(subjects=1, frames_per_subject=1)
-    one = settings.model_copy(update={"source": (single,)})
+    one_frame = settings.model_copy(update={"source": (single,)})
     used = sensor_of(settings)
     if raw:
-        raw_frames.taps_stage(used)
-    extra = raw_frames.LAYERS if raw else ()
-    for frame in simulate(one, sources=[source], backend=backend, extra_layers=extra):
-        assert isinstance(frame, Frame), "strict: a bad face raises"
+        kinect_packet.taps_stage(used)
+    extra = kinect_packet.REQUIRED_LAYERS if raw else ()
+    for frame in simulate(one_frame, sources=[source], backend=backend, extra_layers=extra):
+        assert isinstance(frame, Frame), "a bad face raises, because strict is set"
         paths = write_frame(frame, out, face.stem, LAYERS)
         preview = out / f"{face.stem}_preview.png"
-        write_picture(contact_sheet([of_frame(frame)], f"{face.name}, {settings.sensor}"), preview)
+        sheet = contact_sheet([PreviewFrame.of_frame(frame)], f"{face.name}, {settings.sensor}")
+        write_picture(sheet, preview)
         if raw:
             paths += [out / f"{face.stem}_raw.bin", out / f"{face.stem}_p0.bin"]
-            write_bytes(raw_frames.packet(used, frame), paths[-2])
-            write_bytes(raw_frames.p0_tables(), paths[-1])
-        listed([*paths, preview])
+            write_atomic(kinect_packet.encode_packet(used, frame), paths[-2])
+            write_atomic(kinect_packet.p0_tables(), paths[-1])
+        print_written([*paths, preview])
         valid = int((frame.noisy_m > 0).sum())
-        say(f"{int((frame.clean_m > 0).sum())} pixels of surface, {valid} measured")
+        print_message(f"{int((frame.clean_m > 0).sum())} pixels of surface, {valid} measured")

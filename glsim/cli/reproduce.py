@@ -1,16 +1,16 @@
-"""``glsim reproduce``: the paper's tables from nothing, as a series of other commands.
+"""``glsim reproduce``: reproduce the paper's tables by a series of other commands.
 
-A plan (glsim/cli/reproductions/*.toml) holds their options:
+A plan (glsim/cli/reproductions/*.toml) contains their options:
 
-    title = "..."                      what it makes
-    seeds = [0, 1, 2]                  of every recipe
+    title = "..."                      description of the plan
+    seeds = [0, 1, 2]                  seeds of every recipe
     generate = "--subjects 60 ..."     options of glsim generate
     eval = "--tune"                    options of glsim eval
-    [[train]]                          groups in order; in a group seed by seed, so that every row
-    recipes = ["paper-d7-small"]       has a first seed before one has a second
+    [[train]]                          groups in order; within a group all recipes are trained
+    recipes = ["paper-d7-small"]       with the first seed, then all with the second, ...
     options = "--steps 300"            options of glsim train
 
-Each command resumes by itself; here is known only that a finished training is not started again.
+Each command resumes its own work; this module only skips trainings that are finished.
 """
 
 from __future__ import annotations
@@ -24,10 +24,9 @@ from typing import Annotated
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.cli.common import Debug, Quiet, Verbose, console, say
-from glsim.dataset.files import read_json
+from glsim.cli.common import Debug, Quiet, Verbose, console, print_message, run_command_line
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
-from glsim.toml import read_toml, validate
+from glsim.settings.tables import parse_table, read_toml
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -36,11 +35,11 @@ glsim reproduce -o reproduced               small: half an hour on two cores
 
 glsim reproduce -o paper --size full        the paper's size, for a GPU
 
-glsim reproduce -o mine --size mine.toml    a plan of your own, written as the shipped ones are
+glsim reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
 
-glsim reproduce -o reproduced --plan        print the commands and run none
+glsim reproduce -o reproduced --plan        print the commands without running them
 
-The same command again goes on where an interrupted one stopped.
+Repeat the same command to resume an interrupted one.
 """
 
 _FOLDER = Path(__file__).parent / "reproductions"
@@ -50,24 +49,24 @@ class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Trainings(_Table):
-    """Recipes that are trained with the same options."""
+class TrainingGroup(_Table):
+    """Recipes with the same options of glsim train."""
 
     recipes: tuple[str, ...] = Field(min_length=1)
     options: str = ""
 
 
-class Plan(_Table):
-    """What is run, see above."""
+class ReproductionPlan(_Table):
+    """Options of the commands; the module's docstring describes the keys."""
 
     title: str
     seeds: tuple[int, ...] = Field((0,), min_length=1)
     generate: str
     eval: str = ""
-    train: tuple[Trainings, ...] = Field(min_length=1)
+    train: tuple[TrainingGroup, ...] = Field(min_length=1)
 
     def commands(self, out: Path) -> Iterator[list[str]]:
-        """The arguments of ``glsim``, in order."""
+        """Yield the arguments of each ``glsim`` command in order."""
         data, runs = str(out / "data"), out / "runs"
         yield ["generate", *shlex.split(self.generate), "-o", data]
         for group in self.train:
@@ -81,56 +80,62 @@ class Plan(_Table):
         yield ["eval", data, *shlex.split(self.eval), *tables, "--runs", str(runs), "-o", str(out)]
 
 
-def load_plan(size: str) -> Plan:
-    """A shipped plan by its name, or one from a TOML file. Raises ConfigError."""
+def load_plan(size: str) -> ReproductionPlan:
+    """Load a shipped plan by its name, or a plan from a TOML file. Raises ConfigError."""
     file = Path(size) if size.endswith(".toml") else _FOLDER / f"{size}.toml"
     if not file.is_file():
         known = [shipped.stem for shipped in _FOLDER.glob("*.toml")]
         raise ConfigError(f"--size {size}: no such plan ({did_you_mean(size, known)})")
-    return validate(Plan, read_toml(file), str(file))
+    return parse_table(ReproductionPlan, read_toml(file), str(file))
 
 
 def reproduce(
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for everything.")],
+    context: typer.Context,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for all results.")],
     size: Annotated[
-        str, typer.Option(help="small (CPU), full (GPU), or a plan of your own (.toml).")
+        str, typer.Option(help="Plan: small (CPU), full (GPU), or your own .toml file.")
     ] = "small",
-    plan: Annotated[bool, typer.Option("--plan", help="Print the commands, and run none.")] = False,
+    plan: Annotated[
+        bool, typer.Option("--plan", help="Print the commands without running them.")
+    ] = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
-    """Make the data, train the networks, and write the paper's tables 1 to 3 beside ours.
+    """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
-    Everything is in one folder: data/, runs/, paper_table_1.md to _3.md, figures/ and report.html
-    with all of it. The commands that are run are printed; each could be run by hand. A training
-    that is finished is kept as it is: delete its folder in runs/ to have it done again.
+    One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/ and
+    report.html. Each command is printed before it runs and can also be run by hand. A finished
+    training is not repeated: delete its folder in runs/ to train again.
     """
-    from glsim.cli import main
-
+    root_command = context.find_root().command
     chosen = load_plan(size)
     commands = list(chosen.commands(out))
     if plan:
         for command in commands:
             typer.echo(shlex.join(["glsim", *command]))
         return
-    say(f"{chosen.title}: {len(commands)} commands")
+    print_message(f"{chosen.title}: {len(commands)} commands")
     start = time.monotonic()
     flags = [flag for flag, on in (("-q", quiet), ("-v", verbose), ("--debug", debug)) if on]
     for number, command in enumerate(commands, 1):
         text = shlex.join(["glsim", *command])
         minutes = (time.monotonic() - start) / 60
-        known = command[0] == "train" and _is_finished(Path(command[-1]))
-        line = f"{number}/{len(commands)}, {minutes:.0f} min{', finished before' * known}: {text}"
-        if not quiet:  # as it can be typed: on one line, and brackets are no markup
+        finished = command[0] == "train" and _is_finished(Path(command[-1]))
+        state = ", finished before" if finished else ""
+        line = f"{number}/{len(commands)}, {minutes:.0f} min{state}: {text}"
+        if not quiet:  # on one line and without markup, so that it can be copied
             console.print(line, markup=False, soft_wrap=True)
-        if not known and main([*command, *flags]) != 0:
-            raise GlsimError(f"stopped in command {number} of {len(commands)}: {text}: the same "
-                             "glsim reproduce again goes on there")  # fmt: skip
-    say(f"done in {(time.monotonic() - start) / 60:.0f} min: read {out / 'report.html'}")
+        if not finished and run_command_line(root_command, [*command, *flags]) != 0:
+            raise GlsimError(f"stopped in command {number} of {len(commands)}: {text}: repeat "
+                             "the same glsim reproduce to go on there")  # fmt: skip
+    print_message(f"done in {(time.monotonic() - start) / 60:.0f} min: read {out / 'report.html'}")
 
 
 def _is_finished(run: Path) -> bool:
+    """Return whether the folder of a training is complete."""
+    from glsim.files.atomic import read_json
+
     try:
         return (
             read_json(run / "run.json").get("state") == "finished" and (run / "best.pt").is_file()

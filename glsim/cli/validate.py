@@ -1,4 +1,4 @@
-"""``glsim validate``: a sensor against what is published about it."""
+"""``glsim validate``: compare a sensor with published measurements."""
 
 from __future__ import annotations
 
@@ -10,10 +10,18 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import BackendOption, Debug, Quiet, Verbose, listed, options, say
+from glsim.cli.common import (
+    BackendOption,
+    Debug,
+    Quiet,
+    Verbose,
+    options,
+    print_message,
+    print_written,
+)
 
 if TYPE_CHECKING:
-    from glsim.validate import Report
+    from glsim.validate import ValidationReport
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -29,18 +37,26 @@ _COLOURS = {"pass": "green", "FAIL": "bold red", "exception": "yellow", "n/a": "
 
 
 def validate(
-    sensor: Annotated[str, typer.Argument(help="A shipped sensor (glsim sensors) or a .toml.")],
+    sensor: Annotated[
+        str, typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file.")
+    ],
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the table as JSON.")
     ] = None,
     figure_file: Annotated[
-        Path | None, typer.Option("--figure", metavar="FILE.png", help="Draw noise and edges.")
+        Path | None,
+        typer.Option("--figure", metavar="FILE.png", help="Draw figures of noise and edges."),
     ] = None,
     markdown_file: Annotated[
-        Path | None, typer.Option("--markdown", metavar="FILE.md", help="Write it as Markdown.")
+        Path | None,
+        typer.Option("--markdown", metavar="FILE.md", help="Write the table as Markdown."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same numbers.")] = 0,
-    frames: Annotated[int, typer.Option(min=8, max=2000, help="Frames of each wall.")] = 64,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed; the same seed gives the same numbers.")
+    ] = 0,
+    frames: Annotated[
+        int, typer.Option(min=8, max=2000, help="Number of frames of each wall.")
+    ] = 64,
     backend: BackendOption = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -48,13 +64,19 @@ def validate(
 ) -> int:
     """Check a sensor's noise against published measurements.
 
-    Walls, edges, steps and faces are rendered and measured. Exit status: 0 if every check passes
-    (or is a documented exception), else 1. The checks of kinect-v2 serve for sensors of your own.
+    Walls, edges, steps and faces are rendered and measured. The exit status is 0 if every check
+    passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
     """
-    from glsim.dataset.files import write_bytes
     from glsim.errors import ConfigError
+    from glsim.files.atomic import write_atomic
     from glsim.gl.context import open_context
-    from glsim.validate import Bench, Lab, check_matplotlib, examine, figure
+    from glsim.validate import (
+        Captures,
+        VirtualCamera,
+        check_matplotlib,
+        draw_figure,
+        run_checks,
+    )
 
     if figure_file is not None and figure_file.suffix.lower() != ".png":
         raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
@@ -62,30 +84,30 @@ def validate(
         check_matplotlib()
     context = open_context(backend)
     try:
-        lab = Lab(Bench(sensor, context, seed, frames))
-        report = examine(lab)
-        picture = figure(lab) if figure_file is not None else None
+        captures = Captures(VirtualCamera(sensor, context, seed, frames))
+        report = run_checks(captures)
+        picture = draw_figure(captures) if figure_file is not None else None
     finally:
         context.release()
     if not options.quiet:
         _print(report)
     written = []
     if json_file is not None:
-        write_bytes((json.dumps(report.as_json(), indent=1) + "\n").encode(), json_file)
+        write_atomic((json.dumps(report.as_json(), indent=1) + "\n").encode(), json_file)
         written.append(json_file)
     if markdown_file is not None:
-        write_bytes(report.as_markdown().encode(), markdown_file)
+        write_atomic(report.as_markdown().encode(), markdown_file)
         written.append(markdown_file)
     if figure_file is not None and picture is not None:
-        write_bytes(picture, figure_file)
+        write_atomic(picture, figure_file)
         written.append(figure_file)
-    listed(written)
-    say(report.summary)
+    print_written(written)
+    print_message(report.summary)
     return 0 if report.passed else 1
 
 
-def _print(report: Report) -> None:
-    """The table on stdout; full width when piped, so that nothing is cut for grep."""
+def _print(report: ValidationReport) -> None:
+    """Print the table to stdout; 200 columns wide when piped, so that grep finds whole words."""
     from glsim.validate import band_texts, measured_texts
 
     table = Table(
@@ -98,16 +120,16 @@ def _print(report: Report) -> None:
         "note",
         title=f"{report.title}\nchecks of the {report.sheet}",
     )
-    for outcome in report.outcomes:
-        colour = _COLOURS[outcome.state]
+    for result in report.results:
+        colour = _COLOURS[result.state]
         table.add_row(
-            outcome.check.number,
-            outcome.check.what,
-            "\n".join(measured_texts(outcome)),
-            "\n".join(band_texts(outcome)),
-            outcome.check.source,
-            f"[{colour}]{outcome.state}[/{colour}]",
-            outcome.note,
+            result.check.number,
+            result.check.description,
+            "\n".join(measured_texts(result)),
+            "\n".join(band_texts(result)),
+            result.check.source,
+            f"[{colour}]{result.state}[/{colour}]",
+            result.note,
         )
         table.add_section()
     out = Console(highlight=False)

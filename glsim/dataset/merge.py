@@ -1,6 +1,6 @@
-"""From chunk records to the manifest, the metadata and the header; and back, to repair.
+"""Merge chunk records into manifest, metadata and header; split them again for a repair.
 
-Everything here streams: memory does not grow with the number of frames.
+All functions stream: memory does not grow with the number of frames.
 """
 
 from __future__ import annotations
@@ -12,39 +12,53 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from glsim.config import SPLIT_NAMES
-from glsim.dataset.files import CheckedFile, check_of, read_json, to_json, write_file, writing
-from glsim.dataset.layout import HEADER, MANIFEST, METADATA, SKIPPED, Plan
-from glsim.dataset.record import ChunkRecord, Record, build_chunk, metadata_row, parse_head
-from glsim.dataset.store import Store
+from glsim.dataset.chunks import ChunkPlan
+from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
+from glsim.dataset.output_folder import OutputFolder
+from glsim.dataset.records import (
+    ChunkRecord,
+    Record,
+    checked_chunk_record,
+    metadata_row,
+    parse_first_line,
+)
 from glsim.errors import DatasetError
+from glsim.files.atomic import (
+    AtomicFile,
+    file_checksum,
+    read_json,
+    to_json,
+    wrap_write_errors,
+    write_atomic,
+)
+from glsim.settings.schema import SPLIT_NAMES
 
 
-def merge(store: Store, plan: Plan, identity: Mapping[str, Any]) -> None:
-    """Write all files that describe the whole data set, then drop the chunk records.
+def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) -> None:
+    """Write all files that describe the whole data set, then delete the chunk records.
 
-    A function of the chunk records and ``identity`` alone: no clock, no number of workers.
-    Raises DatasetError if a subject turns out to be in two splits.
+    The files depend only on the chunk records and ``identity``, not on the clock or the workers.
+    Raises DatasetError if a subject is in two splits.
     """
     files: dict[str, Any] = {}
     counts = dict.fromkeys(SPLIT_NAMES, 0)
     subjects: dict[str, dict[str, None]] = {split: {} for split in SPLIT_NAMES}
     skipped = 0
-    index = store.merged_index
-    with CheckedFile(index, store.temporary(index.name), sync=True) as heads:
+    index = folder.merged_index
+    with AtomicFile(index, folder.temporary_path(index.name), sync=True) as index_file:
         with ExitStack() as stack:
 
-            def create(name: str) -> CheckedFile:
-                temporary = store.temporary(name.replace("/", "-"))
-                return stack.enter_context(CheckedFile(store.out / name, temporary, sync=True))
+            def create(name: str) -> AtomicFile:
+                temporary = folder.temporary_path(name.replace("/", "-"))
+                return stack.enter_context(AtomicFile(folder.out / name, temporary, sync=True))
 
             names = [MANIFEST, SKIPPED]
             outputs = {name: create(name) for name in names}
             for chunk in plan:
-                record = store.load(chunk.number)
+                record = folder.load_chunk(chunk.number)
                 if record is None:
-                    raise DatasetError(f"{store.out}: the record of chunk {chunk.number} is gone")
-                heads.write(record.head.encode())
+                    raise DatasetError(f"{folder.out}: the record of chunk {chunk.number} is gone")
+                index_file.write(record.first_line.encode())
                 outputs[MANIFEST].write("".join(record.frames).encode())
                 outputs[SKIPPED].write("".join(record.skipped).encode())
                 frames: list[Record] = [json.loads(line) for line in record.frames]
@@ -60,7 +74,7 @@ def merge(store: Store, plan: Plan, identity: Mapping[str, Any]) -> None:
                         outputs[name] = create(name)
                     rows = [to_json(metadata_row(frame), name) + "\n" for frame in frames]
                     outputs[name].write("".join(rows).encode())
-        files |= {name: output.check for name, output in outputs.items()}
+        files |= {name: output.checksum for name, output in outputs.items()}
         _refuse_shared_subjects(subjects)
         header = dict(identity) | {
             "frames": counts,
@@ -69,9 +83,10 @@ def merge(store: Store, plan: Plan, identity: Mapping[str, Any]) -> None:
             "files": dict(sorted(files.items())),
         }
         data = json.dumps(header, indent=1, allow_nan=False).encode() + b"\n"
-        check = write_file(store.out / HEADER, data, store.temporary(HEADER), sync=True)
-        heads.write(to_json(check, HEADER).encode() + b"\n")
-    store.discard_chunks()
+        temporary = folder.temporary_path(HEADER)
+        checksum = write_atomic(data, folder.out / HEADER, temporary=temporary, sync=True)
+        index_file.write(to_json(checksum, HEADER).encode() + b"\n")
+    folder.discard_chunk_records()
 
 
 def _refuse_shared_subjects(subjects: Mapping[str, Mapping[str, None]]) -> None:
@@ -83,39 +98,39 @@ def _refuse_shared_subjects(subjects: Mapping[str, Mapping[str, None]]) -> None:
             seen[name] = split
 
 
-def merged_is_intact(store: Store, chunks: int) -> bool:
-    """Whether the header, the manifest and the metadata are as they were written."""
+def merged_files_are_intact(folder: OutputFolder, chunks: int) -> bool:
+    """Check that the header, the manifest and the metadata are as they were written."""
     try:
-        with store.merged_index.open(encoding="utf-8", errors="replace") as index:
-            check = json.loads(next(islice(index, chunks, None), ""))
-        if check_of(store.out / HEADER) != check:
+        with folder.merged_index.open(encoding="utf-8", errors="replace") as index:
+            checksum = json.loads(next(islice(index, chunks, None), ""))
+        if file_checksum(folder.out / HEADER) != checksum:
             return False
-        files = read_json(store.out / HEADER)["files"]
+        files = read_json(folder.out / HEADER)["files"]
     except (OSError, ValueError, DatasetError):
         return False
     return all(
-        check_of(store.out / name) == check
-        for name, check in files.items()
+        file_checksum(folder.out / name) == checksum
+        for name, checksum in files.items()
         if name.endswith(".jsonl")
     )
 
 
-def merged_chunks(store: Store, chunks: int) -> Iterator[ChunkRecord | None]:
+def read_merged_chunks(folder: OutputFolder, chunks: int) -> Iterator[ChunkRecord | None]:
     """Read the chunk records back from the manifest, in order; None for each damaged one.
 
-    A line too many or too few spoils all later chunks: they are then rendered again.
+    An extra or missing line makes all later chunks invalid: they are then rendered again.
     """
     with ExitStack() as stack:
-        heads, frames, skipped = (
+        first_lines, frames, skipped = (
             _lines(stack, path)
-            for path in (store.merged_index, store.out / MANIFEST, store.out / SKIPPED)
+            for path in (folder.merged_index, folder.out / MANIFEST, folder.out / SKIPPED)
         )
         for _ in range(chunks):
             try:
-                head = next(heads, "")
-                summary = parse_head(head)
-                yield build_chunk(
-                    head,
+                first_line = next(first_lines, "")
+                summary = parse_first_line(first_line)
+                yield checked_chunk_record(
+                    first_line,
                     list(islice(frames, summary.frames)),
                     list(islice(skipped, summary.skipped)),
                 )
@@ -130,11 +145,11 @@ def _lines(stack: ExitStack, path: Path) -> Iterator[str]:
         return iter(())
 
 
-def unmerge(store: Store, chunks: int, damaged: set[int]) -> None:
+def unmerge(folder: OutputFolder, chunks: int, damaged: set[int]) -> None:
     """Turn a complete data set into a resumable one that lacks the ``damaged`` chunks."""
-    for number, record in enumerate(merged_chunks(store, chunks)):
+    for number, record in enumerate(read_merged_chunks(folder, chunks)):
         if record is not None and number not in damaged:
-            store.save(record)
-    with writing(store.out):
-        (store.out / HEADER).unlink(missing_ok=True)
-        store.merged_index.unlink()
+            folder.save_chunk(record)
+    with wrap_write_errors(folder.out):
+        (folder.out / HEADER).unlink(missing_ok=True)
+        folder.merged_index.unlink()

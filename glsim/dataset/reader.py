@@ -1,4 +1,4 @@
-"""Reading a data set back: records, and depth maps in millimetres. PNG trees and shards alike."""
+"""Read a data set, PNG tree or shards: records, and depth maps in millimetres."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.camera import Intrinsics
-from glsim.config import SPLIT_NAMES
-from glsim.dataset.files import check_bytes, read_json, reading
-from glsim.dataset.images import Image, decode_png
-from glsim.dataset.layout import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
+from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
+from glsim.dataset.layer_images import LayerImage, decode_layer
 from glsim.errors import DatasetError, did_you_mean
+from glsim.files.atomic import checksum, read_json, wrap_read_errors
 from glsim.frame import WRITABLE, to_mm
+from glsim.geometry.camera import Intrinsics
+from glsim.settings.schema import SPLIT_NAMES
 
-_BLOCK = 1 << 24
+_BLOCK_BYTES = 1 << 24
 
 
 class Pair:
-    """One frame of a data set. Images are read and checked when they are first asked for.
+    """One frame of a data set. Images are read and checked when they are first used.
 
-    record: the manifest's record, see ``glsim.dataset.record.frame_record``.
+    record: its record in the manifest, see ``glsim.dataset.records.frame_record``.
     """
 
     def __init__(self, root: Path, record: Mapping[str, Any], depth_unit_mm: float) -> None:
@@ -53,7 +53,7 @@ class Pair:
 
     @property
     def sequence(self) -> str:
-        """The recording's name."""
+        """The name of the sequence."""
         return str(self.record["sequence"])
 
     @property
@@ -68,7 +68,7 @@ class Pair:
 
     @property
     def depth_offset_mm(self) -> float:
-        """What the files' depths lack (0 unless the data set is normalised)."""
+        """The millimetres that were subtracted from stored depths (0 unless normalised)."""
         return float(self.record["depth_offset_mm"])
 
     @cached_property
@@ -82,25 +82,25 @@ class Pair:
         return self._depth_mm("noisy")
 
     @cached_property
-    def infrared(self) -> Image:
+    def infrared(self) -> LayerImage:
         """(H, W) uint16 infrared counts."""
         return self.image("infrared")
 
     @cached_property
-    def reason(self) -> Image:
+    def reason(self) -> LayerImage:
         """(H, W) uint8 codes of ``glsim.reason.Reason``."""
         return self.image("reason")
 
     @cached_property
-    def regions(self) -> Image:
-        """(H, W) uint8 parts of the face, numbered as ``Dataset.regions`` says; 0 = none."""
+    def regions(self) -> LayerImage:
+        """(H, W) uint8 parts of the face, with the numbers of ``Dataset.regions``; 0 = none."""
         return self.image("regions")
 
-    def image(self, layer: str) -> Image:
-        """(H, W) the layer as it is in its file: uint16, or uint8 for "reason" and "regions".
+    def image(self, layer: str) -> LayerImage:
+        """Read a layer as stored: (H, W) uint16, or uint8 for "reason" and "regions".
 
-        Raises DatasetError if the data set has no such layer, or if the file is missing, is not
-        what was written, or is no image of the right type and size.
+        Raises DatasetError if the data set has no such layer, or if the file is missing, was
+        changed, or is no image of the right type and size.
         """
         files = self.record["files"]
         if layer not in files:
@@ -111,8 +111,8 @@ class Pair:
         path = self._root / file["name"]
         where = f"{path} ({file['member']})" if "member" in file else str(path)
         data = _read(path, file)
-        image = decode_png(data, layer, where)
-        if check_bytes(data) != {"size": file["size"], "crc32": file["crc32"]}:
+        image = decode_layer(data, layer, where)
+        if checksum(data) != {"size": file["size"], "crc32": file["crc32"]}:
             raise DatasetError(
                 f"{where}: was changed after it was written ({len(data)} bytes, {file['size']} "
                 "recorded): run glsim generate again with the same settings to repair it"
@@ -130,8 +130,8 @@ class Pair:
 
 
 def _read(path: Path, file: Mapping[str, Any]) -> bytes:
-    """A whole file, or the part of a shard. A part that is cut short is returned as it is."""
-    with reading(path), path.open("rb") as stream:
+    """Read a whole file or a member of a shard; a truncated member is returned truncated."""
+    with wrap_read_errors(path), path.open("rb") as stream:
         if "offset" not in file:
             return stream.read()
         stream.seek(file["offset"])
@@ -140,7 +140,7 @@ def _read(path: Path, file: Mapping[str, Any]) -> bytes:
 
 
 class Split(Sequence[Pair]):
-    """The frames of one split, in the order of the manifest: iterate, or take one by number."""
+    """The frames of one split in the order of the manifest: a sequence of Pairs."""
 
     def __init__(self, dataset: Dataset, name: str, first: int, count: int) -> None:
         self.name = name
@@ -156,7 +156,7 @@ class Split(Sequence[Pair]):
     @overload
     def __getitem__(self, number: slice) -> list[Pair]: ...
     def __getitem__(self, number: int | slice) -> Pair | list[Pair]:
-        """The frame at a position in the split, from 0; from the end if negative."""
+        """Return the frame at a position in the split, from 0; from the end if negative."""
         if isinstance(number, slice):
             return [self[position] for position in range(*number.indices(self._count))]
         position = number + self._count if number < 0 else number
@@ -169,10 +169,10 @@ class Split(Sequence[Pair]):
 
 
 class Dataset:
-    """A complete data set on disk. Cheap to open, and to send to other processes.
+    """A complete data set on disk. It is cheap to open, and to send to other processes.
 
-    header: dataset.json. Raises DatasetError for a folder that is no complete data set, or one of
-    a newer version of glsim.
+    header: the contents of dataset.json. Raises DatasetError if the folder holds no complete data
+    set, or one of a newer version of glsim.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -188,7 +188,7 @@ class Dataset:
         return self.pairs(0, len(self))
 
     def split(self, name: str) -> Split:
-        """The frames of train, val or test; empty if the data set has none there."""
+        """Return the frames (maybe none) of a split. Raises DatasetError for an unknown split."""
         if name not in SPLIT_NAMES:
             raise DatasetError(f"no such split {name!r}: {did_you_mean(name, SPLIT_NAMES)}")
         counts = self.header["frames"]
@@ -203,16 +203,16 @@ class Dataset:
 
     @property
     def regions(self) -> dict[str, int]:
-        """Parts of the face by name -> their numbers in the layer regions; empty without it."""
+        """Name -> number of the parts of the face; empty without the layer "regions"."""
         return dict(self.header.get("regions", {}))
 
     @property
     def is_tree(self) -> bool:
-        """Whether each image is a file of its own, rather than part of a shard."""
+        """Whether each image is its own file rather than a member of a shard."""
         return bool(self.header["settings"]["output"]["format"] == "png")
 
     def pair(self, number: int) -> Pair:
-        """The frame in line ``number`` of the manifest, from 0."""
+        """Return the frame in line ``number`` of the manifest, from 0."""
         ends = self._line_ends()
         start = int(ends[number - 1]) if number else 0
         with self._manifest().open("rb") as lines:
@@ -220,7 +220,7 @@ class Dataset:
             return self._parse(lines.read(int(ends[number]) - start), number)
 
     def pairs(self, first: int, count: int) -> Iterator[Pair]:
-        """The frames of consecutive lines of the manifest, read as they are needed."""
+        """Yield the frames of consecutive lines of the manifest, each read when it is needed."""
         start = int(self._line_ends()[first - 1]) if first and count else 0
         with self._manifest().open("rb") as lines:
             lines.seek(start)
@@ -243,12 +243,12 @@ class Dataset:
             ) from None
 
     def _line_ends(self) -> NDArray[np.int64]:
-        """Where each line of the manifest ends, bytes. DatasetError if the count is wrong."""
+        """Return each manifest line's end, bytes. Raises DatasetError if their number is wrong."""
         if self._ends is None:
             parts: list[NDArray[np.int64]] = []
             start = 0
             with self._manifest().open("rb") as lines:
-                while block := lines.read(_BLOCK):
+                while block := lines.read(_BLOCK_BYTES):
                     parts.append(np.flatnonzero(np.frombuffer(block, np.uint8) == 10) + start + 1)
                     start += len(block)
             ends = np.concatenate(parts) if parts else np.zeros(0, np.int64)
@@ -262,12 +262,12 @@ class Dataset:
 
 
 def open_dataset(path: Path | str) -> Dataset:
-    """Open a complete data set. Raises DatasetError, see Dataset."""
+    """Open a complete data set. Raises DatasetError as ``Dataset`` does."""
     return Dataset(path)
 
 
 def read_header(path: Path) -> dict[str, Any]:
-    """dataset.json, checked to be one that this version can read. DatasetError otherwise."""
+    """Read dataset.json. Raises DatasetError if this version cannot read the data set."""
     file = path / HEADER
     if not file.exists():
         if (path / STATE).is_dir():

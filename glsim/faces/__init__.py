@@ -1,4 +1,4 @@
-"""Face sources: where the meshes come from. One file or package a source."""
+"""Face sources: suppliers of face meshes, one file or package per source."""
 
 from __future__ import annotations
 
@@ -7,37 +7,40 @@ from typing import TYPE_CHECKING
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.config import SourceSettings
     from glsim.faces.base import FaceSource
+    from glsim.settings.schema import SourceSettings
 
 
 def open_source(settings: SourceSettings, seed: int) -> FaceSource:
-    """The source that ``settings.kind`` names. Raises ConfigError."""
+    """Open the source that ``settings.kind`` names; ``seed`` is used by generated faces only.
+
+    Raises ConfigError.
+    """
     if settings.kind == "procedural":
         from glsim.faces.procedural import ProceduralFaces
 
         return ProceduralFaces(seed)
     if settings.root is None:
-        raise ConfigError(f"source {settings.kind!r} needs --root: the folder that holds its files")
+        raise ConfigError(f"source {settings.kind!r} needs --root: the folder with its files")
     if settings.kind == "ict-facekit":
         from glsim.faces.ict_facekit import IctFaceKit
 
         return IctFaceKit(settings.root, seed)
     root, unit, axes = settings.root, settings.unit, settings.axes
     if settings.kind == "d3dfacs":
-        from glsim.faces.d3dfacs import D3dfacs
+        from glsim.faces.scans.d3dfacs import D3dfacs
 
         every, peak_only = settings.every or 1, bool(settings.peak_only)
         return D3dfacs(root, unit=unit, axes=axes, every=every, peak_only=peak_only)
     if settings.kind == "facewarehouse":
-        from glsim.faces.facewarehouse import FaceWarehouse
+        from glsim.faces.scans.facewarehouse import FaceWarehouse
 
         steps, poses = settings.steps or 1, settings.poses is not False
         return FaceWarehouse(root, unit=unit, axes=axes, steps=steps, poses=poses)
     if settings.kind == "biwi":
-        from glsim.faces.biwi import Biwi
+        from glsim.faces.scans.biwi import Biwi
 
         return Biwi(root, unit=unit, axes=axes, every=settings.every or 1)
-    from glsim.faces.folder import Folder
+    from glsim.faces.scans.folder import Folder
 
     return Folder(root, unit=unit, axes=axes)

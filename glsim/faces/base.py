@@ -1,4 +1,4 @@
-"""What a face source is: it lists frames cheaply, and makes their geometry on demand."""
+"""The face source protocol: list frames cheaply, load their geometry on demand."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from glsim.errors import MeshError
-from glsim.mesh import Mesh
+from glsim.geometry.mesh import Mesh
 
 
 @dataclass(frozen=True)
 class FaceKey:
-    """Names one frame of one source. With the source's seed it determines the geometry.
+    """The identifier of a frame in a source. Key and source seed determine the geometry.
 
     subject, sequence: path-safe words, unique in the source.
     frame: number within the sequence, from 0 (or the number in the file's name).
     time_s: seconds since the start of the sequence.
-    path: the mesh file, relative to the source's root; "" where the source makes its geometry.
+    path: the mesh file, relative to the source's root; "" for generated geometry.
     """
 
     subject: str
@@ -29,10 +29,10 @@ class FaceKey:
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """The geometry of one frame and what is known about it.
+    """The geometry and metadata of one frame.
 
-    expression: action unit or blend shape -> intensity in [0, 1]; zeros left out.
-    notes: anything else for the manifest (JSON values only), such as the unit that was found.
+    expression: action unit or blend shape -> intensity in [0, 1], without zeros.
+    notes: further metadata for the manifest (JSON values only), such as the detected unit.
     """
 
     key: FaceKey
@@ -43,25 +43,25 @@ class Face:
 
 @dataclass(frozen=True)
 class BadFace:
-    """A frame whose mesh cannot be used, and why."""
+    """A frame whose mesh cannot be used, and the reason."""
 
     key: FaceKey
     error: MeshError
 
 
 class FaceSource(Protocol):
-    """A supply of faces. Implementations are picklable, and cheap until ``load`` is called."""
+    """A supplier of faces. Implementations are picklable, and cheap until ``load`` is called."""
 
     name: str
 
     def subjects(self, count: int | None) -> list[str]:
-        """The first ``count`` subjects (None: all, where the source has an end)."""
+        """Return the first ``count`` subjects (None: all; ConfigError if there is no last one)."""
         ...
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """The first ``count`` frames of a subject, in order (None: all), without geometry."""
+        """Return the keys of the first ``count`` frames of a subject, in order (None: all)."""
         ...
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """One result a key, in order. A function of (source settings, key) alone."""
+        """Yield one result per key, in order. It depends on source settings and key only."""
         ...

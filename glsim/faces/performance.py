@@ -1,7 +1,7 @@
-"""FACS performances: which action units a subject shows in a sequence, and how strongly when.
+"""FACS performances: intensity curves of the action units in each sequence.
 
 Independent of the face model: names are plain strings, "AU12" for both sides, "AU12_L" or "AU12_R"
-for one. Everything is a pure function of (seed, subject, sequence number); no state anywhere.
+for one side. All functions are pure functions of (seed, subject, sequence number).
 
 Codes are modelled on those of posed FACS data sets: single units, the pairs of the FACS manual
 (P. Ekman, W. V. Friesen, J. C. Hager, "Facial Action Coding System", 2002) and the prototypes of
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# Units of one sequence, joined by "+"; a trailing L or R asks for one side.
+# Action units of one sequence, joined by "+"; a trailing L or R means one side.
 CODES: tuple[str, ...] = (
     "12+25", "1+2", "4+7+9", "20+26", "6+12+25", "26", "18", "4", "43", "15+17",
     "27", "1+4+15", "1+2+5+26", "9+10", "12L", "23", "16+25", "22+25", "6+12", "28",
@@ -32,17 +32,17 @@ CODES: tuple[str, ...] = (
 
 LATERAL_UNITS = frozenset((1, 2, 4, 5, 6, 7, 9, 10, 12, 14, 15, 16, 20, 43, 45))
 DURATION_S = (1.2, 2.0)  # of a sequence, neutral to neutral
-ONSET_SHARE = (0.22, 0.36)  # of the duration
+ONSET_SHARE = (0.22, 0.36)  # share of the duration
 OFFSET_SHARE = (0.30, 0.44)
-DELAY_SHARE = 0.06  # how much later than the first unit others start, at most
+DELAY_SHARE = 0.06  # largest delay between action units, share of the duration
 PEAK = (0.55, 1.0)
 ASYMMETRY = 0.15  # sides of one unit differ by up to this share of the peak
-ASYMMETRIC_SHARE = 0.35  # of the lateral units
+ASYMMETRIC_SHARE = 0.35  # share of the lateral units
 BLINK_S = (0.30, 0.40)
 
 
 def rng_for(seed: int, *words: str | int) -> np.random.Generator:
-    """A generator that depends on ``seed`` and ``words`` alone (BLAKE2b, then Philox)."""
+    """Return a generator that depends on ``seed`` and ``words`` only (BLAKE2b, then Philox)."""
     text = "\x1f".join([str(int(seed)), *(str(word) for word in words)])
     digest = hashlib.blake2b(text.encode(), digest_size=16).digest()
     key = np.frombuffer(digest, dtype="<u8").copy()
@@ -50,14 +50,14 @@ def rng_for(seed: int, *words: str | int) -> np.random.Generator:
 
 
 def smootherstep(value: NDArray[np.float64]) -> NDArray[np.float64]:
-    """0...1 with zero speed and acceleration at both ends."""
+    """Interpolate from 0 to 1 with zero speed and acceleration at both ends."""
     t = np.clip(value, 0.0, 1.0)
     return np.asarray(t * t * t * (t * (6.0 * t - 15.0) + 10.0))
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Onset, apex and offset of one unit. Seconds; ``peak`` in [0, 1]."""
+    """Onset, apex and offset times of one action unit, in seconds; ``peak`` in [0, 1]."""
 
     peak: float
     start_s: float
@@ -66,7 +66,7 @@ class Curve:
     end_s: float
 
     def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Intensity (N,) in [0, peak] at times (N,)."""
+        """Return intensities (N,) in [0, peak] at times (N,)."""
         rise = smootherstep((time_s - self.start_s) / (self.apex_s - self.start_s))
         fall = smootherstep((self.end_s - time_s) / (self.end_s - self.release_s))
         return np.asarray(self.peak * rise * fall)
@@ -74,7 +74,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Performance:
-    """One sequence: its FACS code, its length, and a curve for every unit."""
+    """One sequence: FACS code, duration, and an intensity curve for each action unit."""
 
     code: str
     duration_s: float
@@ -82,23 +82,23 @@ class Performance:
 
     @property
     def peak_s(self) -> float:
-        """When the expression as a whole is strongest."""
+        """Time at which the whole expression is strongest."""
         latest = max(curve.apex_s for curve in self.curves.values())
         earliest = min(curve.release_s for curve in self.curves.values())
         return 0.5 * (latest + earliest) if latest <= earliest else earliest
 
     def intensities(self, times_s: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Unit -> intensity (N,) in [0, 1] at times (N,)."""
+        """Return action unit -> intensity (N,) in [0, 1] at times (N,)."""
         times = np.asarray(times_s, dtype=np.float64)
         return {unit: curve.at(times) for unit, curve in self.curves.items()}
 
     def at(self, time_s: float) -> dict[str, float]:
-        """Unit -> intensity in (0, 1] at one time; units at rest are left out."""
+        """Return action unit -> intensity in (0, 1] at one time, without units at rest."""
         values = self.intensities(np.array([time_s]))
         return {unit: float(value[0]) for unit, value in values.items() if value[0] > 0.0}
 
     def frame_times(self, count: int) -> NDArray[np.float64]:
-        """``count`` times (count,), evenly spread from neutral to neutral, the peak among them."""
+        """Return (count,) times, evenly spaced from neutral to neutral, including the peak."""
         if count == 1:
             return np.array([self.peak_s])
         times = np.linspace(0.0, self.duration_s, count)
@@ -108,9 +108,9 @@ class Performance:
 
 
 def performance_for(seed: int, subject: str, number: int) -> Performance:
-    """What ``subject`` performs in sequence ``number`` (0, 1, ...).
+    """Return the performance of ``subject`` in sequence ``number`` (0, 1, ...).
 
-    Codes come in an order of the subject's own; all are used before one comes again.
+    Each subject has its own order of codes; every code is used once before one repeats.
     """
     order = rng_for(seed, "codes", subject, number // len(CODES)).permutation(len(CODES))
     code = CODES[int(order[number % len(CODES)])]
@@ -142,7 +142,7 @@ def performance_for(seed: int, subject: str, number: int) -> Performance:
 def _curve(
     rng: np.random.Generator, unit: int, peak: float, duration: float, onset: float, offset: float
 ) -> Curve:
-    """The timing of one unit in a sequence whose units share ``onset`` and ``offset`` shares."""
+    """Draw the curve of one action unit; all units of a sequence share ``onset`` and ``offset``."""
     delay = float(rng.uniform(0.0, DELAY_SHARE))
     early = float(rng.uniform(0.0, DELAY_SHARE))
     if unit == 45:
@@ -159,12 +159,12 @@ def _curve(
 
 
 def sequence_name(number: int, performance: Performance) -> str:
-    """Path-safe and unique for a subject, such as "s03_1+2+5"."""
+    """Return a path-safe name, unique for a subject, such as "s03_1+2+5"."""
     return f"s{number:02d}_{performance.code}"
 
 
 def sequence_number(name: str) -> int:
-    """The number in a name made by ``sequence_name``. Raises ValueError for other names."""
+    """Return the number in a name made by ``sequence_name``. Raises ValueError for other names."""
     head, _, code = name.partition("_")
     if not (head.startswith("s") and head[1:].isdigit() and code):
         raise ValueError(f"{name!r} is not a sequence name such as 's03_1+2'")

@@ -1,4 +1,4 @@
-"""Frames of faces that perform FACS sequences: the part every generated source shares."""
+"""Frames of FACS performances, shared by all generated sources."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from glsim.faces.base import FaceKey
 from glsim.faces.performance import performance_for, sequence_name, sequence_number
 
 
-def performed_frames(
+def performance_frames(
     seed: int, subject: str, count: int | None, frames_per_sequence: int
 ) -> list[FaceKey]:
-    """The first ``count`` frames of a subject, sequence by sequence.
+    """Return the keys of the first ``count`` frames of a subject, sequence by sequence.
 
-    A sequence runs from neutral to neutral with the peak among its frames; the last one does so
-    too, with as many frames as are left. Raises ConfigError for None: there is no last frame.
+    Each sequence, also a shorter last one, runs from neutral to neutral and includes the peak.
+    Raises ConfigError for None: there is no last frame.
     """
     if count is None:
-        raise ConfigError("these faces never end: give a number of frames a subject")
+        raise ConfigError("these faces never end: give a number of frames per subject")
     keys: list[FaceKey] = []
     number = 0
     while len(keys) < count:
@@ -29,8 +29,11 @@ def performed_frames(
     return keys
 
 
-def performed_expression(seed: int, key: FaceKey) -> dict[str, float]:
-    """Action unit -> intensity of a frame, zeros left out. Raises ConfigError: a foreign key."""
+def performance_expression(seed: int, key: FaceKey) -> dict[str, float]:
+    """Return action unit -> intensity of a frame, without zeros.
+
+    Raises ConfigError for a key of another source.
+    """
     try:
         number = sequence_number(key.sequence)
     except ValueError as error:

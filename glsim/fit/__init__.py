@@ -1,18 +1,18 @@
-"""A sensor from a recording: ``glsim fit`` measures a camera's noise and writes its sensor file."""
+"""Measure the noise of a real camera on a recording and write a sensor file (``glsim fit``)."""
 
-from glsim.fit.model import Model, fit_model
+from glsim.fit.noise_model import NoiseModel, fit_noise_model
 from glsim.fit.recording import Recording, read_recording
-from glsim.fit.sensor_file import base_sensor, fitted_values, sensor_text
-from glsim.fit.statistics import Statistics, measure
+from glsim.fit.recording_statistics import RecordingStatistics, measure_recording
+from glsim.fit.sensor_file import base_sensor, fitted_values, sensor_toml
 
 __all__ = [
-    "Model",
+    "NoiseModel",
     "Recording",
-    "Statistics",
+    "RecordingStatistics",
     "base_sensor",
-    "fit_model",
+    "fit_noise_model",
     "fitted_values",
-    "measure",
+    "measure_recording",
     "read_recording",
-    "sensor_text",
+    "sensor_toml",
 ]

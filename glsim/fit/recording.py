@@ -1,4 +1,4 @@
-"""A user's recording of a static scene: a folder of 16-bit depth PNGs, or the files themselves."""
+"""Read a recording of a static scene: a folder of 16-bit depth PNGs, or the files themselves."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.depthfile import read_depth
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.png import read_depth_png
 
-#: Fewer frames say nothing about noise over time; ten say it within a quarter.
+#: Minimum number of frames: noise over time needs two. With ten its error is about a quarter.
 LEAST_FRAMES = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """depth: (T, H, W) uint16 in steps of unit_mm, 0 = none. where: for messages."""
+    """Frames of one camera: depth (T, H, W) uint16 in steps of unit_mm, 0 = no depth.
+
+    where: names the files in messages.
+    """
 
     depth: NDArray[np.uint16]
     unit_mm: float
@@ -26,10 +29,11 @@ class Recording:
 
 
 def read_recording(paths: Sequence[Path], unit_mm: float = 1.0) -> Recording:
-    """All PNGs of the folders and files, in the order of their names.
+    """Read PNG files, and all PNG files of folders in the order of their names.
 
-    Raises ConfigError for paths that cannot be a recording, DatasetError for files that are not
-    16-bit depth maps of one size, or hold no depth at all.
+    unit_mm: step of the depth files. Raises ConfigError for a path that does not exist or a step
+    of 0 or less; DatasetError for fewer than two frames, files that are not 16-bit depth maps of
+    one size, or a recording without any depth.
     """
     if not unit_mm > 0:
         raise ConfigError(f"--depth-unit-mm {unit_mm:g}: must be above 0")
@@ -37,12 +41,12 @@ def read_recording(paths: Sequence[Path], unit_mm: float = 1.0) -> Recording:
     where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"
     if len(files) < LEAST_FRAMES:
         raise DatasetError(
-            f"{where}: has one frame only; noise shows between frames: record at least 30 of a "
-            "scene in which nothing moves"
+            f"{where}: has one frame only; noise is measured between frames: record at least 30 "
+            "frames of a scene in which nothing moves"
         )
     frames: list[NDArray[np.uint16]] = []
     for file in files:
-        frame = read_depth(file)
+        frame = read_depth_png(file)
         if frames and frame.shape != frames[0].shape:
             raise DatasetError(
                 f"{file}: is {_size(frame)}, but {files[0].name} is {_size(frames[0])}: give "

@@ -1,1 +1,1 @@
-"""OpenGL without a display: context, shader sources, programs, render targets."""
+"""A thin layer over OpenGL without a display: context, shaders, programs, render targets."""

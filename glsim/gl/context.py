@@ -1,4 +1,4 @@
-"""A headless OpenGL context, through EGL or OSMesa."""
+"""Open an OpenGL context without a display, through EGL or OSMesa."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 Backend = Literal["egl", "osmesa"]
 BACKENDS: tuple[Backend, ...] = ("egl", "osmesa")
 
-#: What to install, for people without the libraries (Debian and Ubuntu names).
+#: How to install the missing libraries (Debian and Ubuntu).
 INSTALL_HINT = {
     "egl": "apt-get install libegl1 libgl1-mesa-dri",
     "osmesa": "apt-get install libosmesa6",
@@ -25,12 +25,12 @@ INSTALL_HINT = {
 
 _DEVICE_FUNCTIONS = (b"eglQueryDevicesEXT", b"eglQueryDeviceStringEXT")
 
-#: OpenGL 3.3 core is all the shaders need; every Mesa since 2013 and every GPU driver has it.
+#: The shaders need OpenGL 3.3 core; every Mesa since 2013 and every GPU driver has it.
 GL_VERSION = (3, 3)
 
 
 def chosen_backend(backend: str | None = None) -> Backend | None:
-    """The argument, else the variable GLSIM_BACKEND, else None (try EGL, then OSMesa)."""
+    """Return the argument, else GLSIM_BACKEND, else None (EGL, then OSMesa). Raises DeviceError."""
     name = backend or os.environ.get("GLSIM_BACKEND") or None
     if name is not None and name not in BACKENDS:
         raise DeviceError(f"no such backend {name!r}: {did_you_mean(name, BACKENDS)}")
@@ -38,12 +38,12 @@ def chosen_backend(backend: str | None = None) -> Backend | None:
 
 
 def open_context(backend: str | None = None) -> moderngl.Context:
-    """A standalone context, current on this thread. The caller releases it.
+    """Open a context and make it current on this thread. The caller releases it.
 
     backend: "egl", "osmesa", or None for GLSIM_BACKEND or the first that works.
-    GLSIM_EGL_DEVICE chooses among several GPUs by number (``glsim info`` lists them).
-    Mesa's software rasteriser is set to one thread unless LP_NUM_THREADS says otherwise: a
-    process a core is faster than threads within a frame.
+    GLSIM_EGL_DEVICE selects one of several GPUs by number (``glsim info`` lists them).
+    Mesa's software rasteriser runs on one thread unless LP_NUM_THREADS is set: one process per
+    core is faster than several threads per frame.
     Raises DeviceError with the reason for each backend that was tried.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")
@@ -57,17 +57,17 @@ def open_context(backend: str | None = None) -> moderngl.Context:
             continue
         if failures:
             log.warning("using %s, because %s", name, failures[0])
-        context.gc_mode = "context_gc"  # "auto" would free them in whichever context is current
+        context.gc_mode = "context_gc"  # "auto" frees objects in whichever context is current
         keep_freed_memory()
         return context
     raise DeviceError("no OpenGL context: " + "; ".join(failures))
 
 
 def make_current(context: moderngl.Context) -> None:
-    """Direct this thread's GL calls to ``context``, and free what nobody holds any more.
+    """Direct this thread's GL calls to ``context``, and free its unused objects.
 
-    Several contexts may live in a process, and calls for one that is not current go to another
-    without an error. Costs 0.3 us where nothing changes.
+    A process may hold several contexts; GL calls go to the current one, without an error if it is
+    the wrong one. Costs 0.3 us if the context is already current.
     """
     context.__enter__()  # type: ignore[no-untyped-call]
     context.gc()
@@ -89,7 +89,7 @@ def _open_egl() -> moderngl.Context:
 
 
 class _OSMesa:
-    """OSMesa as the loader object that moderngl takes in place of a window system.
+    """Loads OSMesa for moderngl, in place of a window system.
 
     Constants are from GL/osmesa.h and GL/gl.h.
     """
@@ -115,7 +115,7 @@ class _OSMesa:
         self._context = self._lib.OSMesaCreateContextAttribs(array, None)
         if not self._context:
             raise DeviceError(f"{name} has no OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} core profile")
-        # A default framebuffer must exist; frames are drawn into textures of their own.
+        # A default framebuffer must exist; frames are drawn into textures instead.
         self._pixels = (ctypes.c_ubyte * (4 * 4 * 4))()
         self.__enter__()
 
@@ -139,7 +139,7 @@ def _open_osmesa() -> moderngl.Context:
 
 
 def describe(context: moderngl.Context) -> dict[str, str]:
-    """Vendor, renderer and version of the driver, for ``glsim info`` and for data set headers."""
+    """Return the driver's vendor, renderer and version, for ``glsim info`` and data set headers."""
     info = context.info
     return {
         "vendor": str(info["GL_VENDOR"]),
@@ -149,9 +149,10 @@ def describe(context: moderngl.Context) -> dict[str, str]:
 
 
 def egl_devices() -> list[str]:
-    """The EGL devices of this machine, in the order of GLSIM_EGL_DEVICE; [] without EGL.
+    """List the EGL devices of this machine, in the order of GLSIM_EGL_DEVICE; [] without EGL.
 
-    Extensions EGL_EXT_device_enumeration and EGL_EXT_device_query; EGL_EXTENSIONS is from egl.h.
+    Uses the extensions EGL_EXT_device_enumeration and EGL_EXT_device_query; the constant
+    EGL_EXTENSIONS is from egl.h.
     """
     extensions_name, limit = 0x3055, 16
     try:
@@ -166,23 +167,23 @@ def egl_devices() -> list[str]:
         ctypes.c_uint, ctypes.c_int, ctypes.POINTER(ctypes.c_void_p), ctypes.POINTER(ctypes.c_int)
     )(addresses[0])
     describe_device = ctypes.CFUNCTYPE(ctypes.c_char_p, ctypes.c_void_p, ctypes.c_int)(addresses[1])
-    found, count = (ctypes.c_void_p * limit)(), ctypes.c_int()
-    if not query(limit, found, ctypes.byref(count)):
+    devices, count = (ctypes.c_void_p * limit)(), ctypes.c_int()
+    if not query(limit, devices, ctypes.byref(count)):
         return []
-    texts = [describe_device(found[n], extensions_name) for n in range(count.value)]
+    texts = [describe_device(devices[n], extensions_name) for n in range(count.value)]
     return [(text or b"").decode() or "no extensions" for text in texts]
 
 
 def is_software(context: moderngl.Context) -> bool:
-    """Whether frames are drawn by the CPU."""
+    """Return whether the CPU draws the frames."""
     return any(word in str(context.info["GL_RENDERER"]) for word in ("llvmpipe", "softpipe"))
 
 
 def keep_freed_memory() -> None:
-    """Tell glibc to keep what llvmpipe frees after each frame.
+    """Make glibc keep the memory that llvmpipe frees after each frame.
 
-    It allocates megabytes of bins a draw; giving them back to the kernel each time costs 7 to 12 %
-    of a frame in page faults (perf, Mesa 22.3). Constants M_* are from malloc.h.
+    llvmpipe allocates megabytes of bins per draw call. Returning them to the kernel each time
+    costs 7 to 12 % of a frame in page faults (perf, Mesa 22.3). Constants M_* are from malloc.h.
     """
     trim_threshold, mmap_threshold, half_gigabyte = -1, -3, 1 << 29
     try:

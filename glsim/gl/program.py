@@ -1,21 +1,20 @@
-"""A linked GL program for a full-screen pass or a mesh, with its interface checked."""
+"""Compile and link GL programs, and check them against their declared parameters."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import moderngl
 
 from glsim.errors import ShaderError
-from glsim.gl.source import SHADER_ROOT, ShaderSource, load_source
+from glsim.gl.shader_source import SHADER_ROOT, ShaderSource, load_source
 
 _GL_TYPES = {"float": 0x1406, "int": 0x1404, "bool": 0x8B56}
 
 
 @lru_cache(maxsize=1)
-def _full_screen_vertex() -> ShaderSource:
+def _fullscreen_vertex() -> ShaderSource:
     return load_source(SHADER_ROOT / "render" / "fullscreen.vert")
 
 
@@ -24,10 +23,11 @@ def link(
 ) -> moderngl.Program:
     """Compile and link. Outputs are bound in the order in which the fragment shader declares them.
 
+    vertex: by default a triangle that covers the viewport, for a full-screen pass.
     Raises ShaderError with the driver's message at file:line of the sources, or if the driver
-    sees a parameter otherwise than the parser of its declaration did.
+    reports another type or default of a parameter than its declaration.
     """
-    vertex = vertex or _full_screen_vertex()
+    vertex = vertex or _fullscreen_vertex()
     outputs = {layer.name: number for number, layer in enumerate(fragment.writes)}
     try:
         program = context.program(
@@ -51,8 +51,12 @@ def link(
     return program
 
 
-def link_files(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
-    """``link`` for two shipped files, given by their paths below shaders/."""
+def link_files(
+    context: moderngl.Context, fragment: str, vertex: str | None = None
+) -> moderngl.Program:
+    """Link shipped files, given by their paths below shaders/. Raises ShaderError."""
     return link(
-        context, load_source(SHADER_ROOT / Path(fragment)), load_source(SHADER_ROOT / Path(vertex))
+        context,
+        load_source(SHADER_ROOT / fragment),
+        None if vertex is None else load_source(SHADER_ROOT / vertex),
     )

@@ -1,10 +1,11 @@
-"""Textures to draw layers into, reused from frame to frame, and their way back to NumPy."""
+"""Textures to draw layers into, reused between frames, and their readback to NumPy."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,15 +13,15 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.frame import Rect
-from glsim.gl.source import Layer
+from glsim.geometry.rect import Rect
+from glsim.gl.shader_source import Layer
 
-_BYTES_A_NUMBER = 4
+_BYTES_PER_NUMBER = 4
 
 
 @dataclass(eq=False)
 class Target:
-    """A float32 texture. Outside ``drawn`` it is zero."""
+    """A float32 texture that holds a layer. It is zero outside ``drawn``."""
 
     texture: moderngl.Texture
     layer: Layer
@@ -28,10 +29,10 @@ class Target:
 
 
 class TargetPool:
-    """Hands out targets for layers and takes them back.
+    """Lends targets for the layers of frames of one size, and reuses them.
 
-    Frames are drawn in a window only. A target that was last drawn in another window is cleared
-    there first, so that whatever a stage reads outside the window is zero.
+    Frames are drawn in a window only. ``take`` clears what a target holds of an earlier window, so
+    that stages read zero outside the current one.
     """
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
@@ -41,9 +42,9 @@ class TargetPool:
         self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
 
     def take(self, layer: Layer, window: Rect, *, clean: bool = True) -> Target:
-        """A target for ``layer``, zero outside ``window`` (given in frame pixels).
+        """Lend a target for ``layer``, zero outside ``window`` (frame pixels).
 
-        clean: if False, as it was left, with ``drawn`` as it was, for who clears it anyway.
+        clean: False skips the clearing and leaves ``drawn`` unchanged; the caller clears.
         """
         free = self._free[(layer.components, float(layer.scale))]
         if free:
@@ -72,25 +73,35 @@ class TargetPool:
         """Free a target for the next ``take``."""
         self._free[(target.layer.components, float(target.layer.scale))].append(target)
 
+    @contextmanager
+    def scope(self) -> Iterator[list[Target]]:
+        """Yield an empty list; give back the targets that it holds when the block is left."""
+        held: list[Target] = []
+        try:
+            yield held
+        finally:
+            for target in reversed(held):  # the next frame then takes them in the same order
+                self.give_back(target)
+
     def framebuffer(self, targets: Sequence[Target]) -> moderngl.Framebuffer:
-        """The framebuffer that draws into all of ``targets``; made once."""
+        """Return the framebuffer that draws into all ``targets``; it is made once and kept."""
         key = tuple(target.texture.glo for target in targets)
         if key not in self._framebuffers:
             self._framebuffers[key] = self.context.framebuffer([t.texture for t in targets])
         return self._framebuffers[key]
 
     def upload(self, layer: Layer, values: NDArray[np.float32]) -> Target:
-        """A full-frame target filled from an array (H, W) or (H, W, components), float32."""
+        """Lend a full-frame target that holds a float32 array (H, W) or (H, W, components)."""
         target = self.take(layer, Rect(0, 0, self.width, self.height))
         target.texture.write(np.ascontiguousarray(values, dtype=np.float32).tobytes())
         return target
 
 
 class Readback:
-    """One frame's layers on their way to memory, through a pixel buffer.
+    """Copies one frame's layers to memory through a pixel buffer.
 
-    The copy is queued behind the drawing; ``arrays`` waits for it. On a GPU a ring of these hides
-    the wait behind the next frames.
+    ``request`` queues the copy behind the drawing; ``arrays`` waits for it. On a GPU a ring of
+    these hides the wait behind the next frames.
     """
 
     def __init__(self, context: moderngl.Context) -> None:
@@ -99,13 +110,13 @@ class Readback:
         self._parts: list[tuple[str, Rect, int, int]] = []
 
     def request(self, pool: TargetPool, targets: Mapping[str, Target], window: Rect) -> None:
-        """Queue the copy of ``window`` (frame pixels) of the named targets."""
+        """Queue the copy of ``window`` (frame pixels) of targets, given by layer name."""
         self._parts = []
         end = 0
         for name, target in targets.items():
             rect, components = target.layer.window(window), target.layer.components
             self._parts.append((name, rect, components, end))
-            end += rect.width * rect.height * components * _BYTES_A_NUMBER
+            end += rect.width * rect.height * components * _BYTES_PER_NUMBER
         if self._buffer is None or self._buffer.size < end:
             self._buffer = self._context.buffer(reserve=end)
         for name, rect, components, offset in self._parts:
@@ -118,15 +129,15 @@ class Readback:
             )
 
     def arrays(self) -> dict[str, NDArray[np.float32]]:
-        """The layers, (h, w) or (h, w, components) float32 of the window. Waits for the GPU."""
-        assert self._buffer is not None, "request() comes first"
+        """Wait for the copy; return float32 layers (h, w) or (h, w, components) of the window."""
+        assert self._buffer is not None, "call request() first"
         size = self._parts[-1][3] + _part_bytes(self._parts[-1])
         data = np.frombuffer(self._buffer.read(size), dtype=np.float32)
         result = {}
         for part in self._parts:
             name, rect, components, offset = part
-            start = offset // _BYTES_A_NUMBER
-            values = data[start : start + _part_bytes(part) // _BYTES_A_NUMBER]
+            start = offset // _BYTES_PER_NUMBER
+            values = data[start : start + _part_bytes(part) // _BYTES_PER_NUMBER]
             shape = (rect.height, rect.width) + ((components,) if components > 1 else ())
             result[name] = values.reshape(shape)
         return result
@@ -134,10 +145,10 @@ class Readback:
 
 def _part_bytes(part: tuple[str, Rect, int, int]) -> int:
     _, rect, components, _ = part
-    return rect.width * rect.height * components * _BYTES_A_NUMBER
+    return rect.width * rect.height * components * _BYTES_PER_NUMBER
 
 
 def set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float32]) -> None:
-    """Set a matrix uniform; GL wants columns first."""
+    """Set a matrix uniform. GL stores columns first."""
     uniform: Any = program[name]
     uniform.write(np.ascontiguousarray(matrix.T))

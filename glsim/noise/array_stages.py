@@ -1,4 +1,4 @@
-"""Shipped stages that run on arrays, after the shaders: what a fragment shader cannot do."""
+"""Shipped stages that no fragment shader can compute; they run on arrays, after the shaders."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.stage import array_stage
-from glsim.noise.view import Layers, StageView
 from glsim.reason import Reason
 
 __all__ = ["despeckle"]
 
 
 def _largest_island_px(p: Mapping[str, float]) -> int:
-    """From a pixel to the end of what is removed; whatever reaches farther is kept."""
+    """Return the largest extent of an island that ``despeckle`` removes, pixels."""
     return int(p["min_area_px"]) - 1
 
 
@@ -30,8 +30,8 @@ def despeckle(
     """Removes small islands of depth, as structured-light drivers do."""
     import cv2
 
-    # filterSpeckles takes signed 16-bit numbers: steps of 1/4 of max_step_mm keep 20 mm apart
-    # from 25 mm and reach 8191 times max_step_mm.
+    # filterSpeckles takes signed 16-bit numbers: steps of 1/4 of max_step_mm separate 20 mm from
+    # 25 mm and reach 8191 times max_step_mm.
     unit_m = p["max_step_mm"] / 4000.0
     steps = np.rint(np.clip(layers["depth"] / unit_m, 0, 32767)).astype(np.int16)
     kept = steps.copy()

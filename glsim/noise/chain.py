@@ -1,4 +1,4 @@
-"""Runs a sensor's stages over the layers of a frame: shaders on the GPU, then array stages.
+"""Run a sensor's stages over the layers of a frame: shaders on the GPU, then array stages.
 
 ``run_twins`` runs the whole chain on arrays instead, with the NumPy twin of each shader.
 """
@@ -12,34 +12,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, did_you_mean
+from glsim.gl.draw import FullscreenPass
 from glsim.gl.program import link
-from glsim.gl.silhouette import Silhouette
-from glsim.gl.source import Layer, ShaderSource
+from glsim.gl.shader_source import Layer, ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
-from glsim.noise.stage import ENABLED, Stage, shipped
-from glsim.noise.view import FrameContext, StageView
+from glsim.noise.frame_context import FrameContext, StageView
+from glsim.noise.registry import shipped_stages
+from glsim.noise.stage import ENABLED, Stage
 from glsim.reason import Reason
-from glsim.render import Renderer
+from glsim.render.renderer import Rendered
+from glsim.render.silhouette import Silhouette
 
-#: Stage name -> parameter -> value, for one frame.
-Values = Mapping[str, Mapping[str, float]]
+#: One frame's parameter values: stage name -> parameter -> value.
+StageValues = Mapping[str, Mapping[str, float]]
 
 #: The layers that exist before the first stage.
 INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
 
-#: Depth and albedo on the grid of a rig's samples, and how uneven a pixel's are. Where nothing is
-#: supersampled there are other layers in their places, which nobody reads.
+#: Layers of rigs that supersample -> the layer bound in their place for other rigs, whose stages do
+#: not read it. fine_seen: depth and albedo of the samples; uneven: how much these differ.
 FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 
-#: The layers that a Frame is made of; a chain without an infrared stage lacks the last.
+#: The layers that a Frame is made of; a chain without an infrared stage has no ``infrared``.
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 
 _REASON = Layer("reason", "float")
 
-#: What sparse stages write where nothing is seen, other than 0.
+#: The values other than 0 that sparse stages write in empty pixels.
 _BLANK = {"reason": float(Reason.NO_SURFACE)}
 
-#: The uniforms, besides layers, that a stage may declare, and where their values come from.
+#: The ``u_`` uniforms other than layers that a stage may declare, and the sources of their values.
 _BOUND: dict[str, Callable[[StageView], object]] = {
     "u_seed": lambda view: view.seed,
     "u_sequence_seed": lambda view: view.sequence_seed,
@@ -56,7 +58,10 @@ _BOUND: dict[str, Callable[[StageView], object]] = {
 
 
 def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
-    """Raise ConfigError where stages do not fit together or do not fit the rig."""
+    """Raise ConfigError if stages do not fit together or do not fit the rig.
+
+    where: the sensor file, for messages.
+    """
     layers = {*INITIAL_LAYERS, *FINE_LAYERS}
     seen_array_stage: str | None = None
     for stage in stages:
@@ -89,7 +94,7 @@ def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
 
 
 def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
-    """Noise in disparity is optional where it is an amplitude: at 0 it needs no baseline."""
+    """Return whether a stage uses disparity; one whose amplitude in px is 0 does not."""
     if "u_focal_baseline_px_m" not in source.bound or stage.settings[ENABLED].bounds()[1] == 0:
         return False
     amplitudes = [stage.settings[n] for n in ("sigma_px", "amplitude_px") if n in stage.settings]
@@ -99,8 +104,8 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
 class ShaderChain:
     """The shader stages of a sensor, linked for one context.
 
-    infrared: whether the infrared layer is to come back; extra_layers: what else is. A stage whose
-    layers nobody reads, and that are not to come back, is left out.
+    infrared: whether to read the layer infrared back. extra_layers: further layers to read back.
+    Stages whose layers are neither read back nor read by another stage are left out.
     """
 
     def __init__(
@@ -112,7 +117,7 @@ class ShaderChain:
         infrared: bool = True,
     ) -> None:
         self._context = context
-        # Array stages may read any layer; without them only what a Frame holds comes back.
+        # Array stages may read any layer; without them only the layers of a Frame are read back.
         wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         if any(stage.spec.function is not None for stage in stages):
             wanted = (*FRAME_LAYERS, "normal", "albedo", "lit")
@@ -127,58 +132,55 @@ class ShaderChain:
 
     def run(
         self,
-        renderer: Renderer,
-        clean_layers: Mapping[str, Target],
+        rendered: Rendered,
         frame: FrameContext,
-        values: Values,
+        values: StageValues,
         readback: Readback,
     ) -> None:
-        """Draw all stages over the renderer's layers and queue the copy of the result.
+        """Draw all stages over the rendered layers and queue the readback of the result.
 
-        The targets, those of ``clean_layers`` included, go back to the renderer's pool.
+        Raises ConfigError for a stage that reads a layer of a stage that is switched off.
         """
-        pool = renderer.pool
-        layers = {
-            **clean_layers,
-            "depth": clean_layers["clean"],
-            "reason": pool.take(_REASON, frame.window),
-            "rays": renderer.rays,
-        }
-        layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
-        blank = pool.framebuffer([layers["reason"]])
-        blank.use()
-        blank.clear(viewport=frame.window)
-        self._context.enable_only(moderngl.NOTHING)
-        bare = set(layers)  # the layers that hold nothing outside the silhouette
-        for step in self._passes:
-            if not values[step.name][ENABLED]:
-                continue
-            if sparse := step.source.sparse and bare.issuperset(step.source.reads):
-                bare.update(layer.name for layer in step.source.writes)
-            else:
-                bare.difference_update(layer.name for layer in step.source.writes)
-            within = renderer.silhouette if sparse and renderer.silhouette.leaves_out else None
-            drawn = step.draw(pool, layers, frame, values[step.name], within)
-            for name, target in drawn.items():
-                old = layers.get(name)
-                layers[name] = target
-                if old is not None and not any(old is other for other in layers.values()):
+        pool, silhouette = rendered.pool, rendered.silhouette
+        with pool.scope() as own:
+            own.append(pool.take(_REASON, frame.window))
+            reason = pool.framebuffer(own)
+            reason.use()
+            reason.clear(viewport=frame.window)
+            self._context.enable_only(moderngl.NOTHING)
+            layers = {
+                **rendered.layers,
+                "depth": rendered.layers["clean"],
+                "reason": own[0],
+                "rays": rendered.rays,
+            }
+            layers |= {fine: layers[n] for fine, n in FINE_LAYERS.items() if fine not in layers}
+            blank = set(layers)  # the layers that are blank outside the silhouette
+            for step in self._passes:
+                if not values[step.name][ENABLED]:
+                    continue
+                if sparse := step.source.sparse and blank.issuperset(step.source.reads):
+                    blank.update(layer.name for layer in step.source.writes)
+                else:
+                    blank.difference_update(layer.name for layer in step.source.writes)
+                within = silhouette if sparse and silhouette.skips_empty else None
+                drawn = step.draw(pool, layers, frame, values[step.name], within)
+                own += drawn.values()
+                for old in [layers[name] for name in drawn if layers.get(name) in own]:
+                    own.remove(old)
                     pool.give_back(old)
-        readback.request(
-            pool, {name: layers[name] for name in self._wanted if name in layers}, frame.window
-        )
-        del layers["rays"]  # stays the renderer's
-        for target in {id(target): target for target in layers.values()}.values():
-            pool.give_back(target)
+                layers |= drawn
+            wanted = {name: layers[name] for name in self._wanted if name in layers}
+            readback.request(pool, wanted, frame.window)
 
 
 class StagePass:
-    """One shader stage: a full-window draw from layers to layers."""
+    """One shader stage: draws the layers that it writes from those that it reads."""
 
     def __init__(self, context: moderngl.Context, name: str, source: ShaderSource) -> None:
         self.name, self.source = name, source
         self._program = link(context, source)
-        self._array = context.vertex_array(self._program, [])
+        self._pass = FullscreenPass(context, self._program)
         self._reads = [n for n in source.reads if f"u_{n}" in self._program]
         for unit, layer in enumerate(self._reads):
             self._program[f"u_{layer}"] = unit
@@ -194,9 +196,9 @@ class StagePass:
         values: Mapping[str, float],
         within: Silhouette | None = None,
     ) -> dict[str, Target]:
-        """Draw the frame's window; the written layers, by name. Raises ConfigError.
+        """Draw the frame's window; return the written layers, by name. Raises ConfigError.
 
-        within: skip what lies outside this silhouette.
+        within: skip the pixels outside this silhouette. The caller gives the targets back.
         """
         view = frame.view(self.name)
         for name in self._bound:
@@ -217,18 +219,18 @@ class StagePass:
         ]
         if within is not None:
             with within.limits(targets, frame.window, _BLANK):
-                self._array.render(moderngl.TRIANGLES, vertices=3)
+                self._pass.draw()
             return {target.layer.name: target for target in targets}
         buffer = pool.framebuffer(targets)
         buffer.use()
         assert targets[0].drawn is not None
         buffer.viewport = targets[0].drawn
-        self._array.render(moderngl.TRIANGLES, vertices=3)
+        self._pass.draw()
         return {target.layer.name: target for target in targets}
 
 
-def array_reach_px(stages: Sequence[Stage], values: Values) -> int:
-    """How far around a pixel the array stages look, one after the other, pixels."""
+def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:
+    """Return the distance around a pixel that all array stages in sequence read, pixels."""
     return sum(
         stage.spec.reach_px(values[stage.name])
         for stage in stages
@@ -240,42 +242,47 @@ def run_array_stages(
     stages: Sequence[Stage],
     layers: dict[str, NDArray[np.float32]],
     frame: FrameContext,
-    values: Values,
+    values: StageValues,
 ) -> None:
-    """Run the array stages, in place. Raises ConfigError for one that returns nonsense."""
+    """Run the array stages on ``layers``, in place.
+
+    Raises ConfigError for a stage that returns a layer of another shape.
+    """
     for stage in stages:
         if stage.spec.function is not None and values[stage.name][ENABLED]:
             written = stage.spec.function(frame.view(stage.name), layers, values[stage.name])
-            _take(stage, layers, written, frame.view(stage.name))
+            _update(stage, layers, written, frame.view(stage.name))
 
 
 def run_twins(
     stages: Sequence[Stage],
     layers: dict[str, NDArray[np.float32]],
     frame: FrameContext,
-    values: Values,
+    values: StageValues,
 ) -> None:
-    """Run the whole chain on arrays, in place. Raises ConfigError for a shader without a twin."""
-    from glsim.noise.twins import TWINS
+    """Run the whole chain on ``layers``, in place, shaders by their NumPy twins.
+
+    Raises ConfigError for a shader without a twin.
+    """
+    from glsim.noise.numpy_twins import TWINS
 
     layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
     for stage in stages:
         if not values[stage.name][ENABLED]:
             continue
-        own = (
-            shipped().get(stage.spec.name) is stage.spec
-        )  # a user's file may have the name of ours
-        function = stage.spec.function or (TWINS.get(stage.spec.name) if own else None)
+        # A user's file may have the name of a shipped stage; it has no twin.
+        ours = shipped_stages().get(stage.spec.name) is stage.spec
+        function = stage.spec.function or (TWINS.get(stage.spec.name) if ours else None)
         if function is None:
             raise ConfigError(
                 f"stage {stage.name!r} has no NumPy twin: use --backend egl or osmesa, "
                 "or switch it off"
             )
         view = frame.view(stage.name)
-        _take(stage, layers, function(view, layers, values[stage.name]), view)
+        _update(stage, layers, function(view, layers, values[stage.name]), view)
 
 
-def _take(
+def _update(
     stage: Stage,
     layers: dict[str, NDArray[np.float32]],
     written: Mapping[str, NDArray[np.float32]],

@@ -1,4 +1,4 @@
-"""What a time-of-flight camera's frequencies mean, and whether a sensor's parts fit together."""
+"""Time of flight: unambiguous ranges of modulation frequencies, and checks of a sensor's light."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd
 
-from glsim.camera import SensorRig
 from glsim.errors import ConfigError
+from glsim.geometry.camera import SensorRig
 from glsim.noise.stage import Stage
 
-#: Metres a second, as the Kinect V2's decoder takes it: its tables hold half wavelengths of 1875,
-#: 9375 and 1250 mm (libfreenect2, unambigious_dist 2083.333 mm = c / 2 / 72 MHz). Light that is
-#: encoded and decoded with the same number is at the right place whatever the number.
+#: Metres per second, the value in the Kinect V2's decoder: its tables hold half wavelengths of
+#: 1875, 9375 and 1250 mm (libfreenect2, unambigious_dist 2083.333 mm = c / 2 / 72 MHz). The depth
+#: is right for any value, because light is encoded and decoded with the same one.
 SPEED_OF_LIGHT = 3.0e8
 
-#: Frequencies are taken as whole multiples of this when their common period is looked for.
+#: Frequencies are rounded to multiples of this to find their common period, MHz.
 _GRID_MHZ = Fraction(1, 1000)
 
 
 def half_waves_m(modulation_mhz: Sequence[float]) -> tuple[float, ...]:
-    """The distance after which each frequency's phase repeats, metres."""
+    """Return the distance after which each frequency's phase repeats, metres."""
     return tuple(SPEED_OF_LIGHT / 2e6 / mhz for mhz in modulation_mhz)
 
 
 def unambiguous_m(modulation_mhz: Sequence[float]) -> float:
-    """The distance after which all phases repeat together, metres."""
+    """Return the distance after which all phases repeat together, metres."""
     return SPEED_OF_LIGHT / 2e6 / float(gcd(*_whole(modulation_mhz)) * _GRID_MHZ)
 
 
@@ -34,7 +34,10 @@ def _whole(modulation_mhz: Sequence[float]) -> list[int]:
 
 
 def check_light(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError for ranges that contradict each other and for light that cannot work."""
+    """Raise ConfigError for contradictory ranges, a missing emitter, or unsuitable frequencies.
+
+    where: the sensor file, for messages.
+    """
     for stage in stages:
         if {"near_mm", "far_mm"} <= stage.settings.keys():
             near, far = stage.settings["near_mm"].bounds()[1], stage.settings["far_mm"].bounds()[0]
@@ -69,7 +72,8 @@ def _check_frequencies(modulation_mhz: Sequence[float], far_m: float, where: str
             f"{given}: cannot be unwrapped: the phases repeat after {reach:.2f} m, "
             f"nearer than rig.far_m {far_m:g}"
         )
-    # So often the slow phase repeats before all do; the third must tell which time it is.
+    # The slow phase repeats this often before all phases repeat together; the third phase must
+    # differ between these repeats.
     repeats = slow // gcd(fast, slow, other)
     turns = Fraction(other, slow)
     if len({(turns * n) % 1 for n in range(repeats)}) < repeats:

@@ -1,19 +1,19 @@
-"""Sensors against what is published about them: ``validate("kinect-v2")`` gives a Report."""
+"""Validate sensors against published measurements: ``validate_sensor("kinect-v2")``."""
 
-from glsim.validate.bench import Bench
-from glsim.validate.figure import check_matplotlib, figure
-from glsim.validate.lab import Lab
-from glsim.validate.report import Report, band_texts, measured_texts
-from glsim.validate.run import examine, validate
+from glsim.validate.captures import Captures
+from glsim.validate.figure import check_matplotlib, draw_figure
+from glsim.validate.report import ValidationReport, band_texts, measured_texts
+from glsim.validate.run import run_checks, validate_sensor
+from glsim.validate.virtual_camera import VirtualCamera
 
 __all__ = [
-    "Bench",
-    "Lab",
-    "Report",
+    "Captures",
+    "ValidationReport",
+    "VirtualCamera",
     "band_texts",
     "check_matplotlib",
-    "examine",
-    "figure",
+    "draw_figure",
     "measured_texts",
-    "validate",
+    "run_checks",
+    "validate_sensor",
 ]

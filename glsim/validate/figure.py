@@ -1,4 +1,4 @@
-"""One figure of a sensor's noise, for a page of a paper."""
+"""Draw the noise of a sensor as one figure of nine panels, for a page of a paper."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from glsim.errors import ConfigError
-from glsim.validate import curves, depth, edges, measure, phases, scenes
-from glsim.validate.lab import Lab
+from glsim.validate import measure, published_curves, scenes
+from glsim.validate.captures import Captures
+from glsim.validate.checks import depth, edges, phases
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Dark enough for grey printing, apart for the colour-blind (Okabe and Ito).
+#: Colours for grey printing and for colour-blind readers (Okabe and Ito).
 _BLUE, _ORANGE, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
 
 _SIGMA_MM = r"$\sigma$ (mm)"
@@ -31,15 +32,15 @@ _STYLE = {
 
 
 def check_matplotlib() -> None:
-    """Raise ConfigError where no figure can be drawn, before minutes of measuring."""
+    """Raise ConfigError if matplotlib is missing, before minutes of measurements."""
     if find_spec("matplotlib") is None:
         raise ConfigError(
             "--figure needs matplotlib, which is not installed: pip install 'glsim[eval]'"
         )
 
 
-def figure(lab: Lab) -> bytes:
-    """The PNG: eight panels, 180 mm wide, 300 dpi. Raises ConfigError without matplotlib."""
+def draw_figure(captures: Captures) -> bytes:
+    """Draw nine panels as a PNG, 180 mm wide, 300 dpi. Raises ConfigError without matplotlib."""
     check_matplotlib()
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -50,48 +51,53 @@ def figure(lab: Lab) -> bytes:
         FigureCanvasAgg(drawn)
         axes = drawn.subplots(3, 3).ravel()
         for axis, letter, panel in zip(axes, "abcdefghi", _PANELS, strict=True):
-            panel(axis, lab)
+            panel(axis, captures)
             axis.set_title(f"{letter}  {axis.get_title(loc='left')}", loc="left")
-        drawn.suptitle(lab.bench.sensor.title, fontsize=9, x=0.01, ha="left")
+        drawn.suptitle(captures.camera.sensor.title, fontsize=9, x=0.01, ha="left")
         file = io.BytesIO()
         drawn.savefig(file, dpi=300, metadata={"Software": "glsim"})
     return file.getvalue()
 
 
-def _reference(lab: Lab) -> tuple[str, Callable[[np.ndarray], np.ndarray]]:
-    """The published curve that belongs to a sensor."""
-    if lab.bench.sensor.name == "kinect-v1":
-        return "Nguyen 2012", curves.nguyen_mm
-    return "Fankhauser 2015", curves.fankhauser_mm
+def _reference(captures: Captures) -> tuple[str, Callable[[np.ndarray], np.ndarray]]:
+    """Return name and function of the published noise curve of a sensor: m to mm."""
+    if captures.camera.sensor.name == "kinect-v1":
+        return "Nguyen 2012", published_curves.nguyen_mm
+    return "Fankhauser 2015", published_curves.fankhauser_mm
 
 
-def _distance(axis: Axes, lab: Lab) -> None:
+def _distance(axis: Axes, captures: Captures) -> None:
     z = np.array([510, 700, 900, 1200, 1500, 2000, 2500, 3000, 3500, 4000, 4450], float)
-    spatial = [lab.sigma_s(float(at)) for at in z]
-    temporal = [lab.sigma_t(float(at)) for at in z]
-    name, curve = _reference(lab)
+    spatial = [captures.spatial_sigma_mm(float(at)) for at in z]
+    temporal = [captures.temporal_sigma_mm(float(at)) for at in z]
+    name, curve = _reference(captures)
     fine = np.linspace(0.5, 4.5, 100)
     axis.fill_between(fine, 0.75 * curve(fine), 1.25 * curve(fine), color=_GREY, alpha=0.2, lw=0)
     axis.plot(fine, curve(fine), color=_GREY, label=f"{name} ± 25 %")
     axis.plot(z / 1000, spatial, "o", color=_BLUE, label="spatial")
     axis.plot(z / 1000, temporal, "^", color=_ORANGE, label="temporal", mfc="none")
-    if lab.knobs.white is not None:
-        white = [lab.sigma_t(float(at), changes=lab.knobs.white) for at in z]
+    if captures.ablations.white is not None:
+        white = [
+            captures.temporal_sigma_mm(float(at), changes=captures.ablations.white) for at in z
+        ]
         axis.plot(z / 1000, white, "-", color=_GREEN, label="phase noise alone", lw=0.9)
     axis.set(title="noise over distance", xlabel="z (m)", ylabel=_SIGMA_MM, ylim=(0, None))
     axis.legend()
 
 
-def _angle(axis: Axes, lab: Lab) -> None:
+def _angle(axis: Axes, captures: Captures) -> None:
     angles = np.array([0, 20, 40, 50, 60, 70, 75, 80], float)
     sigma = []
     for angle in angles:
-        shots = lab.bench.shoot(
-            scenes.tilted(900, float(angle)), lab.many, at_mm=(0, 0, 900), scene=f"tilt {angle:.0f}"
+        capture = captures.camera.capture(
+            scenes.tilted(900, float(angle)),
+            captures.scene_frames,
+            at_mm=(0, 0, 900),
+            scene=f"tilt {angle:.0f}",
         )
-        sigma.append(measure.sigma_spatial(shots.centre(64, 8).residual_mm))
+        sigma.append(measure.sigma_spatial(capture.centre(64, 8).residual_mm))
     fine = np.linspace(0, 81, 100)
-    published = curves.fankhauser_mm(0.9, np.radians(fine))
+    published = published_curves.fankhauser_mm(0.9, np.radians(fine))
     axis.plot(fine, published, color=_GREY, label="Fankhauser 2015")
     axis.plot(angles, sigma, "o", color=_BLUE, label="spatial")
     axis.set(title="noise over tilt, 0.9 m", xlabel="angle to the axis (deg)", ylabel=_SIGMA_MM)
@@ -99,9 +105,9 @@ def _angle(axis: Axes, lab: Lab) -> None:
     axis.legend()
 
 
-def _autocorrelation(axis: Axes, lab: Lab) -> None:
+def _autocorrelation(axis: Axes, captures: Captures) -> None:
     lags = np.arange(8)
-    part = measure.temporal_part(lab.wall(900).frames_mm)
+    part = measure.temporal_part(captures.wall(900).frames_mm)
     straight = measure.autocorrelation(part, [(0, int(k)) for k in lags])
     diagonal = measure.autocorrelation(part, [(int(k), int(k)) for k in lags])
     box = np.clip(1 - lags / 3, 0, 1)
@@ -113,87 +119,89 @@ def _autocorrelation(axis: Axes, lab: Lab) -> None:
     axis.legend()
 
 
-def _edge(axis: Axes, lab: Lab) -> None:
+def _edge(axis: Axes, captures: Captures) -> None:
     far = 1500.0
-    shots = edges.step(lab, far)
-    # Where the slanted edge is in each row, from the camera's geometry.
-    focal = lab.bench.rig.intrinsics.fx
-    x = shots.rays[..., 0] - scenes.EDGE_SLANT * shots.rays[..., 1]
-    place = np.broadcast_to(x * focal, shots.fine_mm.shape)
+    capture = edges.capture_edge(captures, far)
+    # The camera's geometry gives the position of the slanted edge in each row.
+    focal = captures.camera.rig.intrinsics.fx
+    x = capture.rays[..., 0] - scenes.EDGE_SLANT * capture.rays[..., 1]
+    place = np.broadcast_to(x * focal, capture.fine_mm.shape)
     shown = slice(0, 4)
-    valid = np.isfinite(shots.fine_mm[shown])
-    axis.plot(place[shown][valid], shots.fine_mm[shown][valid] / 1000, ".", ms=1.5, color=_BLUE,
+    valid = np.isfinite(capture.fine_mm[shown])
+    axis.plot(place[shown][valid], capture.fine_mm[shown][valid] / 1000, ".", ms=1.5, color=_BLUE,
               rasterized=True)  # fmt: skip
     axis.set(title="edge, 0.9 before 1.5 m", xlabel="from the edge (px)", ylabel="depth (m)")
     axis.set(xlim=(-5, 5), ylim=(0.8, 1.6))
     other = axis.twinx()
     bins = np.arange(-5, 5.01, 0.5)
     which = np.digitize(place.ravel(), bins)
-    lost = np.isnan(shots.fine_mm).ravel().astype(np.float64)
+    lost = np.isnan(capture.fine_mm).ravel().astype(np.float64)
     share = [100 * measure.mean_of(lost[which == b]) for b in range(1, len(bins))]
     other.stairs(share, bins, color=_ORANGE)
     other.set(ylim=(0, 105))
     other.set_ylabel("without depth (%)", color=_ORANGE)
 
 
-def _shadow(axis: Axes, lab: Lab) -> None:
-    baseline, focal = lab.bench.rig.baseline_m, lab.bench.rig.intrinsics.fx
+def _shadow(axis: Axes, captures: Captures) -> None:
+    baseline, focal = captures.camera.rig.baseline_m, captures.camera.rig.intrinsics.fx
     for far, colour in ((1100, _BLUE), (1500, _ORANGE), (2000, _GREEN)):
-        place, profile, _ = edges.shadow_of(lab, far)
+        place, profile, _ = edges.horizontal_shadow(captures, far)
         axis.plot(place + edges.HALF_PX, profile, color=colour, label=f"on {far / 1000:g} m")
-        width = curves.shadow_px(baseline, focal, 0.9, far / 1000)
+        width = published_curves.shadow_px(baseline, focal, 0.9, far / 1000)
         axis.axvline(-width, color=colour, ls=":", lw=0.8)
     axis.set(title="shadow of an edge", xlabel="from the edge, at 0.9 m (px)", ylabel="light")
     axis.set(xlim=(-42, 2), ylim=(-0.05, 1.1))
     axis.legend(title="dotted: expected", title_fontsize=6.5, loc="lower left")
 
 
-def _wiggle(axis: Axes, lab: Lab) -> None:
-    z, error = lab.once("wiggle", lambda: depth.wiggle_curve(lab))
+def _wiggle(axis: Axes, captures: Captures) -> None:
+    z, error = captures.cached("wiggle", lambda: depth.wiggle_curve(captures))
     axis.axhline(0, color=_GREY, lw=0.6)
     axis.plot(z / 1000, error, color=_BLUE)
     axis.set(title="mean error", xlabel="z (m)", ylabel="measured - true (mm)")
 
 
-def _phase(axis: Axes, lab: Lab) -> None:
+def _phase(axis: Axes, captures: Captures) -> None:
     from matplotlib.ticker import FixedLocator
 
     axis.set(
         title="phase noise, unfiltered", xlabel="amplitude (IR units)", ylabel=r"$\sigma$ (rad)"
     )
     amplitudes = np.array([10, 15, 20, 30, 50, 70, 100], float)
-    found = phases.phase_noise(lab, amplitudes)
+    noise = phases.measure_phase_noise(captures, amplitudes)
     fine = np.geomspace(8, 120, 80)
-    published = curves.kde_phase_sigma_rad(fine)
+    published = published_curves.kde_phase_sigma_rad(fine)
     for k, colour in enumerate((_BLUE, _ORANGE, _GREEN)):
         axis.plot(fine, published[k], color=colour, lw=0.9)
-        if found is not None:
-            axis.plot(found.amplitude, found.sigma_rad[k], "o", color=colour,
-                      label=f"{curves.FREQUENCIES_MHZ[k]} MHz")  # fmt: skip
+        if noise is not None:
+            axis.plot(noise.amplitude, noise.sigma_rad[k], "o", color=colour,
+                      label=f"{published_curves.FREQUENCIES_MHZ[k]} MHz")  # fmt: skip
     axis.set(xscale="log", yscale="log", xlim=(8, 125), ylim=(0.01, 0.7))
     for scale, ticks in ((axis.xaxis, (10, 20, 50, 100)), (axis.yaxis, (0.01, 0.03, 0.1, 0.3))):
         scale.set_major_locator(FixedLocator(ticks))
         scale.set_major_formatter("{x:g}")
         scale.set_minor_formatter("")
-    if found is None:
+    if noise is None:
         axis.text(0.5, 0.9, "this sensor has no phases", transform=axis.transAxes, ha="center")
     else:
         axis.legend(title="lines: Järemo Lawin 2016", title_fontsize=6.5)
 
 
-def _validity(axis: Axes, lab: Lab) -> None:
-    found = lab.once("validity", lambda: depth.validity_curve(lab))
+def _validity(axis: Axes, captures: Captures) -> None:
+    curve = captures.cached("validity", lambda: depth.validity_curve(captures))
     axis.axvspan(3, 8, color=_GREY, alpha=0.2, lw=0, label="50 % expected here")
-    if found is not None:
-        axis.plot(found[0], 100 * found[1], "o-", color=_BLUE)
+    if curve is not None:
+        axis.plot(curve[0], 100 * curve[1], "o-", color=_BLUE)
     axis.set(title="validity", xlabel="amplitude (IR units)", ylabel="valid (%)")
     axis.legend(loc="lower right")
 
 
-def _radius(axis: Axes, lab: Lab) -> None:
-    image = lab.bench.rig.intrinsics
-    shots = lab.bench.shoot(scenes.wall(1500), 12, None, at_mm=(0, 0, 1500), scene="whole wall")
-    sigma = measure.sigma_temporal_map(shots.frames_mm)
+def _radius(axis: Axes, captures: Captures) -> None:
+    image = captures.camera.rig.intrinsics
+    capture = captures.camera.capture(
+        scenes.wall(1500), 12, None, at_mm=(0, 0, 1500), scene="whole wall"
+    )
+    sigma = measure.sigma_temporal_map(capture.frames_mm)
     rows, columns = np.mgrid[: image.height, : image.width]
     r = np.hypot(columns + 0.5 - image.cx, rows + 0.5 - image.cy)
     bins = np.arange(0, r.max(), 20.0)
@@ -211,6 +219,6 @@ def _radius(axis: Axes, lab: Lab) -> None:
     axis.legend()
 
 
-_PANELS: tuple[Callable[[Axes, Lab], None], ...] = (
+_PANELS: tuple[Callable[[Axes, Captures], None], ...] = (
     _distance, _angle, _radius, _autocorrelation, _edge, _shadow, _wiggle, _phase, _validity,
 )  # fmt: skip

@@ -1,6 +1,6 @@
-"""What is measured on depth frames. Pure NumPy; depths in mm as float64, NaN = no depth.
+"""Measure noise and edges in depth frames. Pure NumPy; depths in mm as float64, NaN = no depth.
 
-frames: (T, H, W), of one static scene. residual: frames minus what they should be.
+frames: (T, H, W), of one static scene. residual: frames minus true depth.
 """
 
 from __future__ import annotations
@@ -10,18 +10,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.geometry.depth_map import central_normals
+
 Array = NDArray[np.float64]
 
 
 def with_nan(depth_mm: NDArray[np.generic]) -> Array:
-    """Depths in which 0 means nothing, as float64 in which NaN does."""
+    """Convert depths to float64 and mark missing depth (0) by NaN."""
     depth = np.array(depth_mm, np.float64)
     depth[depth <= 0] = np.nan
     return depth
 
 
 def without_plane(frames: Array) -> Array:
-    """Each frame minus its own best plane, by least squares over its valid pixels."""
+    """Subtract from each frame its own least-squares plane over its valid pixels."""
     height, width = frames.shape[-2:]
     rows, columns = np.mgrid[:height, :width]
     design = np.stack([np.ones(rows.size), rows.ravel(), columns.ravel()], axis=1)
@@ -39,14 +41,14 @@ def without_plane(frames: Array) -> Array:
 
 
 def sigma_spatial(residual: Array) -> float:
-    """sigma_S: standard deviation of a frame about its best plane, rms over the frames."""
+    """Compute sigma_S: standard deviation of a frame about its best plane, rms over the frames."""
     flat = without_plane(residual)
     valid = np.isfinite(flat)
     return float(np.sqrt((flat[valid] ** 2).mean())) if valid.any() else float("nan")
 
 
 def temporal_part(frames: Array, least: int = 2) -> Array:
-    """Frames minus the mean of each pixel, scaled so that their variance is unbiased.
+    """Subtract the mean of each pixel over time; scaled so that the variance is unbiased.
 
     Pixels with fewer than ``least`` valid frames become NaN.
     """
@@ -58,7 +60,7 @@ def temporal_part(frames: Array, least: int = 2) -> Array:
 
 
 def variance_temporal_map(frames: Array) -> Array:
-    """(H, W) unbiased variance of each pixel over time; NaN below two valid frames."""
+    """Compute the (H, W) unbiased variance of each pixel over time; NaN below two valid frames."""
     part = temporal_part(frames)
     count = np.isfinite(part).sum(axis=0)
     variance = np.nansum(part**2, axis=0) / np.maximum(count, 1)
@@ -66,58 +68,59 @@ def variance_temporal_map(frames: Array) -> Array:
 
 
 def sigma_temporal_map(frames: Array) -> Array:
-    """(H, W) standard deviation of each pixel over time; NaN below two valid frames.
+    """Compute the (H, W) standard deviation of each pixel over time; NaN below two valid frames.
 
-    Unbiased for Gaussian noise: the root of an unbiased variance of n is (4n - 4) / (4n - 3) of it.
+    Unbiased for Gaussian noise: the root of the unbiased variance of n samples is on average
+    (4n - 4) / (4n - 3) of the standard deviation.
     """
     count = np.maximum(np.isfinite(frames).sum(axis=0), 2)
     return np.asarray(np.sqrt(variance_temporal_map(frames)) * (4 * count - 3) / (4 * count - 4))
 
 
 def sigma_temporal(frames: Array) -> float:
-    """sigma_T: standard deviation of a pixel over time, mean over the pixels."""
+    """Compute sigma_T: standard deviation of a pixel over time, mean over the pixels."""
     return mean_of(sigma_temporal_map(frames))
 
 
 def mean_of(values: Array) -> float:
-    """The mean of what is not NaN; NaN where all is."""
+    """Average the finite values; NaN if there are none."""
     valid = values[np.isfinite(values)]
     return float(valid.mean()) if valid.size else float("nan")
 
 
 def ratio(first: float, second: float) -> float:
-    """The one over the other; NaN where that says nothing."""
+    """Divide first by second; NaN if second is 0 or one of them is not finite."""
     return first / second if second != 0 and np.isfinite([first, second]).all() else float("nan")
 
 
 def fixed_pattern(frames: Array) -> tuple[Array, float]:
-    """(H, W) mean of each pixel minus the best plane, and its standard deviation.
+    """Return the (H, W) mean of each pixel minus the best plane, and its standard deviation.
 
-    What temporal noise leaves in a mean of so many frames is subtracted from the deviation.
+    The variance that temporal noise leaves in a mean of T frames is subtracted.
     """
     count = np.isfinite(frames).sum(axis=0)
     mean = np.where(count > 0, np.nansum(frames, axis=0) / np.maximum(count, 1), np.nan)
     pattern = without_plane(mean)
-    left = mean_of(variance_temporal_map(frames) / np.maximum(count, 1))
-    return pattern, float(np.sqrt(max(mean_of(pattern**2) - left, 0.0)))
+    noise = mean_of(variance_temporal_map(frames) / np.maximum(count, 1))
+    return pattern, float(np.sqrt(max(mean_of(pattern**2) - noise, 0.0)))
 
 
 def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
-    """(len(lags),) spatial autocorrelation at lags of (rows, columns) >= 0.
+    """Compute the (len(lags),) spatial autocorrelation at lags of (rows, columns) >= 0.
 
     part: (T, H, W) or (H, W) of mean 0. A lag (a, b) is averaged with (b, a) and with the
     mirrored diagonal.
     """
     images = part.reshape(-1, *part.shape[-2:])
     variance = mean_of(images**2)
-    found = []
+    correlations = []
     for lag in lags:
         directions = {lag, lag[::-1]}
         if lag[0] and lag[1]:
             directions |= {(lag[0], -lag[1]), (lag[1], -lag[0])}
         values = [_lagged(images, *d) for d in directions]
-        found.append(ratio(float(np.mean(values)), variance))
-    return np.array(found)
+        correlations.append(ratio(float(np.mean(values)), variance))
+    return np.array(correlations)
 
 
 def _lagged(images: Array, down: int, right: int) -> float:
@@ -128,10 +131,10 @@ def _lagged(images: Array, down: int, right: int) -> float:
 
 
 def temporal_autocorrelation(frames: Array) -> float:
-    """Correlation of a pixel with itself one frame later, fixed pattern removed.
+    """Compute the correlation of a pixel with itself one frame later, fixed pattern removed.
 
-    Removing the mean of T frames makes white noise look anticorrelated by 1 / (T - 1), which is put
-    back.
+    Subtracting the mean of T frames makes white noise look anticorrelated by 1 / (T - 1); this
+    bias is added back.
     """
     part = temporal_part(frames)
     lag = ratio(mean_of(part[1:] * part[:-1]), mean_of(part**2))
@@ -139,7 +142,7 @@ def temporal_autocorrelation(frames: Array) -> float:
 
 
 def skew_kurtosis(samples: Array) -> tuple[float, float]:
-    """Skewness and excess kurtosis; both 0 for Gaussian noise."""
+    """Compute skewness and excess kurtosis; both are 0 for Gaussian noise."""
     x = samples[np.isfinite(samples)]
     if x.size < 2 or x.std() == 0:
         return float("nan"), float("nan")
@@ -148,25 +151,25 @@ def skew_kurtosis(samples: Array) -> tuple[float, float]:
 
 
 def edge_positions(frames: Array, near_mm: float, far_mm: float) -> Array:
-    """(T, H) column at which the foreground, on the left, ends: how many pixels it covers.
+    """Find the (T, H) column at which the foreground on the left ends, as its number of pixels.
 
-    A pixel belongs to it if it has depth and is nearer than halfway to the background.
+    A pixel is foreground if it has depth and is nearer than halfway to the background.
     """
     foreground = np.nan_to_num(frames, nan=np.inf) < 0.5 * (near_mm + far_mm)
     return np.asarray(foreground.sum(axis=2), np.float64)
 
 
 def edge_jitter(positions: Array) -> float:
-    """Standard deviation of edge positions (T, H) about the best straight line, pixels."""
+    """Compute the standard deviation of edge positions (T, H) about the best straight line, px."""
     rows = np.arange(positions.shape[1])
     line = np.polynomial.Polynomial.fit(rows, positions.mean(axis=0), 1)
     return float((positions - line(rows)).std())
 
 
 def mixed_per_row(frames: Array, near_mm: float, far_mm: float) -> tuple[float, float, float]:
-    """Pixels a row between two surfaces, outside both, and without depth.
+    """Count pixels per row between two surfaces, outside both, and without depth.
 
-    Between and outside mean by more than 20 mm from both.
+    Pixels between and outside are more than 20 mm from both surfaces.
     """
     between = (frames > near_mm + 20) & (frames < far_mm - 20)
     outside = (frames < near_mm - 20) | (frames > far_mm + 20)
@@ -178,9 +181,9 @@ def mixed_per_row(frames: Array, near_mm: float, far_mm: float) -> tuple[float, 
 def sinusoids(
     z_mm: Array, error_mm: Array, periods_mm: Sequence[float]
 ) -> tuple[Array, Array, float]:
-    """Joint least-squares fit of offset, linear trend and one sinusoid a period.
+    """Fit offset, linear trend and one sinusoid per period jointly by least squares.
 
-    Returns the amplitudes (len(periods),), their standard errors, and the rms of what is left.
+    Returns the amplitudes (len(periods),), their standard errors, and the rms of the residual, mm.
     """
     at = 2 * np.pi * z_mm[:, None] / np.asarray(periods_mm, np.float64)
     span = (z_mm - z_mm.mean()) / np.ptp(z_mm)
@@ -196,7 +199,7 @@ def sinusoids(
 
 
 def without_trend(z_mm: Array, error_mm: Array) -> Array:
-    """Errors minus their mean and linear trend."""
+    """Subtract mean and linear trend from errors; all NaN if an error is not finite."""
     if not np.isfinite(error_mm).all():
         return np.full(error_mm.shape, np.nan)
     trend = np.polynomial.Polynomial.fit(z_mm, error_mm, 1)
@@ -204,7 +207,7 @@ def without_trend(z_mm: Array, error_mm: Array) -> Array:
 
 
 def crossing(x: Array, share: Array, level: float) -> float:
-    """Where shares that rise with x reach ``level`` for good, by interpolation; NaN if not."""
+    """Interpolate the x from which rising shares stay at or above ``level``; NaN if none."""
     below = np.flatnonzero(share < level)
     if len(below) == 0 or below[-1] + 1 >= len(x):
         return float("nan")
@@ -214,27 +217,25 @@ def crossing(x: Array, share: Array, level: float) -> float:
 
 
 def normals(depth_mm: Array, rays: NDArray[np.floating]) -> Array:
-    """(H, W, 3) unit normals by central differences; NaN where a neighbour has no depth.
+    """Compute (H, W, 3) unit normals by central differences; NaN if a neighbour has no depth.
 
     rays: (H, W, 2), x/z and y/z of each pixel.
     """
-    points = np.concatenate([rays * depth_mm[..., None], depth_mm[..., None]], axis=-1)
-    along = np.full(points.shape, np.nan)
-    down = np.full(points.shape, np.nan)
-    along[:, 1:-1] = points[:, 2:] - points[:, :-2]
-    down[1:-1] = points[2:] - points[:-2]
-    normal = np.cross(down, along)
+    inner = np.zeros(depth_mm.shape, np.bool_)
+    inner[1:-1, 1:-1] = True
+    normal = np.full((*depth_mm.shape, 3), np.nan)
+    normal[inner] = central_normals(depth_mm, rays, inner)
     return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
 def angular_error_deg(first: Array, second: Array) -> float:
-    """Mean angle between two fields of unit normals, where both exist."""
+    """Compute the mean angle between two fields of unit normals where both exist, degrees."""
     cosine = np.clip((first * second).sum(axis=-1), -1.0, 1.0)
     return mean_of(np.degrees(np.arccos(cosine)))
 
 
 def eroded(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
-    """The mask without a rim of ``steps`` pixels (8 neighbours); outside the image is not mask."""
+    """Erode a mask by ``steps`` pixels (8 neighbours); outside the image counts as not set."""
     for _ in range(steps):
         padded = np.pad(mask, 1)
         neighbours = [
@@ -245,7 +246,7 @@ def eroded(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
 
 
 def steps_mm(depth_mm: Array) -> Array:
-    """(H, W) largest difference between a pixel and its 8 neighbours; NaN neighbours count not."""
+    """Compute the (H, W) largest difference of a pixel to its 8 neighbours, NaN ones ignored."""
     padded = np.pad(depth_mm, 1, constant_values=np.nan)
     height, width = depth_mm.shape
     largest = np.zeros_like(depth_mm)
@@ -257,7 +258,7 @@ def steps_mm(depth_mm: Array) -> Array:
 
 
 def longest_run(mask: NDArray[np.bool_]) -> int:
-    """The longest run of set pixels along a row."""
+    """Return the length of the longest run of set pixels along a row."""
     best = current = np.zeros(mask.shape[0], np.int64)
     for column in range(mask.shape[1]):
         current = np.where(mask[:, column], current + 1, 0)

@@ -1,4 +1,4 @@
-"""What a validation finds: checks with bands as data, outcomes, and their table."""
+"""Checks with their bands, measurements and results, and the report as JSON and Markdown."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from glsim.errors import ConfigError
+from glsim.files.markdown import markdown_table
 
 
 @dataclass(frozen=True)
 class Band:
-    """What one measured number must be: low <= value <= high, in ``unit``.
+    """Required interval of one measured number: low <= value <= high, in ``unit``.
 
-    key: the name under which a measurement reports it.
+    key: name of the number in the measurement.
     """
 
     key: str
@@ -23,12 +24,12 @@ class Band:
     unit: str = ""
 
     def holds(self, value: float) -> bool:
-        """Whether a value lies inside. NaN does not."""
+        """Return whether a value lies inside; NaN does not."""
         return self.low <= value <= self.high
 
     @property
     def text(self) -> str:
-        """The band in words, such as: 1.3 to 2.1 mm."""
+        """The band as text, such as: 1.3 to 2.1 mm."""
         if self.low == self.high:
             number = _number(self.low)
         elif math.isinf(self.high):
@@ -42,20 +43,24 @@ class Band:
 
 @dataclass(frozen=True)
 class Check:
-    """One line of a validation sheet."""
+    """One line of a validation sheet.
+
+    description: the checked quantity, as text. source: origin of the bands.
+    """
 
     number: str
-    what: str
+    description: str
     bands: tuple[Band, ...]
     source: str
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Numbers by the keys of a check's bands, and what a reader should know.
+class Measurement:
+    """Measured numbers of a check, by the keys of its bands.
 
-    A number of None makes no sense for this sensor. why_not: set instead of numbers where the
-    whole check does not. exception: why a failure is no fault of the sensor, if that was found out.
+    values: None for a number that does not apply to this sensor. note: remark for the reader.
+    why_not: reason why the whole check does not apply. exception: measured reason why a failure is
+    not the sensor's fault.
     """
 
     values: Mapping[str, float | None] = field(default_factory=dict)
@@ -65,31 +70,31 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """A check with what was measured."""
+class CheckResult:
+    """A check with its measurement."""
 
     check: Check
-    measured: Measured
+    measured: Measurement
 
     @property
     def applicable(self) -> bool:
-        """Whether the check makes sense for this sensor."""
+        """Whether the check applies to this sensor."""
         return not self.measured.why_not
 
     @property
     def passed(self) -> bool:
-        """Whether every number that makes sense lies in its band."""
+        """Whether every number that applies lies in its band."""
         return all(band.holds(self.value(band)) for band in self.bands)
 
     @property
     def bands(self) -> list[Band]:
-        """The bands that make sense for this sensor."""
+        """The bands that apply to this sensor."""
         if not self.applicable:
             return []
         return [b for b in self.check.bands if self.measured.values.get(b.key, 0) is not None]
 
     def value(self, band: Band) -> float:
-        """The number for a band; NaN if it could not be measured."""
+        """Return the number for a band; NaN if it could not be measured."""
         value = self.measured.values.get(band.key)
         return math.nan if value is None else float(value)
 
@@ -104,13 +109,13 @@ class Outcome:
 
     @property
     def note(self) -> str:
-        """Everything a reader should know, in one line."""
+        """All remarks in one line."""
         accepted = self.measured.exception if self.state == "exception" else ""
         parts = (self.measured.why_not, accepted, self.measured.note)
         return "; ".join(part for part in parts if part)
 
     def as_json(self) -> dict[str, Any]:
-        """Plain values; a number that could not be measured is null."""
+        """Convert to values for JSON; a number that could not be measured is null."""
         numbers = []
         for band in self.bands:
             value = self.value(band)
@@ -126,7 +131,7 @@ class Outcome:
             )
         return {
             "number": self.check.number,
-            "check": self.check.what,
+            "check": self.check.description,
             "source": self.check.source,
             "state": self.state,
             "note": self.note,
@@ -135,10 +140,10 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Report:
-    """All outcomes of one sensor.
+class ValidationReport:
+    """Results of all checks of one sensor.
 
-    sheet: whose checks these are. seconds: wall time. seed, frames: as asked for.
+    sheet: title of the validation sheet. seconds: wall time. seed, frames: as requested.
     """
 
     sensor: str
@@ -147,26 +152,26 @@ class Report:
     seed: int
     frames: int
     seconds: float
-    outcomes: tuple[Outcome, ...]
+    results: tuple[CheckResult, ...]
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed but documented exceptions."""
-        return all(outcome.state != "FAIL" for outcome in self.outcomes)
+        """Whether no check failed, except documented exceptions."""
+        return all(result.state != "FAIL" for result in self.results)
 
     def count(self, state: str) -> int:
-        """How many outcomes are in a state."""
-        return sum(outcome.state == state for outcome in self.outcomes)
+        """Count the results in a state: pass, exception, FAIL or n/a."""
+        return sum(result.state == state for result in self.results)
 
     @property
     def summary(self) -> str:
-        """One line."""
+        """One line with the counts of all states."""
         states = ("pass", "exception", "FAIL", "n/a")
         counts = ", ".join(f"{self.count(s)} {s}" for s in states if self.count(s))
-        return f"{self.sensor}: {len(self.outcomes)} checks: {counts} ({self.seconds:.0f} s)"
+        return f"{self.sensor}: {len(self.results)} checks: {counts} ({self.seconds:.0f} s)"
 
     def as_json(self) -> dict[str, Any]:
-        """Plain values for a file."""
+        """Convert to values for a JSON file."""
         return {
             "sensor": self.sensor,
             "title": self.title,
@@ -174,47 +179,50 @@ class Report:
             "seed": self.seed,
             "frames": self.frames,
             "passed": self.passed,
-            "checks": [outcome.as_json() for outcome in self.outcomes],
+            "checks": [result.as_json() for result in self.results],
         }
 
     def as_markdown(self) -> str:
-        """The table for a page of documentation."""
-        lines = ["| # | check | measured | band | source | | note |", "|---" * 7 + "|"]
-        for outcome in self.outcomes:
+        """Write the results as a Markdown table."""
+        rows = []
+        for result in self.results:
             cells = (
-                outcome.check.number,
-                outcome.check.what,
-                "<br>".join(measured_texts(outcome)),
-                "<br>".join(band_texts(outcome)),
-                outcome.check.source,
-                outcome.state,
-                outcome.note,
+                result.check.number,
+                result.check.description,
+                "<br>".join(measured_texts(result)),
+                "<br>".join(band_texts(result)),
+                result.check.source,
+                result.state,
+                result.note,
             )
-            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-        return "\n".join(lines) + "\n"
+            rows.append([cell.replace("|", "\\|") for cell in cells])
+        head = ("#", "check", "measured", "band", "source", "", "note")
+        return "\n".join(markdown_table(head, rows)) + "\n"
 
 
-def measured_texts(outcome: Outcome) -> list[str]:
-    """One text a band; a number outside its band is marked with !."""
+def measured_texts(result: CheckResult) -> list[str]:
+    """Format the numbers, one text per band; a number outside its band is marked with !."""
     texts = []
-    for band in outcome.bands:
-        value = outcome.value(band)
+    for band in result.bands:
+        value = result.value(band)
         number = "?" if math.isnan(value) else f"{value:.3g}"
         texts.append(f"{band.key} {number}{'' if band.holds(value) else ' !'}")
     return texts
 
 
-def band_texts(outcome: Outcome) -> list[str]:
-    """One text a band."""
-    return [band.text for band in outcome.bands]
+def band_texts(result: CheckResult) -> list[str]:
+    """Format the bands, one text per band."""
+    return [band.text for band in result.bands]
 
 
-def complete(checks: Sequence[Check], found: Mapping[str, Measured]) -> tuple[Outcome, ...]:
-    """Checks with what was measured for them. Raises ConfigError for a check nobody measured."""
-    missing = [check.number for check in checks if check.number not in found]
+def match_measurements(
+    checks: Sequence[Check], measurements: Mapping[str, Measurement]
+) -> tuple[CheckResult, ...]:
+    """Pair checks with measurements by number. Raises ConfigError for checks without one."""
+    missing = [check.number for check in checks if check.number not in measurements]
     if missing:
         raise ConfigError(f"no measurement for the checks {', '.join(missing)}")
-    return tuple(Outcome(check, found[check.number]) for check in checks)
+    return tuple(CheckResult(check, measurements[check.number]) for check in checks)
 
 
 def _number(value: float) -> str:

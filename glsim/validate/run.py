@@ -1,4 +1,4 @@
-"""Runs the sheet that belongs to a sensor."""
+"""Run the validation sheet of a sensor."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from dataclasses import dataclass
 import moderngl
 
 from glsim.gl.context import open_context
-from glsim.validate import depth, edges, heads, phases, structured, walls
-from glsim.validate.bench import Bench
-from glsim.validate.lab import Lab
-from glsim.validate.report import Check, Measured, Report, complete
-from glsim.validate.sheet_structured import KINECT_V1, KINECT_V2_PAPER
-from glsim.validate.sheet_v2 import ANTI_CHECKS, CHECKS
+from glsim.validate.captures import Captures
+from glsim.validate.checks import depth, edges, faces, phases, structured_light, walls
+from glsim.validate.report import Check, Measurement, ValidationReport, match_measurements
+from glsim.validate.sheets.kinect_v2 import ANTI_CHECKS, CHECKS
+from glsim.validate.sheets.structured_light import KINECT_V1, KINECT_V2_PAPER
+from glsim.validate.virtual_camera import VirtualCamera
 
-Examination = Callable[[Lab], dict[str, Measured]]
+CheckFunction = Callable[[Captures], dict[str, Measurement]]
 
-_V2: tuple[Examination, ...] = (
+_V2: tuple[CheckFunction, ...] = (
     walls.noise_level,
     walls.tilt,
     walls.albedo,
@@ -28,8 +28,8 @@ _V2: tuple[Examination, ...] = (
     walls.pattern,
     walls.exponent,
     walls.skin,
-    phases.phases,
-    edges.mixed,
+    phases.phase_noise,
+    edges.mixed_pixels,
     edges.silhouette,
     edges.shadows,
     depth.quantisation,
@@ -38,78 +38,78 @@ _V2: tuple[Examination, ...] = (
     depth.wiggle,
     depth.unwrapping,
     depth.offsets,
-    heads.heads,
+    faces.isolated_faces,
 )
 
-_V1: tuple[Examination, ...] = (
-    structured.v1_noise,
-    structured.v1_steps,
-    structured.v1_shadow,
-    structured.v1_range,
+_V1: tuple[CheckFunction, ...] = (
+    structured_light.v1_noise,
+    structured_light.v1_steps,
+    structured_light.v1_shadow,
+    structured_light.v1_range,
 )
 
-_PAPER: tuple[Examination, ...] = (
-    structured.paper_noise,
-    structured.paper_window,
-    structured.paper_geometry,
+_PAPER: tuple[CheckFunction, ...] = (
+    structured_light.paper_noise,
+    structured_light.paper_window,
+    structured_light.paper_geometry,
 )
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """Checks and what measures them. title: whose they are."""
+class ValidationSheet:
+    """Checks and the functions that measure them. title: device or authors of the checks."""
 
     title: str
     checks: tuple[Check, ...]
-    examinations: tuple[Examination, ...]
+    functions: tuple[CheckFunction, ...]
 
 
-_KINECT_V2 = Sheet("Kinect V2", (*CHECKS, *ANTI_CHECKS), _V2)
+_KINECT_V2 = ValidationSheet("Kinect V2", (*CHECKS, *ANTI_CHECKS), _V2)
 
 #: Sensors with a sheet of their own, by name of their file; all others have the Kinect V2's.
-SHEETS: dict[str, Sheet] = {
-    "kinect-v1": Sheet("Kinect V1", KINECT_V1, _V1),
-    "kinect-v2-paper": Sheet("Kendrick et al.", KINECT_V2_PAPER, _PAPER),
+SHEETS: dict[str, ValidationSheet] = {
+    "kinect-v1": ValidationSheet("Kinect V1", KINECT_V1, _V1),
+    "kinect-v2-paper": ValidationSheet("Kendrick et al.", KINECT_V2_PAPER, _PAPER),
 }
 
 
-def validate(
+def validate_sensor(
     sensor: str,
     *,
     seed: int = 0,
     frames: int = 64,
     backend: str | None = None,
     context: moderngl.Context | None = None,
-) -> Report:
-    """Run all checks of a sensor, a shipped one or a file; the Kinect V2's, if it has no sheet.
+) -> ValidationReport:
+    """Run all checks of a sensor: a shipped name or a .toml file.
 
-    frames: of each wall; more make the numbers surer, not different. Raises what simulate raises.
+    A sensor without a sheet of its own is checked as a Kinect V2. frames: number of frames of each
+    wall; more make the numbers more precise. Raises what simulate raises.
     """
     own_context = open_context(backend) if context is None else None
-    drawn_in = context or own_context
-    assert drawn_in is not None
+    used_context = context or own_context
+    assert used_context is not None
     try:
-        return examine(Lab(Bench(sensor, drawn_in, seed, frames)))
+        return run_checks(Captures(VirtualCamera(sensor, used_context, seed, frames)))
     finally:
         if own_context is not None:
             own_context.release()
 
 
-def examine(lab: Lab) -> Report:
-    """Run the sheet of a lab's sensor."""
+def run_checks(captures: Captures) -> ValidationReport:
+    """Run the sheet of the sensor of these captures."""
     started = time.perf_counter()
-    sheet = SHEETS.get(lab.bench.sensor.name, _KINECT_V2)
-    found: dict[str, Measured] = {}
-    for examination in sheet.examinations:
-        found |= examination(lab)
-    seconds = time.perf_counter() - started
-    bench = lab.bench
-    return Report(
-        bench.name,
-        bench.sensor.title,
+    camera = captures.camera
+    sheet = SHEETS.get(camera.sensor.name, _KINECT_V2)
+    measurements: dict[str, Measurement] = {}
+    for function in sheet.functions:
+        measurements |= function(captures)
+    return ValidationReport(
+        camera.name,
+        camera.sensor.title,
         sheet.title,
-        bench.seed,
-        bench.frames,
-        seconds,
-        complete(sheet.checks, found),
+        camera.seed,
+        camera.frames,
+        time.perf_counter() - started,
+        match_measurements(sheet.checks, measurements),
     )

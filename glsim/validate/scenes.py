@@ -1,4 +1,4 @@
-"""Scenes that sensors are validated on: meshes in the camera frame (x right, y down), mm."""
+"""Scenes for the validation of sensors: meshes in the camera frame (x right, y down), mm."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from glsim.faces.base import Face
 from glsim.faces.procedural.source import ProceduralFaces
-from glsim.mesh import Mesh
+from glsim.geometry.mesh import Mesh
 
-#: Slant of the edges of ``step``, so that their rows cross pixels at all places: about one pixel
-#: every 11 rows.
+#: Slant of the edge of ``depth_edge``, columns per row: the edge moves by one pixel about every
+#: 11 rows, so that it crosses pixels at all positions.
 EDGE_SLANT = 0.09
 
 
 def quad(corners_mm: ArrayLike, albedo: float = 1.0) -> Mesh:
-    """Four corners: bottom left, bottom right, top right, top left as the camera sees them."""
+    """Build a quad from (4, 3) corners: bottom left, bottom right, top right, top left in view."""
     corners = np.asarray(corners_mm, np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     return Mesh(corners, faces, np.full(4, albedo, np.float32))
 
 
-def merged(*meshes: Mesh) -> Mesh:
-    """Meshes with albedos as one."""
+def merge_meshes(*meshes: Mesh) -> Mesh:
+    """Merge meshes with albedos into one."""
     starts = np.cumsum([0] + [len(m.vertices_mm) for m in meshes[:-1]])
     return Mesh(
         np.concatenate([m.vertices_mm for m in meshes]),
@@ -34,22 +34,22 @@ def merged(*meshes: Mesh) -> Mesh:
 def rectangle(
     x_mm: tuple[float, float], y_mm: tuple[float, float], z_mm: float, albedo: float = 1.0
 ) -> Mesh:
-    """A rectangle that faces the camera."""
+    """Build a rectangle that faces the camera."""
     (left, right), (top, bottom) = x_mm, y_mm
     corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
     return quad([(x, y, z_mm) for x, y in corners], albedo)
 
 
 def wall(z_mm: float, albedo: float = 1.0) -> Mesh:
-    """A wall that faces the camera and fills its view."""
+    """Build a wall that faces the camera and fills its view."""
     side = 1.2 * z_mm
     return rectangle((-side, side), (-side, side), z_mm, albedo)
 
 
 def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 300.0) -> Mesh:
-    """A strip through the axis at z, turned about the x axis: its top is nearer.
+    """Build a strip through the axis at z, turned about the x axis: its top is nearer.
 
-    Light from beside the camera falls on it at the angle at which the camera sees it.
+    An emitter to the side of the camera lights it at the angle at which the camera sees it.
     """
     angle = np.radians(angle_deg)
     y, z = half_mm * np.cos(angle), half_mm * np.sin(angle)
@@ -59,9 +59,9 @@ def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 
 
 
 def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: float = 1.0) -> Mesh:
-    """A wall whose depth grows from left to right by ``half_range_mm`` to each side of z.
+    """Build a wall whose depth grows from left to right, z - half_range_mm to z + half_range_mm.
 
-    It leans a little, so that rows see depths in between.
+    It leans a little, so that the rows have different depths.
     """
     x, y, dz = half_x_mm, 0.8 * z_mm, half_range_mm
     low, high, lean = z_mm - dz, z_mm + dz, 0.1 * dz
@@ -73,43 +73,43 @@ def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: floa
 
 
 def levels_on_ramp(encoded: NDArray[np.uint16]) -> int:
-    """How many levels of depth ``ten_centimetres`` shows, of 101."""
+    """Count the different depths on ``ten_centimetres``, in whole mm: 101 if none is missing."""
     inside = encoded[(encoded >= 2950) & (encoded <= 3050)]
     return len(np.unique(inside))
 
 
 def ten_centimetres(focal_px: float) -> Mesh:
-    """A ramp at 3 m through 10 cm and a bit, over 88 px."""
+    """Build a depth ramp of 12 cm at 3 m, over 88 px; 10 cm of it are evaluated."""
     return depth_ramp(3000.0, 44 * 3000.0 / focal_px, 60.0)
 
 
 def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
-    """A wall whose albedo grows from left to right, linearly over +-half_x."""
+    """Build a wall whose albedo grows linearly from left to right over +-half_x."""
     mesh = rectangle((-half_x_mm, half_x_mm), (-0.8 * z_mm, 0.8 * z_mm), z_mm)
     return Mesh(mesh.vertices_mm, mesh.faces, np.array([low, high, high, low], np.float32))
 
 
-def step(near_mm: float, far_mm: float | None, albedo: float = 1.0) -> Mesh:
-    """A foreground on the left of the axis, its edge slanted, before a wall (or nothing).
+def depth_edge(near_mm: float, far_mm: float | None, albedo: float = 1.0) -> Mesh:
+    """Build a foreground on the left of the axis with a slanted edge, before a wall or nothing.
 
-    With the emitter on the right its shadow falls on its own back: this edge is in full light.
+    The emitter is on the right, so the foreground hides its own shadow: the edge is fully lit.
     """
     y = 0.8 * near_mm
     x = EDGE_SLANT * y
     left = -1.2 * near_mm
     front = quad([(left, y, near_mm), (x, y, near_mm), (-x, -y, near_mm), (left, -y, near_mm)],
                  albedo)  # fmt: skip
-    return front if far_mm is None else merged(front, wall(far_mm, albedo))
+    return front if far_mm is None else merge_meshes(front, wall(far_mm, albedo))
 
 
 def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0) -> Mesh:
-    """A square on the axis before a wall."""
+    """Build a square on the axis before a wall."""
     square = rectangle((-half_mm, half_mm), (-half_mm, half_mm), near_mm, albedo)
-    return merged(square, wall(far_mm, albedo))
+    return merge_meshes(square, wall(far_mm, albedo))
 
 
 def faces(count: int, z_mm: float, seed: int) -> list[Mesh]:
-    """Procedural heads of ``count`` people at z, all of default skin."""
+    """Build procedural heads of ``count`` people at z, all with the default skin albedo."""
     source = ProceduralFaces(seed)
     keys = [source.frames(subject, 1)[0] for subject in source.subjects(count)]
     meshes = []

@@ -1,5 +1,5 @@
-// disparity: depth in metres to the shift between camera and projector in pixels, and back.
-// u_focal_baseline_px_m is focal length times baseline; a sensor without baseline has no disparity.
+// disparity: depth, m, to the shift between camera and projector, px, and back.
+// u_focal_baseline_px_m is focal length times baseline; a sensor without a baseline has no disparity.
 #include "lib/depth.glsl"
 
 uniform float u_focal_baseline_px_m;

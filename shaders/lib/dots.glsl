@@ -1,10 +1,10 @@
-// dots: the projected pattern, one dot in each 3x3 cell at a place that a hash decides.
+// dots: the projected pattern, one dot per 3x3 cell, at a place chosen by a hash.
 // The density is that of BlenSor's and render_kinect's pattern images, 1/9; the pattern is our own.
 #include "lib/random.glsl"
 
 const int CELL_PX = 3;
 
-// Which of the 9 pixels of a cell has the dot, 0 to 8 in reading order.
+// The pixel of a cell that has the dot, 0 to 8 in reading order.
 int dot_place(ivec2 cell) {
     return int(random_bits(cell, 0xd075u, 0u).x % 9u);
 }

@@ -1,4 +1,4 @@
-// facet: the normal of the triangle that is drawn, towards the camera.
+// facet: the normal of the drawn triangle, towards the camera.
 
 vec3 facet_normal(vec3 position_m) {
     // Both derivatives lie in the plane of the triangle.

@@ -1,6 +1,6 @@
-// field: where a noise field is sampled, and with which seed.
-// Without drift each frame has a field of its own; with drift the frames of a sequence move
-// through one field along its third axis.
+// field: sampling position and seed of a noise field.
+// Without drift each frame has its own field. With drift the frames of a sequence move through one
+// field along its third axis.
 #include "lib/random.glsl"
 
 uniform uint u_seed;          // of this stage in this frame
@@ -11,8 +11,8 @@ uint field_seed(float drift_hz) {
     return drift_hz > 0.0 ? u_sequence_seed : u_seed;
 }
 
-// The lattice starts anywhere, or the field would be weak near the same pixels in every frame.
-// Three cells, for that is the period of the simplex lattice along an axis.
+// The lattice has a random origin; otherwise the field is weak near the same pixels in every frame.
+// It lies within three cells, the period of the simplex lattice along an axis.
 vec3 field_position(vec2 lattice_px, float drift_hz) {
     uvec4 bits = random_bits(ivec2(0), field_seed(drift_hz), 0xf1e1du);
     vec3 start = 3.0 * vec3(uniform01(bits.x), uniform01(bits.y), uniform01(bits.z));

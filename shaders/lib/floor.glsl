@@ -1,9 +1,9 @@
-// floor: the noise of the depth that does not depend on the light. Where it comes from is not known.
-// Where pixels look is a little uncertain too, which moves the depth of slanted surfaces: Fankhauser
-// et al. 2015 find twice the noise at 75 degrees that less light explains.
+// floor: depth noise that does not depend on the light. Its cause is not known.
+// The directions of the pixels are uncertain too, which moves the depth of slanted surfaces:
+// Fankhauser et al. 2015 find twice the noise at 75 degrees that the reduced light explains.
 
-uniform float sigma_mm = 1.1;   //@ [0, 50] mm standard deviation; on recordings 1.20 mm of temporal noise at 0.8 m, 0.4 of them from the light
-uniform float lateral_px = 0.1; //@ [0, 2]  px standard deviation of where a pixel looks; at 75 degrees Fankhauser's curve asks for 0.3
+uniform float sigma_mm = 1.1;   //@ [0, 50] mm standard deviation; recordings have 1.20 mm of temporal noise at 0.8 m, 0.4 mm of it from the light
+uniform float lateral_px = 0.1; //@ [0, 2]  px standard deviation of a pixel's direction; Fankhauser's curve at 75 degrees needs 0.3
 
 uniform float u_focal_px;
 

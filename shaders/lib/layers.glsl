@@ -1,4 +1,4 @@
-// layers: reading a layer at whole pixels; zero outside the frame.
+// layers: reads a layer at integer pixels; 0 outside the frame.
 
 float fetch(sampler2D layer, ivec2 pixel) {
     ivec2 size = textureSize(layer, 0);

@@ -1,6 +1,6 @@
-// loops: what a software rasteriser skips.
-// Mesa's llvmpipe runs both sides of a branch, and a loop's body until no lane wants another round,
-// but looks at that only at the body's end. So expensive stages are written as
+// loops: the form of expensive loops, which a software rasteriser can leave early. Comments only.
+// Mesa's llvmpipe runs both sides of a branch. It runs a loop's body until no lane continues, and
+// tests that only at the end of the body. Expensive stages are therefore written as
 //     int k = wanted ? 0 : LAST;
 //     do { ... } while (++k <= LAST);
-// which costs one round where nothing is wanted. On a GPU it is a loop like any other.
+// which costs one iteration where nothing is to be done. On a GPU this is an ordinary loop.

@@ -1,7 +1,7 @@
-// perlin: gradient noise on a seeded cubic lattice, about -1 to 1.
+// perlin: Perlin noise on a seeded cubic lattice, about -1 to 1.
 // Perlin, "Improving Noise", SIGGRAPH 2002: quintic fade, the 12 edges of a cube as gradients.
-// Eight corners a sample want a cheaper hash than random_bits: one word of PCG a coordinate, the
-// outer coordinates shared between corners.
+// Eight corners per sample need a cheaper hash than random_bits: one PCG word per coordinate; the
+// words of the outer coordinates are shared between corners.
 #include "lib/random.glsl"
 
 float lattice_gradient(uint hash, vec3 offset) {
@@ -17,7 +17,7 @@ float perlin(vec3 at, uint seed) {
     uvec3 n = uvec3(ivec3(whole));
     vec3 t = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
     float plane[2] = float[2](0.0, 0.0);
-    uint planes = t.z > 0.0 ? 2u : 1u; // on a plane of nodes the next one has no weight
+    uint planes = t.z > 0.0 ? 2u : 1u; // on a plane of nodes the next plane has weight 0
     for (uint k = 0u; k < planes; k++) {
         uint hz = pcg_word(seed ^ pcg_word(n.z + k));
         float row[2];

@@ -1,7 +1,7 @@
-// simplex: noise on a seeded lattice of tetrahedra, about -1 to 1.
+// simplex: simplex noise on a seeded lattice of tetrahedra, about -1 to 1.
 // Perlin 2001 in the form of Gustavson, "Simplex noise demystified", 2005: skew 1/3, unskew 1/6,
-// gradients the 12 edges of a cube. The kernel's radius^2 is 0.5, so that it ends where its corner's
-// tetrahedra end: the paper's 0.6 leaves steps of 0.5 % between them. Scaled to reach 1.
+// gradients the 12 edges of a cube. The kernel's radius^2 is 0.5: it ends where its corner's
+// tetrahedra end. The paper's 0.6 leaves steps of 0.5 % between them. The result reaches 1.
 #include "lib/perlin.glsl"
 
 float simplex_corner(ivec3 node, vec3 offset, uint seed) {
@@ -14,7 +14,7 @@ float simplex_corner(ivec3 node, vec3 offset, uint seed) {
 float simplex(vec3 at, uint seed) {
     vec3 cell = floor(at + dot(at, vec3(1.0 / 3.0)));
     vec3 x0 = at - cell + dot(cell, vec3(1.0 / 6.0));
-    // Rank the coordinates: the two inner corners follow the largest, then the two largest.
+    // Rank the coordinates: the inner corners step along the largest one, then along the two largest.
     vec3 ge = vec3(x0.x >= x0.y, x0.y >= x0.z, x0.x >= x0.z);
     vec3 rank = vec3(ge.x + ge.z, 1.0 - ge.x + ge.y, 2.0 - ge.y - ge.z);
     vec3 first = step(2.0, rank);

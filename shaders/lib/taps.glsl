@@ -1,7 +1,7 @@
-// taps: how a tap's value is read out: 11 bits with growing steps.
+// taps: companding of a tap's value: 11 bits, with steps that grow with the value.
 
 // Companding of the Kinect V2 (libfreenect2's lookup table): steps of 1 up to 256, then 128 steps
-// in each doubling, up to 16320.
+// per octave, up to 16320.
 const float LARGEST_TAP = 16320.0;
 
 vec3 companded(vec3 taps) {

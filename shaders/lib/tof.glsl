@@ -1,13 +1,13 @@
-// tof: phases, amplitudes and the numbers of a time-of-flight camera with three frequencies.
+// tof: constants and phases of a time-of-flight camera with three frequencies.
 // Vectors of three hold the frequencies in the rig's order: fast, slow, fastest (80, 16, 120 MHz).
 // Constants of the decoder: libfreenect2, depth_packet_processor.cpp (Parameters).
 
 uniform vec3 u_modulation_mhz;
-uniform vec3 u_emitter_m; // the middle of the emitters, from the camera
+uniform vec3 u_emitter_m; // mean position of the emitters, camera frame
 
 const float TWO_PI = 6.28318530718;
 
-// libfreenect2's ab_multiplier_per_frq: how much weaker a frequency's contrast is than 16 MHz'.
+// libfreenect2's ab_multiplier_per_frq: contrast at 16 MHz over contrast at each frequency.
 const vec3 CONTRAST_MULTIPLIER = vec3(1.322581, 1.0, 1.612903);
 
 // 3e8 m/s, as in the decoder's tables (glsim/noise/light.py, SPEED_OF_LIGHT).
@@ -17,7 +17,7 @@ const float HALF_WAVE_M_MHZ = 150.0;
 const vec3 TAP_COS = vec3(1.0, -0.5, -0.5);
 const vec3 TAP_SIN = vec3(0.0, 0.86602540378, -0.86602540378);
 
-// Cycles of each frequency's phase to a distance and back.
+// Cycles of each frequency's phase on the way to a distance and back.
 vec3 cycles(float distance_m) {
     return distance_m * u_modulation_mhz / HALF_WAVE_M_MHZ;
 }

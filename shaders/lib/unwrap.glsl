@@ -1,23 +1,23 @@
-// unwrap: phases to a distance, and a distance to a depth, as libfreenect2 decodes them.
-// The slow phase unwraps the fast one, the third one tells which turn the slow one is in, and the
-// three must agree. The distance is the plain mean of the three counts of cycles.
+// unwrap: phases to a distance, and a distance to a depth, as in libfreenect2.
+// The slow phase unwraps the fast one, the third phase tells in which turn the slow one is, and all
+// three must agree. The distance is the unweighted mean over the three numbers of cycles.
 #include "lib/tof.glsl"
 #include "lib/loops.glsl"
 #include "reason.glsl"
 
-uniform float min_amplitude = 3.0;     //@ [0, 1000]  1   least amplitude of each frequency (libfreenect2: individual_ab_threshold)
-uniform float min_sum = 10.0;          //@ [0, 3000]  1   least sum of the three (ab_threshold)
-uniform float slope = -0.5330578;      //@ [-10, 10]  1   of the logarithm of the allowed disagreement over that of the amplitude (ab_confidence_slope)
-uniform float offset = 0.7694894;      //@ [-10, 10]  1   the same at amplitude 1 (ab_confidence_offset)
-uniform float min_disagreement = 0.3490659; //@ [0, 10] rad never less is allowed (min_dealias_confidence)
-uniform float max_disagreement = 0.6108653; //@ [0, 10] rad never more (max_dealias_confidence)
+uniform float min_amplitude = 3.0;     //@ [0, 1000]  1   minimum amplitude of each frequency (libfreenect2: individual_ab_threshold)
+uniform float min_sum = 10.0;          //@ [0, 3000]  1   minimum sum of the three amplitudes (ab_threshold)
+uniform float slope = -0.5330578;      //@ [-10, 10]  1   slope of log(allowed disagreement) over log(amplitude) (ab_confidence_slope)
+uniform float offset = 0.7694894;      //@ [-10, 10]  1   log(allowed disagreement) at amplitude 1 (ab_confidence_offset)
+uniform float min_disagreement = 0.3490659; //@ [0, 10] rad smallest allowed disagreement (min_dealias_confidence)
+uniform float max_disagreement = 0.6108653; //@ [0, 10] rad largest allowed disagreement (max_dealias_confidence)
 
 const int MOST_TURNS = 64;
 const float LOG10_2 = 0.301030, LOG2_10 = 3.321928; // as the decoder rounds them
 
 const int DECODED = 0, DARK = 1, DISAGREES = 2;
 
-// m. sum: of the amplitudes; fate: one of the three above.
+// Distance, m. sum: of the amplitudes; fate: DECODED, DARK or DISAGREES.
 float unwrapped(vec3 real, vec3 imaginary, out float sum, out int fate) {
     vec3 amplitude = sqrt(real * real + imaginary * imaginary);
     float least = min(amplitude.x, min(amplitude.y, amplitude.z));
@@ -26,10 +26,10 @@ float unwrapped(vec3 real, vec3 imaginary, out float sum, out int fate) {
     vec3 phase = fract(atan(imaginary, real) / TWO_PI); // cycles, 0 to 1
 
     vec3 f = u_modulation_mhz;
-    float ratio = f.x / f.y; // a whole number: cycles of the fast phase in one of the slow one
+    float ratio = f.x / f.y; // an integer: cycles of the fast phase per cycle of the slow one
     float fast = phase.x + floor(ratio * phase.y - phase.x + 0.5);
-    // The turn of the slow phase at which the third one fits best; as many as there are until all
-    // phases repeat (2 for 80, 16 and 120 MHz).
+    // The turn of the slow phase at which the third one fits best, out of those before all phases
+    // repeat (2 for 80, 16 and 120 MHz).
     float best = 1e6, best_turn = 0.0;
     float turns_of_third = f.z / f.y;
     int turn = 0;
@@ -54,7 +54,7 @@ float unwrapped(vec3 real, vec3 imaginary, out float sum, out int fate) {
     return (fast + slow + third) * HALF_WAVE_M_MHZ / (f.x + f.y + f.z);
 }
 
-// Depth from half the way emitter, surface, camera: |P| + |P - E| = path with P = z (ray, 1).
+// Depth, m, from half the path emitter, surface, camera: |P| + |P - E| = path, P = z (ray, 1).
 float along_axis(float distance_m, vec2 ray) {
     vec3 direction = vec3(ray, 1.0);
     float path = 2.0 * distance_m;

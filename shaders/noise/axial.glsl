@@ -1,19 +1,19 @@
 #version 330 core
-// axial: white Gaussian noise along the axis that grows with distance and with the angle of the
-// surface. Defaults: Kinect V2 indoors, Fankhauser et al., ICAR 2015:
+// axial: adds white Gaussian noise along the axis; sigma grows with distance and surface angle.
+// Defaults: Kinect V2 indoors, Fankhauser et al., ICAR 2015:
 //   sigma_mm = 1.5 - 0.5 z + 0.3 z^2 + 0.1 z^1.5 a^2 / (pi/2 - a)^2,  z in m, a in rad.
 // Kinect V1 (Nguyen, Izadi, Lovell, 3DIMPVT 2012) has the same form, see sensors/kinect-v1.toml.
 #include "lib/random.glsl"
 #include "lib/depth.glsl"
 
 uniform float base_sigma_mm = 1.5;      //@ [0, 100]   mm     constant term of the standard deviation
-uniform float linear_mm_per_m = -0.5;   //@ [-20, 20]  mm/m   term that is linear in distance
-uniform float quadratic_mm_per_m2 = 0.3;//@ [0, 50]    mm/m^2 term that is quadratic in distance
+uniform float linear_mm_per_m = -0.5;   //@ [-20, 20]  mm/m   term linear in distance
+uniform float quadratic_mm_per_m2 = 0.3;//@ [0, 50]    mm/m^2 term quadratic in distance
 uniform float quadratic_from_m = 0.0;   //@ [0, 5]     m      distance at which the quadratic term is 0
-uniform float angle_mm = 0.1;           //@ [0, 20]    mm     size of the angle's term at 1 m
-uniform float angle_power = 1.5;        //@ [-2, 3]    1      power of the distance in the angle's term
-uniform float angle_from_deg = 0.0;     //@ [0, 90]    deg    angle below which its term is left out
-uniform float max_sigma_mm = 20.0;      //@ [0, 1000]  mm     limit, for the angle's term has a pole at 90 deg
+uniform float angle_mm = 0.1;           //@ [0, 20]    mm     size of the angle term at 1 m
+uniform float angle_power = 1.5;        //@ [-2, 3]    1      power of the distance in the angle term
+uniform float angle_from_deg = 0.0;     //@ [0, 90]    deg    angle below which the angle term is 0
+uniform float max_sigma_mm = 20.0;      //@ [0, 1000]  mm     upper limit: the angle term has a pole at 90 deg
 
 uniform sampler2D u_depth;
 uniform sampler2D u_normal;

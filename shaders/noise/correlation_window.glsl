@@ -1,20 +1,20 @@
 #version 330 core
-// correlation_window: whether a 9x9 window finds the projected pattern at a dot.
-// The rule of BlenSor and render_kinect: more than 2/3 of the window's dots must have been seen,
-// and more than 2/3 must agree with their mean disparity, farther ones less strictly.
-// One pixel of the written layer is one 3x3 cell of the pattern, that is, one dot: 0 without a
-// match, else 1 + the place of the dot in its cell.
+// correlation_window: matches the dots of the projected pattern in windows of 9x9 pixels.
+// The rule of BlenSor and render_kinect: more than 2/3 of the window's dots must be seen, and more
+// than 2/3 must agree with their mean disparity, farther dots less strictly.
+// One pixel of the written layer is one 3x3 cell of the pattern, i.e. one dot: 0 without a match,
+// otherwise 1 + the place of the dot in its cell.
 #include "lib/dots.glsl"
 #include "lib/layers.glsl"
 #include "lib/disparity.glsl"
 
-uniform float min_share = 0.6666667;  //@ [0, 1]   1  share of the window's dots that must be seen, and agree
-uniform float inlier_px = 0.1;        //@ [0, 10]  px weighted deviation from the mean disparity that still agrees
+uniform float min_share = 0.6666667;  //@ [0, 1]   1  share of the window's dots that must be seen, and that must agree
+uniform float inlier_px = 0.1;        //@ [0, 10]  px largest weighted deviation from the mean disparity that agrees
 
 uniform sampler2D u_depth;
 
 const int REACH_PX = 4;    // 9x9
-const int REACH_CELLS = 2; // 4 px from a dot lie within two cells of its own
+const int REACH_CELLS = 2; // pixels within 4 px of a dot lie within two cells of its cell
 
 out float dot_match; //@ 1/3 of the frame
 

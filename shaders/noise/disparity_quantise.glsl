@@ -3,7 +3,7 @@
 // Default: 1/8 px of the Kinect V1 (and of BlenSor and render_kinect).
 #include "lib/disparity.glsl"
 
-uniform float step_px = 0.125;  //@ [0.001, 4] px smallest difference of disparity
+uniform float step_px = 0.125;  //@ [0.001, 4] px step of the disparity
 
 uniform sampler2D u_depth;
 

@@ -1,12 +1,12 @@
 #version 330 core
-// dot_spread: every pixel takes the depth of the nearest matched dot, or none.
-// This gives the blobs and the ragged silhouettes of structured light. Needs correlation_window.
+// dot_spread: gives each pixel the depth of the nearest matched dot, or none.
+// This makes the blobs and ragged silhouettes of structured light. Requires correlation_window.
 #include "lib/dots.glsl"
 #include "lib/layers.glsl"
 #include "reason.glsl"
 
-uniform float radius_px = 3.1;  //@ [0.5, 3.9] px how far the depth of a dot reaches (BlenSor, render_kinect: 3.1)
-uniform float edge_mm = 20.0;   //@ [1, 1000]  mm difference of the clean depths of pixel and dot that makes another surface
+uniform float radius_px = 3.1;  //@ [0.5, 3.9] px distance over which a dot's depth is taken (BlenSor, render_kinect: 3.1)
+uniform float edge_mm = 20.0;   //@ [1, 1000]  mm difference of the clean depths of pixel and dot beyond which they are two surfaces
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;
@@ -40,7 +40,7 @@ void main() {
         if (here > 0.0) reason = REASON_WINDOW;
         return;
     }
-    // Surfaces are told apart by their clean depths: far off, one step of disparity exceeds edge_mm.
+    // Clean depths tell surfaces apart: at large depth one step of disparity exceeds edge_mm.
     float own = texelFetch(u_clean, pixel, 0).r, taken = texelFetch(u_clean, source, 0).r;
     bool other = own > 0.0 && taken > 0.0 && abs(taken - own) > 0.001 * edge_mm;
     if (here <= 0.0) {

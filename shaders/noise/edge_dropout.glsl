@@ -1,12 +1,12 @@
 #version 330 core
-// edge_dropout: loses pixels beside depth edges at random.
+// edge_dropout: removes pixels beside depth edges at random.
 #include "lib/random.glsl"
 #include "lib/layers.glsl"
 #include "reason.glsl"
 
-uniform float probability = 0.5;    //@ [0, 1]    1  chance of a pixel beside an edge to be lost
-uniform float threshold_mm = 30.0;  //@ [1, 5000] mm depth difference that makes an edge; no depth at all always does
-uniform int radius_px = 1;          //@ [1, 4]    px how far from the edge pixels are lost
+uniform float probability = 0.5;    //@ [0, 1]    1  probability that a pixel beside an edge is removed
+uniform float threshold_mm = 30.0;  //@ [1, 5000] mm depth difference that makes an edge; missing depth always makes one
+uniform int radius_px = 1;          //@ [1, 4]    px how far from an edge pixels are removed
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;

@@ -1,13 +1,13 @@
 #version 330 core
-// fixed_pattern: an error of each pixel that is the same in every frame of one device.
-// Defaults: measured on Kinect V2 recordings, 0.72-0.91 mm in all, rows alternating by -0.17 and
-// +0.20 mm, correlated along columns.
+// fixed_pattern: adds an error per pixel that is the same in every frame of a device.
+// Defaults: measured on Kinect V2 recordings: 0.72-0.91 mm in total, rows alternate by -0.17 and
+// +0.20 mm, errors are correlated along columns.
 //@ sparse
 #include "lib/random.glsl"
 #include "lib/depth.glsl"
 
 uniform float pixel_sigma_mm = 0.6;   //@ [0, 20] mm standard deviation of the error of a pixel
-uniform float column_sigma_mm = 0.45; //@ [0, 20] mm standard deviation of the error that a column shares
+uniform float column_sigma_mm = 0.45; //@ [0, 20] mm standard deviation of the error shared by a column
 uniform float row_step_mm = 0.37;     //@ [0, 20] mm difference between odd and even rows
 
 uniform sampler2D u_depth;

@@ -1,5 +1,5 @@
 #version 330 core
-// gaussian: white noise, in depth or in disparity.
+// gaussian: adds white Gaussian noise, in depth or in disparity.
 #include "lib/random.glsl"
 #include "lib/disparity.glsl"
 

@@ -1,8 +1,8 @@
 #version 330 core
-// infrared: the light that comes back, by Lambert's law and the inverse square of the distance.
+// infrared: computes the returned light: Lambert's law, inverse square of the distance.
 
-uniform float gain_counts = 6256.0;  //@ [0, 65535] counts a white wall at 1 m, facing; 16 x 391 of libfreenect2's units
-uniform float ambient_counts = 0.0;  //@ [0, 65535] counts light that is not the sensor's own
+uniform float gain_counts = 6256.0;  //@ [0, 65535] counts infrared of a white wall at 1 m, facing the sensor; 16 x 391 of libfreenect2's units
+uniform float ambient_counts = 0.0;  //@ [0, 65535] counts ambient light
 
 uniform sampler2D u_clean;
 uniform sampler2D u_normal;

@@ -1,13 +1,13 @@
 #version 330 core
-// lateral: each pixel looks a little beside itself, so that edges move and not only values.
-// On one surface the depth is interpolated; across an edge it is one surface's or the other's.
+// lateral: samples the depth at a jittered position, which moves edges.
+// Within one surface the depth is interpolated; at an edge it is the nearest pixel's.
 // Default: 1.6 mm of Fankhauser et al. 2015 at 0.9 m (Kinect V2).
 #include "lib/random.glsl"
 #include "lib/layers.glsl"
 #include "reason.glsl"
 
 uniform float sigma_px = 0.65;  //@ [0, 4]    px standard deviation of the jitter in x and in y
-uniform float angle_px = 0.0;   //@ [0, 1]    px growth with the angle: times a / (pi/2 - a) (Nguyen et al. 2012: 0.035)
+uniform float angle_px = 0.0;   //@ [0, 1]    px growth with the angle a: this times a / (pi/2 - a) (Nguyen et al. 2012: 0.035)
 uniform float edge_mm = 20.0;   //@ [1, 1000] mm depth difference between pixels that makes an edge
 
 uniform sampler2D u_depth;

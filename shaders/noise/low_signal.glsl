@@ -1,12 +1,12 @@
 #version 330 core
-// low_signal: loses pixels from which too little infrared light comes back.
-// Default: half of the pixels at an amplitude of 5 of libfreenect2's units, 16 counts each
-// (its thresholds of 3 a frequency and 10 in the sum, with the read noise of the taps).
+// low_signal: removes pixels that return too little infrared light.
+// Default: half of the pixels are removed at an amplitude of 5 of libfreenect2's units, 16 counts
+// each (its thresholds of 3 per frequency and 10 for the sum, with the read noise of the taps).
 #include "lib/random.glsl"
 #include "reason.glsl"
 
-uniform float min_counts = 80.0;    //@ [0, 65535] counts infrared at which half of the pixels are lost
-uniform float spread_counts = 16.0; //@ [0, 65535] counts standard deviation of that limit from pixel to pixel
+uniform float min_counts = 80.0;    //@ [0, 65535] counts infrared at which half of the pixels are removed
+uniform float spread_counts = 16.0; //@ [0, 65535] counts standard deviation of that threshold between pixels
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;

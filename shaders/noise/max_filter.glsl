@@ -1,10 +1,10 @@
 #version 330 core
-// max_filter: every pixel takes the farthest depth around it, so that silhouettes grow.
-// Mu et al. 2019 (Led3D) coarsen depth maps of faces so, with a window of 3x3.
+// max_filter: takes the farthest depth of a square window: silhouettes grow.
+// Mu et al. 2019 (Led3D) coarsen depth maps of faces this way, window 3x3.
 #include "lib/layers.glsl"
 #include "reason.glsl"
 
-uniform int radius_px = 1;  //@ [0, 4] px the window is a square of side 2 radius + 1
+uniform int radius_px = 1;  //@ [0, 4] px radius of the window: its side is 2 radius + 1
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;

@@ -1,8 +1,8 @@
 #version 330 core
-// millimetre_quantise: rounds the depth to whole steps.
+// millimetre_quantise: rounds the depth to multiples of a step.
 // Default: 1 mm, the unit in which the Kinect V2 delivers.
 //@ sparse
-uniform float step_mm = 1.0;  //@ [0.001, 100] mm smallest difference of depth
+uniform float step_mm = 1.0;  //@ [0.001, 100] mm step of the depth
 
 uniform sampler2D u_depth;
 

@@ -1,6 +1,6 @@
 #version 330 core
-// range_gate: removes what is nearer or farther than the sensor measures.
-// Default: libfreenect2's, and Microsoft's reliable range of the Kinect V2.
+// range_gate: removes depth outside the measuring range.
+// Default: the range of libfreenect2, and Microsoft's reliable range of the Kinect V2.
 //@ sparse
 #include "reason.glsl"
 

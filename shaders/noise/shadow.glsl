@@ -1,8 +1,9 @@
 #version 330 core
-// shadow: removes what the emitter does not reach (Mallick, Das, Majumdar 2014: shadow noise).
+// shadow: removes pixels that the emitters do not light.
+// Mallick, Das and Majumdar 2014 call this shadow noise.
 #include "reason.glsl"
 
-uniform float min_lit = 0.5;  //@ [0, 1] 1 least share of the emitters that must reach a pixel
+uniform float min_lit = 0.5;  //@ [0, 1] 1 minimum share of the emitters that lights a pixel
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;

@@ -1,5 +1,5 @@
 #version 330 core
-// simplex: smooth noise on a simplex lattice, in depth or in disparity.
+// simplex: adds simplex noise, in depth or in disparity.
 #include "lib/simplex.glsl"
 #include "lib/field.glsl"
 #include "lib/disparity.glsl"
@@ -7,7 +7,7 @@
 uniform float amplitude_mm = 2.0;  //@ [0, 100]  mm amplitude in depth
 uniform float amplitude_px = 0.0;  //@ [0, 5]    px amplitude in disparity (render_kinect: 0.5)
 uniform float lattice_px = 8.0;    //@ [1, 1024] px size of a lattice cell
-uniform float drift_hz = 0.0;      //@ [0, 120]  Hz lattice cells a second that a sequence moves through; 0: a new field each frame
+uniform float drift_hz = 0.0;      //@ [0, 120]  Hz lattice cells per second that a sequence moves through; 0: a new field per frame
 
 uniform sampler2D u_depth;
 

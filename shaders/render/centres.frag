@@ -5,7 +5,7 @@ uniform sampler2D u_fine_seen; // depth, albedo
 uniform sampler2D u_rays;
 uniform vec2 u_focal_px;
 
-const int SIDE = 3; // samples a pixel along each axis; the renderer puts in the rig's
+const int SIDE = SAMPLES_PER_AXIS; // the rig's samples along each axis of a pixel, defined by glsim
 
 // Light is brighter on one side of a pixel than on the other by some per cent; this moves the mean
 // of the light within the pixel's range of depth by that much of the range.

@@ -1,5 +1,5 @@
 #version 330 core
-// identify: the number of the triangle, from 1; exact in float32 up to 16 million.
+// identify: writes the number of the triangle, from 1; exact in float32 up to 16 million.
 out float triangle;
 
 void main() {

@@ -1,5 +1,5 @@
 #version 330 core
-// identify: a mesh under an orthographic matrix, for finding out which triangles can be seen.
+// identify: projects a mesh by an orthographic matrix, to find its visible triangles.
 uniform mat4 u_clip;
 
 in vec3 in_position_mm;

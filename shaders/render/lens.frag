@@ -1,7 +1,7 @@
 #version 330 core
-// lens: clean layers from the pinhole grid to the grid of a lens that distorts.
-// Each pixel takes the surface element that its true ray meets, and the depth at which the ray
-// meets the element's plane, so that a plane stays a plane.
+// lens: resamples the clean layers from the pinhole grid to the grid of a lens with distortion.
+// Each pixel takes the surface element that its true ray meets. Its depth is where the ray meets the
+// plane of the element: planes stay planes.
 uniform sampler2D u_pinhole_clean;
 uniform sampler2D u_pinhole_normal;
 uniform sampler2D u_pinhole_albedo;
@@ -23,6 +23,6 @@ void main() {
     if (depth <= 0.0) return;
     vec2 at = (vec2(source) + 0.5 - u_pinhole.zw) / u_pinhole.xy;
     float ratio = dot(n.xyz, vec3(at, 1.0)) / dot(n.xyz, vec3(ray, 1.0));
-    // Half a pixel of a grazing facet may leave the facet: stay within its pixel's depth.
+    // On a grazing facet half a pixel may leave the facet: limit the change of depth.
     clean = depth * clamp(ratio, 0.98, 1.02);
 }

@@ -1,5 +1,5 @@
 #version 330 core
-// lens_regions: regions from the pinhole grid to the grid of a lens that distorts, the nearest one.
+// lens_regions: resamples regions to the grid of a lens with distortion: the nearest pixel.
 uniform sampler2D u_pinhole_region;
 uniform sampler2D u_rays;
 uniform vec4 u_pinhole; // fx, fy, cx, cy

@@ -1,34 +1,34 @@
 #version 330 core
-// lit: shadow mapping. Which share of a pixel the emitter reaches, from its z-buffer.
-// One pass an emitter, added up; u_weight is 1 / number of emitters. An emitter that is spread out
-// is three points, its middle and its ends; what the ends see is found by walking in the z-buffer
-// of the middle along the line from the surface to the end.
+// lit: shadow mapping: the share of a pixel that an emitter lights, from the emitter's z-buffer.
+// One pass per emitter, summed up; u_weight is 1 / number of emitters. A spread emitter is three
+// points, its centre and its ends; visibility from the ends is found by ray marching in the z-buffer
+// of the centre, along the line from the surface to the end.
 uniform sampler2D u_clean;
 uniform sampler2D u_normal;
 uniform sampler2D u_rays;
-uniform sampler2DShadow u_projector; // linear filter: the share of 4 texels that are farther
+uniform sampler2DShadow u_projector; // linear filter: the share of 4 texels that are farther away
 uniform sampler2D u_projector_depth; // the same z-buffer, unfiltered
 uniform vec3 u_emitter_m;
-uniform vec2 u_spread_m;   // from the middle of the emitter to its end; 0 for a point
+uniform vec2 u_spread_m;   // from the centre of the emitter to its end; 0 for a point
 uniform vec4 u_map;        // tangents (x/z, y/z) to texture coordinates: scale.xy, offset.zw
 uniform vec2 u_map_range;  // near and far plane of the z-buffer, m
-uniform float u_texel;     // tangent units a texel of the z-buffer covers
+uniform float u_texel;     // size of a texel of the z-buffer, tangent units
 uniform float u_weight;
 
 // A surface that is flat over a texel differs by its slope times at most one texel from the depth
-// at the texel's centre (bilinear: 1 in x and in y); beyond ten texels' worth it is grazing, and
-// more bias would only detach shadows. The constant covers the facets of a mesh of a face.
+// at the texel's centre (bilinear: 1 in x and in y). Beyond a slope of ten it is grazing, and more
+// bias would only detach shadows. The constant covers the facets of a face mesh.
 const float CONSTANT_BIAS_M = 0.0003;
 const float SLOPE_TEXELS = 1.0;
 const float MAX_SLOPE = 10.0;
-// The z-buffer knows fronts only. A line that passes farther behind one than this passes behind the
-// thing: half a head is 0.1 m.
+// The z-buffer holds front surfaces only. A line that passes behind one by more than this passes
+// behind the object: half a head is 0.1 m.
 const float THICKNESS_M = 0.1;
 const int MAX_WALK = 64; // texels: 15 mm of spread from 0.5 m to any distance are 16
 
 out float lit;
 
-// A depth seen from the emitter, m, to what the z-buffer holds; and that to 1 / depth.
+// A depth seen from the emitter, m, to the value in the z-buffer; and that value to 1 / depth.
 float to_stored(float z) {
     float n = u_map_range.x, f = u_map_range.y;
     return 0.5 + 0.5 * ((f + n) - 2.0 * f * n / z) / (f - n);
@@ -39,8 +39,8 @@ float inverse_of_stored(float stored) {
     return mix(1.0 / n, 1.0 / f, stored);
 }
 
-// Which ends of the emitter, ``spread`` metres along ``direction`` and against it, see the point at
-// ``tangent``, ``z``: s tangent units along, the line between them has depth 1 / (1 / z + s / spread).
+// Whether the two ends of the emitter, ``spread`` metres along ``direction`` and against it, see the
+// point at ``tangent``, ``z``. After s tangent units the line has depth 1 / (1 / z + s / spread).
 vec2 reached(vec2 tangent, float z, float spread, vec2 direction, float bias) {
     float longest = spread * (1.0 / u_map_range.x - 1.0 / z);
     vec2 free = vec2(1.0), middle = tangent * u_map.xy + u_map.zw;

@@ -1,4 +1,4 @@
 #version 330 core
-// projector: nothing but the z-buffer.
+// projector: writes the z-buffer only.
 void main() {
 }

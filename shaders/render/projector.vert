@@ -1,5 +1,5 @@
 #version 330 core
-// projector: the same mesh as the emitter sees it; only the z-buffer is kept.
+// projector: transforms the mesh into the emitter's view; only the z-buffer is kept.
 uniform mat4 u_view; // canonical mm -> emitter m
 uniform mat4 u_clip;
 

@@ -1,5 +1,5 @@
 #version 330 core
-// regions: which part of the face a pixel shows.
+// regions: writes the region of the face that a pixel shows.
 flat in float v_region;
 
 out float region;

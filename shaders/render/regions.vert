@@ -1,12 +1,12 @@
 #version 330 core
-// regions: a mesh in canonical millimetres to the camera, with the number of each triangle's region.
+// regions: transforms a mesh into the camera's view, with the region number of each triangle.
 uniform mat4 u_view; // canonical mm -> camera m
 uniform mat4 u_clip;
 
 in vec3 in_position_mm;
 in float in_region;
 
-flat out float v_region; // of the triangle's last vertex
+flat out float v_region; // taken from the triangle's last vertex
 
 void main() {
     v_region = in_region;

@@ -1,6 +1,6 @@
 #version 330 core
-// silhouette: a depth buffer that lets later passes through where something is seen within a pixel.
-uniform sampler2D u_seen; // more than 0 where the camera sees something
+// silhouette: writes a depth mask that limits later passes to covered pixels and their neighbours.
+uniform sampler2D u_seen; // above 0 where the camera sees a surface
 
 void main() {
     vec2 texel = 1.0 / vec2(textureSize(u_seen, 0));

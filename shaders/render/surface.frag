@@ -1,12 +1,12 @@
 #version 330 core
-// surface: the clean layers. Depth is the interpolated camera-space z, not the depth buffer's.
+// surface: writes the clean layers. Depth is the interpolated camera-space z, not the depth buffer.
 #include "lib/facet.glsl"
 
 in vec3 v_position_m;
 in float v_albedo;
 
 out float clean;
-out vec4 normal; // and in w the albedo, for stages that want both at once
+out vec4 normal; // w: albedo, for stages that read both
 out float albedo;
 
 void main() {

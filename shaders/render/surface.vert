@@ -1,5 +1,5 @@
 #version 330 core
-// surface: a mesh in canonical millimetres to the camera, with its position for the layers.
+// surface: transforms a mesh into the camera's view, with its position for the layers.
 uniform mat4 u_view; // canonical mm -> camera m
 uniform mat4 u_clip;
 

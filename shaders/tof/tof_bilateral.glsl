@@ -1,27 +1,27 @@
 #version 330 core
-// tof_bilateral: libfreenect2's joint bilateral filter: each phasor becomes a mean over 3x3, where
-// neighbours with another phase count less. Pixels whose phases differ from those around in any
+// tof_bilateral: averages phasors over 3x3 with libfreenect2's joint bilateral filter.
+// Neighbours with another phase count less. Pixels whose phase differs from their neighbours' at any
 // frequency are marked; tof_edge removes them.
 //@ sparse
 #include "lib/kernel.glsl"
 
-uniform float min_amplitude = 3.0; //@ [0, 1000] 1 a neighbour needs this amplitude (libfreenect2: joint_bilateral_ab_threshold)
-uniform float sharpness = 5.0;     //@ [0, 100]  1 how fast the weight falls with the phase (joint_bilateral_exp)
-uniform float max_edge = 2.5;      //@ [0, 8]    1 sum of the neighbours' distances, each 0 to 1, that marks a pixel (joint_bilateral_max_edge)
+uniform float min_amplitude = 3.0; //@ [0, 1000] 1 minimum amplitude of a neighbour (libfreenect2: joint_bilateral_ab_threshold)
+uniform float sharpness = 5.0;     //@ [0, 100]  1 decay of the weight with the phase difference (joint_bilateral_exp)
+uniform float max_edge = 2.5;      //@ [0, 8]    1 sum of the neighbours' phase distances, each 0 to 1, that marks a pixel (joint_bilateral_max_edge)
 
 uniform sampler2D u_phasor_a;
 uniform sampler2D u_phasor_b;
 uniform vec2 u_frame_size_px;
 
-const float LOG2_E = 1.442695; // as the decoder writes it: weight = exp(-1.442695 sharpness distance)
+const float LOG2_E = 1.442695; // as the decoder rounds it: weight = exp(-1.442695 sharpness distance)
 
 out vec4 phasor_a;
-out vec4 phasor_b; // flags: + 1 marked as an edge
+out vec4 phasor_b; // w: flags, + 1 if marked as an edge
 
-// What a pixel adds up over its neighbours, for the three frequencies.
+// Sums over the neighbours of a pixel, for the three frequencies.
 struct Sums {
     vec3 real, imaginary, weights;
-    vec3 apart; // 0 for each neighbour of the same phase, 1 for one of the opposite
+    vec3 apart; // sum of phase distances: 0 for the same phase, 1 for the opposite one
 };
 
 // Adds a neighbour. unit: 1 / amplitude of the pixel's own phasor.
@@ -50,7 +50,7 @@ void main() {
     vec3 real = vec3(own_a.xz, own_b.x), imaginary = vec3(own_a.yw, own_b.y);
     vec3 norm = real * real + imaginary * imaginary;
     vec3 unit = inversesqrt(max(norm, 1e-20));
-    // A pixel that is itself too dark takes the mean of all.
+    // A pixel that is too dark itself takes the plain mean.
     vec3 bright = step(min_amplitude * min_amplitude, norm);
     vec3 least = bright * min_amplitude * min_amplitude;
     vec3 falloff = -LOG2_E * sharpness * bright;
@@ -64,7 +64,7 @@ void main() {
     add(sums, vec2(0, 1), KERNEL_SIDE, real, imaginary, unit, least, falloff);
     add(sums, vec2(1, 1), KERNEL_CORNER, real, imaginary, unit, least, falloff);
     ivec2 last = ivec2(u_frame_size_px) - 1;
-    // The decoder leaves the border alone.
+    // The decoder does not filter the border.
     bool kept = own_b.z <= 0.0 || any(equal(pixel, ivec2(0))) || any(equal(pixel, last));
     bool edge = !kept && max(sums.apart.x, max(sums.apart.y, sums.apart.z)) >= max_edge;
     vec3 mean_real = kept ? real : sums.real / sums.weights;

@@ -1,15 +1,15 @@
 #version 330 core
-// tof_edge: libfreenect2's edge filter: removes pixels between two surfaces, and those that the
-// bilateral filter has marked.
+// tof_edge: removes pixels between two surfaces (libfreenect2's edge filter).
+// Pixels that the bilateral filter marked are removed too.
 //@ sparse
 #include "reason.glsl"
 
-uniform float min_contrast = 0.05;  //@ [0, 10]   1  standard deviation over mean of the infrared in 3x3 (libfreenect2: edge_ab_std_dev_threshold)
-uniform float min_mean = 50.0;      //@ [0, 1e5]  1  the mean is taken to be this at least (edge_ab_avg_min_value)
-uniform float nearest_mm = 50.0;    //@ [0, 5000] mm how far the nearest depth in 3x3 must be (edge_close_delta_threshold)
-uniform float farthest_mm = 30.0;   //@ [0, 5000] mm how far the farthest (edge_far_delta_threshold)
-uniform float larger_mm = 100.0;    //@ [0, 5000] mm how far one of both (edge_max_delta_threshold)
-uniform bool remove_mixed = true;   //@           1  whether pixels that the bilateral filter marked are removed
+uniform float min_contrast = 0.05;  //@ [0, 10]   1  minimum standard deviation over mean of the infrared in 3x3 (libfreenect2: edge_ab_std_dev_threshold)
+uniform float min_mean = 50.0;      //@ [0, 1e5]  1  lower limit of that mean (edge_ab_avg_min_value)
+uniform float nearest_mm = 50.0;    //@ [0, 5000] mm minimum distance to the nearest depth in 3x3 (edge_close_delta_threshold)
+uniform float farthest_mm = 30.0;   //@ [0, 5000] mm minimum distance to the farthest depth (edge_far_delta_threshold)
+uniform float larger_mm = 100.0;    //@ [0, 5000] mm minimum of the larger of both distances (edge_max_delta_threshold)
+uniform bool remove_mixed = true;   //@           1  whether pixels marked by the bilateral filter are removed
 
 uniform sampler2D u_decoded;
 uniform sampler2D u_depth;
@@ -27,7 +27,7 @@ void main() {
     vec2 own = textureLod(u_decoded, here, 0.0).rg;
     float sum = own.y, squares = own.y * own.y, low = depth, high = depth;
     vec2 texel = 1.0 / vec2(textureSize(u_decoded, 0));
-    for (int k = 0; k < 8; k++) { // without the middle
+    for (int k = 0; k < 8; k++) { // without the centre
         ivec2 offset = ivec2((k + int(k > 3)) % 3, (k + int(k > 3)) / 3) - 1;
         vec2 other = textureLod(u_decoded, (gl_FragCoord.xy + vec2(offset)) * texel, 0.0).rg;
         sum += other.y;

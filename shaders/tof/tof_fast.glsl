@@ -1,19 +1,20 @@
 #version 330 core
-// tof_fast: the time-of-flight sensor in one step, for very large sets. On even surfaces the noise is
-// drawn as the chain of tof_light to tof_floor leaves it; only beside depth steps are phasors added up,
-// filtered and unwrapped. One sample a pixel, no taps: no companding, no saturation.
+// tof_fast: simulates the time-of-flight sensor in one step, for very large data sets.
+// On even surfaces the noise is drawn with the statistics of the chain tof_light to tof_floor. Only
+// beside depth steps phasors are summed up, filtered and unwrapped. One sample per pixel and no taps:
+// no companding, no saturation.
 //@ sparse
 #include "lib/surface_light.glsl"
 #include "lib/unwrap.glsl"
-#include "lib/alike.glsl"
+#include "lib/correlated_noise.glsl"
 #include "lib/floor.glsl"
 #include "lib/depth.glsl"
 
-uniform float step_mm = 20.0;         //@ [0, 1000] mm  range of depth in 3x3 beyond which phasors are added up
+uniform float step_mm = 20.0;         //@ [0, 1000] mm  range of depth in 3x3 beyond which phasors are summed up
 uniform float read_variance = 1.755;  //@ [0, 1e4]  LSB^2 variance of a tap without light, as in tof_taps
 uniform float shot_variance = 0.0166; //@ [0, 10]   LSB variance of a tap for one LSB of light, as in tof_taps
-uniform float sharpness = 5.0;        //@ [0, 100]  1   how fast the bilateral filter's weight falls, as in tof_bilateral
-uniform float max_edge = 2.5;         //@ [0, 8]    1   sum of the neighbours' distances that marks a pixel, as in tof_bilateral
+uniform float sharpness = 5.0;        //@ [0, 100]  1   decay of the bilateral filter's weight, as in tof_bilateral
+uniform float max_edge = 2.5;         //@ [0, 8]    1   sum of the neighbours' phase distances that marks a pixel, as in tof_bilateral
 
 uniform sampler2D u_clean;
 uniform sampler2D u_normal;
@@ -24,9 +25,9 @@ uniform uint u_seed;
 out float depth;
 out float reason;
 out float infrared;
-out vec2 decoded; // as tof_unwrap's
+out vec2 decoded; // as in tof_unwrap
 
-// Light and phasors of a pixel that sees one surface.
+// Amplitude and phasors of a pixel that sees one surface.
 float seen(ivec2 pixel, out vec3 real, out vec3 imaginary) {
     ivec2 at = clamp(pixel, ivec2(0), textureSize(u_clean, 0) - 1);
     vec2 light = surface_light(texelFetch(u_clean, at, 0).r, texelFetch(u_normal, at, 0),
@@ -37,7 +38,7 @@ float seen(ivec2 pixel, out vec3 real, out vec3 imaginary) {
     return light.x;
 }
 
-// Standard deviation of a phasor's parts after the filter.
+// Standard deviation of the real and imaginary parts after the filter.
 vec3 part_sigma(float amplitude) {
     vec3 m = CONTRAST_MULTIPLIER;
     vec3 variance = 2.0 / 3.0 * m * m * (read_variance + shot_variance * amplitude / m);
@@ -57,16 +58,16 @@ void main() {
         }
     }
     bool beside_step = high - low > 0.001 * step_mm;
-    // Nine rounds for the blur of the lens and of the pixel's area, a third of a pixel^2, as weights
-    // 1/6, 2/3, 1/6; then eight for the bilateral filter, to which each neighbour sees one surface.
-    // On an even surface one round: the pixel's own light.
+    // Nine iterations compute the blur of lens and pixel area (variance 1/3 px^2, weights 1/6, 2/3,
+    // 1/6), eight more the bilateral filter, in which each neighbour sees one surface. On an even
+    // surface a single iteration computes the pixel's own light.
     vec3 mixed_real = vec3(0.0), mixed_imaginary = vec3(0.0), unit = vec3(0.0);
     vec3 sum_real = vec3(0.0), sum_imaginary = vec3(0.0), total = vec3(1e-6), apart = vec3(0.0);
     float mixed_amplitude = 0.0;
     int k = beside_step ? 0 : 4;
     do {
         bool blurs = k < 9;
-        int place = blurs ? k : k - 9 + int(k > 12); // the second time without the middle
+        int place = blurs ? k : k - 9 + int(k > 12); // the second time without the centre
         ivec2 offset = ivec2(place % 3, place / 3) - 1;
         vec3 r, i;
         float a = seen(pixel + offset, r, i);
@@ -104,7 +105,7 @@ void main() {
     } while (--frequency >= 0);
     vec3 filtered_real = sum_real / total + sigma * noise_real;
     vec3 filtered_imaginary = sum_imaginary / total + sigma * noise_imaginary;
-    // An even surface: no noise here, for it comes at the end; but at the limit of the dark.
+    // On an even surface noise is added at the end; here it only decides whether the pixel is too dark.
     float dimmed = amplitude + max(sigma.x, max(sigma.y, sigma.z)) * noise_real.x;
     float kept = dimmed < 1.1 * min_amplitude ? 0.0 : 1.0;
     vec3 real = beside_step ? filtered_real : kept * mixed_real;
@@ -120,9 +121,9 @@ void main() {
 
     vec3 phase_sigma = sigma / max(amplitude, 1.0); // rad
     float light_mm = beside_step ? 0.0 : 1000.0 * length(phase_sigma) / TWO_PI * HALF_WAVE_M_MHZ
-        / dot(u_modulation_mhz, vec3(1.0)) / length(vec3(ray, 1.0)); // of z, not along the ray
+        / dot(u_modulation_mhz, vec3(1.0)) / length(vec3(ray, 1.0)); // along z, not along the ray
     float variance = floor_variance(z, texelFetch(u_normal, pixel, 0).xyz, ray) + light_mm * light_mm;
-    float noise = alike_noise(pixel, u_seed);
+    float noise = correlated_noise(pixel, u_seed);
     depth = valid ? moved_by_mm(z, sqrt(variance) * noise) : 0.0;
     infrared = min(16.0 * amplitude, 65535.0);
     bool edge = beside_step && max(apart.x, max(apart.y, apart.z)) >= max_edge;

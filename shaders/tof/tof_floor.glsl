@@ -1,7 +1,7 @@
 #version 330 core
-// tof_floor: the noise of the depth that does not depend on the light; new in every frame.
+// tof_floor: adds the depth noise that does not depend on the light, new in every frame.
 //@ sparse
-#include "lib/alike.glsl"
+#include "lib/correlated_noise.glsl"
 #include "lib/floor.glsl"
 #include "lib/depth.glsl"
 
@@ -18,5 +18,5 @@ void main() {
     depth = textureLod(u_depth, here, 0.0).r;
     vec3 normal = textureLod(u_normal, here, 0.0).xyz;
     float sigma = sqrt(floor_variance(depth, normal, textureLod(u_rays, here, 0.0).rg));
-    depth = moved_by_mm(depth, sigma * alike_noise(pixel, u_seed));
+    depth = moved_by_mm(depth, sigma * correlated_noise(pixel, u_seed));
 }

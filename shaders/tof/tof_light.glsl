@@ -1,17 +1,17 @@
 #version 330 core
-// tof_light: the light of each pixel as phasors, one a frequency: amplitude and phase.
-// Amplitude: Lambert's law and the inverse square of the way from the emitter; phase: half the way
-// from the emitter over the surface to the camera. A pixel that sees one smooth surface takes its
-// centre; one at an edge adds up the phasors of its samples, so that mixed pixels are what physics
-// makes of them and not a blend of depths.
+// tof_light: computes the light of each pixel as one phasor (amplitude and phase) per frequency.
+// Amplitude: Lambert's law and the inverse square of the distance to the emitter. Phase: half the
+// path emitter, surface, camera. A pixel that sees one smooth surface is evaluated at its centre. A
+// pixel at an edge is the sum of its samples' phasors: mixed pixels then follow from physics;
+// depths are not averaged.
 //@ sparse
 #include "lib/surface_light.glsl"
 #include "lib/loops.glsl"
 
-uniform float smooth_mm = 0.05;    //@ [0, 100]   mm error of the depth up to which a pixel's centre stands for its samples; 0: never
+uniform float smooth_mm = 0.05;    //@ [0, 100]   mm depth error up to which the centre of a pixel replaces its samples; 0: never
 
 uniform sampler2D u_clean;
-uniform sampler2D u_normal; // and in w the albedo
+uniform sampler2D u_normal; // w: albedo
 uniform sampler2D u_rays;
 uniform sampler2D u_lit;
 uniform sampler2D u_uneven;
@@ -20,7 +20,7 @@ uniform int u_supersample;
 uniform float u_focal_px;
 
 out vec4 light_a; // real and imaginary part at the first and the second frequency
-out vec4 light_b; // at the third; the light itself; unused
+out vec4 light_b; // at the third frequency; amplitude; unused
 
 void main() {
     vec4 sum_a = vec4(0.0), sum_b = vec4(0.0);
@@ -28,27 +28,27 @@ void main() {
     vec2 at = gl_FragCoord.xy * texel;
     bool mixed = u_supersample > 1 && textureLod(u_uneven, at, 0.0).r > 0.001 * smooth_mm;
     int side = u_supersample, samples = mixed ? side * side : 1;
-    float share = 1.0 / float(samples), width = 1.0 / float(side); // of a sample, pixels
+    float share = 1.0 / float(samples), width = 1.0 / float(side); // of a sample; width in pixels
     vec2 ray = textureLod(u_rays, at, 0.0).rg;
     int k = 0;
-    do { // an even pixel's only sample is the middle one
+    do { // an even pixel has one sample, the central one
         ivec2 place = mixed ? ivec2(k % side, k / side) : ivec2(side / 2);
         vec2 within = (vec2(place) + 0.5) * width;
         vec2 seen = textureLod(u_fine_seen, (pixel + within) * texel, 0.0).rg;
-        // Light and slope change slowly on a surface: a sample takes those of the pixel, of the four
-        // beside it and itself, whose depth is nearest to its own.
+        // Light and normal change slowly on a surface: a sample takes those of its pixel or of one of
+        // the four neighbours, whichever has the most similar depth.
         vec2 alike = at;
         float nearest = 1e5;
         int i = mixed ? 0 : 4;
         do {
             ivec2 way = i == 4 ? ivec2(0) : ivec2((i & 1) * (i - 2), (1 - (i & 1)) * (i - 1));
-            vec2 beside = at + vec2(way) * texel; // beyond the frame as at its border
+            vec2 beside = at + vec2(way) * texel; // clamped at the border of the frame
             float there = textureLod(u_clean, beside, 0.0).r;
             float apart = there > 0.0 ? abs(there - seen.r) : 1e5;
             alike = apart < nearest ? beside : alike;
             nearest = min(nearest, apart);
         } while (++i < 5);
-        // A speck that no pixel's centre sees: lit, and facing the camera.
+        // Without such a pixel, the sample is lit and faces the camera.
         vec4 shape = textureLod(u_normal, alike, 0.0);
         float lit = textureLod(u_lit, alike, 0.0).r;
         shape = nearest < 1e5 ? shape : vec4(0.0, 0.0, -1.0, 0.0);

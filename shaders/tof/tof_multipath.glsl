@@ -1,24 +1,24 @@
 #version 330 core
-// tof_multipath: light that reaches a surface over another one that the camera sees, once: it bends
-// concave corners outwards. Points around in the image stand for what is around in the room; what
-// the camera does not see, and what blocks the way, is left out. Off in the shipped sensors.
+// tof_multipath: adds light that one other visible surface has reflected once.
+// It bends concave corners outwards. Sample points around in the image represent the surroundings;
+// surfaces that the camera does not see, and occlusion, are ignored. Off in the shipped sensors.
 //@ sparse
 #include "lib/surface_light.glsl"
 #include "lib/loops.glsl"
 
-uniform float strength = 1.0;  //@ [0, 10]   1  of the physical amount
-uniform float radius_px = 48.0;//@ [2, 256]  px how far around it is looked
-uniform int samples = 32;      //@ [1, 256]  1  at how many points
+uniform float strength = 1.0;  //@ [0, 10]   1  factor on the physical amount
+uniform float radius_px = 48.0;//@ [2, 256]  px radius of the sample points
+uniform int samples = 32;      //@ [1, 256]  1  number of sample points
 
 uniform sampler2D u_clean;
-uniform sampler2D u_normal; // and in w the albedo
+uniform sampler2D u_normal; // w: albedo
 uniform sampler2D u_rays;
 uniform sampler2D u_light_a;
 uniform sampler2D u_light_b;
 uniform float u_focal_px;
 
 const float PI = 3.14159265359;
-const float GOLDEN_ANGLE = 2.39996322973; // Vogel's spiral: even over a disc
+const float GOLDEN_ANGLE = 2.39996322973; // Vogel's spiral: uniform over a disc
 
 out vec4 light_a;
 out vec4 light_b;
@@ -30,7 +30,7 @@ void main() {
     float z = texelFetch(u_clean, pixel, 0).r;
     vec3 ray = vec3(texelFetch(u_rays, pixel, 0).rg, 1.0), here = z * ray;
     vec4 shape = texelFetch(u_normal, pixel, 0);
-    // Each point stands for so much of the image.
+    // Area of the image that each point represents, px^2.
     float pixels = PI * radius_px * radius_px / float(samples);
     int k = z > 0.0 ? 0 : samples - 1;
     do {
@@ -48,7 +48,7 @@ void main() {
         float leaving = max(-dot(there_shape.xyz, way), 0.0) / apart;
         float area = pixels * there_z * there_z / (u_focal_px * u_focal_px)
             / max(-dot(there_shape.xyz, there_ray), 0.05);
-        // Seen from nearby an area fills no more than a half space.
+        // A nearby area covers at most a half space.
         float share = arriving * leaving * area / (PI * squared + area);
         bool counts = inside && there_z > 0.0 && z > 0.0;
         float amplitude = counts ? strength * shape.w * light * share : 0.0;

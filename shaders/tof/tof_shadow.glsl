@@ -1,20 +1,20 @@
 #version 330 core
-// tof_shadow: which share of three emitters reaches a pixel, by walking towards them in the image.
+// tof_shadow: computes the share of three emitters that lights a pixel, by ray marching in the image.
 // The line from a point to an emitter beside the camera runs through the image along the baseline;
-// k pixels on its depth is 1 / (1 / z + k / F), F the focal length times the baseline (this is
-// where the width of shadows, F (1 / z_near - 1 / z_far), comes from). A surface at that depth or
-// not far before it hides the point. One image instead of a z-buffer for each emitter.
+// after k pixels its depth is 1 / (1 / z + k / F), F the focal length times the baseline (the width
+// of shadows, F (1 / z_near - 1 / z_far), follows from it). A surface at that depth or shortly in
+// front of it hides the point. It needs one image instead of a z-buffer per emitter.
 //@ sparse
-uniform float spread_mm = 15.0;     //@ [0, 100]  mm how far the outer emitters are from the middle one; not published
-uniform float thickness_mm = 250.0; //@ [1, 5000] mm how thick things are taken to be; a head is that deep
-uniform float bias_mm = 1.0;        //@ [0, 50]   mm a surface must be this much before the line to hide a point
+uniform float spread_mm = 15.0;     //@ [0, 100]  mm distance of the outer emitters from the middle one; not published
+uniform float thickness_mm = 250.0; //@ [1, 5000] mm assumed thickness of objects; the depth of a head
+uniform float bias_mm = 1.0;        //@ [0, 50]   mm a surface hides a point if it is nearer than the line by this
 
 #include "lib/loops.glsl"
 
 uniform sampler2D u_clean;
 uniform vec3 u_emitter_m;
 uniform float u_focal_baseline_px_m;
-uniform float u_nearest_m; // of the scene: nothing nearer throws a shadow
+uniform float u_nearest_m; // smallest depth of the scene: nothing nearer casts a shadow
 
 const int FARTHEST_PX = 128;
 
@@ -41,7 +41,7 @@ void main() {
         bool inside = all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size));
         float there = inside ? texelFetch(u_clean, at, 0).r : 0.0;
         float surface = 1.0 / max(there, 1e-3);
-        // How far before the line the surface is, times both inverse depths.
+        // How far the surface is in front of the line, times both inverse depths.
         vec3 before = surface - line, scale = surface * line;
         vec3 hides = step(bias * scale, before) * (1.0 - step(thickness * scale, before));
         hidden = max(hidden, there > 0.0 ? hides : vec3(0.0));

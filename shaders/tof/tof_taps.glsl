@@ -1,20 +1,20 @@
 #version 330 core
-// tof_taps: what the pixels measure of the light: three taps a frequency, with noise, saturation
-// and companding, put together again to a phasor a frequency.
-// Noise: Var = 1.755 + 0.0166 A, A the tap's amplitude; fits the phase noise that Jaremo Lawin,
-// Forssen and Ovren (ECCV 2016) measured on a Kinect V2 within 7 % rms.
+// tof_taps: measures three taps per frequency, with noise, saturation and companding.
+// It combines the taps into one phasor per frequency. Noise: Var = 1.755 + 0.0166 A, A the tap's
+// amplitude; this fits the phase noise that Jaremo Lawin, Forssen and Ovren (ECCV 2016) measured on a
+// Kinect V2 within 7 % rms.
 //@ sparse
 #include "lib/random.glsl"
 #include "lib/tof.glsl"
 #include "lib/taps.glsl"
 
-uniform float psf_sigma_px = 0.5;       //@ [0, 0.8]   px  standard deviation of the optical blur, beside the pixel's own area
+uniform float psf_sigma_px = 0.5;       //@ [0, 0.8]   px  standard deviation of the optical blur, without the pixel's area
 uniform float read_variance = 1.755;    //@ [0, 1e4]   LSB^2 variance of a tap without light
 uniform float shot_variance = 0.0166;   //@ [0, 10]    LSB  variance of a tap for one LSB of light
-uniform float ambient_lsb = 0.0;        //@ [0, 1e5]   LSB light that is not the sensor's own: cancels, but for its noise
-uniform float saturation_lsb = 16320.0; //@ [1, 16320] LSB taps beyond this are lost; 16320 is the code's end
+uniform float ambient_lsb = 0.0;        //@ [0, 1e5]   LSB ambient light: it cancels, except for its noise
+uniform float saturation_lsb = 16320.0; //@ [1, 16320] LSB taps beyond this saturate; 16320 is the largest code
 uniform bool companding = true;         //@            1   whether taps are rounded to 11 bits
-uniform bool dead_border = true;        //@            1   whether the first and the last column are not read out
+uniform bool dead_border = true;        //@            1   whether the first and last columns are not read out
 
 uniform sampler2D u_light_a;
 uniform sampler2D u_light_b;
@@ -25,13 +25,12 @@ uniform vec2 u_frame_size_px;
 const float COUNTS_PER_AMPLITUDE = 16.0; // libfreenect2's ab_output_multiplier
 
 out vec4 phasor_a; // as light_a
-out vec4 phasor_b; // third frequency; infrared counts; 2: saturated
+out vec4 phasor_b; // third frequency; infrared counts; flags, 2: saturated
 
 void main() {
     vec2 here = gl_FragCoord.xy / vec2(textureSize(u_light_a, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    // Blur: three weights along each axis with the variance of the Gaussian. Beyond the frame it is
-    // as at its border.
+    // Blur: three weights per axis with the variance of the Gaussian, clamped at the frame.
     float side = 0.5 * psf_sigma_px * psf_sigma_px, middle = 1.0 - 2.0 * side;
     vec2 texel = 1.0 / vec2(textureSize(u_light_a, 0));
     vec4 a = vec4(0.0), b = vec4(0.0);
@@ -43,7 +42,7 @@ void main() {
             b += weight * textureLod(u_light_b, at, 0.0);
         }
     }
-    // Where the camera sees nothing, nothing is measured: a frame's window must not decide on noise.
+    // Pixels without surface and light get no noise: it would depend on the frame's window.
     bool seen = b.z > 0.0 || textureLod(u_clean, here, 0.0).r > 0.0;
     bool dead = dead_border && (pixel.x == 0 || pixel.x == int(u_frame_size_px.x) - 1);
     vec3 light_real = vec3(a.xz, b.x) / CONTRAST_MULTIPLIER;

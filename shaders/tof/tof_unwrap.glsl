@@ -1,5 +1,5 @@
 #version 330 core
-// tof_unwrap: phases to depth along the axis, as libfreenect2 decodes them.
+// tof_unwrap: unwraps phases to depth along the axis, as in libfreenect2.
 //@ sparse
 #include "lib/unwrap.glsl"
 
@@ -12,7 +12,7 @@ uniform sampler2D u_rays;
 out float depth;
 out float reason;
 out float infrared;
-out vec2 decoded; // depth in m, 0 if marked as an edge; sum of the amplitudes
+out vec2 decoded; // depth in m, 0 if marked as an edge; sum of amplitudes
 
 void main() {
     vec2 here = gl_FragCoord.xy / vec2(textureSize(u_clean, 0));

@@ -1,4 +1,4 @@
-"""What must hold of a data set before hours are spent on it, in one pass over its manifest."""
+"""Checks of a data set before training, in one pass over its manifest, and its fingerprint."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from glsim.config import SPLIT_NAMES
 from glsim.dataset import Dataset, Split
-from glsim.dataset.files import check_of, reading
-from glsim.dataset.layout import MANIFEST
+from glsim.dataset.disk_format import MANIFEST
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.atomic import file_checksum, wrap_read_errors
+from glsim.settings.schema import SPLIT_NAMES
 
-#: How frames larger than the crop are cut: not at all (they are an error), around their centre, or
-#: at a place that is drawn anew for each epoch.
+#: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a
+#: place drawn anew in each epoch.
 Cut = Literal["no", "centre", "random"]
-LAYERS = ("noisy", "clean")
+PAIR_LAYERS = ("noisy", "clean")
 
 
 def checked_split(dataset: Dataset, name: str, crop: int | None, cut: Cut) -> Split:
-    """A split that can be trained on. Images are not decoded: damage in them is found by reading.
+    """Return a split after checking that it can be trained on. Images are not decoded.
 
     Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits, a
-    file is missing or cut short, frames differ in size or do not fit ``crop``. Raises ConfigError
-    for a crop that no frame could have.
+    file is missing or truncated, frames differ in size or do not fit ``crop``. Raises ConfigError
+    for a crop below 1.
     """
     if crop is not None and crop < 1:
         raise ConfigError(f"a crop of {crop} pixels: give 1 or more")
@@ -34,7 +34,7 @@ def checked_split(dataset: Dataset, name: str, crop: int | None, cut: Cut) -> Sp
             f"{dataset.path}: has no frames in its split {name!r} (frames: {have}): generate one "
             "with other shares (--split)"
         )
-    for layer in LAYERS:
+    for layer in PAIR_LAYERS:
         if layer not in dataset.layers:
             raise DatasetError(
                 f"{dataset.path}: has no layer {layer!r}: generate it with --layers clean,noisy"
@@ -45,14 +45,14 @@ def checked_split(dataset: Dataset, name: str, crop: int | None, cut: Cut) -> Sp
 
 
 def _check_subjects(dataset: Dataset) -> None:
-    """Who is trained on must be nobody who is tested on."""
+    """Raise DatasetError if a subject is in two splits."""
     split_of: dict[str, str] = {}
     for pair in dataset:
         other = split_of.setdefault(pair.subject, pair.split)
         if other != pair.split:
             raise DatasetError(
-                f"{dataset.path}: subject {pair.subject} is in {other} and in {pair.split}: a test "
-                "on it would flatter: glsim generate splits by subject"
+                f"{dataset.path}: subject {pair.subject} is in {other} and in {pair.split}: scores "
+                "on it would be too good: glsim generate splits by subject"
             )
 
 
@@ -67,7 +67,7 @@ def _check_frames(dataset: Dataset, split: Split, crop: int | None, cut: Cut) ->
                 f"{dataset.path}: {pair!r} is {size[1]} x {size[0]} pixels, frames before it "
                 f"{first[1]} x {first[0]}: a batch needs one size: give a crop"
             )
-        for layer in LAYERS:
+        for layer in PAIR_LAYERS:
             _check_file(dataset.path, pair.record["files"][layer], sizes)
 
 
@@ -77,15 +77,18 @@ def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -
     if min(size) < crop or cut == "no":
         raise DatasetError(
             f"{where} is {size[1]} x {size[0]} pixels, the training asks for {crop} x {crop}: "
-            f"generate with --crop {crop}, or train on others (data.crop, data.cut of the recipe)"
+            f"generate with --crop {crop}, or change data.crop or data.cut of the recipe"
         )
 
 
 def _check_file(root: Path, file: Mapping[str, Any], sizes: dict[str, int]) -> None:
-    """The file is there and holds all of the image; ``sizes`` remembers those of shards."""
+    """Raise DatasetError if the file is missing or ends before the image does.
+
+    sizes: cache of the sizes of shards, filled here.
+    """
     path = root / file["name"]
     if file["name"] not in sizes:
-        with reading(path):
+        with wrap_read_errors(path):
             size = path.stat().st_size
         if "offset" in file:
             sizes[file["name"]] = size
@@ -98,13 +101,13 @@ def _check_file(root: Path, file: Mapping[str, Any], sizes: dict[str, int]) -> N
 
 
 def fingerprint(dataset: Path) -> dict[str, Any]:
-    """What a checkpoint says of the data it has seen; equal for equal data, wherever they lie.
+    """Identify a data set in a checkpoint: equal for equal data, whatever their folder.
 
-    The manifest holds every image's CRC32, so that its own stands for all pixels. Raises
-    DatasetError for what is no data set of glsim.
+    The manifest holds every image's CRC32, so the manifest's CRC32 covers all pixels. Raises
+    DatasetError if the folder is no data set of glsim.
     """
     opened = Dataset(dataset)
-    manifest = check_of(opened.path / MANIFEST)
+    manifest = file_checksum(opened.path / MANIFEST)
     if manifest is None:
         raise DatasetError(f"{opened.path / MANIFEST}: is missing or cannot be read")
     settings = opened.header["settings"]

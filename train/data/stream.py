@@ -1,10 +1,10 @@
-"""Which pairs are rendered for a training, and in which order: arithmetic, no OpenGL.
+"""Plan of the pairs that a training renders, and their order: arithmetic, no OpenGL.
 
-The order must not depend on the number of workers, and still each worker must render for itself
-and reuse what it has rendered. So the sequence of batches is dealt to a fixed number of lanes,
-batch j to lane j % LANES, and each worker has whole lanes. A lane is a row of blocks of a few
-batches; all pairs of a block are rendered, then given in ``reuse`` orders, each of them once
-through. Everything about batch j follows from its number, so that a training may resume anywhere.
+The order must not depend on the number of workers, and each worker must reuse the pairs that it
+rendered itself. So the sequence of batches is dealt to a fixed number of lanes, batch j to lane
+j % LANES, and each worker has whole lanes. A lane is a sequence of blocks of a few batches. All
+pairs of a block are rendered, then given ``reuse`` times, each time in a new order. The content of
+batch j follows from its number, so a training may resume anywhere.
 """
 
 from __future__ import annotations
@@ -15,26 +15,27 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from glsim.config import SPLIT_NAMES, Settings
-from glsim.distribution import DrawKeys
 from glsim.errors import ConfigError, did_you_mean
 from glsim.faces.base import FaceSource
-from glsim.plan import Task, split_subjects, stable_seed
+from glsim.plan.split import split_subjects
+from glsim.plan.tasks import Task
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import SPLIT_NAMES, Settings
+from glsim.settings.seeds import stable_seed
 
-#: 1, 2, 3, 4, 6 and 12 workers share them evenly.
+#: Number of lanes; 1, 2, 3, 4, 6 and 12 workers share them evenly.
 LANES: Final = 12
 
-#: A block is what a batch is drawn from: so many times larger than the batch that its pairs seldom
-#: meet again, so small that the first ones do not keep a training waiting (chosen by experiment:
-#: 16 pairs of kinect-v2 are 0.35 s).
-BATCHES_A_BLOCK: Final = 4
+#: Number of different batches in a block: large enough that two pairs seldom share a batch again,
+#: small enough that training starts soon (by experiment: 16 pairs of kinect-v2 take 0.35 s).
+BATCHES_PER_BLOCK: Final = 4
 
 #: Frames of one person in a row: making a procedural head takes 10 ms, a frame of it 0.2 ms.
-FRAMES_A_VISIT: Final = 4
+FRAMES_PER_VISIT: Final = 4
 
 
-class Place(NamedTuple):
-    """Where a batch is: lane, block of the lane, and which pairs of the block."""
+class BatchPlace(NamedTuple):
+    """Position of a batch: lane, block of the lane, and numbers of its pairs in the block."""
 
     lane: int
     block: int
@@ -42,10 +43,10 @@ class Place(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stream:
-    """An endless sequence of batches.
+class BatchStream:
+    """The plan of an endless sequence of batches.
 
-    sources: opened from ``settings``. people: of each source, those of the split.
+    sources: opened from ``settings``. people: names of the split's people, for each source.
     """
 
     settings: Settings
@@ -58,22 +59,22 @@ class Stream:
 
     @property
     def block_pairs(self) -> int:
-        """Pairs of a block."""
-        return self.batch * BATCHES_A_BLOCK
+        """Number of pairs in a block."""
+        return self.batch * BATCHES_PER_BLOCK
 
-    def place(self, batch: int) -> Place:
-        """Where the batch of this number comes from."""
+    def place(self, batch: int) -> BatchPlace:
+        """Return the position of the batch of this number."""
         turn, lane = divmod(batch, LANES)
-        block, within = divmod(turn, BATCHES_A_BLOCK * self.reuse)
-        time, part = divmod(within, BATCHES_A_BLOCK)
-        rng = np.random.default_rng(stable_seed("order", self.seed, lane, block, time))
+        block, within = divmod(turn, BATCHES_PER_BLOCK * self.reuse)
+        use, part = divmod(within, BATCHES_PER_BLOCK)
+        rng = np.random.default_rng(stable_seed("order", self.seed, lane, block, use))
         order = rng.permutation(self.block_pairs)
-        return Place(
+        return BatchPlace(
             lane, block, tuple(order[part * self.batch : (part + 1) * self.batch].tolist())
         )
 
     def tasks(self, lane: int, block: int) -> list[Task]:
-        """The pairs of a block, as frames to be made."""
+        """Draw the frames to render for a block."""
         rng = np.random.default_rng(stable_seed("block", self.seed, lane, block))
         shares = np.array([s.weight or s.count or 1.0 for s in self.settings.source])
         shares[[not names for names in self.people]] = 0
@@ -84,7 +85,7 @@ class Stream:
             tasks += self._visit(
                 source,
                 names[int(rng.integers(len(names)))],
-                min(left, FRAMES_A_VISIT),
+                min(left, FRAMES_PER_VISIT),
                 lane,
                 block,
                 rng,
@@ -100,29 +101,29 @@ class Stream:
         block: int,
         rng: np.random.Generator,
     ) -> list[Task]:
-        """Some frames of one person; the noise and the pose are drawn for this visit alone."""
+        """Draw some frames of one person, with seeds for noise and pose of this visit alone."""
         settings, name = self.settings, self.sources[source].name
         keys = self.sources[source].frames(subject, settings.source[source].frames_per_subject)
         chosen = rng.choice(len(keys), min(count, len(keys)), replace=False)
-        words = (settings.seed, name, subject)
+        identity = (settings.seed, name, subject)
         tasks = []
         for number in chosen:
             key = keys[number]
             draw = int(rng.integers(2**63))
             seeds = DrawKeys(
                 frame=stable_seed("simulated", self.seed, lane, block, draw),
-                sequence=stable_seed("sequence", *words, key.sequence),
-                subject=stable_seed("subject", *words),
+                sequence=stable_seed("sequence", *identity, key.sequence),
+                subject=stable_seed("subject", *identity),
             )
             device = int(rng.integers(settings.devices))
             tasks.append(Task(int(number), self.split, subject, source, key, seeds, device))
         return tasks
 
 
-def people_of(
+def split_people(
     settings: Settings, sources: Sequence[FaceSource], split: str
 ) -> tuple[tuple[str, ...], ...]:
-    """The people of a split by source, the same as ``glsim generate`` would put there.
+    """List the people of a split for each source, with the assignment of ``glsim generate``.
 
     Raises ConfigError for an unknown or empty split, and for the paper's, which needs the frames.
     """
@@ -130,18 +131,18 @@ def people_of(
         raise ConfigError(f"no such split {split!r}: {did_you_mean(split, SPLIT_NAMES)}")
     if isinstance(settings.split, str):
         raise ConfigError(
-            f"split = {settings.split!r} is one of a finite data set: give three shares to render "
+            f"split = {settings.split!r} needs a finite data set: give three shares to render "
             "pairs while training"
         )
-    listed = [
+    subjects = [
         (number, name, f"{number}-{name}" if len(sources) > 1 else name)
         for number, source in enumerate(sources)
         for name in source.subjects(settings.source[number].subjects)
     ]
-    split_of = split_subjects([whole for _, _, whole in listed], settings.split, settings.seed)
+    split_of = split_subjects([unique for _, _, unique in subjects], settings.split, settings.seed)
     people: list[list[str]] = [[] for _ in sources]
-    for number, name, whole in listed:
-        if split_of[whole] == split:
+    for number, name, unique in subjects:
+        if split_of[unique] == split:
             people[number].append(name)
     if not any(people):
         raise ConfigError(f"nobody is in the split {split!r}: give it a share (split = [...])")

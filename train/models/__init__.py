@@ -1,1 +1,1 @@
-"""Networks, each written from its paper, in a file of its own."""
+"""Networks: one file per architecture, each written from its paper."""

@@ -1,4 +1,4 @@
-"""What every denoising network takes and gives. Units and ranges are its own affair, inside."""
+"""Input and output of every denoising network: millimetres in, a ``Prediction`` out."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from torch import Tensor, nn
 
 
 class Prediction(NamedTuple):
-    """What a network says of a batch of depth maps; each (B, 1, H, W) float32.
+    """A network's output for a batch of depth maps; each (B, 1, H, W) float32.
 
-    depth_mm: millimetres along the axis, meaningful where the network believes in depth.
-    valid_logit: log odds of depth; None if the network codes "no depth" as 0 in ``depth_mm``, as
-        the networks of the paper do.
+    depth_mm: millimetres along the axis, meaningful where the network predicts depth.
+    valid_logit: log odds that a pixel has depth; None if the network codes "no depth" as 0 in
+        ``depth_mm``, as the networks of the paper do.
     log_sigma: natural logarithm of the standard deviation of ``depth_mm`` in millimetres, or None.
-    candidates_mm, choice_logits: (B, K, H, W), for networks that choose between surfaces: the depth
-        of each, and log odds up to a common term. ``depth_mm`` is the likeliest one.
+    candidates_mm, choice_logits: (B, K, H, W), from networks that choose between surfaces: depth of
+        each surface, and log odds up to a common term. ``depth_mm`` is the likeliest one.
     """
 
     depth_mm: Tensor
@@ -26,7 +26,7 @@ class Prediction(NamedTuple):
     choice_logits: Tensor | None = None
 
     def hard_mm(self) -> Tensor:
-        """Depth with 0 where the network believes in none."""
+        """Depth, with 0 where no depth is the likelier."""
         if self.valid_logit is None:
             return self.depth_mm
         return torch.where(self.valid_logit > 0, self.depth_mm, torch.zeros_like(self.depth_mm))
@@ -35,8 +35,8 @@ class Prediction(NamedTuple):
 class DepthModel(nn.Module):
     """A denoiser of single depth frames of any size: ``model(noisy_mm) -> Prediction``.
 
-    noisy_mm: (B, 1, H, W) float32 millimetres, 0 = no return. Whatever scale the network works in
-    is made inside, so that no caller can feed a wrong range.
+    noisy_mm: (B, 1, H, W) float32 millimetres, 0 = no return. Scaling happens inside the model, so
+    no caller can feed a wrong range.
     """
 
     def forward(self, noisy_mm: Tensor) -> Prediction:

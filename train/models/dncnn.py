@@ -1,8 +1,8 @@
-"""DnCNN: a plain stack of 3x3 convolutions that predicts what to add to the image.
+"""DnCNN: a plain stack of 3x3 convolutions that predicts a correction of the image.
 
 K. Zhang, W. Zuo, Y. Chen, D. Meng, L. Zhang, "Beyond a Gaussian Denoiser: Residual Learning of
 Deep CNN for Image Denoising", IEEE TIP 26(7), 2017, in the variant without batch normalisation
-that today's image restoration libraries (deepinv) ship.
+that image restoration libraries (deepinv) ship.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from .backbone import Backbone, Count, zero
+from glsim.train.models.backbone import Backbone, PositiveInt, init_zero
 
 
 class DnCNN(Backbone):
@@ -25,10 +25,10 @@ class DnCNN(Backbone):
 
     def __init__(
         self,
-        in_channels: Count = 1,
-        out_channels: Count = 1,
+        in_channels: PositiveInt = 1,
+        out_channels: PositiveInt = 1,
         depth: Annotated[int, Field(ge=2)] = 20,
-        width: Count = 64,
+        width: PositiveInt = 64,
         residual: bool = True,
         zero_last: bool = False,
     ) -> None:
@@ -40,7 +40,7 @@ class DnCNN(Backbone):
         for layer in self.layers:
             nn.init.kaiming_normal_(layer.weight, mode="fan_in")
         if zero_last:
-            zero(self.layers[-1])
+            init_zero(self.layers[-1])
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
         """Denoise."""

@@ -1,7 +1,7 @@
-"""What the mask-aware networks are shown of a depth frame: local, in a network's range, no codes.
+"""Input features of the mask-aware networks: local, in a network's range, without codes for holes.
 
-Everything here looks at a neighbourhood of a pixel and at nothing else, so that a crop is treated
-as it is within its frame, and a wall behind a face does not change how the face looks.
+Each feature depends on a neighbourhood of its pixel only: a crop has the same features as within
+its frame, and a wall behind a face does not change those of the face.
 """
 
 from __future__ import annotations
@@ -17,30 +17,31 @@ from torch import Tensor
 #: Channels of `depth_features`; the last one is validity.
 CHANNELS: Final = 5
 
-#: Holes are filled from their rim: rounds, and radius and sigma of the Gaussian in pixels. Three
-#: rounds of 9x9 close holes 24 px wide, more than any speckle of drop-outs.
+#: Hole filling from the rim: number of rounds, radius and sigma of the Gaussian, px. Three rounds
+#: of 9x9 close holes 24 px wide, more than any speckle of drop-outs.
 _FILL_ROUNDS, _FILL_RADIUS, _FILL_SIGMA = 3, 4, 1.5
-#: The neighbourhood that a pixel's depth is compared with, px: wider than a nose at 0.9 m (35 mm
-#: are 14 px under a focal length of 365 px).
+#: Radius and sigma of the neighbourhood that a pixel's depth is compared with, px: wider than a
+#: nose at 0.9 m (35 mm are 14 px at a focal length of 365 px).
 _AROUND_RADIUS, _AROUND_SIGMA = 24, 12.0
 #: Depths that differ by more than this are two surfaces: a flying pixel's error in the evaluation.
 _SURFACE_MM: Final = 50.0
-#: 5x5 samples 3 px apart, 6 px to each side, tell a pixel's own surface.
+#: 5x5 samples 3 px apart, 6 px to each side, determine a pixel's own surface.
 _TAPS, _TAP_STEP = 2, 3
-#: Noise of a time-of-flight camera at 0.9 m is 1-2 mm; 10 mm are about 1 in the network.
+#: Scales of channels 0 and 2. Noise of a time-of-flight camera at 0.9 m is 1-2 mm; a channel of 1
+#: is 10 mm.
 _RELATIVE_MM, _AROUND_MM = 10.0, 20.0
 #: Sums of Gaussian weights below this are rounding, not neighbours.
 _TINY: Final = 1e-6
 
 
 class Features(NamedTuple):
-    """What is computed of a frame; each float32 with H and W of the frame.
+    """Features of a batch of frames; each float32 with H and W of the frames.
 
-    fill_mm: (B, 1, H, W) depth, with values in holes near measured pixels, 0 far from all.
+    fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
     channels: (B, CHANNELS, H, W), about -5 to 5, 0 where nothing is known:
-        0 the pixel against its own surface, in 10 mm: small beside a step of any height
-        1 how much of the neighbourhood is that surface, 0-1: near 0 for a flying pixel
-        2 the pixel against all depth around, asinh(mm / 20): says of steps which side is in front
+        0 depth relative to the pixel's own surface, in 10 mm: small at a step of any height
+        1 share of the neighbourhood on that surface, 0-1: near 0 for a flying pixel
+        2 depth relative to all depth around, asinh(mm / 20): which side of a step is in front
         3 log(depth in metres): noise grows with distance
         4 validity, 0 or 1
     """
@@ -50,7 +51,7 @@ class Features(NamedTuple):
 
 
 def depth_features(noisy_mm: Tensor) -> Features:
-    """The features of (B, 1, H, W) millimetres; what is not above 0 (or not a number) is a hole."""
+    """Features of (B, 1, H, W) millimetres; a pixel not above 0, or not a number, is a hole."""
     measured = noisy_mm > 0
     valid = measured.to(noisy_mm.dtype)
     depth_mm = torch.where(measured, noisy_mm, 0.0)
@@ -69,25 +70,25 @@ def depth_features(noisy_mm: Tensor) -> Features:
 
 
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
-    """(B, 2, H, W): the nearest and the farthest surface that was measured within 6 px, mm.
+    """(B, 2, H, W): depth of the nearest and of the farthest surface measured within 6 px, mm.
 
-    Each is the mean of the samples up to 50 mm behind the nearest and before the farthest one.
-    Where nothing was measured so near, both are ``fill_mm``.
+    Each is a mean of samples: those less than 50 mm behind the nearest one, and those less than
+    50 mm before the farthest. Without samples, both are ``fill_mm``.
     """
     samples = list(_taps(torch.where(noisy_mm > 0, noisy_mm, torch.nan)))
     surfaces = []
-    for extreme in (reduce(torch.fmin, samples), reduce(torch.fmax, samples)):  # but for nan
+    for extreme in (reduce(torch.fmin, samples), reduce(torch.fmax, samples)):  # they ignore nan
         total, count = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
         for sample in samples:
-            alike = (sample - extreme).abs() < _SURFACE_MM  # not so for nan
-            total += torch.where(alike, sample, 0.0)
-            count += alike
+            same_surface = (sample - extreme).abs() < _SURFACE_MM  # false for nan
+            total += torch.where(same_surface, sample, 0.0)
+            count += same_surface
         surfaces.append(torch.where(count > 0, total / count.clamp_min(1), fill_mm))
     return torch.cat(surfaces, dim=1)
 
 
 def _taps(image: Tensor) -> Iterator[Tensor]:
-    """The image as each of the 5x5 places 3 px apart around a pixel sees it; nan beyond it."""
+    """Yield the image shifted to each of 5x5 samples 3 px apart around a pixel; nan outside."""
     height, width = image.shape[-2:]
     reach = _TAPS * _TAP_STEP
     around = F.pad(image, (reach,) * 4, value=torch.nan)
@@ -98,7 +99,7 @@ def _taps(image: Tensor) -> Iterator[Tensor]:
 
 
 def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
-    """Depth grown into its holes by rounds of normalised convolution; 0 where it does not reach."""
+    """Fill holes by rounds of normalised convolution; 0 where they do not reach."""
     for _ in range(_FILL_ROUNDS):
         grown_mm, reached = _weighted_mean(depth_mm, known, _FILL_RADIUS, _FILL_SIGMA)
         depth_mm = torch.where(known > 0, depth_mm, grown_mm)
@@ -109,7 +110,7 @@ def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
 def _weighted_mean(
     depth_mm: Tensor, known: Tensor, radius: int, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """The Gaussian mean of known pixels and where there were any (1, else 0 with a mean of 0)."""
+    """Gaussian mean of the known pixels, and the mask (0 or 1) of where there are any; else 0."""
     x = torch.arange(-radius, radius + 1, dtype=depth_mm.dtype, device=depth_mm.device)
     kernel = torch.exp(-0.5 * (x / sigma) ** 2)
     kernel = (kernel / kernel.sum()).view(1, 1, 1, -1)
@@ -117,12 +118,13 @@ def _weighted_mean(
     both = F.conv2d(both, kernel, padding=(0, radius))
     both = F.conv2d(both, kernel.transpose(-1, -2), padding=(radius, 0))
     total, weight = both.chunk(2)
-    some = weight > _TINY
-    return torch.where(some, total / torch.where(some, weight, 1.0), 0.0), some.to(known.dtype)
+    reached = weight > _TINY
+    mean = torch.where(reached, total / torch.where(reached, weight, 1.0), 0.0)
+    return mean, reached.to(known.dtype)
 
 
 def _own_surface(fill_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
-    """The mean of measured depths around that differ little from a pixel's, and their share.
+    """Mean of the measured depths around that are close to the pixel's, and their share, 0-1.
 
     Weights are Tukey's (1 - (d / 50 mm)^2)^2, smooth at the limit: one step of a mean shift.
     """

@@ -1,8 +1,8 @@
-"""Networks that know which pixels are depth, and say which of theirs are.
+"""Networks with the mask of measured pixels as an input and a mask as an output.
 
-The paper lets networks read "no return" as a depth of 0 mm; all-pixel error then rewards points in
-mid-air. Here validity is an input and an output of its own, depth is relative to its surroundings,
-and the network corrects a frame whose holes are filled by normalised convolution (Knutsson and
+The paper's networks read "no return" as a depth of 0 mm; all-pixel error then rewards points in
+mid-air. Here validity is a separate input and output, depth is relative to its surroundings, and
+the network corrects a frame whose holes are filled by normalised convolution (Knutsson and
 Westin 1993). The uncertainty is that of Kendall and Gal, "What Uncertainties Do We Need in Bayesian
 Deep Learning for Computer Vision?", NeurIPS 2017 (heteroscedastic aleatoric).
 """
@@ -15,36 +15,35 @@ from typing import Any, Final
 import torch
 from torch import Tensor
 
-from .backbone import Backbone
-from .base import DepthModel, Prediction
-from .features import CHANNELS, depth_features, front_and_back
+from glsim.train.models.backbone import Backbone
+from glsim.train.models.base import DepthModel, Prediction
+from glsim.train.models.features import CHANNELS, depth_features, front_and_back
 
-#: A correction of 1 in the network, mm: the scale of its first input channel.
+#: Depth correction for a network output of 1, mm: the scale of its first input channel.
 _CORRECTION_MM: Final = 10.0
-#: Log odds before anything is learned: +3 for measured pixels, -3 for holes, i.e. 95 %.
+#: Log odds of depth before training: +3 for measured pixels, -3 for holes, i.e. 95 %.
 _PRIOR_LOGIT: Final = 6.0
-#: Log odds of a pixel's own surface over another before anything is learned: 95 %.
+#: Log odds of a pixel's own surface over another before training: 95 %.
 _PRIOR_CHOICE: Final = 3.0
-#: Other surfaces are shown as asinh(mm / this): small steps in full, large ones as logarithms.
+#: Distance of other surfaces enters as asinh(mm / this): linear for small steps, then logarithmic.
 _OFFSET_MM: Final = 20.0
-#: Standard deviation before anything is learned, mm: Kinect v2's noise at 0.9 m.
+#: Standard deviation before training, mm: Kinect v2's noise at 0.9 m.
 _PRIOR_SIGMA_MM: Final = 1.65
-#: Beyond these no depth camera goes, and exp() stays tame.
+#: Limits of sigma: wider than any depth camera's, and exp() does not overflow.
 _LEAST_SIGMA_MM, _LARGEST_SIGMA_MM = 0.02, 500.0
 
 
 class MaskAware(DepthModel):
-    """A backbone between `depth_features` and a corrected depth, its validity and its uncertainty.
+    """A backbone between `depth_features` and corrected depth, validity and uncertainty.
 
-    noisy_mm: (B, 1, H, W) float32; pixels that are not above 0 are holes, whatever they hold. The
-    features and the sums in millimetres are made in float32 under autocast too. With a last layer
-    of zeros, which the registry asks for, training starts from: the depth as measured, the mask as
-    measured, 1.65 mm.
+    noisy_mm: (B, 1, H, W) float32; pixels that are not above 0 are holes, whatever their value.
+    Features and sums in millimetres are float32 under autocast too. The last layer starts at zero:
+    training starts from the measured depth, the measured mask and a sigma of 1.65 mm.
 
-    With ``surfaces`` a pixel may also be put onto the surface in front of it or the one behind. At
-    a step in depth a mean of the two is in mid-air, and so is what any loss of one number makes of
-    a pixel that may be on either; to choose a mode instead is the idea of Tosi et al., "SMD-Nets:
-    Stereo Mixture Density Networks", CVPR 2021.
+    With ``surfaces`` a pixel may also move to the surface in front of it or behind it. At a step in
+    depth, a network with one depth per pixel learns the mean of both surfaces, which is in mid-air.
+    Choosing a mode instead is the idea of Tosi et al., "SMD-Nets: Stereo Mixture Density Networks",
+    CVPR 2021.
 
     Parameters are those of the backbone, from 5 channels (7 with ``surfaces``) to 2 (1 more with
     ``uncertainty``, 4 more with ``surfaces``). ``sigma_scale`` (a buffer, 1 until
@@ -64,7 +63,7 @@ class MaskAware(DepthModel):
 
     @staticmethod
     def backbone_settings(uncertainty: bool = False, surfaces: bool = False) -> dict[str, Any]:
-        """What the backbone has to be built with."""
+        """Arguments that the backbone must be built with."""
         return {
             "in_channels": CHANNELS + 2 * surfaces,
             "out_channels": 2 + uncertainty + 4 * surfaces,
@@ -88,13 +87,17 @@ class MaskAware(DepthModel):
             valid_logit=out[:, 1:2] + _PRIOR_LOGIT * (valid - 0.5),
             log_sigma=self._log_sigma(out[:, 2:3]) if self.uncertainty else None,
         )
-        return self._chosen(prediction, around_mm, out[:, -4:]) if self.surfaces else prediction
+        if not self.surfaces:
+            return prediction
+        return self._with_likeliest_surface(prediction, around_mm, out[:, -4:])
 
-    def _chosen(self, own: Prediction, around_mm: Tensor, out: Tensor) -> Prediction:
-        """The prediction with the likeliest of three surfaces: its own, in front, behind."""
+    def _with_likeliest_surface(
+        self, own: Prediction, around_mm: Tensor, out: Tensor
+    ) -> Prediction:
+        """Replace the depth by the likeliest of three surfaces: the pixel's own, front, back."""
         candidates_mm = torch.cat([own.depth_mm, around_mm + _CORRECTION_MM * out[:, :2]], dim=1)
         logits = torch.cat([torch.zeros_like(own.depth_mm), out[:, 2:] - _PRIOR_CHOICE], dim=1)
-        # argmax over three channels would take a tenth of the time of all the rest.
+        # argmax over three channels would add a tenth to the time of the whole network.
         front, behind = logits[:, 1:2], logits[:, 2:]
         other = torch.where(behind > front, 2, 1)
         likeliest = torch.where(torch.maximum(front, behind) > 0, other, 0)

@@ -1,4 +1,4 @@
-"""DnCNN's stack with layers that know which pixels were measured."""
+"""DnCNN's stack with layers that take the mask of measured pixels."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from .backbone import Backbone, Count, zero
+from glsim.train.models.backbone import Backbone, PositiveInt, init_zero
 
 
 class MaskedStack(Backbone):
     """``depth`` 3x3 layers of ``width`` channels, ReLU between them; shapes and sizes are DnCNN's.
 
-    (B, in_channels, H, W) and valid (B, 1, H, W) to (B, out_channels, H, W). Subclasses name the
+    (B, in_channels, H, W) and valid (B, 1, H, W) to (B, out_channels, H, W). Subclasses set the
     layer: ``layer(before, after)`` maps (features, confidence) to the same pair. The last layer is
-    an ordinary convolution; by then confidence has spread, and a layer that divides by
-    its own weights could never leave zero.
+    an ordinary convolution: confidence has spread by then, and a layer that divides by its own
+    weights could never leave zero.
     """
 
     layer: type[nn.Module]
 
     def __init__(
         self,
-        in_channels: Count = 1,
-        out_channels: Count = 1,
+        in_channels: PositiveInt = 1,
+        out_channels: PositiveInt = 1,
         depth: Annotated[int, Field(ge=2)] = 7,
-        width: Count = 64,
+        width: PositiveInt = 64,
         residual: bool = True,
         zero_last: bool = False,
     ) -> None:
@@ -39,10 +39,10 @@ class MaskedStack(Backbone):
         for convolution in (*self.layers, self.last):
             nn.init.kaiming_normal_(convolution.weight, mode="fan_in")
         if zero_last:
-            zero(self.last)
+            init_zero(self.last)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
-        """Denoise; without ``valid`` all pixels count as measured."""
+        """Denoise; without ``valid`` every pixel counts as measured."""
         confidence = torch.ones_like(x[:, :1]) if valid is None else valid.to(x.dtype)
         features = x
         for layer in self.layers:

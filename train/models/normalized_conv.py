@@ -1,8 +1,8 @@
-"""Normalised convolutions: pixels weigh as much as they are trusted, and so do the results.
+"""Normalised convolutions: each pixel is weighted by a confidence, which layers pass on.
 
-H. Knutsson, C.-F. Westin, "Normalized and Differential Convolution", CVPR 1993; as layers with a
-confidence that is handed on: A. Eldesokey, M. Felsberg, F. S. Khan, "Propagating Confidences
-through CNNs for Sparse Data Regression", BMVC 2018.
+H. Knutsson, C.-F. Westin, "Normalized and Differential Convolution", CVPR 1993; layers that pass
+the confidence on: A. Eldesokey, M. Felsberg, F. S. Khan, "Propagating Confidences through CNNs for
+Sparse Data Regression", BMVC 2018.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from .masked_stack import MaskedStack
+from glsim.train.models.masked_stack import MaskedStack
 
-_TINY = 1e-4  # of the size of one confidence; keeps 0 / 0 out, and below what half precision holds
+_TINY = 1e-4  # prevents 0 / 0; small beside a confidence of 1, and lost to it in half precision
 
 
 class NormalizedConv2d(nn.Conv2d):
     """3x3: (w * (x c)) sum(a) / (a * c) + b with confidence (a * c) / sum(a), where a = |w|.
 
-    In Knutsson and Westin's terms ``a`` is the applicability and the sign of ``w`` the basis;
-    Eldesokey et al. have no signs, which makes every layer a mean, fit to fill holes and unfit to
+    In Knutsson and Westin's terms ``a`` is the applicability and the sign of ``w`` the basis.
+    Eldesokey et al. have no signs: each of their layers is a mean, which can fill holes but cannot
     tell a pixel from its neighbours. With full confidence this is an ordinary convolution.
 
     x (B, before, H, W) and confidence (B, 1 or before, H, W) in 0-1 to both as (B, after, H, W).
-    What lies beyond the image has confidence 0. Costs two convolutions.
+    Pixels beyond the image have confidence 0. Costs two convolutions.
     """
 
     def __init__(self, before: int, after: int) -> None:
@@ -42,6 +42,8 @@ class NormalizedConv2d(nn.Conv2d):
 
 
 class NormalizedConvNet(MaskedStack):
-    """Parameters: those of `DnCNN` of the same depth and width (1 -> 1, depth 7: 185,857)."""
+    """A `MaskedStack` of normalised convolutions; as many parameters as `DnCNN` of the same depth
+    and width (1 -> 1, depth 7: 185,857).
+    """
 
     layer = NormalizedConv2d

@@ -1,4 +1,4 @@
-"""The paper's way to feed a network: raw millimetres, in which 0 is a depth like any other."""
+"""The paper's network input: raw millimetres, in which 0 is a depth like any other."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import Any
 
 from torch import Tensor
 
-from .backbone import Backbone
-from .base import DepthModel, Prediction
+from glsim.train.models.backbone import Backbone
+from glsim.train.models.base import DepthModel, Prediction
 
 
 class PaperInput(DepthModel):
-    """Millimetres in, millimetres out, as the faithful rows of the paper's tables need it.
+    """Millimetres in, millimetres out, as in the rows of the paper's tables.
 
-    noisy_mm: (B, 1, H, W) float32. The prediction has no ``valid_logit``: the network has to
-    express "no return" as a depth of 0, which is what makes it place pixels in mid-air at
-    silhouettes. Half precision rounds 900 mm to 4 mm (bfloat16): train these rows in float32.
+    noisy_mm: (B, 1, H, W) float32. The prediction has no ``valid_logit``: the network must express
+    "no return" as a depth of 0, and so places pixels in mid-air at silhouettes. bfloat16 rounds
+    900 mm to 4 mm: train these rows in float32.
     """
 
     def __init__(self, backbone: Backbone) -> None:
@@ -24,7 +24,7 @@ class PaperInput(DepthModel):
 
     @staticmethod
     def backbone_settings() -> dict[str, Any]:
-        """What the backbone has to be built with."""
+        """Arguments that the backbone must be built with."""
         return {"in_channels": 1, "out_channels": 1}
 
     def forward(self, noisy_mm: Tensor) -> Prediction:

@@ -10,14 +10,14 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from .masked_stack import MaskedStack
+from glsim.train.models.masked_stack import MaskedStack
 
 
 class PartialConv2d(nn.Conv2d):
     """3x3: w * (x m) * 9 / sum(m) + b where the window holds a measured pixel, 0 where it does not.
 
     x (B, before, H, W) and mask (B, 1, H, W) of 0 and 1 to (B, after, H, W) and the mask grown by
-    one pixel. What lies beyond the image counts as not measured.
+    one pixel. Pixels beyond the image count as not measured.
     """
 
     def __init__(self, before: int, after: int) -> None:
@@ -34,6 +34,8 @@ class PartialConv2d(nn.Conv2d):
 
 
 class PartialConvNet(MaskedStack):
-    """Parameters: those of `DnCNN` of the same depth and width (1 -> 1, depth 7: 185,857)."""
+    """A `MaskedStack` of partial convolutions; as many parameters as `DnCNN` of the same depth and
+    width (1 -> 1, depth 7: 185,857).
+    """
 
     layer = PartialConv2d

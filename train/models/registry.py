@@ -10,18 +10,17 @@ from pydantic import TypeAdapter, ValidationError
 from torch import nn
 
 from glsim.errors import ConfigError, did_you_mean
-
-from .artifact_removal import ArtifactRemoval
-from .backbone import Backbone
-from .base import DepthModel
-from .dncnn import DnCNN
-from .mask_aware import MaskAware
-from .normalized_conv import NormalizedConvNet
-from .paper_input import PaperInput
-from .partial_conv import PartialConvNet
-from .restormer import Restormer
-from .small_unet import SmallUNet
-from .unet import UNet
+from glsim.train.models.artifact_removal import ArtifactRemoval
+from glsim.train.models.backbone import Backbone
+from glsim.train.models.base import DepthModel
+from glsim.train.models.dncnn import DnCNN
+from glsim.train.models.mask_aware import MaskAware
+from glsim.train.models.normalized_conv import NormalizedConvNet
+from glsim.train.models.paper_input import PaperInput
+from glsim.train.models.partial_conv import PartialConvNet
+from glsim.train.models.restormer import Restormer
+from glsim.train.models.small_unet import SmallUNet
+from glsim.train.models.unet import UNet
 
 MODELS: Final[dict[str, type[PaperInput] | type[MaskAware]]] = {
     "paper_input": PaperInput,
@@ -39,12 +38,12 @@ BACKBONES: Final[dict[str, type[Backbone]]] = {
 
 
 def build_model(spec: Mapping[str, Any]) -> DepthModel:
-    """A model from nested tables: ``{"kind": "mask_aware", "backbone": {"kind": "dncnn", ...}}``.
+    """Build a model from nested tables: ``{"kind": "mask_aware", "backbone": {"kind": "dncnn"}}``.
 
-    A table holds the kind, parameters of the kind's class by name, and the table of a backbone
-    where the class stands around one. Weights come from torch's global generator. Raises
-    ConfigError for an unknown kind or parameter, a value out of range, and a parameter that the
-    model around it decides.
+    A table holds the kind, parameters of the kind's class by name, and the table of a backbone if
+    the class wraps one. Initial weights come from torch's global generator. Raises ConfigError for
+    an unknown kind or parameter, a value out of range, and a parameter that the wrapping model
+    sets.
     """
     kind = _kind(spec, MODELS, "model")
     own = _parameters(kind, spec, {}, "model")
@@ -54,7 +53,7 @@ def build_model(spec: Mapping[str, Any]) -> DepthModel:
 
 
 def parameter_count(model: nn.Module) -> int:
-    """The number of trainable values."""
+    """Number of trainable values."""
     return sum(p.numel() for p in model.parameters() if p.requires_grad)
 
 
@@ -66,7 +65,7 @@ def _backbone(spec: Any, settings: Mapping[str, Any], where: str) -> Backbone:
         _parameters(kind, spec, {}, where)
         return ArtifactRemoval(_backbone(spec.get("backbone"), settings, f"{where}.backbone"))
     if "backbone" in spec:
-        raise ConfigError(f"{where}: {spec['kind']} has no backbone; take the table out")
+        raise ConfigError(f"{where}: {spec['kind']} has no backbone; remove the table")
     backbone: Backbone = kind(**_parameters(kind, spec, settings, where), **settings)
     return backbone
 
@@ -81,7 +80,7 @@ def _kind(spec: Mapping[str, Any], kinds: Mapping[str, type], where: str) -> Any
 def _parameters(
     kind: type, spec: Mapping[str, Any], settings: Mapping[str, Any], where: str
 ) -> dict[str, Any]:
-    """The parameters in a table, checked against the annotations of the class."""
+    """Read parameters from a table; check them against the annotations of the class."""
     hints = get_type_hints(kind.__init__, include_extras=True)  # type: ignore[misc]
     known = set(inspect.signature(kind).parameters) - {"backbone"}
     values = {}
@@ -89,10 +88,10 @@ def _parameters(
         if name in ("kind", "backbone"):
             continue
         if name in settings:
-            raise ConfigError(f"{where}.{name}: decided by the model around it; take it out")
+            raise ConfigError(f"{where}.{name}: set by the model around it; remove it")
         if name not in known:
-            near = did_you_mean(name, known - set(settings))
-            raise ConfigError(f"{where}: {spec['kind']} has no parameter {name!r} ({near})")
+            suggestion = did_you_mean(name, known - set(settings))
+            raise ConfigError(f"{where}: {spec['kind']} has no parameter {name!r} ({suggestion})")
         try:
             values[name] = TypeAdapter(hints[name]).validate_python(value)
         except ValidationError as error:

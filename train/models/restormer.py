@@ -15,29 +15,28 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from glsim.errors import ConfigError
+from glsim.train.models.backbone import Backbone, PositiveInt, init_zero, pad_to_multiple
 
-from .backbone import Backbone, Count, pad_to_multiple, zero
-
-Levels = tuple[Count, Count, Count, Count]
+Levels = tuple[PositiveInt, PositiveInt, PositiveInt, PositiveInt]
 
 
 class Restormer(Backbone):
     """Four levels of transformer blocks, ``blocks`` and ``heads`` from the finest to the coarsest.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 8 does not divide are padded
-    inside. Attention weighs channels by their agreement over the whole image: a crop is not
-    treated as it would be within a frame. Parameters at 1 -> 1: 26,109,076; with dim 16, blocks
-    1-1-1-2 and one refinement block 1,004,819.
+    inside. Attention compares channels over the whole image, so the result for a crop differs from
+    that for its frame. Parameters at 1 -> 1: 26,109,076; with dim 16, blocks 1-1-1-2 and one
+    refinement block 1,004,819.
     """
 
     def __init__(
         self,
-        in_channels: Count = 1,
-        out_channels: Count = 1,
+        in_channels: PositiveInt = 1,
+        out_channels: PositiveInt = 1,
         dim: Annotated[int, Field(ge=8, multiple_of=8)] = 48,
         blocks: Levels = (4, 6, 6, 8),
         heads: Levels = (1, 2, 4, 8),
-        refinement: Count = 4,
+        refinement: PositiveInt = 4,
         expansion: Annotated[float, Field(gt=0)] = 2.66,
         residual: bool = True,
         zero_last: bool = False,
@@ -45,7 +44,9 @@ class Restormer(Backbone):
         super().__init__(in_channels, out_channels, residual)
 
         def level(channels: int, scale: int, count: int) -> nn.Sequential:
-            return nn.Sequential(*(Block(channels, heads[scale], expansion) for _ in range(count)))
+            return nn.Sequential(
+                *(TransformerBlock(channels, heads[scale], expansion) for _ in range(count))
+            )
 
         dims = [dim * 2**scale for scale in range(4)]
         if any(channels % count for channels, count in zip(dims, heads, strict=True)):
@@ -58,7 +59,7 @@ class Restormer(Backbone):
         self.up = nn.ModuleList(
             nn.Sequential(_conv(d, 2 * d, 3), nn.PixelShuffle(2)) for d in reversed(dims[1:])
         )
-        # Skips double the channels; all but the finest level halve them again.
+        # Skips double the channels; every level but the finest halves them again.
         self.reduce = nn.ModuleList(
             [_conv(2 * dims[2], dims[2], 1), _conv(2 * dims[1], dims[1], 1), nn.Identity()]
         )
@@ -72,7 +73,7 @@ class Restormer(Backbone):
         self.refinement = level(2 * dim, 0, refinement)
         self.last = _conv(2 * dim, out_channels, 3)
         if zero_last:
-            zero(self.last)
+            init_zero(self.last)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
         """Denoise."""
@@ -88,8 +89,8 @@ class Restormer(Backbone):
         return x + correction if self.residual else correction
 
 
-class Block(nn.Module):
-    """Attention, then a gated feed-forward network, each on normalised input and added to it."""
+class TransformerBlock(nn.Module):
+    """Attention, then a gated feed-forward network, each on normalised input and with a skip."""
 
     def __init__(self, channels: int, heads: int, expansion: float) -> None:
         super().__init__()
@@ -99,16 +100,16 @@ class Block(nn.Module):
         self.feed = GatedFeedForward(channels, expansion)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) to the same."""
+        """Map (B, C, H, W) to the same shape."""
         x = x + self.attention(self.norm_attention(x))
         return x + self.feed(self.norm_feed(x))
 
 
 class BiasFreeNorm(nn.Module):
-    """Each pixel's channels divided by their standard deviation, without any additive constant.
+    """Divide each pixel's channels by their standard deviation; no additive constant.
 
     Bias-free as in Mohan et al., "Robust and Interpretable Blind Image Denoising via Bias-Free
-    Convolutional Neural Networks", ICLR 2020: neither a mean is taken off nor an offset added.
+    Convolutional Neural Networks", ICLR 2020: no mean is subtracted, no offset added.
     """
 
     def __init__(self, channels: int) -> None:
@@ -116,7 +117,7 @@ class BiasFreeNorm(nn.Module):
         self.weight = nn.Parameter(torch.ones(channels, 1, 1))
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) to the same."""
+        """Map (B, C, H, W) to the same shape."""
         variance = x.float().var(dim=1, keepdim=True, unbiased=False)
         return x * torch.rsqrt(variance + 1e-5) * self.weight  # 1e-5: PyTorch's LayerNorm
 
@@ -134,11 +135,11 @@ class TransposedAttention(nn.Module):
         self.out = _conv(channels, channels, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) to the same."""
+        """Map (B, C, H, W) to the same shape."""
         batch, channels, height, width = x.shape
         split = (batch, 3, self.heads, channels // self.heads, height * width)
         query, key, value = self.project(x).reshape(split).unbind(dim=1)
-        # Unit length over all pixels of the image: a sum for which half precision is too short.
+        # Unit length over all pixels of the image: half precision is too coarse for this sum.
         query, key = F.normalize(query.float(), dim=-1), F.normalize(key.float(), dim=-1)
         agreement = torch.softmax(query @ key.transpose(-2, -1) * self.temperature, dim=-1)
         mixed: Tensor = self.out((agreement.to(value.dtype) @ value).view(x.shape))
@@ -146,7 +147,7 @@ class TransposedAttention(nn.Module):
 
 
 class GatedFeedForward(nn.Module):
-    """Gated-Dconv feed-forward network (GDFN): half of the channels, by GELU, gates the others."""
+    """Gated-Dconv feed-forward network (GDFN): GELU of half the channels multiplies the others."""
 
     def __init__(self, channels: int, expansion: float) -> None:
         super().__init__()
@@ -157,7 +158,7 @@ class GatedFeedForward(nn.Module):
         self.out = _conv(hidden, channels, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) to the same."""
+        """Map (B, C, H, W) to the same shape."""
         gate, content = self.project(x).chunk(2, dim=1)
         gated: Tensor = self.out(F.gelu(gate) * content)
         return gated

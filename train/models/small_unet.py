@@ -10,29 +10,29 @@ import torch.nn.functional as F  # noqa: N812
 from pydantic import Field
 from torch import Tensor, nn
 
-from .backbone import Backbone, Count, pad_to_multiple, zero
+from glsim.train.models.backbone import Backbone, PositiveInt, init_zero, pad_to_multiple
 
 _ACTIVATIONS = {"relu": nn.ReLU, "silu": nn.SiLU}
 
 
 class SmallUNet(Backbone):
-    """``blocks`` residual blocks a scale on the way down and up; skips are added.
+    """``blocks`` residual blocks per scale on the way down and up; skips are added.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
     padded inside. Scale s has (1 + growth * s) * ``width`` channels: coarse scales cost little
-    time, but doubled widths would make weights too large to ship. Means of 2x2 lead down, linear
-    interpolation up, so that nothing is aliased or blocky before it has learned to be.
-    Parameters at 5 -> 2, as `MaskAware` builds it, of one block a scale: width 24 and 4 scales
+    time, but doubled widths would make the weights too large to ship. 2x2 means go down, linear
+    interpolation goes up: the untrained network causes no aliasing and no blocks.
+    Parameters at 5 -> 2, as `MaskAware` builds it, with one block per scale: width 24 and 4 scales
     228,422; width 32 and 3 scales 205,442; width 32 and 4 scales 405,042 (1.6 MB).
     """
 
     def __init__(
         self,
-        in_channels: Count = 1,
-        out_channels: Count = 1,
-        width: Count = 24,
+        in_channels: PositiveInt = 1,
+        out_channels: PositiveInt = 1,
+        width: PositiveInt = 24,
         scales: Annotated[int, Field(ge=2)] = 3,
-        blocks: Count = 1,
+        blocks: PositiveInt = 1,
         growth: Annotated[float, Field(ge=0)] = 0.5,
         activation: Literal["relu", "silu"] = "relu",
         residual: bool = True,
@@ -40,11 +40,13 @@ class SmallUNet(Backbone):
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
         widths = [round(width * (1 + growth * scale)) for scale in range(scales)]
-        # The output of so many residual blocks in a row keeps the size of its input.
+        # Keeps the variance about constant through so many residual blocks in a row.
         gain = (blocks * (2 * scales - 1)) ** -0.5
 
         def level(channels: int) -> nn.Sequential:
-            return nn.Sequential(*(Block(channels, activation, gain) for _ in range(blocks)))
+            return nn.Sequential(
+                *(ResidualBlock(channels, activation, gain) for _ in range(blocks))
+            )
 
         self.first = nn.Conv2d(in_channels, width, 3, padding=1)
         self.encoder = nn.ModuleList(level(channels) for channels in widths)
@@ -53,7 +55,7 @@ class SmallUNet(Backbone):
         self.decoder = nn.ModuleList(level(channels) for channels in widths[:-1])
         self.last = nn.Conv2d(width, out_channels, 3, padding=1)
         if zero_last:
-            zero(self.last)
+            init_zero(self.last)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
         """Denoise."""
@@ -71,8 +73,8 @@ class SmallUNet(Backbone):
         return x + correction if self.residual else correction
 
 
-class Block(nn.Module):
-    """x + conv(act(conv(act(x)))) in 3x3 convolutions."""
+class ResidualBlock(nn.Module):
+    """x + conv(act(conv(act(x)))) with 3x3 convolutions."""
 
     def __init__(self, channels: int, activation: str, gain: float) -> None:
         super().__init__()
@@ -86,6 +88,6 @@ class Block(nn.Module):
             self.two.weight.mul_(gain)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) to the same."""
+        """Map (B, C, H, W) to the same shape."""
         inner: Tensor = self.two(self.activation(self.one(self.activation(x))))
         return x + inner

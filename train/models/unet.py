@@ -1,8 +1,8 @@
-"""U-Net in the size of the paper's row.
+"""U-Net of the size of the paper's row.
 
 O. Ronneberger, P. Fischer, T. Brox, "U-Net: Convolutional Networks for Biomedical Image
 Segmentation", MICCAI 2015, with padded convolutions, nearest-neighbour upsampling followed by a
-convolution, and a residual: the arrangement of image restoration libraries.
+convolution, and a residual, as in image restoration libraries.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from .backbone import Backbone, Count, pad_to_multiple, zero
+from glsim.train.models.backbone import Backbone, PositiveInt, init_zero, pad_to_multiple
 
 
 class UNet(Backbone):
-    """Two 3x3 convolutions a scale, width doubled at each; skips are concatenated.
+    """Two 3x3 convolutions per scale, width doubled at each; skips are concatenated.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
     padded inside. Parameters at 1 -> 1: 8,562,881; with scales = 3 and no batch normalisation
@@ -26,10 +26,10 @@ class UNet(Backbone):
 
     def __init__(
         self,
-        in_channels: Count = 1,
-        out_channels: Count = 1,
+        in_channels: PositiveInt = 1,
+        out_channels: PositiveInt = 1,
         scales: Annotated[int, Field(ge=2)] = 4,
-        width: Count = 64,
+        width: PositiveInt = 64,
         batch_norm: bool = True,
         residual: bool = True,
         zero_last: bool = False,
@@ -48,7 +48,7 @@ class UNet(Backbone):
         self.merge = nn.ModuleList(_pair(2 * after, after, batch_norm) for after in finer)
         self.last = nn.Conv2d(width, out_channels, 1)
         if zero_last:
-            zero(self.last)
+            init_zero(self.last)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
         """Denoise."""

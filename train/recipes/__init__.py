@@ -1,1 +1,1 @@
-"""Recipes that ``glsim train`` knows by name; each holds only what differs from its base."""
+"""Shipped recipes of ``glsim train``; each file holds only what differs from its base."""

@@ -1,1 +1,1 @@
-"""What ``glsim reproduce`` runs: a TOML file a size, described in glsim/cli/reproduce.py."""
+"""Plans of ``glsim reproduce``: one TOML file per size, described in glsim/cli/reproduce.py."""

@@ -1,9 +1,9 @@
-"""Facial action units as ICT-FaceKit blend shapes.
+"""Map facial action units to ICT-FaceKit blend shapes.
 
-After the table in the kit's README, with these differences: AU10 (upper lip raiser) is
+It follows the table in the kit's README, with these differences: AU10 (upper lip raiser) is
 mouthUpperUp, as in ARKit's own description, where the README has mouthShrugUpper; AU11 is half of
-it; AU17 (chin raiser) pushes the upper lip along, so half of mouthShrugUpper is added. AU25 to
-AU27 are one jaw at three openings, AU34 is cheekPuff like AU33, and AU43 is a lasting AU45.
+it; AU17 (chin raiser) also pushes the upper lip up, so half of mouthShrugUpper is added. AU25 to
+AU27 are jawOpen at three intensities, AU34 is cheekPuff like AU33, and AU43 is a long AU45.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, did_you_mean
 
-_SIDED: Final = {  # action unit -> shapes that exist as _L and _R, and how much of each
+_PAIRED_SHAPES: Final = {  # action unit -> shapes that exist as _L and _R -> weight
     "AU1": {"browInnerUp": 1.0},
     "AU2": {"browOuterUp": 1.0},
     "AU4": {"browDown": 1.0},
@@ -43,7 +43,7 @@ _SIDED: Final = {  # action unit -> shapes that exist as _L and _R, and how much
     "AU63": {"eyeLookUp": 1.0},
     "AU64": {"eyeLookDown": 1.0},
 }
-_WHOLE: Final = {  # action unit -> shapes without a side
+_SINGLE_SHAPES: Final = {  # action unit -> shapes without paired sides -> weight
     "AU17": {"mouthShrugLower": 1.0, "mouthShrugUpper": 0.5},
     "AU18": {"mouthPucker": 1.0},
     "AU22": {"mouthFunnel": 1.0},
@@ -58,32 +58,32 @@ _WHOLE: Final = {  # action unit -> shapes without a side
     "AU62": {"eyeLookOut_R": 1.0, "eyeLookIn_L": 1.0},
 }
 
-_COMPETING: Final = ("mouthPucker", "mouthFunnel")  # both push the lips out: together at most one
+_COMPETING: Final = ("mouthPucker", "mouthFunnel")  # both push the lips out: their sum is at most 1
 
 
 def known_units() -> list[str]:
-    """Every action unit that can be shown; those with two sides also take _L or _R."""
-    return [*_SIDED, *_WHOLE]
+    """Return all supported action units; paired ones also accept _L or _R."""
+    return [*_PAIRED_SHAPES, *_SINGLE_SHAPES]
 
 
 def known_shapes() -> set[str]:
-    """Every blend shape that some action unit uses."""
+    """Return all blend shapes that an action unit uses."""
     return {shape for unit in known_units() for shape in shapes_of(unit)}
 
 
 def shapes_of(unit: str) -> dict[str, float]:
-    """Blend shape -> weight at full intensity. ``unit`` is "AU12", "AU12_L" or "AU12_R".
+    """Return blend shape -> weight at full intensity. ``unit`` is "AU12", "AU12_L" or "AU12_R".
 
-    Raises ConfigError for an action unit the model has no shape for.
+    Raises ConfigError for an action unit without a shape in the model.
     """
-    if unit in _WHOLE:
-        return dict(_WHOLE[unit])
+    if unit in _SINGLE_SHAPES:
+        return dict(_SINGLE_SHAPES[unit])
     name, _, side = unit.partition("_")
-    if name in _SIDED and side in ("", "L", "R"):
+    if name in _PAIRED_SHAPES and side in ("", "L", "R"):
         sides = [side] if side else ["L", "R"]
-        return {f"{shape}_{s}": w for shape, w in _SIDED[name].items() for s in sides}
-    if name in _WHOLE and side in ("L", "R"):
-        return dict(_WHOLE[name])  # the midline moves as one
+        return {f"{shape}_{s}": w for shape, w in _PAIRED_SHAPES[name].items() for s in sides}
+    if name in _SINGLE_SHAPES and side in ("L", "R"):
+        return dict(_SINGLE_SHAPES[name])  # the midline has no sides
     raise ConfigError(
         f"{unit}: ICT-FaceKit has no shape for this action unit "
         f"({did_you_mean(unit, known_units())})"
@@ -93,9 +93,10 @@ def shapes_of(unit: str) -> dict[str, float]:
 def shape_weights(
     expression: Mapping[str, float], expressions: Sequence[str]
 ) -> NDArray[np.float64]:
-    """(E,) weights in [0, 1] of the model's shapes, given action unit -> intensity.
+    """Return (E,) weights in [0, 1] of the model's shapes for action unit -> intensity.
 
-    Units that share a shape do not add up: the stronger counts. Pucker and funnel share the lips.
+    expressions: names of the E shapes. A shape takes the largest weight among its action units, not
+    their sum. The weights of mouthPucker and mouthFunnel are scaled to a sum of at most 1.
     """
     index = {name: number for number, name in enumerate(expressions)}
     weights = np.zeros(len(expressions))

@@ -1,4 +1,4 @@
-"""The face source: subjects "i0000", "i0001", ... without end, each performing FACS sequences."""
+"""The ICT-FaceKit source: endless subjects "i0000", "i0001", ... that perform FACS sequences."""
 
 from __future__ import annotations
 
@@ -13,28 +13,29 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.ict_facekit.facs import shape_weights
-from glsim.faces.ict_facekit.model import IDENTITY_MODES, Model, load_model, model_folder
+from glsim.faces.ict_facekit.load import load_model, model_folder
+from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
 from glsim.faces.ict_facekit.topology import REGION_NAMES
 from glsim.faces.performance import rng_for
-from glsim.faces.sequences import performed_expression, performed_frames
-from glsim.mesh import Mesh
+from glsim.faces.sequences import performance_expression, performance_frames
+from glsim.geometry.mesh import Mesh
 
-LARGEST_WEIGHT: Final = 3.0  # standard deviations of an identity mode: beyond lie no real faces
-DRAWS: Final = 4  # the chance that all four lie outside is 5e-11
-BATCH: Final = 32  # frames a matrix product: 9 MB of vertices, 0.3 ms a frame
-ROWS: Final = 8  # a product of fewer rows takes another path in BLAS, with other last bits
+MAX_WEIGHT: Final = 3.0  # standard deviations of an identity mode; larger weights give unreal faces
+DRAWS: Final = 4  # the probability that all four exceed MAX_WEIGHT is 5e-11
+BATCH_FRAMES: Final = 32  # frames per matrix product: 9 MB of vertices, 0.3 ms per frame
+ROW_MULTIPLE: Final = 8  # products of fewer rows take another path in BLAS, with other last bits
 
 
 class IctFaceKit:
-    """Faces of the ICT-FaceKit morphable model (MIT licence, got by the user).
+    """A FaceSource of the ICT-FaceKit morphable model (MIT licence, downloaded by the user).
 
-    root: the cloned repository or its FaceXModel folder; read once, then cached (see ``model``).
-    seed: decides every identity and performance. frames_per_sequence: length of a sequence.
-    new_identity_every_frame: another person in every frame, for benchmarks.
-    Raises ConfigError if the model is missing or not whole. ``load`` raises MeshError if one of
+    root: the cloned repository or its FaceXModel folder; read once, then cached (see ``cache``).
+    seed: determines every identity and performance. frames_per_sequence: length of a sequence.
+    new_identity_every_frame: use another person in every frame, for benchmarks.
+    Raises ConfigError if the model is missing or incomplete. ``load`` raises MeshError if one of
     its files is damaged.
 
-    Canonical frame: the model's centimetres times 10, and one shift for all people, which puts the
+    Canonical frame: the model's centimetres times 10, with one offset for all people that puts the
     tip of the mean face's nose at (0, 0, 45) mm; the mean face with neck then spans
     x -124..124, y -194..144, z -178..45.
     """
@@ -57,38 +58,39 @@ class IctFaceKit:
         self.new_identity_every_frame = new_identity_every_frame
 
     def __getstate__(self) -> dict[str, Any]:
-        """Settings only: a worker maps the cached model itself."""
+        """Return the settings only; each worker maps the cached model itself."""
         return {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
 
     @property
     def regions(self) -> NDArray[np.uint8]:
-        """(V,) index into ``region_names``, the same for all subjects."""
+        """(V,) uint8 indices into ``region_names``, the same for all subjects."""
         return self._model.topology.region
 
     @property
     def region_names(self) -> tuple[str, ...]:
-        """What the numbers in ``regions`` mean."""
+        """Names of the regions that ``regions`` refers to."""
         return REGION_NAMES
 
     def subjects(self, count: int | None) -> list[str]:
-        """The first ``count`` subjects. Raises ConfigError for None: there is no last one."""
+        """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
         if count is None:
             raise ConfigError("ict-facekit faces never end: give a number of subjects")
         return [f"i{number:04d}" for number in range(count)]
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """The first ``count`` frames of a subject, sequence by sequence."""
-        return performed_frames(self.seed, subject, count, self.frames_per_sequence)
+        """Return the first ``count`` frames of a subject, sequence by sequence."""
+        return performance_frames(self.seed, subject, count, self.frames_per_sequence)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """One face a key, in order; up to 32 are evaluated in one matrix product."""
-        for first in range(0, len(keys), BATCH):
-            yield from self._load_batch(keys[first : first + BATCH])
+        """Yield one face per key, in order; one matrix product evaluates up to 32 faces."""
+        for first in range(0, len(keys), BATCH_FRAMES):
+            yield from self._load_batch(keys[first : first + BATCH_FRAMES])
 
     def _load_batch(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
         model = self._model
-        weights = np.zeros((-(-len(keys) // ROWS) * ROWS, len(model.basis)), dtype=np.float32)
-        expressions = [performed_expression(self.seed, key) for key in keys]
+        rows = -(-len(keys) // ROW_MULTIPLE) * ROW_MULTIPLE
+        weights = np.zeros((rows, len(model.basis)), dtype=np.float32)
+        expressions = [performance_expression(self.seed, key) for key in keys]
         for row, key, expression in zip(weights, keys, expressions, strict=False):
             row[0] = 1.0
             row[1 : 1 + IDENTITY_MODES] = self._identity(key)
@@ -98,19 +100,19 @@ class IctFaceKit:
             yield Face(key, Mesh(head, model.topology.faces, self._albedo), expression)
 
     def _identity(self, key: FaceKey) -> NDArray[np.float64]:
-        """(100,) standard normal, cut at 3: the first of four draws that lies within."""
+        """Draw (100,) standard normal weights, truncated at 3: the first of 4 draws within it."""
         if not (key.subject.startswith("i") and key.subject[1:].isdigit()):
             raise ConfigError(f"no ict-facekit subject {key.subject!r}: they are i0000, i0001, ...")
         words: tuple[str | int, ...] = ("ict-facekit", key.subject)
         if self.new_identity_every_frame:
             words += (key.sequence, key.frame)
         draws = rng_for(self.seed, *words).standard_normal((DRAWS, IDENTITY_MODES))
-        first = np.argmax(np.abs(draws) <= LARGEST_WEIGHT, axis=0)
+        first = np.argmax(np.abs(draws) <= MAX_WEIGHT, axis=0)
         chosen = draws[first, np.arange(IDENTITY_MODES)]
-        return np.asarray(np.clip(chosen, -LARGEST_WEIGHT, LARGEST_WEIGHT))
+        return np.asarray(np.clip(chosen, -MAX_WEIGHT, MAX_WEIGHT))
 
     @cached_property
-    def _model(self) -> Model:
+    def _model(self) -> MorphableModel:
         return load_model(self.root)
 
     @cached_property

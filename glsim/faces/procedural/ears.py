@@ -1,4 +1,4 @@
-"""The ear: a polar sheet with helix, antihelix, concha, tragus and lobule, thick at the back.
+"""The ear mesh: a polar sheet with helix, antihelix, concha, tragus and lobule, and a back side.
 
 Millimetres. Farkas 1994: ear length sa-sba 62, width pra-pa 35, protrusion 20-25 degrees,
 inclination of the long axis about 15-20 degrees.
@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.sculpt import Array, IntArray, bump, smoothstep
+from glsim.faces.procedural.falloff import Array, IntArray, bump, smoothstep
 
 EAR_ROOT = (67.5, -1.0, -78.0)  # the front attachment, level with the ear's middle
 EAR_LENGTH, EAR_WIDTH = 62.0, 34.0
 PROTRUSION_DEG, INCLINATION_DEG = 24.0, 12.0
 SECTORS = 36
-SHEET = (0.0, 0.16, 0.3, 0.42, 0.52, 0.61, 0.7, 0.78, 0.86, 0.93, 0.98, 1.0)  # radii, front sheet
-BACK = ((0.97, -3.5), (0.85, -6.0), (0.62, -9.0), (0.45, -16.0))  # radius, offset (mm) behind
+# Front sheet: radius of each ring. Back sheet: radius and offset (mm, negative: behind) of each.
+FRONT_RADII = (0.0, 0.16, 0.3, 0.42, 0.52, 0.61, 0.7, 0.78, 0.86, 0.93, 0.98, 1.0)
+BACK_RINGS = ((0.97, -3.5), (0.85, -6.0), (0.62, -9.0), (0.45, -16.0))
 
 
 def outline(turn: Array) -> tuple[Array, Array]:
-    """The ear's rim in its own plane: (back, up) in mm at angle ``turn`` (0 back, pi/2 up)."""
+    """Return the ear's rim in its plane: (back, up) in mm at angle ``turn`` (0 back, pi/2 up)."""
     low, high = smoothstep(0.0, -0.9, np.sin(turn)), smoothstep(0.1, 1.0, np.sin(turn))
     round_end = np.sign(np.cos(turn)) * np.abs(np.cos(turn)) ** 0.72
     back = EAR_WIDTH / 2 * (np.cos(turn) + low * (0.62 * round_end - np.cos(turn)))
@@ -28,8 +29,8 @@ def outline(turn: Array) -> tuple[Array, Array]:
     return back, up
 
 
-def relief(radius: Array, turn: Array) -> Array:
-    """How far the front sheet stands out (mm)."""
+def ear_offset(radius: Array, turn: Array) -> Array:
+    """Return the height of the front sheet above the ear's plane (mm) in polar coordinates."""
     upper = smoothstep(-0.75, -0.2, np.sin(turn))  # the lobule has no helix
     front = smoothstep(0.2, 0.9, -np.cos(turn))
     helix = (3.2 * upper + 0.8) * bump(radius - 0.93, 0.10) * (1 - 0.5 * front)
@@ -43,22 +44,22 @@ def relief(radius: Array, turn: Array) -> Array:
 
 
 def ear() -> tuple[Array, IntArray]:
-    """The left ear: vertices (V, 3) on the template head, triangles (F, 3)."""
+    """Build the left ear: vertices (V, 3) on the template head, triangles (F, 3)."""
     turn = np.arange(SECTORS) * 2 * np.pi / SECTORS
     back, up = outline(turn)
-    rows = [np.stack([0 * turn, 0 * turn, relief(0 * turn, turn)], 1)[:1]]
-    for radius in SHEET[1:]:
+    rows = [np.stack([0 * turn, 0 * turn, ear_offset(0 * turn, turn)], 1)[:1]]
+    for radius in FRONT_RADII[1:]:
         center_back, center_up = -2.0 * (1 - radius), -3.0 * (1 - radius)
         rows.append(
             np.stack(
                 [center_back + radius * back, center_up + radius * up,
-                 relief(np.full_like(turn, radius), turn)], 1
+                 ear_offset(np.full_like(turn, radius), turn)], 1
             )
         )  # fmt: skip
-    for radius, offset in BACK:
+    for radius, offset in BACK_RINGS:
         rows.append(np.stack([radius * back - 2 * (1 - radius), radius * up, 0 * turn + offset], 1))
     local = np.concatenate(rows)
-    local[:, 0] += EAR_WIDTH / 2  # hinge: the front edge
+    local[:, 0] += EAR_WIDTH / 2  # the hinge is the front edge
     local[:, 2] += 1.5
     a, b = np.deg2rad(PROTRUSION_DEG), np.deg2rad(INCLINATION_DEG)
     tilt = np.array([[np.cos(b), np.sin(b)], [-np.sin(b), np.cos(b)]])
@@ -67,7 +68,7 @@ def ear() -> tuple[Array, IntArray]:
     out_axis = np.array([np.cos(a), 0.0, np.sin(a)])
     points = np.asarray(EAR_ROOT) + plane[:, :1] * back_axis + local[:, 2:] * out_axis
     points[:, 1] += plane[:, 1]
-    count = len(SHEET) - 1 + len(BACK)
+    count = len(FRONT_RADII) - 1 + len(BACK_RINGS)
     index = 1 + np.arange(count * SECTORS).reshape(count, SECTORS)
     after = np.roll(index, -1, axis=1)
     fan = np.stack([0 * index[0], index[0], after[0]], axis=1)

@@ -1,4 +1,4 @@
-"""Eyes: the line of the lids, the lids' thickness, and the eyeballs.
+"""Eyes: the lid margins, the thickness of the lids, and the eyeballs.
 
 Millimetres, subject's left eye (mirrored for the right one).
 """
@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.sculpt import Array, IntArray, bump, smoothstep
+from glsim.faces.procedural.falloff import Array, IntArray, bump, smoothstep
 from glsim.faces.procedural.volumes import EYE_CENTER, EYE_RADIUS
 
 CANTHUS_X = (17.05, 45.9)  # medial, lateral; Farkas 1994: en-en 33, ex-ex 91
-CANTHUS_Y = (-1.3, 0.8)  # against the slit's row: the outer corner is higher (tilt about 4 deg)
+CANTHUS_Y = (-1.3, 0.8)  # relative to the slit's row; the eye tilts outwards by about 4 deg
 UPPER_LID = 4.9  # mm above the line between the corners (fissure height 10.5, Farkas ps-pi)
 LOWER_LID = 5.0
 LID_REACH_ROWS = 5.0  # rows over which the opening of the slit fades
@@ -22,7 +22,7 @@ EYEBALL_RINGS, EYEBALL_SECTORS = 13, 28
 
 
 def lid_lines(x: Array) -> tuple[Array, Array]:
-    """Height (N,) of the upper and the lower lid margin above the slit's row, at ``x`` (N,)."""
+    """Return heights (N,) of the upper and lower lid margin above the slit's row, at ``x`` (N,)."""
     s = np.clip((x - CANTHUS_X[0]) / (CANTHUS_X[1] - CANTHUS_X[0]), 0.0, 1.0)
     chord = CANTHUS_Y[0] + s * (CANTHUS_Y[1] - CANTHUS_Y[0])
     chord = chord * smoothstep(6.0, 14.0, x) * smoothstep(62.0, 50.0, x)
@@ -33,7 +33,7 @@ def lid_lines(x: Array) -> tuple[Array, Array]:
 
 
 def open_lids(x: Array, rows_below: Array, low: np.ndarray) -> Array:
-    """How far (N,) grid vertices move in y so that the slit's row opens to the fissure.
+    """Return the y displacement (N,) of grid vertices that opens the slit to the fissure (mm).
 
     rows_below: (N,) rows below the slit's row (negative above it).
     """
@@ -42,10 +42,11 @@ def open_lids(x: Array, rows_below: Array, low: np.ndarray) -> Array:
     return np.asarray(target * bump(rows_below, LID_REACH_ROWS))
 
 
-def lid_relief(x: Array, above: Array) -> Array:
-    """How far (N,) skin stands out for the lid creases (mm); ``above`` is y against the slit's row.
+def lid_offset(x: Array, above: Array) -> Array:
+    """Return the z offset (N,) of the skin at the lid creases (mm).
 
-    The upper crease lies about 5 mm above the margin and fades inwards, the lower is shallow.
+    above: (N,) y relative to the slit's row. The upper crease is about 5 mm above the margin and
+    fades inwards, the lower is shallow.
     """
     up, low = lid_lines(x)
     s = (x - CANTHUS_X[0]) / (CANTHUS_X[1] - CANTHUS_X[0])
@@ -56,9 +57,9 @@ def lid_relief(x: Array, above: Array) -> Array:
 
 
 def lid_rings(margin: Array, ring: IntArray, low: np.ndarray) -> Array:
-    """Positions (N, 3) of the rings inside the lids, from the margin (N, 3) they hang on.
+    """Return positions (N, 3) of the rings behind the lids, from their margin vertices (N, 3).
 
-    Ring 1 is the inner edge of the margin, on the globe; ring 2 lies hidden behind the lid.
+    Ring 1 is the inner edge of the margin, on the globe; ring 2 is hidden behind the lid.
     """
     center = np.asarray(EYE_CENTER)
     away = margin - center
@@ -74,9 +75,9 @@ def lid_rings(margin: Array, ring: IntArray, low: np.ndarray) -> Array:
 
 
 def eyeball() -> tuple[Array, IntArray, Array]:
-    """The front of the left eyeball: vertices (V, 3), triangles (F, 3), angle from its axis (V,).
+    """Build the front of the left eyeball: vertices (V, 3), triangles (F, 3), axis angles (V,).
 
-    Rings are spaced so that two of them lie on the edges of the pupil and of the iris.
+    Two of its rings lie on the edges of the pupil and of the iris.
     """
     iris = np.arcsin(IRIS_RADIUS / EYE_RADIUS)
     pupil = np.arcsin(PUPIL_RADIUS / EYE_RADIUS)

@@ -1,8 +1,8 @@
-"""Displacement fields on the template: the points they see, and how parts follow them.
+"""Displacement fields on the template, and the rigid parts that follow them.
 
-A field is a function of a Canvas that gives a displacement (N, 3) in mm. Eyeballs with their lids,
-and ears, must move as rigid pieces: the canvas carries an anchor point for each of them, and
-``settle`` replaces the displacement of the piece by that of its anchor.
+A field is a function of FieldPoints that returns a displacement (N, 3) in mm. Eyeballs with their
+lids, and ears, must move rigidly: FieldPoints contains an anchor point for each of them, and
+``RigidParts.apply`` replaces the displacement of a part by that of its anchor.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.faces.procedural import mouth
 from glsim.faces.procedural.ears import EAR_ROOT
-from glsim.faces.procedural.sculpt import Array, Vec3, smoothstep
+from glsim.faces.procedural.falloff import Array, Vec3, smoothstep
 from glsim.faces.procedural.template import (
     PART_EAR,
     PART_EYE_LINING,
@@ -27,17 +27,17 @@ from glsim.faces.procedural.template import (
 from glsim.faces.procedural.topology import SLIT_MOUTH
 from glsim.faces.procedural.volumes import EYE_CENTER
 
-RIGID_EYE_MM = (15.0, 27.0)  # round an eye's centre: wholly rigid within, wholly free beyond
-ANCHORS = 4  # the last points of a canvas: left and right eye, left and right ear
+RIGID_EYE_MM = (15.0, 27.0)  # distance from an eye's centre: rigid within, free beyond
+ANCHORS = 4  # the last points of FieldPoints: left and right eye, left and right ear
 
 
 @dataclass(frozen=True, eq=False)
-class Canvas:
+class FieldPoints:
     """The template's points and the four anchors (N = V + 4).
 
-    points: (N, 3) mm. normals: (N, 3) unit, outwards. x: (N,) distance from the midline.
-    side: (N,) +1 left, -1 right, 0 on the midline, smooth across 3 mm.
-    upper: (N,) 1 above the mouth's line, 0 below, jumping between the lips, smooth beyond them.
+    points: (N, 3) mm. normals: (N, 3) unit, outwards. x: (N,) distance from the midline, mm.
+    y, z: (N,) mm. side: (N,) +1 left, -1 right, 0 on the midline, smooth over 3 mm.
+    upper: (N,) 1 above the mouth's line, 0 below, with a step between the lips, smooth beyond them.
     """
 
     points: Array
@@ -48,32 +48,32 @@ class Canvas:
     side: Array
     upper: Array
 
-    def near(self, center: Vec3, radii: Vec3) -> Array:
-        """A soft ellipsoid (N,): exp(-d^2), d = 1 at ``radii``; on both sides of the face."""
+    def gaussian(self, center: Vec3, radii: Vec3) -> Array:
+        """Return Gaussian weights (N,): exp(-d^2), d = 1 at ``radii``; on both sides."""
         d = (np.stack([self.x, self.y, self.z], axis=1) - np.asarray(center)) / np.asarray(radii)
         return np.asarray(np.exp(-np.einsum("ij,ij->i", d, d)))
 
-    def vector(self, x: Array | float, y: Array | float, z: Array | float) -> Array:
-        """A displacement (N, 3); ``x`` points away from the midline."""
+    def displacement(self, x: Array | float, y: Array | float, z: Array | float) -> Array:
+        """Return a displacement (N, 3), mm; ``x`` points away from the midline."""
         zero = np.zeros_like(self.x)
         return np.stack([self.side * x + zero, zero + y, zero + z], axis=1)
 
 
-Field = Callable[[Canvas], Array]
+Field = Callable[[FieldPoints], Array]
 
 
-def widen(c: Canvas, half_width: float, weight: Array) -> Array:
-    """Widens by 1 mm in all (0.5 a side) where x is ``half_width`` and the weight is 1."""
-    return c.vector(0.5 * c.x / half_width * weight, 0.0, 0.0)
+def widen(p: FieldPoints, half_width: float, weight: Array) -> Array:
+    """Widen by 1 mm in total (0.5 per side) at x = ``half_width`` and weight 1."""
+    return p.displacement(0.5 * p.x / half_width * weight, 0.0, 0.0)
 
 
-def front_share(c: Canvas) -> Array:
-    """(N,) 1 on the face, 0 behind the ears."""
-    return smoothstep(-95.0, -45.0, c.z)
+def front_weight(p: FieldPoints) -> Array:
+    """Return (N,) weights: 1 on the face, 0 behind the ears."""
+    return smoothstep(-95.0, -45.0, p.z)
 
 
 def vertex_normals(points: Array, faces: NDArray[np.int32]) -> Array:
-    """Unit normals (V, 3), weighted by area."""
+    """Return unit normals (V, 3), weighted by area."""
     corners = points[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     total = np.stack(
@@ -86,11 +86,11 @@ def vertex_normals(points: Array, faces: NDArray[np.int32]) -> Array:
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
 
 
-def upper_share(template: Template) -> Array:
-    """(V,) 1 above the mouth's line, 0 below it.
+def upper_weight(template: Template) -> Array:
+    """Return (V,) weights: 1 above the mouth's line, 0 below it.
 
-    Between the corners the lips part: along the slit the upper lip has 0.5...1, the lower 0.5...0,
-    as in an ellipse. Beyond the corners the change spreads the wider the farther away.
+    Between the corners the weights open the lips as an ellipse: along the slit 0.5...1 on the upper
+    lip, 0.5...0 on the lower. Beyond the corners the transition widens with distance.
     """
     x, y = np.abs(template.points[:, 0]), template.points[:, 1]
     above = y - mouth.stomion_line(np.minimum(x, mouth.CORNER_X))
@@ -107,8 +107,8 @@ def upper_share(template: Template) -> Array:
     return np.asarray(np.where(is_low, 0.5 - amount, 0.5 + amount))
 
 
-def make_canvas(template: Template) -> Canvas:
-    """The canvas of the template, its anchors last."""
+def make_field_points(template: Template) -> FieldPoints:
+    """Return the points of the template, followed by the anchors."""
     anchors = np.array(
         [np.array(p) * (s, 1, 1) for p in (EYE_CENTER, EAR_ROOT) for s in (1.0, -1.0)]
     )
@@ -116,34 +116,34 @@ def make_canvas(template: Template) -> Canvas:
     normals = np.concatenate(
         [vertex_normals(template.points, template.faces), np.tile([0.0, 0.0, 1.0], (ANCHORS, 1))]
     )
-    return Canvas(
+    return FieldPoints(
         points=points,
         normals=normals,
         x=np.abs(points[:, 0]),
         y=points[:, 1],
         z=points[:, 2],
         side=np.clip(points[:, 0] / 1.5, -1.0, 1.0),
-        upper=np.concatenate([upper_share(template), np.ones(ANCHORS)]),
+        upper=np.concatenate([upper_weight(template), np.ones(ANCHORS)]),
     )
 
 
 @dataclass(frozen=True, eq=False)
-class Rigid:
-    """Which vertices follow the anchors: weights (V,) of the left and right eye and ear."""
+class RigidParts:
+    """Weights (V,) of the anchors at each vertex, for the left and right eye and ear."""
 
     eyes: tuple[Array, Array]
     ears: tuple[Array, Array]
 
-    def settle(self, field: Array) -> Array:
-        """The field (V, 3) with rigid pieces, from a raw field (V + 4, 3)."""
+    def apply(self, field: Array) -> Array:
+        """Return the field (V, 3) with rigid parts, from a field with anchors (V + 4, 3)."""
         body, anchors = field[:-ANCHORS], field[-ANCHORS:]
         for weight, anchor in zip((*self.eyes, *self.ears), anchors, strict=True):
             body = body + weight[:, None] * (anchor - body)
         return np.asarray(body)
 
 
-def make_rigid(template: Template) -> Rigid:
-    """The rigid pieces of the template."""
+def make_rigid_parts(template: Template) -> RigidParts:
+    """Return the rigid parts of the template."""
     left = template.points[:, 0] > 0
     eyes = []
     for side in (1.0, -1.0):
@@ -152,4 +152,4 @@ def make_rigid(template: Template) -> Rigid:
         piece = np.isin(template.part, (PART_EYEBALL, PART_EYE_LINING)) & (left == (side > 0))
         eyes.append(np.where(piece, 1.0, weight))
     ear = template.part == PART_EAR
-    return Rigid((eyes[0], eyes[1]), (1.0 * (ear & left), 1.0 * (ear & ~left)))
+    return RigidParts((eyes[0], eyes[1]), (1.0 * (ear & left), 1.0 * (ear & ~left)))

@@ -1,8 +1,8 @@
-"""The grid of the template head: which ray each vertex is cast along, and the triangles.
+"""The grid of the template head: the ray along which each vertex is cast to the surface.
 
-Rows run from the crown down to the shoulders, columns round the head from the midline of the face
-(column 0) over the subject's left to the back of the head, and on over the right. Two slits, the
-palpebral fissures, and one, the mouth, are cut along a row: their interior vertices exist twice.
+Rows run from the crown down to the shoulders, columns around the head from the midline of the face
+(column 0) over the subject's left to the back of the head, and on over the right. Three slits, the
+two palpebral fissures and the mouth, are cut along a row: their interior vertices are duplicated.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.faces.procedural.sculpt import Array, IntArray, smoothstep
+from glsim.faces.procedural.falloff import Array, IntArray, smoothstep
 
-# One line a knot, rows spread evenly between knots:
+# One line per knot, rows spaced evenly between knots:
 # (rows to the next knot, y of the ray's origin, its z in front, its z behind, elevation in front,
 #  elevation behind, width factor of the columns). Millimetres and degrees.
 ROW_KNOTS: tuple[tuple[int, float, float, float, float, float, float], ...] = (
-    (17, 60, -80, -80, 86, 86, 0.0),  # crown (the pole itself is one more vertex)
+    (17, 60, -80, -80, 86, 86, 0.0),  # crown (the pole is an extra vertex)
     (9, 60, -45, -105, 34, 34, 0.80),  # hairline
     (8, 60, -40, -110, 0, 0, 0.95),  # forehead
     (4, 36, -40, -110, 0, -4, 1.0),  # brow
@@ -40,16 +40,16 @@ ROW_KNOTS: tuple[tuple[int, float, float, float, float, float, float], ...] = (
     (0, -182, -84, -104, 0, -4, 0.7),  # shoulders
 )
 EYE_KNOT, TIP_KNOT, SUBNASALE_KNOT, MOUTH_KNOT, CHIN_KNOT = 5, 8, 9, 11, 14
-CHIN_CURVE = 0.02  # 1/mm: how far lateral rays start behind the median one
+CHIN_CURVE = 0.02  # 1/mm: setback of the origins of lateral rays, quadratic in x
 
-FRONT_X = np.concatenate([np.arange(12) * 1.55, 18.6 + np.arange(16) * 1.95])  # mm, columns cast
-SIDE_COLUMNS = 20  # forwards (above), then fanning out to the side,
-BACK_COLUMNS = 20  # then round the back to the midline
+FRONT_X = np.concatenate([np.arange(12) * 1.55, 18.6 + np.arange(16) * 1.95])  # mm, cast forwards
+SIDE_COLUMNS = 20  # columns that fan out to the side
+BACK_COLUMNS = 20  # columns around the back to the midline
 HALF_COLUMNS = len(FRONT_X) - 1 + SIDE_COLUMNS + BACK_COLUMNS
 
 
 def knot_row(knot: int) -> int:
-    """The row at a knot of ROW_KNOTS."""
+    """Return the row at a knot of ROW_KNOTS."""
     return sum(line[0] for line in ROW_KNOTS[:knot])
 
 
@@ -58,7 +58,7 @@ COLUMNS = 2 * HALF_COLUMNS
 
 
 def row_table() -> Array:
-    """(ROWS, 6): origin y, z in front, z behind, elevation in front and behind (rad), width."""
+    """Return (ROWS, 6): origin y, z in front, z behind, elevation in front, behind (rad), width."""
     knots = np.array([line[1:] for line in ROW_KNOTS], dtype=np.float64)
     at = np.array([knot_row(k) for k in range(len(ROW_KNOTS))], dtype=np.float64)
     rows = np.arange(ROWS)
@@ -68,7 +68,7 @@ def row_table() -> Array:
 
 
 def column_table() -> Array:
-    """(HALF_COLUMNS + 1, 3): origin x (mm), azimuth (rad, 0 forwards), share of the back."""
+    """Return (HALF_COLUMNS + 1, 3): origin x (mm), azimuth (rad, 0 forwards), back weight."""
     side = np.arange(1, SIDE_COLUMNS + 1) / SIDE_COLUMNS
     back = np.arange(1, BACK_COLUMNS + 1) / BACK_COLUMNS
     widest = FRONT_X[-1]
@@ -77,27 +77,27 @@ def column_table() -> Array:
         [FRONT_X, widest + (inner - widest) * side**2, inner * np.cos(back * np.pi / 2)]
     )
     azimuth = np.concatenate([0 * FRONT_X, side * np.pi / 2, (1 + back) * np.pi / 2])
-    share = np.concatenate([0 * FRONT_X, 0.62 * side, 0.62 + 0.38 * back])
-    return np.stack([x, azimuth, share], axis=1)
+    weight = np.concatenate([0 * FRONT_X, 0.62 * side, 0.62 + 0.38 * back])
+    return np.stack([x, azimuth, weight], axis=1)
 
 
 @dataclass(frozen=True)
 class Rays:
-    """One ray a vertex: origins and unit directions (N, 3), for the left half (x >= 0)."""
+    """One ray per vertex: origins (mm) and unit directions (N, 3), for the left half (x >= 0)."""
 
     origins: Array
     directions: Array
 
 
 def make_rays(row: IntArray, column: IntArray, shift_y: Array) -> Rays:
-    """Rays of vertices at grid positions ``row``, ``|column|`` (N,), moved by ``shift_y`` (N,)."""
+    """Return rays at grid positions ``row``, ``|column|`` (N,), moved by ``shift_y`` (N,) mm."""
     table, columns = row_table()[row], column_table()[np.abs(column)]
     x = columns[:, 0] * table[:, 5]
-    share = columns[:, 2]
+    weight = columns[:, 2]
     y = table[:, 0] + shift_y
-    z = table[:, 1] * (1 - share) + table[:, 2] * share
-    even = smoothstep(1.0, 0.0, row / knot_row(1))  # at the crown columns spread evenly
-    # towards the chin the front of the face is narrow: start lateral rays farther back
+    z = table[:, 1] * (1 - weight) + table[:, 2] * weight
+    even = smoothstep(1.0, 0.0, row / knot_row(1))  # columns are spaced evenly at the crown
+    # the front of the face is narrow towards the chin: lateral rays start farther back
     chin = smoothstep(knot_row(MOUTH_KNOT), knot_row(CHIN_KNOT), row.astype(np.float64))
     z = z - chin * CHIN_CURVE * np.minimum(x, 30.0) ** 2
     azimuth = columns[:, 1] + even * (np.pi * np.abs(column) / HALF_COLUMNS - columns[:, 1])
@@ -120,18 +120,18 @@ def make_rays(row: IntArray, column: IntArray, shift_y: Array) -> Rays:
 def _fan_under_nose(
     row: IntArray, x: Array, y: Array, z: Array, elevation: Array
 ) -> tuple[Array, Array, Array]:
-    """Below the nose tip the rays fan downwards from inside the nose, to reach its underside."""
+    """Fan the rays below the nose tip downwards from inside the nose, to reach its underside."""
     first, last = knot_row(TIP_KNOT) - 1, knot_row(SUBNASALE_KNOT)
     along = (row - first) / (last - first)
     inside = (along > 0) & (along < 1)
     forward = np.where(inside, smoothstep(30.0, 21.0, x), 0.0)
-    share = np.where(inside, smoothstep(20.0, 15.0, x), 0.0)
+    weight = np.where(inside, smoothstep(20.0, 15.0, x), 0.0)
     fan_z = 22.0 - 0.9 * np.minimum(x, 20.0)
     fan_y = np.full_like(y, -17.5) - 0.12 * x
     last_deg = 84.0 - 26.0 * smoothstep(3.0, 12.0, x)
     fan_elevation = -np.deg2rad(4 + (last_deg - 4) * along)
     return (
-        y + share * (fan_y - y),
+        y + weight * (fan_y - y),
         z + forward * (fan_z - z),
-        elevation + share * (fan_elevation - elevation),
+        elevation + weight * (fan_elevation - elevation),
     )

@@ -1,8 +1,8 @@
-"""Identity: one displacement field a parameter, in mm a unit of the parameter.
+"""Identity fields: one displacement field per parameter, in mm per unit of the parameter.
 
-``FIELDS[name](canvas)`` gives (N, 3). Fields are tuned so that the measurement named in
-parameters.py changes by one unit; tests/test_faces_procedural.py measures it. Lids and ears, which
-move as they like, have theirs in identity_parts.py.
+``FIELDS[name](field_points)`` returns (N, 3). A field of weight 1 changes the measurement
+named in parameters.py by one unit; tests/faces/test_procedural.py measures this. Fields of lids and
+ears, which move on their own, are in identity_parts.py.
 """
 
 from __future__ import annotations

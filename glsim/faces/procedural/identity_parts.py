@@ -1,6 +1,6 @@
-"""Identity of the pieces that move as they like: lids (on the globe) and ears (on their hinge).
+"""Identity fields of parts that move on their own: lids (on the eyeball), ears (on their hinge).
 
-As in identity.py, a field is a displacement in mm a unit of its parameter, here (V, 3).
+As in identity.py, a field is a displacement in mm per unit of its parameter, here (V, 3).
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from glsim.faces.procedural.ears import EAR_LENGTH, EAR_ROOT
+from glsim.faces.procedural.falloff import Array
 from glsim.faces.procedural.lids import Lids
-from glsim.faces.procedural.sculpt import Array
 from glsim.faces.procedural.template import PART_EAR, Template
 from glsim.faces.procedural.volumes import EYE_CENTER, EYE_RADIUS
 
@@ -19,7 +19,7 @@ PartField = Callable[[Template, Lids], Array]
 
 
 def _on_globe(template: Template, lids: Lids, rise: Array) -> Array:
-    """A lid field (V, 3) that lifts lid vertices by ``rise`` (L,) along the globe."""
+    """Return a field (V, 3) that lifts the lid vertices by ``rise`` (L,) mm along the eyeball."""
     points = template.points[lids.index]
     up = points[:, 1] - EYE_CENTER[1]
     out = np.maximum(points[:, 2] - EYE_CENTER[2], 0.6 * EYE_RADIUS)
@@ -30,19 +30,19 @@ def _on_globe(template: Template, lids: Lids, rise: Array) -> Array:
 
 
 def eye_fissure_height(template: Template, lids: Lids) -> Array:
-    """Opens the lids by 1 mm, two thirds of it above."""
+    """Open the lids by 1 mm, two thirds of it above."""
     arch = (4.0 * lids.share * (1.0 - lids.share)) ** 0.8
     return _on_globe(template, lids, arch * (0.65 * lids.upper - 0.35 * lids.lower))
 
 
 def canthal_tilt(template: Template, lids: Lids) -> Array:
-    """Raises the outer third of the fissure by up to 1 mm, lowers the inner corner a little."""
+    """Raise the outer third of the fissure by up to 1 mm, lower the inner corner a little."""
     rise = np.interp(lids.share, (0.0, 0.25, 0.9, 1.0), (-0.3, 0.0, 1.0, 1.0))
     return _on_globe(template, lids, rise * np.maximum(lids.upper, lids.lower))
 
 
 def eye_fissure_length(template: Template, lids: Lids) -> Array:
-    """Moves the outer corner out by 0.7 mm and the inner one in by 0.3 mm."""
+    """Move the outer corner out by 0.7 mm and the inner one in by 0.3 mm."""
     stretch = np.interp(lids.share, (0.0, 0.35, 1.0), (-0.3, 0.0, 0.7))
     stretch *= np.maximum(lids.upper, lids.lower)
     field = np.zeros_like(template.points)
@@ -52,7 +52,7 @@ def eye_fissure_length(template: Template, lids: Lids) -> Array:
 
 
 def ear_length(template: Template, lids: Lids) -> Array:
-    """Scales the ear about its root, width at half the rate."""
+    """Scale the ear about its root, its width at half the rate."""
     ear = (template.part == PART_EAR)[:, None]
     root = np.where(template.points[:, :1] > 0, 1.0, -1.0) * np.array([EAR_ROOT[0], 0.0, 0.0])
     root = root + np.array([0.0, EAR_ROOT[1], EAR_ROOT[2]])
@@ -61,7 +61,7 @@ def ear_length(template: Template, lids: Lids) -> Array:
 
 
 def ear_protrusion(template: Template, lids: Lids) -> Array:
-    """Turns the ear about its upright hinge by 1 degree."""
+    """Rotate the ear about its vertical hinge by 1 degree."""
     ear = template.part == PART_EAR
     side = np.where(template.points[:, 0] > 0, 1.0, -1.0)
     x = np.abs(template.points[:, 0]) - EAR_ROOT[0]

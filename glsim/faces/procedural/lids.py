@@ -1,7 +1,7 @@
-"""Lids that move on the globe: which vertices belong to them, and how they close.
+"""Lids that slide on the eyeball: their vertices and their closing motion.
 
-A closing lid slides: its skin moves along the surface that is there, and beyond the margin of the
-open lid along the globe. It is written as a quadratic in the closure a in [0, 1], displacement =
+The skin of a closing lid moves along the neutral surface, and beyond the margin of the open lid
+along the eyeball. The motion is a quadratic in the closure a in [0, 1], displacement =
 a * linear + a^2 * square, exact at a = 0, 1/2 and 1.
 """
 
@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.faces.procedural.eyes import LID_REACH_ROWS, LID_THICKNESS
+from glsim.faces.procedural.falloff import Array, bump
 from glsim.faces.procedural.grid import EYE_KNOT, knot_row
-from glsim.faces.procedural.sculpt import Array, bump
 from glsim.faces.procedural.template import PART_SKIN, Template
 from glsim.faces.procedural.topology import EYE_COLUMNS, SLIT_EYE
 from glsim.faces.procedural.volumes import EYE_RADIUS
 
-MEETING = 0.18  # where the closed lids meet: this share of the opening above the lower margin
-OVERLAP_MM = 0.25  # the upper lid ends this far below the lower one's edge when shut
+CLOSED_LINE = 0.18  # closed lids meet at this share of the opening above the lower margin
+OVERLAP_MM = 0.25  # distance of the closed upper lid's edge below the lower lid's edge
 LID_ROWS = 11  # rows above or below the slit that a lid can move
 
 
@@ -28,11 +28,11 @@ LID_ROWS = 11  # rows above or below the slit that a lid can move
 class Lids:
     """The lid vertices of both eyes.
 
-    index: (L,) vertices. upper, lower: (L,) how much each moves with the upper or lower margin.
+    index: (L,) vertices. upper, lower: (L,) weights of the motion of the upper and lower margin.
     share: (L,) position between the corners, 0 medial, 1 lateral. left: (L,) on the subject's left.
     strips: upper and lower, each (C, LID_ROWS) vertices of the C columns, margin first.
-    strip_left: (C,) columns of the left eye. linings: upper and lower, each (strip, vertex) pairs
-    (P,), (P,) of the rings behind a margin.
+    strip_left: (C,) whether a column belongs to the left eye. linings: upper and lower, each (P,)
+    strip numbers and (P,) vertices of the rings behind the margin.
     """
 
     index: NDArray[np.intp]
@@ -48,7 +48,7 @@ class Lids:
 
 
 def make_lids(template: Template) -> Lids:
-    """The lid vertices of the template."""
+    """Find the lid vertices of the template."""
     row, (first, last) = knot_row(EYE_KNOT), EYE_COLUMNS
     column, on_slit = np.abs(template.column), template.slit == SLIT_EYE
     below = template.row - row
@@ -83,22 +83,22 @@ def make_lids(template: Template) -> Lids:
 
 
 def globe_height(x: Array, y: Array, centers: Array) -> Array:
-    """Height z of the lids' sphere over (x, y); flat beyond its rim. Shapes broadcast."""
+    """Return the height z of the lids' sphere at (x, y), flat beyond its rim. Shapes broadcast."""
     radius = EYE_RADIUS + LID_THICKNESS
     away = np.square(x - centers[..., 0]) + np.square(y - centers[..., 1])
     return np.asarray(centers[..., 2] + np.sqrt(np.maximum(radius**2 - away, (0.3 * radius) ** 2)))
 
 
-def closing(points: Array, centers: Array, lids: Lids) -> tuple[Array, Array, Array, Array]:
-    """How a subject's lids close: (upper linear, upper square, lower linear, lower square).
+def lid_closure(points: Array, centers: Array, lids: Lids) -> tuple[Array, Array, Array, Array]:
+    """Return a subject's closing motion: (upper linear, upper square, lower linear, lower square).
 
-    points: (V, 3) the subject's neutral head; centers: (2, 3) its left and right globe centres.
+    points: (V, 3) mm, the neutral head. centers: (2, 3) mm, left and right eyeball centres.
     Each result is (L, 3) mm for the lid vertices ``lids.index``.
     """
     upper, lower = lids.strips
     gap = np.maximum(points[upper[:, 0], 1] - points[lower[:, 0], 1], 0.0)
     globes = np.where(lids.strip_left[:, None], centers[0], centers[1])
-    travels = (gap * (1.0 - MEETING) + OVERLAP_MM, gap * MEETING)
+    travels = (gap * (1.0 - CLOSED_LINE) + OVERLAP_MM, gap * CLOSED_LINE)
     results = []
     for number, travel in enumerate(travels):
         half, full = (_slide(points, lids, globes, number, a * travel) for a in (0.5, 1.0))
@@ -107,7 +107,10 @@ def closing(points: Array, centers: Array, lids: Lids) -> tuple[Array, Array, Ar
 
 
 def _slide(points: Array, lids: Lids, globes: Array, number: int, travel: Array) -> Array:
-    """Displacement (L, 3) when the margins of the lids ``number`` travel (C,) mm to close."""
+    """Return the displacement (L, 3) when the lid margins move by ``travel`` (C,) mm to close.
+
+    number: 0 for the upper lids, 1 for the lower ones.
+    """
     strip, (lining_strip, lining) = lids.strips[number], lids.linings[number]
     up = 1.0 if number == 0 else -1.0  # from the margin outwards
     x, y, z = points[strip, 0], up * points[strip, 1], points[strip, 2]

@@ -1,4 +1,4 @@
-"""The mouth: its line, the relief of the lips and of the skin round them, and the inside.
+"""The mouth: its line, the shape of the lips and the skin around them, and the inside.
 
 Millimetres; ``x`` is the distance from the midline. Heights y are those of the template.
 Farkas 1994: ch-ch 52, upper vermilion ls-sto 8, lower vermilion sto-li 9.5, philtrum cphs-cphs 11.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.sculpt import Array, IntArray, bump, smoothstep
+from glsim.faces.procedural.falloff import Array, IntArray, bump, smoothstep
 from glsim.faces.procedural.volumes import SUBNASALE_Y
 
 STOMION_Y = -49.0
@@ -21,55 +21,55 @@ RING_SPREAD = (0.0, 0.6, 2.0, 3.0, 3.0, 1.5)  # mm up (upper lip) or down (lower
 
 
 def stomion_line(x: Array) -> Array:
-    """Height (N,) of the closed lips' line: the tubercle dips, the corners turn down a little."""
+    """Return heights (N,) of the line between closed lips, lower at tubercle and corners."""
     return np.asarray(
         STOMION_Y - 0.9 * bump(x, 4.0) + 0.5 * bump(x - 10, 6.0) - 0.6 * (x / 26) ** 2
     )
 
 
 def upper_border(x: Array) -> Array:
-    """Height (N,) of the upper vermilion border, with Cupid's bow."""
+    """Return heights (N,) of the upper vermilion border, with Cupid's bow."""
     s = np.clip(x / CORNER_X, 0.0, 1.0)
     arch = UPPER_LIP * (1 - s**1.8)
     return np.asarray(stomion_line(x) + arch + 1.0 * bump(x - CUPID_X, 3.2) - 0.6 * bump(x, 2.2))
 
 
 def lower_border(x: Array) -> Array:
-    """Height (N,) of the lower vermilion border."""
+    """Return heights (N,) of the lower vermilion border."""
     s = np.clip(x / CORNER_X, 0.0, 1.0)
     return np.asarray(stomion_line(x) - LOWER_LIP * (1 - s**2.5))
 
 
-def lip_relief(x: Array, y: Array) -> Array:
-    """How far (N,) skin near the mouth stands out (mm): lips, philtrum, corners, chin's furrow."""
+def lip_offset(x: Array, y: Array) -> Array:
+    """Return the z offset (N,) of the skin at lips, philtrum, corners and chin furrow (mm)."""
     line, top, bottom = stomion_line(x), upper_border(x), lower_border(x)
     fade = smoothstep(CORNER_X + 1.5, CORNER_X - 13.0, x)
     upper_t = (y - line) / np.maximum(top - line, 1.5)
     lower_t = (line - y) / np.maximum(line - bottom, 1.5)
-    relief = fade * np.where(
+    offset = fade * np.where(
         y >= line,
         3.4 * bump(upper_t - 0.50, 0.55) + 0.5 * bump(upper_t - 1.12, 0.16),
         4.2 * bump(lower_t - 0.48, 0.52),
     )
     inside = smoothstep(CORNER_X + 2.0, CORNER_X - 9.0, x)
-    relief -= 2.4 * inside * bump(y - line, 1.4)
-    relief -= 2.0 * bump(x - CORNER_X - 0.5, 4.5) * bump(y - line, 5.0)
-    relief -= 1.5 * bump(y - SULCUS_Y, 5.5) * smoothstep(26.0, 8.0, x)
+    offset -= 2.4 * inside * bump(y - line, 1.4)
+    offset -= 2.0 * bump(x - CORNER_X - 0.5, 4.5) * bump(y - line, 5.0)
+    offset -= 1.5 * bump(y - SULCUS_Y, 5.5) * smoothstep(26.0, 8.0, x)
     column = smoothstep(SUBNASALE_Y - 1.0, SUBNASALE_Y - 8.0, y) * smoothstep(
         top - 1.0, top + 2.0, y
     )
-    relief += column * (0.7 * bump(x - 5.6, 2.6) - 1.0 * bump(x, 3.4))
-    return np.asarray(relief)
+    offset += column * (0.7 * bump(x - 5.6, 2.6) - 1.0 * bump(x, 3.4))
+    return np.asarray(offset)
 
 
-def on_lips(x: Array, y: Array) -> Array:
-    """(N,) how much of a vertex is vermilion, 0...1, with a soft border of about 1 mm."""
+def lip_weight(x: Array, y: Array) -> Array:
+    """Return (N,) weights of the vermilion in [0, 1], with a soft border of about 1 mm."""
     edge = np.minimum(upper_border(x) - y, y - lower_border(x))
     return np.asarray(smoothstep(-0.6, 0.6, edge) * smoothstep(CORNER_X + 0.8, CORNER_X - 0.8, x))
 
 
 def mouth_rings(edge: Array, ring: IntArray, low: np.ndarray) -> Array:
-    """Positions (N, 3) of the rings of the oral cavity, from the lip edge (N, 3) they hang on."""
+    """Return positions (N, 3) of the rings of the oral cavity, from their lip vertices (N, 3)."""
     level = np.clip(ring - 1, 0, len(RING_DEPTH) - 1)
     depth, spread = np.asarray(RING_DEPTH)[level], np.asarray(RING_SPREAD)[level]
     corner = smoothstep(CORNER_X + 0.5, CORNER_X - 8.0, edge[:, 0])

@@ -1,4 +1,4 @@
-"""Fine relief of the nose: the grooves that set off its wings and its tip.
+"""Fine shape of the nose: the grooves around its wings and its tip.
 
 Millimetres, template heights; Farkas 1994: al-al 34, wings about 13 mm high.
 """
@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.sculpt import Array, bump, smoothstep
+from glsim.faces.procedural.falloff import Array, bump, smoothstep
 
 ALA_CENTER, ALA_RADII = (12.0, -23.0), (5.6, 7.2)
 
 
-def nose_relief(x: Array, y: Array) -> Array:
-    """How far (N,) skin near the nose stands out (mm); ``x`` is the distance from the midline."""
+def nose_offset(x: Array, y: Array) -> Array:
+    """Return the z offset (N,) of the skin near the nose (mm); ``x``: distance from the midline."""
     u, v = (x - ALA_CENTER[0]) / ALA_RADII[0], (y - ALA_CENTER[1]) / ALA_RADII[1]
     from_ala = np.hypot(u, v)
     above_or_behind = smoothstep(-0.9, 0.2, u + v)

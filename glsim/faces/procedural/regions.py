@@ -1,6 +1,6 @@
-"""Which part of the face a vertex belongs to, and how bright it is at 860 nm.
+"""Face regions of the template's vertices, and their reflectivity at 860 nm.
 
-Reflectivity relative to a white wall (0.85-0.9 absolute). Skin at 860 nm reflects 0.5-0.6 on
+Reflectivity is relative to a white wall (0.85-0.9 absolute). Skin at 860 nm reflects 0.5-0.6 on
 average, 0.40-0.68 over people (C. C. Cooksey, D. W. Allen, B. K. Tsai, J. Res. NIST 122, 2017;
 J. A. Jacquez et al., J. Appl. Physiol. 8, 1955): 0.60-0.65 of the wall; hair and brows 0.05-0.3,
 sclera 0.4-0.6, lips close to skin, pupil dark.
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from glsim.faces.performance import rng_for
 from glsim.faces.procedural import mouth
 from glsim.faces.procedural.eyes import IRIS_RADIUS, PUPIL_RADIUS
-from glsim.faces.procedural.sculpt import Array, smoothstep
+from glsim.faces.procedural.falloff import Array, smoothstep
 from glsim.faces.procedural.template import (
     PART_EAR,
     PART_EYE_LINING,
@@ -33,7 +33,7 @@ REGIONS: tuple[str, ...] = (
     "lids", "forehead", "cheek", "chin", "mouth", "teeth",
 )  # fmt: skip
 
-# Mean, sd, low and high of one person's reflectivity at 860 nm, relative to a white wall.
+# Mean, sd, minimum and maximum over people of the reflectivity at 860 nm, relative to a white wall.
 SKIN_ALBEDO = (0.60, 0.045, 0.45, 0.75)
 HAIR_ALBEDO = (0.20, 0.06, 0.08, 0.32)
 FIXED_ALBEDO: Mapping[str, float] = {
@@ -43,22 +43,22 @@ FIXED_ALBEDO: Mapping[str, float] = {
     "mouth": 0.35,
     "teeth": 0.60,
 }
-LIPS_OF_SKIN = 0.92  # lips against the person's skin
-STUBBLE_OF_SKIN = 0.9  # a bald scalp
+LIPS_TO_SKIN = 0.92  # reflectivity of lips over that of the person's skin
+STUBBLE_TO_SKIN = 0.9  # reflectivity of a bald scalp over that of the person's skin
 
-# Hairline: height above which there is hair (mm) against z (mm), forehead to nape.
+# Hairline: y above which there is hair (mm) as a function of z (mm), nape to forehead.
 HAIRLINE_Z = (-200.0, -150.0, -115.0, -98.0, -84.0, -70.0, -62.0, -52.0, -35.0, -15.0, 3.0, 20.0)
 HAIRLINE_Y = (-62.0, -58.0, -45.0, -16.0, 8.0, 14.0, 30.0, 48.0, 64.0, 74.0, 80.0, 84.0)
 
 
-def hair_share(points: Array, soft_mm: float = 6.0) -> Array:
-    """(V,) how much hair grows at each point of the skin, rising within ``soft_mm``."""
+def hair_weight(points: Array, soft_mm: float = 6.0) -> Array:
+    """Return (V,) weights of hair on the skin, rising to 1 within ``soft_mm`` of the hairline."""
     line = np.interp(points[:, 2], HAIRLINE_Z, HAIRLINE_Y)
     return np.asarray(smoothstep(-2.0, soft_mm, points[:, 1] - line))
 
 
-def brow_share(points: Array) -> Array:
-    """(V,) how much brow grows: an arch of about 45 x 7 mm, thinner outwards."""
+def brow_weight(points: Array) -> Array:
+    """Return (V,) weights of the brows: arches of about 45 x 7 mm, thinner outwards."""
     x, y = np.abs(points[:, 0]), points[:, 1]
     s = np.clip((x - 9.0) / 44.0, 0.0, 1.0)
     arch = 30.5 + 7.0 * np.sin(np.pi * np.minimum(0.78 * s, 1.0)) - 4.5 * s**3
@@ -68,13 +68,13 @@ def brow_share(points: Array) -> Array:
 
 
 def make_regions(template: Template) -> NDArray[np.uint8]:
-    """(V,) index into REGIONS."""
+    """Return (V,) uint8 indices into REGIONS."""
     points, part = template.points, template.part
     x, y, z = np.abs(points[:, 0]), points[:, 1], points[:, 2]
     label = np.zeros(len(points), dtype=np.uint8)
 
-    def paint(name: str, where: np.ndarray) -> None:
-        label[where] = REGIONS.index(name)
+    def paint(name: str, inside: np.ndarray) -> None:
+        label[inside] = REGIONS.index(name)
 
     skin = part == PART_SKIN
     front = skin & (z > -50)
@@ -87,9 +87,9 @@ def make_regions(template: Template) -> NDArray[np.uint8]:
     paint("nose", front & (y > -29.5) & (y < 26) & (x < nose_half) & (z > 8))
     ball = np.hypot(x - 32, (y - 15) * 1.25)
     paint("lids", front & (ball < 17) & (z > -25) & (label != REGIONS.index("nose")))
-    paint("hair", skin & (hair_share(points) > 0.5))
-    paint("brow", front & (brow_share(points) > 0.5))
-    paint("lips", front & (mouth.on_lips(x, y) > 0.5) & (z > -20))
+    paint("hair", skin & (hair_weight(points) > 0.5))
+    paint("brow", front & (brow_weight(points) > 0.5))
+    paint("lips", front & (mouth.lip_weight(x, y) > 0.5) & (z > -20))
     paint("ear", part == PART_EAR)
     paint("mouth", part == PART_MOUTH_LINING)
     paint("teeth", part == PART_TEETH)
@@ -104,28 +104,31 @@ def make_regions(template: Template) -> NDArray[np.uint8]:
 def draw_albedo(
     template: Template, regions: NDArray[np.uint8], seed: int, subject: str, hair_mm: float
 ) -> NDArray[np.float32]:
-    """(V,) one subject's reflectivity in [0, 1]; a pure function of its arguments."""
+    """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments.
+
+    regions: (V,) indices into REGIONS. hair_mm: thickness of the hair; 0.8 or less means bald.
+    """
     rng = rng_for(seed, "albedo", subject)
 
-    def person(law: tuple[float, float, float, float]) -> float:
-        mean, sd, low, high = law
+    def draw(distribution: tuple[float, float, float, float]) -> float:
+        mean, sd, low, high = distribution
         return float(np.clip(rng.normal(mean, sd), low, high))
 
-    skin, hair = person(SKIN_ALBEDO), person(HAIR_ALBEDO)
+    skin, hair = draw(SKIN_ALBEDO), draw(HAIR_ALBEDO)
     points, on_skin = template.points, template.part == PART_SKIN
     x, y, z = np.abs(points[:, 0]), points[:, 1], points[:, 2]
     albedo = np.full(len(points), skin)
-    # blood and glands: low-frequency patches of a few per cent, and cheeks a little darker
+    # blood and glands: low-frequency patches of a few per cent
     phases = rng.uniform(0, 2 * np.pi, (6, 3))
     waves = rng.normal(0, 0.06, (6, 3))
     patches = sum(np.cos(points @ w + p.sum()) for w, p in zip(waves, phases, strict=True))
     albedo *= 1.0 + 0.008 * patches
-    lips = mouth.on_lips(x, y) * (on_skin & (z > -20))
-    albedo += lips * (LIPS_OF_SKIN * skin - albedo)
-    scalp = hair_share(points) * on_skin
-    cover = hair if hair_mm > 0.8 else STUBBLE_OF_SKIN * skin
+    lips = mouth.lip_weight(x, y) * (on_skin & (z > -20))
+    albedo += lips * (LIPS_TO_SKIN * skin - albedo)
+    scalp = hair_weight(points) * on_skin
+    cover = hair if hair_mm > 0.8 else STUBBLE_TO_SKIN * skin
     albedo += scalp * (cover - albedo)
-    brow = 0.85 * brow_share(points) * on_skin
+    brow = 0.85 * brow_weight(points) * on_skin
     albedo += brow * (min(hair, 0.28) - albedo)
     for name, value in FIXED_ALBEDO.items():
         albedo[regions == REGIONS.index(name)] = value

@@ -1,4 +1,4 @@
-"""The face source: subjects "p0000", "p0001", ... without end, each performing FACS sequences."""
+"""The procedural source: endless subjects "p0000", "p0001", ... that perform FACS sequences."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.procedural.parameters import sample_identity
 from glsim.faces.procedural.regions import REGIONS
-from glsim.faces.procedural.subject import Subject, make_subject, model
-from glsim.faces.sequences import performed_expression, performed_frames
-from glsim.mesh import Mesh
+from glsim.faces.procedural.subject import Subject, head_model, make_subject
+from glsim.faces.sequences import performance_expression, performance_frames
+from glsim.geometry.mesh import Mesh
 
 CACHED_SUBJECTS = 4
-BATCH = 64  # frames evaluated at once: 15 MB of vertices
+BATCH_FRAMES = 64  # frames evaluated together: 15 MB of vertices
 
 
 class ProceduralFaces:
-    """Parametric heads made of code alone.
+    """A FaceSource of parametric heads, without data files.
 
-    seed: decides every identity and performance. frames_per_sequence: length of a sequence.
+    seed: determines every identity and performance. frames_per_sequence: length of a sequence.
     """
 
     name = "procedural"
@@ -37,46 +37,46 @@ class ProceduralFaces:
         self._cache: OrderedDict[str, Subject] = OrderedDict()
 
     def __getstate__(self) -> dict[str, object]:
-        """Settings only: a worker builds its own subjects."""
+        """Return the settings only; each worker builds its own subjects."""
         return {**self.__dict__, "_cache": OrderedDict()}
 
     @property
     def regions(self) -> NDArray[np.uint8]:
-        """(V,) index into REGIONS, the same for all subjects."""
-        return model().regions
+        """(V,) uint8 indices into REGIONS, the same for all subjects."""
+        return head_model().regions
 
     @property
     def region_names(self) -> tuple[str, ...]:
-        """What the numbers in ``regions`` mean."""
+        """Names of the regions that ``regions`` refers to."""
         return REGIONS
 
     def subjects(self, count: int | None) -> list[str]:
-        """The first ``count`` subjects. Raises ConfigError for None: there is no last one."""
+        """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
         if count is None:
             raise ConfigError("procedural faces never end: give a number of subjects")
         return [f"p{number:04d}" for number in range(count)]
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """The first ``count`` frames of a subject, sequence by sequence."""
-        return performed_frames(self.seed, subject, count, self.frames_per_sequence)
+        """Return the first ``count`` frames of a subject, sequence by sequence."""
+        return performance_frames(self.seed, subject, count, self.frames_per_sequence)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """One face a key, in order; frames of one subject are evaluated together."""
+        """Yield one face per key, in order; frames of one subject are evaluated together."""
         for subject, group in groupby(keys, key=lambda key: key.subject):
-            listed = list(group)
-            for first in range(0, len(listed), BATCH):
-                yield from self._load_batch(subject, listed[first : first + BATCH])
+            batch = list(group)
+            for first in range(0, len(batch), BATCH_FRAMES):
+                yield from self._load_batch(subject, batch[first : first + BATCH_FRAMES])
 
     def _load_batch(self, subject: str, keys: Sequence[FaceKey]) -> Iterator[Face]:
         person = self._subject(subject)
-        expressions = [performed_expression(self.seed, key) for key in keys]
-        faces = model().template.faces
+        expressions = [performance_expression(self.seed, key) for key in keys]
+        faces = head_model().template.faces
         heads = person.frames(expressions)
         for key, head, expression in zip(keys, heads, expressions, strict=True):
             yield Face(key, Mesh(head, faces, person.albedo), expression)
 
     def _subject(self, name: str) -> Subject:
-        """A subject, from the cache or made now."""
+        """Return a subject from the cache, or make it."""
         if name not in self._cache:
             if not (name.startswith("p") and name[1:].isdigit()):
                 raise ConfigError(f"no procedural subject {name!r}: they are p0000, p0001, ...")

@@ -1,4 +1,4 @@
-"""Two smooth rows of teeth, seen only when the lips part.
+"""Two smooth rows of teeth, visible only when the lips part.
 
 Millimetres. The arch is a parabola, about 55 mm wide at the second molars and 40 mm deep
 (B. G. Burris, E. F. Harris, Angle Orthod. 70, 2000: upper arch width 50-60 mm); upper incisors show
@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.sculpt import Array, IntArray
+from glsim.faces.procedural.falloff import Array, IntArray
 
 FRONT_Z = 12.0  # labial face of the upper incisors; about 8 mm behind the lips
 HALF_WIDTH = 25.0
-DEPTH = 30.0  # how far the last teeth lie behind the first
+DEPTH = 30.0  # distance of the last teeth behind the first
 UPPER_EDGES = (-51.3, -42.0)  # biting edge, gum
 LOWER_EDGES = (-51.0, -60.0)
-OVERJET = 2.0  # the upper incisors stand this far before the lower
+OVERJET = 2.0  # mm by which the upper incisors lie in front of the lower
 COLUMNS, ROWS = 25, 4
 
 
 def teeth() -> tuple[Array, IntArray, np.ndarray]:
-    """Both rows: vertices (V, 3), triangles (F, 3), and which vertices are of the lower row."""
+    """Build both rows: vertices (V, 3), triangles (F, 3), and (V,) whether in the lower row."""
     x = np.linspace(-HALF_WIDTH, HALF_WIDTH, COLUMNS)
     arch = FRONT_Z - DEPTH * np.abs(x / HALF_WIDTH) ** 2.2
     points, faces = [], []

@@ -1,7 +1,8 @@
-"""The template head: the mean adult, from which every subject is a displacement.
+"""The template head: the mean adult; every subject is a displacement of it.
 
-Built once a process from volumes (volumes.py), cast onto the grid (grid.py), with lids, lips, ears
-and eyeballs (eyes.py, mouth.py, ears.py). Left and right are exact mirror images.
+Built once per process from volumes (volumes.py) by the rays of the grid (grid.py), with lids, lips,
+ears, eyeballs and teeth (eyes.py, mouth.py, ears.py, teeth.py). Left and right are exact mirror
+images.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.faces.procedural import ears, eyes, mouth, teeth
+from glsim.faces.procedural.falloff import Array, IntArray, smoothstep
 from glsim.faces.procedural.grid import (
     COLUMNS,
     EYE_KNOT,
@@ -23,14 +25,9 @@ from glsim.faces.procedural.grid import (
     make_rays,
     row_table,
 )
-from glsim.faces.procedural.nose import nose_relief
-from glsim.faces.procedural.sculpt import Array, IntArray, cast_to_surface, smoothstep
-from glsim.faces.procedural.topology import (
-    SLIT_EYE,
-    SLIT_MOUTH,
-    SkinTopology,
-    build_topology,
-)
+from glsim.faces.procedural.nose import nose_offset
+from glsim.faces.procedural.signed_distance import cast_to_surface
+from glsim.faces.procedural.topology import SLIT_EYE, SLIT_MOUTH, SkinTopology, build_topology
 from glsim.faces.procedural.volumes import EYE_CENTER, HEAD
 
 PART_SKIN, PART_EYE_LINING, PART_MOUTH_LINING, PART_EAR, PART_EYEBALL, PART_TEETH = range(6)
@@ -40,11 +37,12 @@ FLIP = np.array([-1.0, 1.0, 1.0])  # mirror at the median plane
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """The mean head and what each vertex is.
+    """The mean head with vertex labels.
 
     points: (V, 3) float64 mm, canonical frame. faces: (F, 3) int32. part: (V,) PART_*.
-    low: (V,) below the mouth's line, or on a lower lid. lid: (V,) +1 on an upper lid's margin or
-    its lining, -1 on a lower one, 0 elsewhere. eye_angle: (V,) angle from an eyeball's axis (rad).
+    low: (V,) whether below the mouth's line, on a lower lid or a lower tooth. row, column, slit,
+    ring: (V,) as in SkinTopology, 0 outside the skin. eye_angle: (V,) angle from an eyeball's axis,
+    rad; pi outside the eyeballs.
     """
 
     points: Array
@@ -59,7 +57,7 @@ class Template:
 
 
 def skin_points(topology: SkinTopology) -> Array:
-    """The (V, 3) skin of the left half at every vertex; the right half has its x negated after."""
+    """Return the (V, 3) skin at |x| for every vertex; the caller negates x on the right."""
     column = np.abs(topology.column)
     rays = make_rays(topology.row, column, np.zeros(len(column)))
     eye_low = topology.low & (topology.slit == SLIT_EYE)
@@ -75,25 +73,25 @@ def skin_points(topology: SkinTopology) -> Array:
     rays.directions[topology.ring < 0] = (0.0, 1.0, 0.0)  # the pole
     points = cast_to_surface(rays.origins, rays.directions, HEAD)
     front = front_of(points, -80.0, -29.0)
-    points[front, 2] += mouth.lip_relief(points[front, 0], points[front, 1])
+    points[front, 2] += mouth.lip_offset(points[front, 0], points[front, 1])
     near_nose = front_of(points, -29.5, 0.0)
-    points[near_nose, 2] += nose_relief(points[near_nose, 0], points[near_nose, 1])
+    points[near_nose, 2] += nose_offset(points[near_nose, 0], points[near_nose, 1])
     near_eye = front_of(points, 0.0, 32.0)
-    points[near_eye, 2] += eyes.lid_relief(
+    points[near_eye, 2] += eyes.lid_offset(
         points[near_eye, 0], points[near_eye, 1] - row_table()[knot_row(EYE_KNOT), 0]
     )
     return smooth_grid(points, topology)
 
 
 def front_of(points: Array, low_y: float, high_y: float) -> NDArray[np.bool_]:
-    """(V,) where the front of the face lies between two heights."""
+    """Return (V,) whether a point is on the front of the face between two heights, mm."""
     return np.asarray((points[:, 2] > -40) & (points[:, 1] > low_y) & (points[:, 1] < high_y))
 
 
 def smooth_grid(points: Array, topology: SkinTopology) -> Array:
-    """Takes the last edges off: smooths grid vertices (V, 3), hardly at lids, lips and nostrils.
+    """Smooth the grid vertices (V, 3), weakly at lids, lips and nose.
 
-    Half of the head, mirrored at the midlines; slit and ring vertices stay where they are.
+    Works on half of the head, mirrored at the midlines; slit and ring vertices stay unchanged.
     """
     grid = points[: ROWS * COLUMNS].reshape(ROWS, COLUMNS, 3)
     half = grid[:, : HALF_COLUMNS + 1].copy()
@@ -117,8 +115,8 @@ def smooth_grid(points: Array, topology: SkinTopology) -> Array:
     return points
 
 
-def hang_linings(points: Array, topology: SkinTopology) -> None:
-    """Moves the slits' inner rings of ``points`` (V, 3) to their places behind lids and lips."""
+def place_linings(points: Array, topology: SkinTopology) -> None:
+    """Move the slits' inner rings of ``points`` (V, 3) behind lids and lips, in place."""
     margin = {
         (int(r), int(c), bool(lo)): i
         for i, (r, c, lo, s, g) in enumerate(
@@ -133,19 +131,19 @@ def hang_linings(points: Array, topology: SkinTopology) -> None:
         chosen = np.flatnonzero((topology.slit == kind) & (topology.ring > 0))
         keys = [(int(topology.row[i]), int(topology.column[i])) for i in chosen]
         low = topology.low[chosen]
-        hung = [
+        margins = [
             margin.get((*k, bool(lo)), margin.get((*k, False)))
             for k, lo in zip(keys, low, strict=True)
         ]
-        points[chosen] = place(points[np.array(hung)], topology.ring[chosen], low)
+        points[chosen] = place(points[np.array(margins)], topology.ring[chosen], low)
 
 
 @lru_cache(maxsize=1)
 def template() -> Template:
-    """The template head (about half a second, once a process)."""
+    """Return the template head; built once per process in about half a second."""
     topology = build_topology()
     skin = skin_points(topology)
-    hang_linings(skin, topology)
+    place_linings(skin, topology)
     skin[:, 0] *= np.where(topology.column < 0, -1.0, 1.0)
     skin[topology.column == 0, 0] = 0.0
     lined = topology.ring > 0

@@ -1,8 +1,8 @@
 """The triangles of the skin: grid, crown, and the slits of the eyes and the mouth.
 
-A slit runs along one row between two corner columns. Its lips (the lids, the lips of the mouth)
-exist twice: the grid's own vertices are the upper lip, added ones the lower. From both, rings
-lead inwards, and the last ring is zipped shut, so that an open mouth or eye shows no hole.
+A slit runs along one row between two corner columns. Its vertices are duplicated: the grid's own
+vertices form the upper lid or lip, added ones the lower. Rings of vertices lead inwards from both,
+and the last ring is closed, so that an open mouth or eye shows no hole.
 """
 
 from __future__ import annotations
@@ -11,15 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.faces.procedural.grid import (
-    COLUMNS,
-    EYE_KNOT,
-    HALF_COLUMNS,
-    MOUTH_KNOT,
-    ROWS,
-    knot_row,
-)
-from glsim.faces.procedural.sculpt import IntArray
+from glsim.faces.procedural.falloff import IntArray
+from glsim.faces.procedural.grid import COLUMNS, EYE_KNOT, HALF_COLUMNS, MOUTH_KNOT, ROWS, knot_row
 
 EYE_COLUMNS = (11, 26)  # medial and lateral canthus (x = 17.1 and 45.9 mm)
 MOUTH_COLUMN = 17  # the corner of the mouth (x = 26.4 mm)
@@ -30,11 +23,11 @@ SLIT_NONE, SLIT_EYE, SLIT_MOUTH = 0, 1, 2
 
 @dataclass(frozen=True, eq=False)
 class SkinTopology:
-    """What each skin vertex is, and the triangles.
+    """Vertex labels and triangles of the skin.
 
     row, column: (V,) grid position, column signed (positive: the subject's left).
-    slit: (V,) SLIT_*; ring: (V,) 0 on the skin, 1... inwards from a slit's lips.
-    low: (V,) True for vertices of a lower lip and its rings, and for the skin below a slit's row.
+    slit: (V,) SLIT_*. ring: (V,) 0 on the skin, 1... inwards from a slit, -1 at the crown's pole.
+    low: (V,) whether on a lower lid or lip or its rings, or on the skin below the mouth's row.
     faces: (F, 3) int32, counter-clockwise seen from outside.
     """
 
@@ -46,7 +39,7 @@ class SkinTopology:
     faces: IntArray
 
 
-class _Builder:
+class _MeshBuilder:
     """Collects vertices and triangles."""
 
     def __init__(self) -> None:
@@ -58,20 +51,20 @@ class _Builder:
         return len(self.vertices) - 1
 
     def quad(self, a: int, b: int, c: int, d: int) -> None:
-        """Two triangles; a corner that two of its ends share leaves one."""
+        """Add two triangles, or one if two corners coincide."""
         for triangle in ((a, b, c), (a, c, d)):
             if len(set(triangle)) == 3:
                 self.triangles.append(triangle)
 
 
 def signed_column(index: int) -> int:
-    """Column number 0..COLUMNS-1 to the signed column: left positive, right negative."""
+    """Convert a column index 0..COLUMNS-1 to a signed column: left positive, right negative."""
     return index if index <= HALF_COLUMNS else index - COLUMNS
 
 
 def build_topology() -> SkinTopology:
-    """The skin of the head."""
-    build = _Builder()
+    """Build the topology of the skin."""
+    build = _MeshBuilder()
     eye_row, mouth_row = knot_row(EYE_KNOT), knot_row(MOUTH_KNOT)
     slit_spans = {
         eye_row: [(SLIT_EYE, EYE_COLUMNS), (SLIT_EYE, (-EYE_COLUMNS[1], -EYE_COLUMNS[0]))],
@@ -116,7 +109,7 @@ def build_topology() -> SkinTopology:
 
 
 def _line_slit(
-    build: _Builder,
+    build: _MeshBuilder,
     upper: dict[tuple[int, int], int],
     lower: dict[tuple[int, int], int],
     row: int,
@@ -124,7 +117,7 @@ def _line_slit(
     start: int,
     end: int,
 ) -> None:
-    """The rings inwards from a slit's lips, and the seam that closes the last of them."""
+    """Add the rings inwards from a slit, and the seam that closes the last ring."""
     span = range(start, end + 1)
     top, bottom = {c: upper[row, c] for c in span}, {c: lower[row, c] for c in span}
     for ring in range(1, (EYE_RINGS if kind == SLIT_EYE else MOUTH_RINGS) + 1):

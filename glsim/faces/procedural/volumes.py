@@ -1,6 +1,6 @@
-"""The volumes of the template head, as data: bones, muscles, fat pads, cartilage.
+"""Table of the template head's volumes: bones, muscles, fat pads, cartilage.
 
-Millimetres, canonical frame, subject's left half (the other half is its mirror image). Positions
+Millimetres, canonical frame, subject's left half (the right half is its mirror image). Positions
 follow mean adult landmarks (both sexes): L. G. Farkas, "Anthropometry of the Head and Face",
 2nd ed. 1994 (n-gn 118, n-sn 52, zy-zy 135, eu-eu 148, g-op 193, al-al 34, en-en 33, ex-ex 91,
 ch-ch 52); the globe is 24 mm across, its apex 16 mm in front of the lateral orbital rim
@@ -9,59 +9,61 @@ ch-ch 52); the globe is 24 mm across, its apex 16 mm in front of the lateral orb
 
 from __future__ import annotations
 
-from glsim.faces.procedural.sculpt import Bar, Blob, Volume
+from glsim.faces.procedural.signed_distance import Capsule, Ellipsoid, Volume
 
 NASION_Y, SUBNASALE_Y, MENTON_Y = 24.0, -29.5, -95.0  # heights in the median plane
 EYE_CENTER = (32.0, 15.0, -6.0)  # of the left eyeball
 EYE_RADIUS = 12.0  # mm; Bron, Tripathi & Tripathi 1997, "Wolff's Anatomy of the Eye and Orbit"
 
 SKULL: tuple[Volume, ...] = (
-    Blob("cranium", (0, 53, -80), (74, 79, 93), 1.0),
-    Blob("forehead", (0, 52, -42), (56, 46, 60), 16.0),
-    Blob("occiput", (0, 36, -118), (60, 58, 56), 20.0),
+    Ellipsoid("cranium", (0, 53, -80), (74, 79, 93), 1.0),
+    Ellipsoid("forehead", (0, 52, -42), (56, 46, 60), 16.0),
+    Ellipsoid("occiput", (0, 36, -118), (60, 58, 56), 20.0),
 )
 
 FACE: tuple[Volume, ...] = (
-    Blob("midface", (0, -14, -42), (52, 52, 57), 14.0),
-    Bar("brow ridge", (10, 33, 4), (40, 34, -10), 13.0, 11.0, 12.0),
-    Bar("lateral orbital rim", (46, 30, -22), (49, 4, -22), 9.0, 9.0, 12.0),
-    Blob("zygoma", (43, -9, -17), (18, 15, 17), 14.0, yaw_deg=35),
-    Bar("zygomatic arch", (50.5, -7, -32), (57.5, -3, -75), 8.5, 7.5, 22.0),
-    Blob("jaw mass", (0, -54, -44), (38, 38, 54), 14.0),
-    Bar("mandible body", (36.5, -64, -58), (12, -83, -6), 8.5, 8.5, 12.0),
-    Bar("mandible ramus", (36, -61, -62), (54, -5, -74), 8.5, 10.0, 18.0),
-    Blob("buccal fat", (30, -34, -22), (22, 27, 27), 16.0, yaw_deg=35),
-    Blob("temporalis", (50, 24, -48), (14, 34, 30), 16.0, yaw_deg=15),
-    Blob("masseter", (46, -27, -48), (11, 34, 28), 20.0),
-    Blob("jowl", (30, -56, -30), (15, 20, 26), 18.0, yaw_deg=20),
-    Blob("under the chin", (0, -76, -46), (34, 22, 44), 14.0, pitch_deg=-8),
-    Blob("dental arch", (0, -44, -14), (30, 28, 33), 14.0),
-    Blob("chin", (0, -81, 3), (15.5, 12.5, 14), 14.0),
+    Ellipsoid("midface", (0, -14, -42), (52, 52, 57), 14.0),
+    Capsule("brow ridge", (10, 33, 4), (40, 34, -10), 13.0, 11.0, 12.0),
+    Capsule("lateral orbital rim", (46, 30, -22), (49, 4, -22), 9.0, 9.0, 12.0),
+    Ellipsoid("zygoma", (43, -9, -17), (18, 15, 17), 14.0, yaw_deg=35),
+    Capsule("zygomatic arch", (50.5, -7, -32), (57.5, -3, -75), 8.5, 7.5, 22.0),
+    Ellipsoid("jaw mass", (0, -54, -44), (38, 38, 54), 14.0),
+    Capsule("mandible body", (36.5, -64, -58), (12, -83, -6), 8.5, 8.5, 12.0),
+    Capsule("mandible ramus", (36, -61, -62), (54, -5, -74), 8.5, 10.0, 18.0),
+    Ellipsoid("buccal fat", (30, -34, -22), (22, 27, 27), 16.0, yaw_deg=35),
+    Ellipsoid("temporalis", (50, 24, -48), (14, 34, 30), 16.0, yaw_deg=15),
+    Ellipsoid("masseter", (46, -27, -48), (11, 34, 28), 20.0),
+    Ellipsoid("jowl", (30, -56, -30), (15, 20, 26), 18.0, yaw_deg=20),
+    Ellipsoid("under the chin", (0, -76, -46), (34, 22, 44), 14.0, pitch_deg=-8),
+    Ellipsoid("dental arch", (0, -44, -14), (30, 28, 33), 14.0),
+    Ellipsoid("chin", (0, -81, 3), (15.5, 12.5, 14), 14.0),
 )
 
 NECK: tuple[Volume, ...] = (
-    Bar("neck", (0, -60, -98), (0, -190, -104), 46.0, 51.0, 18.0),
-    Bar("nape", (0, 20, -128), (0, -110, -124), 36.0, 36.0, 24.0),
-    Bar("throat", (0, -104, -64), (0, -190, -72), 20.0, 22.0, 24.0),
-    Bar("sternocleidomastoid", (46, -30, -98), (14, -190, -60), 10.0, 9.0, 16.0),
-    Bar("trapezius", (20, -75, -135), (85, -205, -122), 22.0, 40.0, 30.0),
+    Capsule("neck", (0, -60, -98), (0, -190, -104), 46.0, 51.0, 18.0),
+    Capsule("nape", (0, 20, -128), (0, -110, -124), 36.0, 36.0, 24.0),
+    Capsule("throat", (0, -104, -64), (0, -190, -72), 20.0, 22.0, 24.0),
+    Capsule("sternocleidomastoid", (46, -30, -98), (14, -190, -60), 10.0, 9.0, 16.0),
+    Capsule("trapezius", (20, -75, -135), (85, -205, -122), 22.0, 40.0, 30.0),
 )
 
 ORBIT: tuple[Volume, ...] = (
-    Blob("eye socket", (33, 12, 17), (19, 11, 15), 10.0, yaw_deg=22, carve=True),
-    Blob("lower lid and malar fat", (33, -1, -10), (18, 11, 13.0), 12.0, yaw_deg=22),
-    Blob("upper lid fat", (36, 26, -6.5), (16, 8, 11.5), 8.0, yaw_deg=22),
-    Blob("lids", EYE_CENTER, (14.1, 14.1, 14.1), 6.0),
+    Ellipsoid("eye socket", (33, 12, 17), (19, 11, 15), 10.0, yaw_deg=22, carve=True),
+    Ellipsoid("lower lid and malar fat", (33, -1, -10), (18, 11, 13.0), 12.0, yaw_deg=22),
+    Ellipsoid("upper lid fat", (36, 26, -6.5), (16, 8, 11.5), 8.0, yaw_deg=22),
+    Ellipsoid("lids", EYE_CENTER, (14.1, 14.1, 14.1), 6.0),
 )
 
 NOSE: tuple[Volume, ...] = (
-    Bar("nasal pyramid", (4, 20, -4), (8.5, -16, 12.5), 8.5, 8.5, 10.0),
-    Bar("dorsum", (0, 26, 8.2), (0, -15, 31.0), 6.2, 6.4, 9.0),
-    Blob("tip", (0, -18.5, 32.5), (8.6, 8.2, 9.2), 8.0),
-    Blob("lobule side", (6, -20, 27), (6, 6.5, 8), 6.0, yaw_deg=20),
-    Blob("ala", (12.3, -22.3, 19.5), (5.0, 6.6, 8.0), 3.0, yaw_deg=-22, pitch_deg=8),
-    Bar("columella", (0, -25, 35), (0, -28, 19), 3.2, 3.8, 3.0),
-    Blob("nostril", (6.8, -28.5, 25), (3.0, 5.5, 6.3), 2.0, pitch_deg=20, yaw_deg=-22, carve=True),
+    Capsule("nasal pyramid", (4, 20, -4), (8.5, -16, 12.5), 8.5, 8.5, 10.0),
+    Capsule("dorsum", (0, 26, 8.2), (0, -15, 31.0), 6.2, 6.4, 9.0),
+    Ellipsoid("tip", (0, -18.5, 32.5), (8.6, 8.2, 9.2), 8.0),
+    Ellipsoid("lobule side", (6, -20, 27), (6, 6.5, 8), 6.0, yaw_deg=20),
+    Ellipsoid("ala", (12.3, -22.3, 19.5), (5.0, 6.6, 8.0), 3.0, yaw_deg=-22, pitch_deg=8),
+    Capsule("columella", (0, -25, 35), (0, -28, 19), 3.2, 3.8, 3.0),
+    Ellipsoid(
+        "nostril", (6.8, -28.5, 25), (3.0, 5.5, 6.3), 2.0, pitch_deg=20, yaw_deg=-22, carve=True
+    ),
 )
 
 HEAD: tuple[Volume, ...] = SKULL + FACE + NECK + ORBIT + NOSE

@@ -1,0 +1,275 @@
+"""Tables 2 and 3 of Kendrick, Yap and Tan, "Synthetic Data Generation for Demonstrating Noise
+Reduction in Facial Depth Imaging": the printed values of its networks beside ours.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from typing import Final
+
+from glsim.denoise import COMPOSITES, PAPER_FILTERS
+from glsim.eval.paper.filter_table import yes_or_no
+from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_PSNR, printed_mse_mm2
+from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network
+from glsim.eval.report.document import Document, Heading, TextTable
+from glsim.eval.report.tables import TABLE_METRICS, ResultTable, format_number
+from glsim.eval.scoring.run import Evaluation
+from glsim.eval.scoring.statistics import student_t_test
+
+#: Table -> rows. Table 2 compares architectures, table 3 each depth with and without AR.
+PAPER_ROWS: Final = {
+    2: ("Restormer", "UNet", "D7", "D20", "D64"),
+    3: ("D7", "AR D7", "D20", "AR D20", "D64", "AR D64"),
+}
+#: Metrics of every network: metric -> heading in these tables.
+_PAPER_BLOCK: Final = {
+    "mse_mm2": "MSE [mm²]",
+    "psnr_db": "PSNR per image [dB]",
+    "ssim_paper": "SSIM, printed constants",
+}
+_SURFACE_BLOCK: Final = {
+    "both_interior_rmse_mm": "interior RMSE [mm]",
+    "both_rmse_mm": "RMSE, valid in both [mm]",
+    "normal_mean_deg": "normals [°]",
+    "flips_px": "flipped pixels",
+    "flying_px": "flying pixels",
+}
+
+
+class _Scores:
+    """Scores of the seeds of a network for a composite ``part`` of soft validity, or ""."""
+
+    def __init__(self, group: SeedGroup, part: str, table: ResultTable) -> None:
+        self.group, self.part = group, part
+        labels = [f"{run.label} [{part}]" if part else run.label for run in group.members]
+        self._entries = [table[label] for label in labels if label in table]
+
+    def __bool__(self) -> bool:
+        return bool(self._entries)
+
+    @property
+    def name(self) -> str:
+        """Name in tables."""
+        return f"{self.group.title} [{self.part}]" if self.part else self.group.title
+
+    def values(self, metric: str) -> list[float]:
+        """Return the mean over frames of each seed."""
+        return [entries[metric].mean for entries in self._entries]
+
+    def mean(self, metric: str) -> float:
+        """Return the mean over seeds; NaN if it is undefined for a seed."""
+        return statistics.fmean(self.values(metric))
+
+    def cell(self, metric: str) -> str:
+        """Return the text of mean and standard deviation over seeds."""
+        values, unit = self.values(metric), TABLE_METRICS[metric].unit
+        text = format_number(statistics.fmean(values), unit)
+        if len(values) < 2 or not all(map(math.isfinite, values)):  # a seed may predict no depth
+            return text
+        return f"{text} ± {format_number(statistics.stdev(values), unit)}"
+
+
+def _scored(groups: Sequence[SeedGroup], table: ResultTable) -> list[_Scores]:
+    candidates = [_Scores(group, part, table) for group in groups for part in ("", *COMPOSITES)]
+    return [scores for scores in candidates if scores]
+
+
+def network_table(
+    which: int,
+    evaluation: Evaluation,
+    table: ResultTable,
+    trained: Sequence[TrainedRun],
+    refused: Sequence[str] = (),
+) -> Document:
+    """Return table 2 or 3 beside ours, and which of its relations hold here.
+
+    trained: the scored networks; ``table`` has their labels. refused: why others are left out.
+    Networks without a row in the paper follow its rows.
+    """
+    groups = group_by_network(trained)
+    of_paper = [group for row in PAPER_ROWS[which] for group in groups if group.row == row]
+    of_others = [group for group in groups if group.row is None]
+    scored, own = _scored(of_paper, table), _scored(of_others, table)
+    labels = {run.label for run in trained}
+    filters = [n for n in table if n.split(" [")[0] not in labels and n != "adaptive"]
+    document = Document(f"Table {which} of Kendrick, Yap and Tan: printed and measured")
+    document.parts += [
+        f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Ours are "
+        "means over seeds ± their standard deviation; one seed has none. Nothing is extrapolated: "
+        "a row that was trained smaller says so, and its numbers stand for that size only.",
+        _paper_table(which, scored, own, table),
+        "Printed MSE: from the PSNR that belongs to it in our notes, to four decimals; SSIM: noted "
+        "only as 0.984 to 0.989 for all networks, and not comparable between the paper's rows.",
+        Heading("What all-pixel metrics hide"),
+        _surface_table([*scored, *own], filters, table),
+        Heading("Relations"),
+    ]
+    if which == 3:
+        document.parts += [
+            "AR, artefact removal, maps the input back through the adjoint of the measurement "
+            "operator before the network. For denoising that operator is the identity: AR and no "
+            "AR are the same network, and differ as two seeds do. t is the difference over its "
+            "standard error (pooled over seeds); the last column asks whether |t| stays below what "
+            "chance exceeds in 1 % of cases.",
+            _artefact_removal_table(scored),
+        ]
+    document.parts.append(_filter_comparison([*scored, *own], table))
+    if own and scored:
+        document.parts += [
+            "Networks that know which pixels are holes, against the best of all other rows:",
+            _own_comparison([s for s in own if s.part != "input mask"], scored, filters, table),
+        ]
+    missing = [row for row in PAPER_ROWS[which] if not any(s.group.row == row for s in scored)]
+    notes = [f"{row}: missing, no checkpoint of it was found" for row in missing]
+    notes += [note for group in (*of_paper, *of_others) for note in _training_notes(group)]
+    notes += [f"left out: {why}" for why in refused]
+    if notes:
+        document.parts += [Heading("What is missing or less than published"), notes]
+    return document
+
+
+def _paper_table(
+    which: int, scored: list[_Scores], own: list[_Scores], table: ResultTable
+) -> TextTable:
+    head = ["row", "network", "size", "seeds", "minutes of training"]
+    for heading in _PAPER_BLOCK.values():
+        head += [f"{heading}, printed", f"{heading}, ours"]
+    rows: list[list[str]] = []
+    for row in PAPER_ROWS[which]:
+        printed = [format_number(printed_mse_mm2(row)), f"{PRINTED_PSNR[row][0]:.2f}", "not noted"]
+        of_row = [scores for scores in scored if scores.group.row == row]
+        for scores in of_row:
+            rows.append([row, *_run_cells(scores, of_row), *_interleaved(printed, scores)])
+        if not of_row:
+            rows.append([row, "**missing**", "", "", "", *_interleaved(printed, None)])
+    rows += [["-", *_run_cells(scores, []), *_interleaved(["-"] * 3, scores)] for scores in own]
+    for name in (name for name in PAPER_FILTERS if name in table and name != "adaptive"):
+        title, mse, psnr, _ = PRINTED_FILTERS[name]
+        ours = [
+            format_number(table[name][metric].mean, TABLE_METRICS[metric].unit)
+            for metric in _PAPER_BLOCK
+        ]
+        cells = [format_number(mse), ours[0], f"{psnr:.2f}", ours[1], "see table 1", ours[2]]
+        rows.append([title, "filter", "", "", "", *cells])
+    return TextTable(head, rows)
+
+
+def _run_cells(scores: _Scores, of_row: Sequence[_Scores]) -> list[str]:
+    group = scores.group
+    size = group.size
+    if group.row and size == "small" and not any(other.group.size == "full" for other in of_row):
+        size = "small; **not run at full size**"
+    minutes = statistics.fmean(run.minutes for run in group.members)
+    return [scores.name, size, str(len(scores.values("mse_mm2"))), f"{minutes:.1f}"]
+
+
+def _interleaved(printed: list[str], scores: _Scores | None) -> list[str]:
+    ours = [scores.cell(metric) if scores else "" for metric in _PAPER_BLOCK]
+    return [cell for pair in zip(printed, ours, strict=True) for cell in pair]
+
+
+def _surface_table(networks: list[_Scores], filters: list[str], table: ResultTable) -> TextTable:
+    rows = [[s.name, s.group.size, *map(s.cell, _SURFACE_BLOCK)] for s in networks]
+    for name in filters:
+        cells = [format_number(table[name][metric].mean) for metric in _SURFACE_BLOCK]
+        rows.append([_filter_name(name), "filter", *cells])
+    head = [f"{heading} ↓" for heading in _SURFACE_BLOCK.values()]
+    return TextTable(["network", "size", *head], rows)
+
+
+def _filter_name(name: str) -> str:
+    return PRINTED_FILTERS[name][0] if name in PRINTED_FILTERS else f"`{name}`"
+
+
+def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
+    rows: list[list[str]] = []
+    metric = "mse_mm2"
+    for plain in scored:
+        for other in scored:
+            pair = (f"AR {plain.group.row}", plain.group.size, plain.part)
+            if (other.group.row, other.group.size, other.part) != pair:
+                continue
+            row = str(plain.group.row)
+            printed = printed_mse_mm2(f"AR {row}") - printed_mse_mm2(row)
+            t, chance = student_t_test(other.values(metric), plain.values(metric))
+            verdict = "one seed: unknown" if math.isnan(t) else yes_or_no(abs(t) < chance)
+            difference = other.mean(metric) - plain.mean(metric)
+            cells = [
+                f"{printed:+.0f}",
+                f"{difference:+.1f}",
+                plain.cell(metric),
+                other.cell(metric),
+            ]
+            rows.append([row, plain.group.size, *cells, f"{t:.2f}", verdict])
+    return TextTable(
+        [
+            *("depth", "size", "MSE of AR less no AR, printed", "ours", "no AR, ours", "AR, ours"),
+            *("t", "as between seeds"),
+        ],
+        rows,
+    )
+
+
+def _filter_comparison(networks: list[_Scores], table: ResultTable) -> TextTable:
+    filters = [
+        name for name in PAPER_FILTERS if name in table and name not in ("noisy", "adaptive")
+    ]
+    lowest = {m: min(table[n][m].mean for n in filters) for m in ("mse_mm2", *_SURFACE_BLOCK)}
+    rows = []
+    for scores in networks:
+        row = scores.group.row
+        mse = scores.mean("mse_mm2")
+        printed = f"{printed_mse_mm2(row) / PRINTED_FILTERS['noisy'][1]:.1f}" if row else "-"
+        rows.append(
+            [
+                scores.name,
+                scores.group.size,
+                printed,
+                _ratio(mse, table["noisy"]["mse_mm2"].mean),
+                _ratio(mse, table["median"]["mse_mm2"].mean),
+                yes_or_no(mse > table["median"]["mse_mm2"].mean) if row else "-",
+                _ratio(
+                    scores.mean("both_interior_rmse_mm"),
+                    table["noisy"]["both_interior_rmse_mm"].mean,
+                ),
+                _ratio(scores.mean("both_interior_rmse_mm"), lowest["both_interior_rmse_mm"]),
+            ]
+        )
+    head = ["network", "size", "MSE over noisy, printed", "ours", "MSE over median's, ours"]
+    head += ["loses to the median in MSE, as printed", "interior RMSE over noisy, ours"]
+    return TextTable([*head, "over the paper's best filter"], rows)
+
+
+def _ratio(value: float, base: float) -> str:
+    return f"{value / base:.2f}" if base > 0 else "n/a"
+
+
+def _own_comparison(
+    own: list[_Scores], networks: list[_Scores], filters: list[str], table: ResultTable
+) -> TextTable:
+    rows = []
+    for scores in own:
+        for metric, heading in {"mse_mm2": _PAPER_BLOCK["mse_mm2"], **_SURFACE_BLOCK}.items():
+            others = {s.name: s.mean(metric) for s in networks}
+            others |= {_filter_name(name): table[name][metric].mean for name in filters}
+            known = {name: value for name, value in others.items() if not math.isnan(value)}
+            if not known:
+                continue
+            best = min(known, key=lambda name: known[name])
+            ratio = _ratio(scores.mean(metric), known[best])
+            rows.append([scores.name, heading, scores.cell(metric), best,
+                         format_number(known[best]), ratio])  # fmt: skip
+    return TextTable(
+        ["network", "metric", "its value", "best of the others", "that one's", "ratio"], rows
+    )
+
+
+def _training_notes(group: SeedGroup) -> list[str]:
+    """Return notes on settings smaller than published and on interrupted trainings."""
+    notes = [f"{group.title}, {group.size}: {group.members[0].description}"]
+    if unfinished := [run.label for run in group.members if not run.finished]:
+        stopped = f"training was interrupted, scored as far as it came: {', '.join(unfinished)}"
+        notes.append(f"{group.title}: {stopped}")
+    return notes if group.members[0].description else notes[1:]

@@ -1,0 +1,137 @@
+"""Find the runs of ``glsim train`` in FOLDER/*/, with their recipes and results.
+
+This module reads only JSON. It opens each checkpoint once, by ``glsim.denoise.load``, to report
+truncated or foreign ones before scoring starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from glsim.denoise import load
+from glsim.errors import ConfigError, DatasetError, DenoiserError
+from glsim.files.atomic import read_json
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """A run of ``glsim train``. label: its name in tables, the name of its folder.
+
+    row: its row in the paper's tables, None for another network. size: full, small or own.
+    description: what is smaller than published. minutes: training time. parameters: number of
+    weights. finished: False if the training was interrupted; the checkpoint is the best until then.
+    """
+
+    checkpoint: Path
+    title: str
+    row: str | None
+    size: str
+    description: str
+    seed: int
+    minutes: float
+    steps: int
+    parameters: int
+    finished: bool
+
+    @property
+    def label(self) -> str:
+        """Name in tables, unique in a folder of runs."""
+        return self.checkpoint.parent.name.replace("@", "-")
+
+    @property
+    def network(self) -> tuple[str, str | None, str]:
+        """Title, row and size, which the seeds of a network share."""
+        return self.title, self.row, self.size
+
+    @property
+    def spec(self) -> str:
+        """Denoiser for ``glsim.denoise.load``."""
+        return f"{self.label}@{self.checkpoint}"
+
+
+def find_trained_runs(folder: Path) -> tuple[list[TrainedRun], list[str]]:
+    """Return the runs in ``folder`` in the order of names, and why others are left out.
+
+    Raises ConfigError if there is no such folder or no checkpoint in it.
+    """
+    if not folder.is_dir():
+        raise ConfigError(f"--runs {folder}: no such folder")
+    runs: list[TrainedRun] = []
+    refused: list[str] = []
+    checkpoints = sorted(folder.glob("*/best.pt"))
+    if not checkpoints:
+        raise ConfigError(
+            f"--runs {folder}: no */best.pt: train with glsim train RECIPE -o {folder}/NAME"
+        )
+    seen: dict[tuple[str, str | None, str, int], Path] = {}
+    for checkpoint in checkpoints:
+        try:
+            run = _read(checkpoint)
+            load(run.spec)
+        except (DatasetError, DenoiserError) as error:
+            refused.append(str(error))
+            continue
+        first = seen.setdefault((*run.network, run.seed), checkpoint)
+        if first == checkpoint:
+            runs.append(run)
+        else:  # counted twice, it would understate the spread over seeds
+            refused.append(
+                f"{checkpoint}: is the same recipe and seed as {first}: if it is another network, "
+                "train it under another title (--set title=...)"
+            )
+    return runs, refused
+
+
+def _read(checkpoint: Path) -> TrainedRun:
+    folder = checkpoint.parent
+    recipe = read_json(folder / "recipe.json")
+    run = read_json(folder / "run.json")
+    try:
+        return TrainedRun(
+            checkpoint,
+            str(recipe["title"]),
+            recipe.get("row"),
+            str(recipe["size"]),
+            str(recipe["description"]),
+            int(recipe["seed"]),
+            float(run["seconds"]) / 60,
+            int(run["steps"]),
+            int(run["parameters"]),
+            run["state"] == "finished",
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise DatasetError(
+            f"{folder}: recipe.json or run.json is of no run of glsim train: {error!r}"
+        ) from None
+
+
+@dataclass(frozen=True)
+class SeedGroup:
+    """The runs of one network at one size with different seeds: a row of a table."""
+
+    members: Sequence[TrainedRun]
+
+    @property
+    def title(self) -> str:
+        """Title of the recipe."""
+        return self.members[0].title
+
+    @property
+    def row(self) -> str | None:
+        """Row in the paper's tables, or None."""
+        return self.members[0].row
+
+    @property
+    def size(self) -> str:
+        """Size: full, small or own."""
+        return self.members[0].size
+
+
+def group_by_network(trained: Sequence[TrainedRun]) -> list[SeedGroup]:
+    """Group runs by title, row and size; groups and runs in the order of seeds."""
+    groups: dict[tuple[str, str | None, str], list[TrainedRun]] = {}
+    for run in sorted(trained, key=lambda run: run.seed):
+        groups.setdefault(run.network, []).append(run)
+    return [SeedGroup(members) for members in groups.values()]

@@ -1,0 +1,48 @@
+"""The common style of figures, and lazy access to Matplotlib (the extra ``eval``)."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import logging
+from types import ModuleType
+from typing import Any
+
+from glsim.errors import GlsimError
+
+
+def matplotlib(part: str) -> ModuleType:
+    """Import a module of Matplotlib. Raises GlsimError if it is not installed."""
+    logging.getLogger("matplotlib").setLevel(logging.WARNING)  # its DEBUG log lists all fonts
+    try:
+        return importlib.import_module(f"matplotlib.{part}")
+    except ImportError:
+        raise GlsimError(
+            "figures need Matplotlib: pip install 'glsim[eval]', or give --no-figures"
+        ) from None
+
+
+def new_figure(width_in: float, height_in: float) -> Any:
+    """Make an empty figure in the common style, without a display or global state."""
+    figure = matplotlib("figure").Figure(figsize=(width_in, height_in), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.02, hspace=0.02)
+    return figure
+
+
+#: Colours of methods in the order of the tables: Okabe and Ito's, which colour-blind readers can
+#: tell apart. Further methods reuse them with other line styles.
+_COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#0072b2", "#cc79a7", "#999900")
+_DASHES = ("-", "--", ":")
+
+
+def method_style(number: int) -> dict[str, str]:
+    """Return colour and line style of the n-th method, the same in every figure."""
+    rounds, place = divmod(number, len(_COLOURS))
+    return {"color": _COLOURS[place], "linestyle": _DASHES[rounds % len(_DASHES)]}
+
+
+def to_png(figure: Any, dpi: int = 200) -> bytes:
+    """Return the bytes of a PNG file, equal for equal figures."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
+    return stream.getvalue()

@@ -1,0 +1,1 @@
+"""Scoring of denoisers on a set of frames: pairs, workers, statistics, tuning."""

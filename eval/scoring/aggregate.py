@@ -1,0 +1,177 @@
+"""Streaming per-method means over subjects."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.eval.metrics import METRICS, Metric
+from glsim.eval.metrics.score import psnr_db
+from glsim.eval.scoring.blocks import BINS, Row
+from glsim.eval.scoring.statistics import (
+    SubjectSums,
+    bootstrap_interval,
+    holm_correction,
+    sign_flip_test,
+)
+
+_T = TypeVar("_T")
+
+#: The only metric that is computed over the whole set and not per frame.
+PSNR_OF_MEAN: Final = Metric(
+    "psnr_of_mean_db", "dB", "higher", "paper", "PSNR of the mean MSE over all frames"
+)
+#: Target number of frames per method for figures, and the metrics kept for them.
+_SAMPLED_FRAMES: Final = 1000
+SAMPLED_METRICS: Final = (
+    "mse_mm2",
+    "flips_px",
+    "flying_px",
+    "both_interior_rmse_mm",
+    "input_interior_rmse_mm",
+    "normal_mean_deg",
+)
+
+
+@dataclass(frozen=True)
+class MetricMean:
+    """The mean of a metric of a method over the set, with its 95 % interval over subjects.
+
+    frames, undefined: numbers of frames where the metric is defined and undefined. p: two-sided p
+    value of "no difference from the first method" (sign-flip test over subjects); p_holm: p
+    corrected for the number of methods.
+    """
+
+    metric: Metric
+    mean: float
+    low: float
+    high: float
+    frames: int
+    undefined: int
+    p: float = float("nan")
+    p_holm: float = float("nan")
+
+
+class _Totals:
+    """Per subject a (3, K) table for K metrics: sum of values, defined frames, all frames."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = list(names)
+        self.by_subject: dict[str, NDArray[np.float64]] = {}
+
+    def add(self, row: Row) -> None:
+        table = self.by_subject.setdefault(row["subject"], np.zeros((3, len(self._names))))
+        values = np.array([np.nan if row[name] is None else row[name] for name in self._names])
+        defined = ~np.isnan(values)
+        table[0] += np.where(defined, values, 0)
+        table[1] += defined
+        table[2] += 1
+
+    def of(self, name: str, subjects: Iterable[str]) -> SubjectSums:
+        nothing = np.zeros((3, len(self._names)))
+        stack = np.stack([self.by_subject.get(subject, nothing) for subject in subjects])
+        return SubjectSums(*stack[:, :, self._names.index(name)].T)
+
+
+@dataclass
+class ScoreSummary:
+    """Means and samples of the rows; memory grows with subjects and methods, not with frames.
+
+    metrics: the columns of the rows. sampled: method -> SAMPLED_METRICS of frames spread evenly
+    over the set.
+    histograms: method -> counts of |error| in bins of ``blocks.BIN_MM``.
+    """
+
+    total_frames: int
+    metrics: Mapping[str, Metric] = field(default_factory=lambda: METRICS)
+    sampled: dict[str, list[list[float]]] = field(default_factory=dict)
+    histograms: dict[str, NDArray[np.int64]] = field(default_factory=dict)
+    _totals: dict[str, _Totals] = field(default_factory=dict)
+    _rows: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def methods(self) -> list[str]:
+        """The methods in the given order."""
+        return list(self._totals)
+
+    @property
+    def subjects(self) -> list[str]:
+        """The names of all subjects, sorted."""
+        return sorted({name for totals in self._totals.values() for name in totals.by_subject})
+
+    def only(self, denoisers: Collection[str]) -> ScoreSummary:
+        """Return the summary of denoisers with these labels, all composites included."""
+
+        def chosen(values: dict[str, _T]) -> dict[str, _T]:
+            return {
+                name: value for name, value in values.items() if name.split(" [")[0] in denoisers
+            }
+
+        parts = (self.sampled, self.histograms, self._totals, self._rows)
+        return ScoreSummary(self.total_frames, self.metrics, *(chosen(part) for part in parts))
+
+    def add(self, row: Row) -> None:
+        """Add the row of a frame and method."""
+        method = row["method"]
+        if method not in self._totals:
+            self._totals[method] = _Totals(self.metrics)
+        self._totals[method].add(row)
+        number = self._rows.get(method, 0)
+        self._rows[method] = number + 1
+        if number % max(1, self.total_frames // _SAMPLED_FRAMES) == 0:
+            values = [float("nan") if row[name] is None else row[name] for name in SAMPLED_METRICS]
+            self.sampled.setdefault(method, []).append(values)
+
+    def add_histogram(self, method: str, counts: list[int]) -> None:
+        """Add the error histogram of a block."""
+        total = self.histograms.setdefault(method, np.zeros(BINS + 1, np.int64))
+        total += np.asarray(counts)
+
+    def sampled_frames(self, method: str, *metrics: str) -> NDArray[np.float64]:
+        """Return (N, K) values of K SAMPLED_METRICS for sampled frames (< 2000) that have all K."""
+        values = np.array(self.sampled[method])[
+            :, [SAMPLED_METRICS.index(name) for name in metrics]
+        ]
+        defined: NDArray[np.float64] = values[~np.isnan(values).any(axis=1)]
+        return defined
+
+    def values(self, method: str, metric: str) -> SubjectSums:
+        """Return the sums of a method's metric, in the order of ``subjects``."""
+        return self._totals[method].of(metric, self.subjects)
+
+    def mean(self, method: str, metric: str) -> float:
+        """Return the mean of a metric over the frames where it is defined."""
+        return self.values(method, metric).mean
+
+    def entries(self, method: str) -> dict[str, MetricMean]:
+        """Return all metrics of a method and PSNR_OF_MEAN by name; ``compared`` adds p values."""
+        result: dict[str, MetricMean] = {}
+        for name, metric in self.metrics.items():
+            values = self.values(method, name)
+            low, high = bootstrap_interval(values)
+            result[name] = MetricMean(
+                metric, values.mean, low, high, int(values.counts.sum()), values.undefined
+            )
+            if name == "psnr_db":
+                mse = result["mse_mm2"]
+                mean, low, high = (psnr_db(value) for value in (mse.mean, mse.high, mse.low))
+                result[PSNR_OF_MEAN.name] = MetricMean(
+                    PSNR_OF_MEAN, mean, low, high, mse.frames, mse.undefined
+                )
+        return result
+
+    def compared(self) -> dict[str, dict[str, MetricMean]]:
+        """Return method -> metric -> mean, with p values against the first method."""
+        first, *others = self.methods
+        table = {method: self.entries(method) for method in self.methods}
+        for name in self.metrics:
+            base = self.values(first, name)
+            p = np.array([sign_flip_test(self.values(other, name), base) for other in others])
+            for other, raw, corrected in zip(others, p, holm_correction(p), strict=True):
+                fields: dict[str, Any] = vars(table[other][name]) | {"p": raw, "p_holm": corrected}
+                table[other][name] = MetricMean(**fields)
+        return table

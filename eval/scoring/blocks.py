@@ -1,0 +1,145 @@
+"""Score a block of consecutive frames by every method: one task of a worker."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from glsim.denoise import Method, compose, load
+from glsim.denoise.frames import Frames, Stacks
+from glsim.denoise.protocol import Depth
+from glsim.errors import DatasetError, DenoiserError
+from glsim.eval.metrics import Regions, Truth, score
+from glsim.eval.scoring.pairs import open_frames
+from glsim.eval.scoring.trivial_baselines import TRIVIAL_BASELINES
+
+#: Histograms of absolute errors have BINS bins of this width, and one more for larger errors.
+BIN_MM: Final = 0.1
+BINS: Final = 500
+
+Row = dict[str, Any]
+
+
+class FrameBlock(NamedTuple):
+    """A block of frames: [first, first + frames)."""
+
+    number: int
+    first: int
+    frames: int
+
+
+@dataclass
+class ScoredBlock:
+    """The scores of a block, JSON-compatible, with None for NaN.
+
+    rows: one per frame and method. probes: one per frame and trivial baseline.
+    histograms: method -> counts of |error| on pixels where input and clean are valid.
+    bad: frames, with the reason why they (or a method on them) could not be scored.
+    """
+
+    number: int
+    frames: int
+    rows: list[Row]
+    probes: list[Row]
+    histograms: dict[str, list[int]]
+    bad: list[dict[str, str]]
+
+
+@dataclass(frozen=True, eq=False)
+class ScoringJob:
+    """The task of an evaluation, sent to each worker. denoisers: see ``glsim.denoise.load``.
+
+    baseline_every: score trivial baselines on every n-th frame; 0 is never.
+    stride: score only every n-th frame.
+    """
+
+    dataset: Path
+    split: str
+    denoisers: tuple[str, ...]
+    focal_px: float | None = None
+    baseline_every: int = 0
+    mean_face: Depth | None = None
+    stride: int = 1
+
+    def frames(self) -> Frames:
+        """Open the frames to score. Raises DatasetError."""
+        return open_frames(self.dataset, self.split, self.focal_px)
+
+    def start(self) -> Callable[[FrameBlock], ScoredBlock]:
+        """Open the data set and load the denoisers, in the worker."""
+        methods = [load(spec) for spec in self.denoisers]
+        return _BlockScorer(self, self.frames(), methods)
+
+
+class _BlockScorer:
+    def __init__(self, job: ScoringJob, frames: Frames, methods: list[Method]) -> None:
+        self._job, self._frames, self._methods = job, frames, methods
+        before = max((method.before for method in methods), default=0)
+        after = max((method.after for method in methods), default=0)
+        self._stacks = Stacks(frames, before, after)
+
+    def __call__(self, block: FrameBlock) -> ScoredBlock:
+        result = ScoredBlock(block.number, block.frames, [], [], {}, [])
+        for number in range(block.first, block.first + block.frames):
+            if number % self._job.stride:
+                continue
+            try:
+                self._score(number, result)
+            except DatasetError as error:
+                result.bad.append({"frame": str(self._frames.key(number)), "why": str(error)})
+        return result
+
+    def _score(self, number: int, result: ScoredBlock) -> None:
+        sample = self._stacks.sample(number)
+        key = self._frames.key(number)
+        place = {"subject": key.subject, "sequence": key.sequence, "frame": key.frame}
+        regions = None if sample.regions is None else Regions(sample.regions, self._frames.regions)
+        truth = Truth(sample.clean_mm, sample.noisy_mm, sample.intrinsics.rays(), regions)
+        for method in self._methods:
+            stack, now = self._stacks.around(number, method.before, method.after)
+            try:
+                start = time.perf_counter()
+                denoised = method(stack, now)
+                time_ms = 1000 * (time.perf_counter() - start)
+                parts = compose(denoised, sample.noisy_mm)
+                scores = {part: score(depth, truth) for part, depth in parts.items()}
+            except DenoiserError as error:
+                result.bad.append({"frame": str(key), "why": f"{method.label}: {error}"})
+                continue
+            except Exception as error:  # any error of a user's denoiser
+                why = f"{method.label}: {type(error).__name__}: {error}"
+                result.bad.append({"frame": str(key), "why": why})
+                continue
+            for part, depth in parts.items():
+                name = f"{method.label} [{part}]" if part else method.label
+                result.rows.append(place | {"method": name} | json_row(scores[part], time_ms))
+                counts = _histogram(depth, truth)
+                before = result.histograms.get(name)
+                result.histograms[name] = (counts if before is None else counts + before).tolist()
+        if self._job.baseline_every and number % self._job.baseline_every == 0:
+            for name, predict in TRIVIAL_BASELINES.items():
+                prediction = predict(sample.clean_mm, self._job.mean_face)
+                if prediction is not None and prediction.shape == truth.clean.shape:
+                    scored = json_row(score(prediction, truth), float("nan"))
+                    result.probes.append(place | {"method": name} | scored)
+
+
+def json_row(scores: dict[str, float], time_ms: float) -> Row:
+    """Return scores and time as a JSON row, None for undefined metrics."""
+    row = scores | {"time_ms": time_ms}
+    return {name: None if math.isnan(value) else value for name, value in row.items()}
+
+
+def _histogram(depth: np.ndarray[Any, Any], truth: Truth) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Count |error| where input and clean are valid; the input's depth replaces missing depth."""
+    pixels = truth.input_valid & truth.valid
+    prediction = np.where(depth > 0, depth, truth.noisy)[pixels]
+    size = np.abs(prediction - truth.clean[pixels])
+    place = np.minimum((size / BIN_MM).astype(np.int64), BINS)
+    return np.bincount(place, minlength=BINS + 1)

@@ -1,0 +1,141 @@
+"""Pairs of clean and noisy frames to score: a data set of glsim, or a folder of PNG files."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from glsim.dataset import Split, open_dataset
+from glsim.dataset.disk_format import HEADER
+from glsim.dataset.layer_images import decode_layer
+from glsim.denoise.frames import Frames, Key, Sample, check_millimetres
+from glsim.denoise.protocol import Depth
+from glsim.errors import DatasetError
+from glsim.geometry.camera import Intrinsics
+from glsim.sensors.sensor import load_sensor
+from glsim.settings.schema import DEFAULT_SENSOR
+
+
+class DatasetFrames:
+    """The frames of one split of a data set of glsim."""
+
+    def __init__(self, path: Path, split: str) -> None:
+        dataset = open_dataset(path)
+        self.regions: Mapping[str, int] = dataset.regions
+        self._split: Split = dataset.split(split)
+        self.identity = f"{zlib.crc32((path / HEADER).read_bytes()):08x} {split}"
+
+    def __len__(self) -> int:
+        return len(self._split)
+
+    def key(self, number: int) -> Key:
+        """Return the key in the manifest."""
+        pair = self._split[number]
+        return Key(pair.subject, pair.sequence, pair.frame)
+
+    def load(self, number: int) -> Sample:
+        """Read a pair and check it against the manifest. Raises DatasetError."""
+        pair = self._split[number]
+        sample = _checked(pair.clean_mm, pair.noisy_mm, pair.intrinsics, repr(pair))
+        return replace(sample, regions=pair.regions.astype(np.uint8)) if self.regions else sample
+
+
+class FolderFrames:
+    """Pairs of ``*_clean.png`` and ``*_noisy.png`` in a folder, 16 bits, in millimetres.
+
+    The folder of a file is the subject; a number at the end of its stem is the frame. The camera is
+    a Kinect V2, or one with focal length ``focal_px`` and its axis through the image centre.
+    """
+
+    regions: Mapping[str, int] = {}
+
+    def __init__(self, path: Path, focal_px: float | None = None) -> None:
+        self._path = path
+        self._rig = load_sensor(DEFAULT_SENSOR).rig
+        self._focal = None if focal_px is None else (focal_px, focal_px)
+        stems = {
+            str(file.relative_to(path))[: -len("_clean.png")]
+            for layer in ("clean", "noisy")
+            for file in path.rglob(f"*_{layer}.png")
+        }
+        if not stems:
+            raise DatasetError(
+                f"{path}: is no data set of glsim (it has no {HEADER}), and holds no pairs of "
+                "*_clean.png and *_noisy.png"
+            )
+        self._stems = sorted(stems, key=lambda stem: (_key(stem), stem))
+        listing = [(stem, *map(_size, self._files(stem))) for stem in self._stems]
+        self.identity = f"{zlib.crc32(repr(listing).encode()):08x} {self._focal}"
+
+    def __len__(self) -> int:
+        return len(self._stems)
+
+    def key(self, number: int) -> Key:
+        """Return the key that the path gives."""
+        return _key(self._stems[number])
+
+    def load(self, number: int) -> Sample:
+        """Read both files of a pair. Raises DatasetError."""
+        clean_file, noisy_file = self._files(self._stems[number])
+        clean, noisy = _read(clean_file, "clean"), _read(noisy_file, "noisy")
+        rig = self._rig.for_map((clean.shape[0], clean.shape[1]), self._focal)
+        return _checked(clean, noisy, rig.intrinsics, str(self._path / self._stems[number]))
+
+    def _files(self, stem: str) -> tuple[Path, Path]:
+        return self._path / f"{stem}_clean.png", self._path / f"{stem}_noisy.png"
+
+
+def _size(file: Path) -> tuple[int, int]:
+    try:
+        status = file.stat()
+    except OSError:
+        return 0, 0
+    return status.st_size, status.st_mtime_ns
+
+
+def _key(stem: str) -> Key:
+    path = Path(stem)
+    name = path.name.rstrip("0123456789")
+    digits = path.name[len(name) :]
+    subject = path.parent.as_posix()
+    return Key(subject if subject != "." else "all", name.rstrip("_"), int(digits or 0))
+
+
+def _read(path: Path, layer: str) -> Depth:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise DatasetError(f"{path}: is missing") from None
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
+    depth: Depth = decode_layer(data, layer, str(path)).astype(np.float32)
+    return depth
+
+
+def _checked(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> Sample:
+    """Return the pair. Raises DatasetError if sizes differ or depths cannot be millimetres."""
+    if clean.shape != noisy.shape:
+        raise DatasetError(
+            f"{where}: clean is {clean.shape[1]} x {clean.shape[0]} pixels, noisy "
+            f"{noisy.shape[1]} x {noisy.shape[0]}"
+        )
+    for layer, depth in (("clean", clean), ("noisy", noisy)):
+        check_millimetres(depth, f"{where} ({layer})")
+    return Sample(clean, noisy, intrinsics)
+
+
+def open_frames(path: Path, split: str, focal_px: float | None = None) -> Frames:
+    """Open a split of a data set, or the pairs of a folder (its sub-folder ``split`` if it exists).
+
+    Raises DatasetError if there is no such folder, split, or pair.
+    """
+    if not path.is_dir():
+        raise DatasetError(f"{path}: no such folder")
+    if (path / HEADER).exists() or (path / ".glsim").exists():
+        return DatasetFrames(path, split)
+    part = path / split
+    return FolderFrames(part if part.is_dir() else path, focal_px)

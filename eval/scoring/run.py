@@ -1,0 +1,197 @@
+"""Score a whole set: blocks of frames over worker processes, resumable, in constant memory.
+
+    -o DIR/.blocks/<fingerprint>/<block>.json   finished blocks; the same command resumes from them
+    -o DIR/rows.csv                             one row per frame and method, in order
+    -o DIR/bad.csv                              frames that could not be scored, and why
+
+Rows are CSV, not Parquet: every program reads CSV, and pyarrow would add 130 MB for one table.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from glsim.dataset import available_workers
+from glsim.denoise import load
+from glsim.errors import ConfigError, DatasetError
+from glsim.eval.metrics import Metric, metrics_with_regions
+from glsim.eval.scoring.aggregate import ScoreSummary
+from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
+from glsim.eval.scoring.trivial_baselines import BASELINE_FRAMES, mean_face
+from glsim.eval.scoring.workers import run_tasks
+from glsim.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
+
+#: Frames in a block: few enough that a crash costs little and all cores end together.
+_BLOCK: Final = 25
+#: Version of the scores; to be increased by a change that alters the scores of a frame.
+_VERSION: Final = 1
+
+
+@dataclass(frozen=True)
+class ScoringProgress:
+    """The progress of scoring: numbers of frames done, in total, reused and bad."""
+
+    done: int
+    total: int
+    reused: int
+    bad: int
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The result of ``evaluate``. baselines: scores of trivial predictions.
+
+    bad: number of frames, or pairs of frame and method, that could not be scored; first_bad: the
+    first of them with reasons.
+    """
+
+    summary: ScoreSummary
+    baselines: ScoreSummary
+    frames: int
+    bad: int
+    first_bad: tuple[str, ...]
+
+
+def evaluate(
+    job: ScoringJob,
+    out: Path,
+    *,
+    workers: int | None = None,
+    baselines: bool = True,
+    progress: Callable[[ScoringProgress], None] | None = None,
+) -> Evaluation:
+    """Score every frame of a set by every denoiser; write rows.csv and bad.csv to ``out``.
+
+    workers: number of processes; default: one per core. baselines: also score trivial predictions.
+    Raises ConfigError for a wrong denoiser or an empty set, DatasetError if no frame can be scored.
+    """
+    methods = [load(spec) for spec in job.denoisers]  # reports wrong ones before scoring starts
+    labels = [method.label for method in methods]
+    if len(set(labels)) != len(labels):
+        twice = next(label for label in labels if labels.count(label) > 1)
+        raise ConfigError(f"--denoiser {twice}: is given twice: name one of them label@{twice}")
+    frames = job.frames()
+    if len(frames) == 0:
+        raise ConfigError(f"{job.dataset}: has no frames in {job.split}")
+    if baselines:
+        job = replace(
+            job, baseline_every=-(-len(frames) // BASELINE_FRAMES), mean_face=mean_face(frames)
+        )
+    identity = [_VERSION, frames.identity, job.split, job.denoisers, job.baseline_every, job.stride]
+    metrics = metrics_with_regions(frames.regions)
+    identity += [list(metrics), [method.version for method in methods]]
+    digest = hashlib.blake2b(json.dumps(identity).encode(), digest_size=8).hexdigest()
+    folder = out / ".blocks" / digest
+    with wrap_write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    blocks = [
+        FrameBlock(number, first, min(_BLOCK, len(frames) - first))
+        for number, first in enumerate(range(0, len(frames), _BLOCK))
+    ]
+    _score_missing(job, folder, blocks, workers or available_workers(), len(frames), progress)
+    return _collect(out, folder, blocks, -(-len(frames) // job.stride), metrics)
+
+
+def _score_missing(
+    job: ScoringJob,
+    folder: Path,
+    blocks: list[FrameBlock],
+    workers: int,
+    total: int,
+    progress: Callable[[ScoringProgress], None] | None,
+) -> None:
+    missing = [block for block in blocks if not _is_done(folder, block)]
+    reused = done = total - sum(block.frames for block in missing)
+    bad = 0
+    if progress is not None:
+        progress(ScoringProgress(done, total, reused, bad))
+    if not missing:
+        return
+    for scored in run_tasks(job, missing, min(workers, len(missing))):
+        path = _path(folder, scored.number)
+        data = to_json(asdict(scored), str(path)).encode()
+        write_atomic(data, path, temporary=path.with_suffix(f".{os.getpid()}"))
+        done, bad = done + scored.frames, bad + len(scored.bad)
+        if progress is not None:
+            progress(ScoringProgress(done, total, reused, bad))
+
+
+def _path(folder: Path, number: int) -> Path:
+    return folder / f"{number:06d}.json"
+
+
+def _is_done(folder: Path, block: FrameBlock) -> bool:
+    """Whether a block is finished without bad frames; those may have been repaired since."""
+    try:
+        return not _read(folder, block).bad
+    except DatasetError:
+        return False
+
+
+def _read(folder: Path, block: FrameBlock) -> ScoredBlock:
+    path = _path(folder, block.number)
+    try:
+        return ScoredBlock(**json.loads(path.read_bytes()))
+    except (OSError, ValueError, TypeError):
+        raise DatasetError(f"{path}: is missing or damaged: run the same command again") from None
+
+
+def _collect(
+    out: Path, folder: Path, blocks: list[FrameBlock], total: int, metrics: Mapping[str, Metric]
+) -> Evaluation:
+    summary, baselines = ScoreSummary(total, metrics), ScoreSummary(total, metrics)
+    bad = 0
+    first_bad: list[str] = []
+
+    def rows() -> Iterator[dict[str, Any]]:
+        nonlocal bad
+        for block in blocks:
+            scored = _read(folder, block)
+            for row in scored.rows:
+                summary.add(row)
+                yield row
+            for row in scored.probes:
+                baselines.add(row)
+            for method, counts in scored.histograms.items():
+                summary.add_histogram(method, counts)
+            bad += len(scored.bad)
+            first_bad.extend(f"{item['frame']}: {item['why']}" for item in scored.bad[:10])
+
+    fields = ("subject", "sequence", "frame", "method", *metrics)
+    write_csv(out / "rows.csv", fields, rows())
+    faults = (item for block in blocks for item in _read(folder, block).bad)
+    if bad:
+        write_csv(out / "bad.csv", ("frame", "why"), faults)
+    else:
+        (out / "bad.csv").unlink(missing_ok=True)
+    if not summary.methods:
+        raise DatasetError(f"no frame could be scored, {bad} are bad; the first: {first_bad[0]}")
+    return Evaluation(summary, baselines, total, bad, tuple(first_bad[:10]))
+
+
+def write_csv(path: Path, fields: Iterable[str], rows: Iterable[dict[str, Any]]) -> None:
+    """Write a CSV file atomically, None as "nan". Raises DatasetError if writing fails."""
+    with AtomicFile(path, path.with_name(f".{path.name}.{os.getpid()}")) as file:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(fields), lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({name: _written(value) for name, value in row.items()})
+            file.write(text.getvalue().encode())
+            text.seek(0)
+            text.truncate()
+        file.write(text.getvalue().encode())
+
+
+def _written(value: object) -> object:
+    if value is None:
+        return "nan"
+    return f"{value:.9g}" if isinstance(value, float) else value

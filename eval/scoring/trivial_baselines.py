@@ -1,0 +1,68 @@
+"""Trivial predictions; their scores put the MSEs of methods into perspective."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.denoise.frames import Frames
+from glsim.denoise.protocol import Depth
+from glsim.errors import DatasetError
+
+
+def _shifted(depth: Depth, columns: int) -> Depth:
+    """Shift a map to the right; new columns have no depth."""
+    moved = np.zeros_like(depth)
+    moved[:, columns:] = depth[:, : depth.shape[1] - columns]
+    return moved
+
+
+def _eroded(depth: Depth, pixels: int) -> Depth:
+    """Erode the mask of a map by ``pixels`` along its silhouette."""
+    kernel = np.ones((2 * pixels + 1,) * 2, np.uint8)
+    inside = cv2.erode((depth > 0).astype(np.uint8), kernel) > 0
+    return np.where(inside, depth, np.float32(0))
+
+
+#: Name -> function of (clean, mean face) that returns a prediction, or None without a mean face.
+TRIVIAL_BASELINES: Final[dict[str, Callable[[Depth, Depth | None], Depth | None]]] = {
+    "zero image": lambda clean, mean: np.zeros_like(clean),
+    "mean face": lambda clean, mean: mean,
+    "clean, eroded 1 px": lambda clean, mean: _eroded(clean, 1),
+    "clean, eroded 2 px": lambda clean, mean: _eroded(clean, 2),
+    "clean, eroded 4 px": lambda clean, mean: _eroded(clean, 4),
+    "clean, shifted 1 px": lambda clean, mean: _shifted(clean, 1),
+}
+
+#: Largest number of frames, evenly spread, for baselines: only their magnitude matters.
+BASELINE_FRAMES: Final = 200
+
+
+def mean_face(frames: Frames) -> Depth | None:
+    """Compute the (H, W) mean of clean frames where most have depth, mm; None if sizes differ.
+
+    It uses about BASELINE_FRAMES frames, evenly spread; more would not change it noticeably.
+    """
+    total: NDArray[np.float64] | None = None
+    count, used = np.zeros(0), 0
+    for number in range(0, len(frames), max(1, len(frames) // BASELINE_FRAMES)):
+        try:
+            clean = frames.load(number).clean_mm
+        except DatasetError:
+            continue
+        if total is None:
+            total, count = np.zeros(clean.shape), np.zeros(clean.shape)
+        if clean.shape != total.shape:
+            return None
+        total += clean
+        count += clean > 0
+        used += 1
+    if total is None:
+        return None
+    mean = np.zeros(total.shape, np.float32)
+    np.divide(total, count, out=mean, where=2 * count > used, casting="same_kind")
+    return mean

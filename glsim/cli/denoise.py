@@ -1,0 +1,150 @@
+"""``glsim denoise``: denoise depth maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from glsim.cli.common import Debug, Quiet, Verbose, console, print_message
+from glsim.errors import ConfigError, DatasetError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from glsim.denoise import Method
+    from glsim.denoise.protocol import Depth, Mask
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim denoise noisy.png -o clean.png                     the shipped network
+
+glsim denoise noisy.png -o clean.png --uncertainty sigma.png
+
+glsim denoise noisy.png -o clean.png --denoiser quadric:sigma_px=2.5,cleanup=5
+
+glsim denoise recording/ -o denoised/ -d temporal_median
+
+glsim denoise 'maps/*_noisy.png' -o denoised/ -d run/best.pt
+"""
+
+
+def denoise(
+    noisy: Annotated[
+        list[str], typer.Argument(help="16-bit depth PNGs, folders of them, or a glob pattern.")
+    ],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="The denoised PNG, or a folder for them.")
+    ],
+    denoiser: Annotated[
+        str,
+        typer.Option(
+            "-d",
+            "--denoiser",
+            help="A name of glsim eval --list, or a checkpoint; face is the shipped network.",
+        ),
+    ] = "face",
+    uncertainty: Annotated[
+        Path | None,
+        typer.Option(
+            help="PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm, "
+            "0 where there is no depth; only for networks that estimate it."
+        ),
+    ] = None,
+    composite: Annotated[
+        str, typer.Option(help="Use of a network's soft validity: soft, hard or 'input mask'.")
+    ] = "hard",
+    depth_unit_mm: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=10,
+            help="Step of the depth files, mm. Default: that of their data set, else 1.",
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Denoise 16-bit depth maps; 0 means no depth, in and out.
+
+    Maps keep their names. For denoisers that use neighbours in time, the maps of a folder are a
+    sequence in the order of their names. Maps that cannot be read are reported and skipped.
+    """
+    import numpy as np
+
+    from glsim.denoise import COMPOSITES, compose, load
+    from glsim.denoise.depth_files import MapFrames, find_maps, unit_mm
+    from glsim.denoise.frames import Stacks
+    from glsim.files.atomic import write_atomic
+    from glsim.files.png import encode_png
+    from glsim.frame import encode_depth
+
+    if composite not in COMPOSITES:
+        raise ConfigError(f"--composite {composite}: choose one of {', '.join(COMPOSITES)}")
+    method = load(denoiser)
+    pairs = find_maps(noisy, out)
+    sigma_targets = _sigma_targets(noisy, out, uncertainty, method)
+    sources = [source for source, _ in pairs]
+    step_mm = unit_mm(sources, depth_unit_mm)
+    frames = MapFrames(sources, step_mm)
+    stacks = Stacks(frames, method.before, method.after)
+    failures = 0
+    for number, (source, target) in enumerate(pairs):
+        try:
+            stack, now = stacks.around(number, method.before, method.after)
+        except DatasetError as error:
+            if len(pairs) == 1:
+                raise
+            failures += 1
+            console.print(
+                f"skipped {source}: {error}", style="yellow", markup=False, soft_wrap=True
+            )
+            continue
+        if sigma_targets:
+            denoised, sigma_mm = method.with_sigma(stack[now])
+        else:
+            denoised = method(stack, now)
+        parts = compose(denoised, stack[now])
+        depth_m = parts["" if "" in parts else composite] * np.float32(0.001)
+        write_atomic(encode_png(encode_depth(depth_m, step_mm)), target)
+        if sigma_targets:
+            write_atomic(encode_png(_encode_sigma(sigma_mm, depth_m > 0)), sigma_targets[number])
+    print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}")
+    if failures:
+        raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
+
+
+def _sigma_targets(
+    noisy: list[str], out: Path, uncertainty: Path | None, method: Method
+) -> list[Path]:
+    """List one file per map; empty without --uncertainty.
+
+    Raises ConfigError if the denoiser gives no uncertainty or a file is also a depth output.
+    """
+    from glsim.denoise.depth_files import find_maps
+
+    if uncertainty is None:
+        return []
+    if not method.uncertain:
+        raise ConfigError(
+            f"--uncertainty: {method.label} does not estimate its uncertainty; networks trained "
+            "with uncertainty = true do"
+        )
+    targets = [target for _, target in find_maps(noisy, uncertainty)]
+    if {*targets} & {target for _, target in find_maps(noisy, out)}:
+        raise ConfigError(
+            f"--uncertainty {uncertainty}: is also the output of the depth: give another name"
+        )
+    return targets
+
+
+def _encode_sigma(sigma_mm: Depth, valid: Mask) -> NDArray[np.uint16]:
+    """Encode (H, W) sigma, mm, as uint16 in steps of 0.01 mm; at least 1 where valid, else 0."""
+    import numpy as np
+
+    steps = np.clip(np.rint(sigma_mm * np.float32(100)), 1, 65535)
+    return np.where(valid, steps, 0).astype(np.uint16)

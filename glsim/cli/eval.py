@@ -1,0 +1,235 @@
+"""``glsim eval``: score denoisers on a data set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from glsim.cli.common import (
+    Debug,
+    Quiet,
+    Verbose,
+    WorkersOption,
+    console,
+    print_message,
+    print_written,
+)
+from glsim.cli.progress import scoring_progress
+from glsim.errors import ConfigError, DatasetError, DenoiserError
+
+if TYPE_CHECKING:
+    from glsim.eval.paper.runs import TrainedRun
+    from glsim.eval.scoring.blocks import ScoringJob
+    from glsim.eval.scoring.run import Evaluation
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim eval data -d median -d quadric:sigma_px=2.5,cleanup=5 -o scores
+
+glsim eval data --paper-table 1 -o table1
+
+glsim eval data --paper-table 2 --paper-table 3 --runs runs -o tables    checkpoints in runs/*/
+
+glsim eval data --tune -o scores         all classical filters, tuned on the validation split
+
+glsim eval data -d noisy -d mine@my_module:my_function -d run/best.pt
+
+glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
+
+glsim eval --list
+
+Repeat the same command to resume an interrupted run.
+"""
+
+
+def evaluate(
+    dataset: Annotated[
+        Path | None, typer.Argument(help="A data set, or a folder of *_clean.png and *_noisy.png.")
+    ] = None,
+    denoiser: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--denoiser",
+            "-d",
+            metavar="[LABEL@]NAME[:KEY=VALUE,...]",
+            help="A shipped denoiser (see --list), module:function, or a checkpoint. Repeatable.",
+        ),
+    ] = None,
+    split: Annotated[str, typer.Option(help="Split to score: train, val or test.")] = "test",
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path(
+        "scores"
+    ),
+    paper_table: Annotated[
+        list[int] | None,
+        typer.Option(
+            help="Write the paper's table beside ours: 1 (filters), 2 or 3 (networks). Repeatable."
+        ),
+    ] = None,
+    runs: Annotated[
+        Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
+    ] = None,
+    tune: Annotated[
+        bool,
+        typer.Option("--tune", help="Add the classical filters, tuned on the validation split."),
+    ] = False,
+    probes: Annotated[bool, typer.Option(help="Score trivial baselines too.")] = True,
+    figures: Annotated[bool, typer.Option(help="Draw figures and report.html.")] = True,
+    workers: WorkersOption = "auto",
+    focal_px: Annotated[
+        float | None,
+        typer.Option(help="Focal length of plain PNG files, pixels. Default: the Kinect V2's."),
+    ] = None,
+    list_denoisers: Annotated[
+        bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
+    ] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Score denoisers; write rows.csv, table.md, table.csv, table.tex and report.html with figures.
+
+    Frames that cannot be scored are reported and skipped; the exit status is then 1. Without
+    --denoiser the paper's filters are scored. Nothing is trained: tables 2 and 3 contain the
+    networks in --runs and list the rows that are missing there.
+    """
+    from glsim.denoise import PAPER_FILTERS
+    from glsim.eval.scoring.blocks import ScoringJob
+    from glsim.eval.scoring.run import evaluate as run
+    from glsim.worker_processes import worker_count
+
+    if list_denoisers:
+        _print_list()
+        return
+    if dataset is None:
+        raise ConfigError("give the folder of a data set")
+    tables = sorted(set(paper_table or ()))
+    networks = _find_networks(tables, runs)
+    specs = list(denoiser or ())
+    if tables or not specs:
+        specs = [*PAPER_FILTERS, *(spec for spec in specs if spec not in PAPER_FILTERS)]
+    specs += [network.spec for network in networks.trained]
+    count = worker_count(workers)
+    job = ScoringJob(dataset, split, tuple(specs), focal_px)
+    if tune:
+        job = _add_tuned_filters(job, out, count)
+    with scoring_progress("scoring") as progress:
+        evaluation = run(job, out, workers=count, baselines=probes, progress=progress)
+    _write_results(evaluation, job, out, tables, networks, figures)
+    for text in evaluation.first_bad:
+        console.print(f"bad {text}", style="yellow", markup=False)
+    if evaluation.bad:
+        raise DatasetError(
+            f"{evaluation.bad} of {evaluation.frames} frames could not be scored, see "
+            f"{out / 'bad.csv'}; the tables contain the others"
+        )
+    if networks.refused:
+        raise DenoiserError(
+            f"{len(networks.refused)} of the checkpoints in {runs} were skipped, the first: "
+            f"{networks.refused[0]}"
+        )
+
+
+class _Networks(NamedTuple):
+    trained: list[TrainedRun]
+    refused: list[str]
+
+
+def _find_networks(tables: list[int], runs: Path | None) -> _Networks:
+    """Find the trained networks for the tables; all of them if no table asks for networks.
+
+    Raises ConfigError for an unknown table, or one of networks without --runs.
+    """
+    from glsim.eval.paper.network_tables import PAPER_ROWS
+    from glsim.eval.paper.runs import find_trained_runs
+
+    for table in tables:
+        if table not in (1, *PAPER_ROWS):
+            raise ConfigError(f"--paper-table {table}: there are 1 (filters), 2 and 3 (networks)")
+        if table in PAPER_ROWS and runs is None:
+            raise ConfigError(f"--paper-table {table}: give --runs, the folder of trained networks")
+    if runs is None:
+        return _Networks([], [])
+    trained, refused = find_trained_runs(runs)
+    for why in refused:
+        console.print(f"skipped {why}", style="yellow", markup=False)
+    rows = {row for table in tables for row in PAPER_ROWS.get(table, ())}
+    wanted = [run for run in trained if not rows or run.row is None or run.row in rows]
+    return _Networks(wanted, refused)
+
+
+def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
+    """Tune the classical filters on the validation split and add them to the job."""
+    from dataclasses import replace
+
+    from glsim.denoise import GRIDS
+    from glsim.eval.scoring.tune import tune
+
+    if job.split == "val":
+        raise ConfigError("--tune: settings tuned on val must be scored on another split")
+    held_out = replace(job, split="val")
+    if held_out.frames().identity == job.frames().identity:
+        raise ConfigError(f"--tune: {job.dataset} has no splits: there is no validation split")
+    with scoring_progress("tuning") as progress:
+        tuned = tune(held_out, list(GRIDS), out, workers=count, progress=progress)
+    specs = [spec for item in tuned for spec in (item.plain, item.cleaned)]
+    for item in tuned:
+        print_message(f"tuned {item.plain} and {item.cleaned.split(',')[-1]}")
+    return replace(job, denoisers=tuple(dict.fromkeys([*job.denoisers, *specs])))
+
+
+def _write_results(
+    evaluation: Evaluation,
+    job: ScoringJob,
+    out: Path,
+    tables: list[int],
+    networks: _Networks,
+    figures: bool,
+) -> None:
+    """Write the tables and, if wanted, the figures and report.html into a folder."""
+    from glsim.eval.paper.filter_table import filter_table
+    from glsim.eval.paper.network_tables import network_table
+    from glsim.eval.paper.runs import group_by_network
+    from glsim.eval.report.tables import table_latex, table_markdown, write_table_csv
+    from glsim.files.atomic import write_atomic
+
+    table = evaluation.summary.compared()
+    heading = f"{job.dataset.name}, {job.split}"
+    pages = {
+        which: filter_table(evaluation, table)
+        if which == 1
+        else network_table(which, evaluation, table, *networks)
+        for which in tables
+    }
+    texts = {
+        "table.md": table_markdown(evaluation, table, heading),
+        "table.tex": table_latex(table),
+    }
+    texts |= {f"paper_table_{which}.md": page.markdown() for which, page in pages.items()}
+    for name, text in texts.items():
+        write_atomic(text.encode(), out / name)
+    write_table_csv(out / "table.csv", table)
+    paths = [out / "rows.csv", out / "table.csv", *(out / name for name in texts)]
+    if figures:
+        from glsim.eval.report.html_report import write_report
+
+        # The figures show one seed of each network.
+        others = {
+            one.spec for group in group_by_network(networks.trained) for one in group.members[1:]
+        }
+        drawn = [spec for spec in job.denoisers if spec not in others]
+        report = write_report(evaluation, table, job, out, heading, list(pages.values()), drawn)
+        paths.append(report)
+    print_written(paths)
+
+
+def _print_list() -> None:
+    from glsim.denoise import denoiser_names, describe_denoiser
+
+    for name in denoiser_names():
+        help, parameters = describe_denoiser(name)
+        typer.echo(f"{name}: {help}")
+        for parameter, (default, text) in parameters.items():
+            typer.echo(f"    {parameter}={default:g}  {text}")

@@ -1,0 +1,64 @@
+"""``glsim generate --plan``: print size and time of a data set without writing it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from glsim.cli.common import console
+
+if TYPE_CHECKING:
+    from glsim.settings.schema import Settings
+
+
+def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
+    """Print the number of images by source, subject and split, their size and the time."""
+    from glsim.dataset.estimate import estimate_dataset
+    from glsim.pipeline import open_sources
+    from glsim.plan.paper_split import PAPER_IMAGES
+    from glsim.plan.tasks import make_tasks
+
+    sources = open_sources(settings)
+    tasks = make_tasks(settings, sources)
+    estimate = estimate_dataset(settings, sources, tasks, workers=workers, backend=backend)
+    out = Console(highlight=False)
+    if not out.is_terminal:
+        out = Console(highlight=False, width=120)
+    people = Table("source", "subject", "split", "images", box=None)
+    for source, subject, split, count in estimate.rows:
+        people.add_row(source, subject, split, str(count))
+    out.print(people)
+    sums = Table("source", "people", "images", box=None)
+    for source, (persons, images) in estimate.by_source().items():
+        sums.add_row(source, str(persons), str(images))
+    out.print(sums)
+    splits = Table("split", "people", "images", "share", "the paper", box=None)
+    for (split, (persons, images)), paper in zip(
+        estimate.by_split().items(), PAPER_IMAGES, strict=True
+    ):
+        share = f"{100 * images / max(1, estimate.frames):.1f} %"
+        splits.add_row(split, str(persons), str(images), share, str(paper))
+    out.print(splits)
+    basis = (
+        f"measured on {estimate.measured_frames} frames"
+        if estimate.measured_frames
+        else "typical values"
+    )
+    out.print(
+        f"{estimate.frames} images, {_bytes(estimate.bytes)}, {_time(estimate.seconds)} with "
+        f"{estimate.workers} worker(s) ({basis}); nothing was written"
+    )
+    for why in dict.fromkeys(estimate.skipped):
+        console.print(f"would be skipped: {why}", style="yellow", markup=False)
+
+
+def _bytes(count: int) -> str:
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.1f} MB"
+
+
+def _time(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

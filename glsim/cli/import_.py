@@ -1,0 +1,64 @@
+"""``glsim import``: convert real depth maps to a data set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from glsim.cli.common import BackendOption, Debug, Quiet, Verbose, WorkersOption
+
+BIWI_EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim import biwi hpdb -o real
+
+glsim import biwi hpdb -o real --every 10 --split 0,0,1
+"""
+
+app = typer.Typer(help="Convert real depth maps to a data set.", no_args_is_help=True)
+
+
+@app.callback()
+def _import_group() -> None:
+    """Convert real depth maps to a data set."""
+
+
+@app.command("biwi", epilog=BIWI_EXAMPLES)
+def biwi(
+    root: Annotated[Path, typer.Argument(help="Folder with NN.obj and NN/frame_*_depth.bin.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the data set.")],
+    every: Annotated[int, typer.Option(min=1, help="Use every N-th frame.")] = 1,
+    subjects: Annotated[int | None, typer.Option(help="Number of people. Default: all.")] = None,
+    frames_per_subject: Annotated[
+        int | None, typer.Option(help="Frames per person. Default: all.")
+    ] = None,
+    split: Annotated[
+        str | None, typer.Option(help="Shares of train,val,test, or paper for the paper's shares.")
+    ] = None,
+    workers: WorkersOption = "auto",
+    backend: BackendOption = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps."""
+    from glsim.cli.generate import print_summary
+    from glsim.cli.progress import generation_progress
+    from glsim.dataset.real_frames import import_biwi
+    from glsim.worker_processes import worker_count
+
+    with generation_progress() as progress:
+        summary = import_biwi(
+            root,
+            out,
+            every=every,
+            subjects=subjects,
+            frames_per_subject=frames_per_subject,
+            split=split,
+            workers=worker_count(workers),
+            backend=backend,
+            progress=progress,
+        )
+    print_summary(summary, out)

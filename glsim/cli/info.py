@@ -1,0 +1,52 @@
+"""``glsim info``: print versions and the OpenGL back ends that work."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+from glsim.cli.common import Debug, Quiet, Verbose, print_table
+from glsim.errors import ConfigError, DeviceError
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim info
+
+GLSIM_BACKEND=osmesa glsim info
+"""
+
+
+def info(quiet: Quiet = False, verbose: Verbose = False, debug: Debug = False) -> None:
+    """Print versions and the OpenGL back ends with their drivers.
+
+    A missing back end is listed with the packages to install.
+    """
+    from importlib.metadata import version
+
+    import glsim.gl.context as gl
+
+    chosen = gl.chosen_backend()
+    table = Table("backend", "state", "renderer", "version", "vendor", box=None)
+    working = []
+    for backend in gl.BACKENDS:
+        try:
+            context = gl.open_context(backend)
+        except DeviceError as error:
+            table.add_row(backend, "missing", f"install: {gl.INSTALL_HINT[backend]}", str(error))
+            continue
+        driver = gl.describe(context)
+        context.release()
+        working.append(backend)
+        state = "used" if backend == (chosen or working[0]) else "works"
+        table.add_row(backend, state, driver["renderer"], driver["version"], driver["vendor"])
+    out = Console(highlight=False)
+    packages = ("glsim", "moderngl", "numpy", "opencv-contrib-python-headless", "trimesh")
+    out.print(", ".join(f"{package} {version(package)}" for package in packages), soft_wrap=True)
+    print_table(table)
+    for number, device in enumerate(gl.egl_devices()):
+        out.print(f"EGL device {number}: {device}", soft_wrap=True)
+    if not working:
+        raise DeviceError("no OpenGL back end works: install one of the packages above")
+    if chosen is not None and chosen not in working:
+        raise ConfigError(f"GLSIM_BACKEND={chosen} does not work here; these do: {working}")

@@ -1,0 +1,97 @@
+"""``glsim inspect``: report the contents of a face set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from glsim.cli.common import BackendOption, Debug, Quiet, Verbose, print_written
+from glsim.errors import ConfigError, MeshError
+
+if TYPE_CHECKING:
+    from glsim.inspection import FaceSetReport
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim inspect d3dfacs_alignments
+
+glsim inspect FaceWarehouse_Data_0 -o look.png --frames 0
+
+glsim inspect scan.ply --unit cm
+"""
+
+_PEOPLE = 20
+_PROBLEMS = 20
+
+
+def inspect(
+    path: Annotated[Path, typer.Argument(help="A face set, a folder of meshes, or a mesh.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="PNG file for the contact sheet.")
+    ] = Path("inspect.png"),
+    frames: Annotated[int, typer.Option(min=0, help="Number of frames to read; 0 reads all.")] = 40,
+    shown: Annotated[
+        int, typer.Option(min=0, max=60, help="Number of faces on the sheet; 0 draws none.")
+    ] = 12,
+    unit: Annotated[
+        str, typer.Option(help="Unit of the mesh files; overrides detection.")
+    ] = "auto",
+    axes: Annotated[
+        str, typer.Option(help="Axes of the mesh files; overrides detection.")
+    ] = "auto",
+    backend: BackendOption = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Detect the kind of a face set, print people, frames, units, axes, problems; draw faces."""
+    from glsim import inspection
+    from glsim.files.png import write_picture
+    from glsim.preview import gallery
+
+    if not path.exists():
+        raise ConfigError(f"{path}: no such file or folder")
+    if out.suffix.lower() != ".png":
+        raise ConfigError(f"-o {out}: give a name that ends in .png")
+    kind, source = inspection.open_faces(path, unit, axes)
+    report = inspection.inspect(path, kind, source, frames)
+    _print(report)
+    if not report.usable:
+        raise MeshError(f"{path}: none of the {report.checked} frames that were read can be used")
+    if shown:
+        step = max(1, len(report.usable) // shown)
+        cells = list(inspection.preview_faces(source, report.usable[::step][:shown], backend))
+        write_picture(gallery(cells, f"{path.name}: {kind}, {report.frames} frames"), out)
+        print_written([out])
+
+
+def _print(report: FaceSetReport) -> None:
+    out = Console(highlight=False, soft_wrap=True)
+    sequences = sum(count for count, _ in report.people.values())
+    out.print(
+        f"{report.root}: {report.kind}, {len(report.people)} people, {sequences} sequences, "
+        f"{report.frames} frames",
+        markup=False,
+    )
+    for name, (count, frames) in list(report.people.items())[:_PEOPLE]:
+        out.print(f"  {name}: {count} sequences, {frames} frames", markup=False)
+    if len(report.people) > _PEOPLE:
+        out.print(f"  and {len(report.people) - _PEOPLE} more")
+    out.print(
+        f"{report.checked} frames read: {_range(report.vertices)} vertices, "
+        f"{_range(report.triangles)} triangles"
+    )
+    for how, count in report.placements.most_common(_PEOPLE):
+        out.print(f"  {count}: {how}", markup=False)
+    out.print("problems:" if report.problems else "no problems")
+    for why, count in report.problems.most_common(_PROBLEMS):
+        out.print(f"  {count}: {why}", markup=False)
+
+
+def _range(pair: tuple[int, int]) -> str:
+    least, most = pair
+    return str(least) if least == most else f"{least} to {most}"

@@ -1,0 +1,63 @@
+"""``glsim stages``: list the noise stages and their parameters."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from glsim.cli.common import Debug, Quiet, Verbose, print_table
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim stages
+
+glsim stages axial
+
+glsim stages my_noise.glsl
+"""
+
+
+def stages(
+    name: Annotated[
+        str | None, typer.Argument(help="A shipped stage, a .glsl file, or file.py:function.")
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """List the noise stages, or the parameters of one stage, as declared in its source file."""
+    from glsim.noise.registry import find_stage, shipped_stages
+
+    if name is None:
+        table = Table("stage", "parameter", "type", "default", "range", "unit", box=None)
+        for spec in shipped_stages().values():
+            for number, p in enumerate(spec.parameters.values()):
+                bounds = "" if p.type == "bool" else f"{p.low:g} to {p.high:g}"
+                first = spec.name if number == 0 else ""
+                table.add_row(first, p.name, p.type, f"{p.default:g}", bounds, _unit(p.unit))
+            if not spec.parameters:
+                table.add_row(spec.name, "(none)")
+        print_table(table)
+        return
+    spec = find_stage(name)
+    out = Console(highlight=False)
+    out.print(f"[bold]{spec.title}[/bold]")
+    out.print(f"file: {spec.file}", soft_wrap=True)
+    if spec.source is not None:
+        out.print(f"reads: {', '.join(spec.source.reads)}")
+        out.print(f"writes: {', '.join(layer.name for layer in spec.source.writes)}")
+    table = Table("parameter", "type", "default", "range", "unit", "help", "declared at", box=None)
+    for p in spec.parameters.values():
+        bounds = "" if p.type == "bool" else f"{p.low:g} to {p.high:g}"
+        where = f"{p.file}:{p.line}"
+        table.add_row(p.name, p.type, f"{p.default:g}", bounds, _unit(p.unit), p.help, where)
+    table.add_row("enabled", "bool", "1", "", "", "0 switches the stage off", "every stage")
+    print_table(table)
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit

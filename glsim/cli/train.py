@@ -1,0 +1,211 @@
+"""``glsim train``: train a denoiser from a recipe."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from glsim.cli.common import (
+    Debug,
+    Quiet,
+    SeedOption,
+    Verbose,
+    console,
+    options,
+    overrides,
+    print_message,
+)
+from glsim.errors import ConfigError, TrainError
+
+if TYPE_CHECKING:
+    from glsim.train.loop import StepStatus
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim train face --data data -o runs/face --minutes 30
+
+glsim train face --data data -o runs/face --minutes 60 --resume      trains for 30 more
+
+glsim train paper-d7-small --data data --seed 1 -o runs/d7_1
+
+glsim train mine.toml --data data --set loss.beta_mm=4 --set training.batch=8
+
+glsim train face --simulate --minutes 30
+
+glsim train --list
+
+Ctrl-C stops after the current step and saves the training; --resume continues it.
+"""
+
+#: Printed metrics of a validation, by name in metrics.csv.
+_METRICS = {
+    "loss": "loss {:.4g}",
+    "interior_rmse_mm": "interior {:.2f} mm",
+    "flips": "flips {:.0f}",
+    "mse_mm2": "mse {:.0f} mm2",
+}
+
+
+def train(
+    recipe: Annotated[
+        str | None, typer.Argument(metavar="RECIPE", help="A shipped recipe, or a .toml file.")
+    ] = None,
+    data: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--data",
+            metavar="DIR",
+            help="A data set of glsim generate. Repeatable; data sets are joined.",
+        ),
+    ] = None,
+    simulate: Annotated[
+        bool,
+        typer.Option(
+            "--simulate", help="Render pairs during training instead of reading a data set."
+        ),
+    ] = False,
+    minutes: Annotated[
+        float | None,
+        typer.Option(help="Training time, minutes, including earlier runs that are resumed."),
+    ] = None,
+    epochs: Annotated[int | None, typer.Option(help="Number of epochs.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
+    assignment: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Override the recipe, such as optimiser.lr=1e-3. Repeatable.",
+        ),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the training in the folder, if there is one.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Folder of the run. Default: runs/RECIPE.")
+    ] = None,
+    seed: SeedOption = None,
+    list_recipes: Annotated[
+        bool, typer.Option("--list", help="Print the shipped recipes and exit.")
+    ] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Train a denoiser; write best.pt, last.pt, metrics.csv, TensorBoard events, sample images."""
+    from glsim.train.recipe import load_recipe
+
+    if list_recipes:
+        _print_list()
+        return
+    if recipe is None:
+        raise ConfigError("give a recipe: a name of glsim train --list, or a .toml file")
+    if bool(data) == simulate:
+        raise ConfigError("give --data DIR or --simulate, one of the two")
+    given = overrides(
+        seed=seed,
+        training__max_minutes=minutes,
+        training__max_epochs=epochs,
+        training__max_steps=steps,
+    )
+    chosen = load_recipe(recipe, assignment or (), given)
+    folder = out if out is not None else Path("runs") / Path(recipe).stem
+
+    try:
+        from glsim.train import batches
+        from glsim.train.loop import fit
+    except ImportError as error:
+        raise TrainError(
+            f"training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' ({error})"
+        ) from None
+
+    pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen)
+    with stopping() as stop, _progress(chosen.title) as show:
+        report = fit(chosen, pairs, folder, resume=resume, on_step=show, should_stop=stop)
+    _print_result(report, folder)
+    if report["state"] == "interrupted":
+        raise typer.Exit(1)
+
+
+@contextmanager
+def stopping() -> Iterator[Callable[[], bool]]:
+    """Yield a function that returns whether Ctrl-C or SIGTERM came; a second one ends at once."""
+    signals: list[int] = []
+
+    def record(number: int, frame: FrameType | None) -> None:
+        if signals:
+            raise KeyboardInterrupt
+        signals.append(number)
+
+    before = {kind: signal.signal(kind, record) for kind in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(signals)
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
+
+
+@contextmanager
+def _progress(title: str) -> Iterator[Callable[[StepStatus], None] | None]:
+    """Print a line per validation and, on a terminal, a bar below them; None if --quiet."""
+    if options.quiet:
+        yield None
+        return
+    from rich import progress
+
+    columns = (
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(20),
+        progress.TextColumn("{task.fields[text]}"),
+        progress.TimeElapsedColumn(),
+    )
+    with progress.Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as shown:
+        task = shown.add_task(title, total=None, text="", visible=False)
+
+        def update(now: StepStatus) -> None:
+            place = (
+                f"step {now.steps}/{now.total_steps}" if now.total_steps else f"step {now.steps}"
+            )
+            place += f", epoch {now.epoch}"
+            if now.validation is not None:
+                metrics = (label.format(now.validation[name]) for name, label in _METRICS.items())
+                minutes = f"{now.seconds / 60:.1f} min"
+                print_message(f"{place}, {minutes}: validation {', '.join(metrics)}")
+            text = f"{place}, loss {now.loss:.3g}"
+            total = 1.0 if now.fraction_done else None
+            shown.update(task, total=total, completed=now.fraction_done, text=text, visible=True)
+
+        yield update
+
+
+def _print_result(report: dict[str, Any], folder: Path) -> None:
+    best = report["best"]
+    if report["state"] == "finished":
+        print_message(
+            f"finished ({report['ended']}) after {report['steps']} steps, "
+            f"{report['seconds'] / 60:.1f} min: best {best['monitor']} {best['value']:.4g} at step "
+            f"{best['step']}, {folder / 'best.pt'}"
+        )
+    else:
+        print_message(
+            f"stopped after step {report['steps']}: saved in {folder}, go on with --resume"
+        )
+
+
+def _print_list() -> None:
+    from glsim.train.recipe import load_recipe, recipe_names
+
+    for name in recipe_names():
+        recipe = load_recipe(name)
+        typer.echo(f"{name}: {recipe.title}")
+        if recipe.description:
+            typer.echo(f"    {recipe.description}")

@@ -1,0 +1,24 @@
+"""The format of a data set on disk: file names and version.
+
+    dataset.json                     header: settings, sensor, counts, checksums of the files below
+    manifest.jsonl                   one record per frame, by split and then in the plan's order
+    skipped.jsonl                    frames that could not be made, and why
+    train|val|test/<subject>/<sequence>_<frame>_<layer>.png     format "png"
+    train|val|test/metadata.jsonl    the records as rows for Hugging Face's image-folder loader
+    train-000000.tar ...             format "webdataset": <index>.<layer>.png, <index>.json
+    .glsim/                          lock, plan, chunk records, temporary files; no data
+
+<index> is the frame's position in the plan, eight digits.
+"""
+
+from __future__ import annotations
+
+FORMAT = "glsim"
+#: Increased when readers of the old version would misread the new one.
+FORMAT_VERSION = 1
+
+HEADER = "dataset.json"
+MANIFEST = "manifest.jsonl"
+SKIPPED = "skipped.jsonl"
+METADATA = "metadata.jsonl"
+STATE = ".glsim"

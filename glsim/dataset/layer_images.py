@@ -1,0 +1,58 @@
+"""Layer images: their pixel types, decoding with checks, and writing the layers of one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import DatasetError
+from glsim.files.atomic import write_atomic
+from glsim.files.png import decode_png, encode_png
+from glsim.frame import Frame
+
+LayerImage = NDArray[np.uint16] | NDArray[np.uint8]
+
+#: The pixel type of each layer.
+LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
+    "clean": np.dtype(np.uint16),
+    "noisy": np.dtype(np.uint16),
+    "infrared": np.dtype(np.uint16),
+    "reason": np.dtype(np.uint8),
+    "regions": np.dtype(np.uint8),
+}
+
+
+def decode_layer(data: bytes, layer: str, where: str) -> LayerImage:
+    """Decode the bytes of a PNG file to (H, W) in the layer's pixel type.
+
+    where: names the file in error messages. Raises DatasetError for a damaged image, another pixel
+    type or several channels.
+    """
+    image = decode_png(data)
+    if image is None:
+        raise DatasetError(f"{where}: is no readable PNG image: it is damaged or incomplete")
+    expected = LAYER_TYPES[layer]
+    if image.dtype != expected:
+        raise DatasetError(
+            f"{where}: has {image.dtype.itemsize * 8} bits a pixel, {layer} needs "
+            f"{expected.itemsize * 8}: another program saved it again"
+        )
+    if image.ndim != 2:
+        raise DatasetError(f"{where}: has {image.shape[2]} channels instead of one")
+    return image.view(expected)
+
+
+def write_frame(frame: Frame, directory: Path, stem: str, layers: Sequence[str]) -> list[Path]:
+    """Write ``<stem>_<layer>.png`` for each layer and return the paths; the folder is created.
+
+    Existing files are replaced, and every file is complete or absent. Raises ConfigError for an
+    unknown layer or a depth that does not fit 16 bits, DatasetError if a file cannot be written.
+    """
+    images = {layer: encode_png(frame.image(layer)) for layer in layers}
+    paths = {layer: directory / f"{stem}_{layer}.png" for layer in layers}
+    for layer, path in paths.items():
+        write_atomic(images[layer], path)
+    return list(paths.values())

@@ -1,0 +1,194 @@
+"""The output folder while a run writes it: its lock, its plan, its chunk records."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from glsim.dataset.chunks import Chunk
+from glsim.dataset.disk_format import HEADER, STATE
+from glsim.dataset.records import ChunkRecord, parse_chunk_record
+from glsim.errors import ConfigError, DatasetError
+from glsim.files.atomic import (
+    cannot_write,
+    file_checksum,
+    read_json,
+    to_json,
+    wrap_write_errors,
+    write_atomic,
+)
+
+#: Settings that do not change any frame: a run may be resumed with other values.
+_FREE_SETTINGS = ("settings.strict",)
+
+
+class OutputFolder:
+    """The folder ``out`` of a data set, with the run's files in its sub-folder ``.glsim``.
+
+        lock            held by the run that writes here; the kernel frees it when a process dies
+        plan.json       what is being made: settings, versions, renderer, fingerprint of the plan
+        chunks/         one record per complete chunk
+        chunks.jsonl    the records' first lines, once all records are merged into the manifest
+        temporary/      files being written
+
+    Many processes may use ``save_chunk``, ``load_chunk`` and ``temporary_path``; only the process
+    that holds the lock may use the rest.
+    """
+
+    def __init__(self, out: Path) -> None:
+        self.out = out
+        self._state = out / STATE
+        self._chunks = self._state / "chunks"
+        self._temporary = self._state / "temporary"
+        self.merged_index = self._state / "chunks.jsonl"
+
+    @contextmanager
+    def locked(self, identity: Mapping[str, Any]) -> Iterator[None]:
+        """Lock the folder, and begin or continue the data set that ``identity`` describes.
+
+        Raises DatasetError if another run holds the lock, if the folder is not empty and holds no
+        data set of glsim, or if it cannot be written; ConfigError names the first setting that
+        differs.
+        """
+        self._refuse_foreign_folder()
+        with wrap_write_errors(self.out):
+            self._state.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(self._state / "lock", timeout=0)
+        try:
+            lock.acquire()
+        except Timeout:
+            raise DatasetError(
+                f"{self.out}: another run is writing here: wait until it ends, or choose another "
+                "folder"
+            ) from None
+        except OSError as error:
+            raise cannot_write(self._state / "lock", error) from error
+        try:
+            self._begin(identity)
+            yield
+        finally:
+            shutil.rmtree(self._temporary, ignore_errors=True)
+            lock.release()
+
+    def _refuse_foreign_folder(self) -> None:
+        if not self.out.exists():
+            return
+        if not self.out.is_dir():
+            raise DatasetError(f"{self.out}: is a file: choose a folder")
+        with wrap_write_errors(self.out):
+            others = any(path.name != STATE for path in self.out.iterdir())
+        if others and self._identity_file() is None:
+            raise DatasetError(
+                f"{self.out}: is not empty and holds no data set of glsim: choose a new folder"
+            )
+
+    def _identity_file(self) -> Path | None:
+        """Return the file with the identity of the data set; None in a new folder."""
+        files = (self._state / "plan.json", self.out / HEADER)
+        return next((file for file in files if file.exists()), None)
+
+    def _begin(self, identity: Mapping[str, Any]) -> None:
+        identity_file = self._identity_file()
+        if identity_file is not None:
+            _refuse_difference(self.out, read_json(identity_file), identity)
+        with wrap_write_errors(self._temporary):
+            shutil.rmtree(self._temporary, ignore_errors=True)
+            self._temporary.mkdir()
+            self._chunks.mkdir(exist_ok=True)
+        plan = self._state / "plan.json"
+        data = to_json(identity, str(plan)).encode() + b"\n"
+        if identity_file != plan or plan.read_bytes() != data:
+            write_atomic(data, plan, temporary=self.temporary_path(), sync=True)
+
+    def temporary_path(self, name: str = "file") -> Path:
+        """Return this process's path for a file being written; one file per name at a time."""
+        return self._temporary / f"{os.getpid()}-{name}"
+
+    # ---------------------------------------------------------------- chunk records
+
+    def _chunk_file(self, number: int) -> Path:
+        return self._chunks / f"{number:08d}.jsonl"
+
+    def save_chunk(self, record: ChunkRecord) -> None:
+        """Record that a chunk is complete; its images must already be in place."""
+        path = self._chunk_file(record.summary.chunk)
+        write_atomic(record.to_bytes(), path, temporary=self.temporary_path())
+
+    def load_chunk(self, number: int) -> ChunkRecord | None:
+        """Read a chunk's record; None if there is none. Raises DatasetError if it is damaged."""
+        try:
+            data = self._chunk_file(number).read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise DatasetError(f"{self._chunk_file(number)}: {error.strerror}") from error
+        return parse_chunk_record(data)
+
+    @property
+    def is_merged(self) -> bool:
+        """Whether a run has completed the data set."""
+        return self.merged_index.exists()
+
+    def chunk_problem(self, record: ChunkRecord, chunk: Chunk) -> str | None:
+        """Compare a record with the plan and with the files on disk; None if nothing is wrong."""
+        if record.summary.chunk != chunk.number or record.summary.total != len(chunk.tasks):
+            return f"the record of chunk {chunk.number} does not fit the plan"
+        if record.summary.shard is not None:
+            return self._file_problem(record.summary.shard)
+        for line in record.frames:
+            for file in json.loads(line)["files"].values():
+                problem = self._file_problem(file)
+                if problem is not None:
+                    return problem
+        return None
+
+    def _file_problem(self, file: Mapping[str, Any]) -> str | None:
+        actual = file_checksum(self.out / file["name"])
+        if actual is None:
+            return f"{file['name']} is missing"
+        same = actual["size"] == file["size"] and actual["crc32"] == file["crc32"]
+        return None if same else f"{file['name']} is damaged"
+
+    def discard_chunk_records(self) -> None:
+        """Remove the chunk records, which the manifest replaces."""
+        with wrap_write_errors(self._chunks):
+            shutil.rmtree(self._chunks)
+
+
+def _refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
+    """Raise ConfigError for the first entry of ``identity`` that differs from ``begun``."""
+    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, str(out))))
+    for name in [*new, *old]:
+        compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
+        if not compared or old.get(name) == new.get(name):
+            continue
+        if name == "plan":
+            raise ConfigError(
+                f"{out} was begun with other faces: the files of a source have changed: restore "
+                "them, or choose another folder"
+            )
+        raise ConfigError(
+            f"{out} was begun with {name.removeprefix('settings.')} = "
+            f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: continue with the "
+            "same, or choose another folder"
+        )
+
+
+def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return {dotted name: value} for the leaves of a tree of dictionaries."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
+            value = dict(enumerate(value))
+        if isinstance(value, dict):
+            flat |= _flatten(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat

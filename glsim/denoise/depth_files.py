@@ -1,0 +1,109 @@
+"""Depth-map files without ground truth: the inputs of ``glsim denoise``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from glsim.dataset.disk_format import HEADER
+from glsim.denoise.frames import Key, Sample, check_millimetres
+from glsim.errors import ConfigError, DatasetError
+from glsim.files.atomic import read_json
+from glsim.files.png import read_depth_png
+from glsim.geometry.camera import Intrinsics
+
+
+class MapFrames:
+    """Depth-map files as frames without ground truth. The files of a folder are one sequence."""
+
+    identity = ""
+    regions: Mapping[str, int] = {}
+
+    def __init__(self, files: Sequence[Path], depth_unit_mm: float) -> None:
+        self._files, self._unit_mm = files, depth_unit_mm
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def key(self, number: int) -> Key:
+        """Return the key of a file; its subject is the folder, which is one sequence."""
+        return Key(str(self._files[number].parent), "", number)
+
+    def load(self, number: int) -> Sample:
+        """Read a map, also used as ``clean_mm``. Raises DatasetError if not a 16-bit depth map."""
+        file = self._files[number]
+        depth = read_depth_png(file) * np.float32(self._unit_mm)
+        check_millimetres(depth, str(file))
+        height, width = depth.shape
+        return Sample(depth, depth, Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0))
+
+
+def unit_mm(files: Sequence[Path], given: float | None) -> float:
+    """Return the step of depth files in mm: that of their data set, else ``given``, else 1.
+
+    Raises ConfigError if these differ. Reading a data set with steps of 0.1 mm as millimetres
+    would put every face ten times too far away, and nothing would look wrong.
+    """
+    folders = {file.parent for file in files}
+    stated = {unit for folder in folders if (unit := _dataset_unit_mm(folder))}
+    if len(stated) > 1:
+        raise ConfigError(
+            "the maps are of data sets with different steps: denoise one data set at a time"
+        )
+    if stated and given is not None and {given} != stated:
+        raise ConfigError(
+            f"--depth-unit-mm {given:g}: the data set of these maps has steps of "
+            f"{min(stated):g} mm: leave the option out"
+        )
+    return stated.pop() if stated else given or 1.0
+
+
+def _dataset_unit_mm(folder: Path) -> float | None:
+    """Return the step of the data set that contains the folder, mm; None without one."""
+    for place in (folder, *folder.absolute().parents):
+        if (place / HEADER).is_file():
+            with suppress(DatasetError):  # a file of that name may have another origin
+                unit = read_json(place / HEADER).get("depth_unit_mm")
+                return float(unit) if isinstance(unit, int | float) else None
+    return None
+
+
+def _matching(pattern: Path) -> list[Path]:
+    """Return the files that match a quoted pattern."""
+    relative = pattern.relative_to(pattern.anchor)
+    return sorted(Path(pattern.anchor or ".").glob(str(relative))) if relative.parts else []
+
+
+def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
+    """Return (input, output) pairs for files, folders (all PNGs, sub-folders too) and patterns.
+
+    Raises ConfigError if an input matches no file, two inputs share an output, or an input would be
+    overwritten.
+    """
+    pairs: list[tuple[Path, Path]] = []
+    for text in inputs:
+        path = Path(text)
+        if path.is_dir():
+            files = sorted(path.rglob("*.png"))
+            pairs += [(file, out / file.relative_to(path)) for file in files]
+        else:
+            files = [path] if path.is_file() else _matching(path)
+            pairs += [(file, out / file.name) for file in files]
+        if not files:
+            raise ConfigError(f"{text}: no such file, folder of .png files, or pattern")
+    if len(pairs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir():
+        if out.suffix.lower() != ".png":
+            raise ConfigError(f"-o {out}: give a name that ends in .png, or an existing folder")
+        pairs = [(pairs[0][0], out)]
+    elif out.is_file():
+        raise ConfigError(f"-o {out}: is a file; for several maps give a folder")
+    targets = [target for _, target in pairs]
+    if len(set(targets)) != len(targets):
+        raise ConfigError(f"-o {out}: several maps have the same name: denoise folder by folder")
+    for source, target in pairs:
+        if target.exists() and target.samefile(source):
+            raise ConfigError(f"-o {out}: would overwrite {source}")
+    return pairs

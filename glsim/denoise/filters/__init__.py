@@ -1,0 +1,1 @@
+"""Classical filters: the paper's, mask-aware ones, and temporal ones."""

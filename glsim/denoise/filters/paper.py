@@ -1,0 +1,78 @@
+"""The filters of table 1 of Kendrick, Yap and Tan. They treat a hole as a depth of 0.
+
+Parameters are the paper's. OpenCV dictates the dtype of each filter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+from glsim.errors import ConfigError
+
+
+def _with_depth(depth_mm: Depth) -> Denoised:
+    return Denoised(depth_mm, depth_mm > 0)
+
+
+@dataclass(frozen=True)
+class Identity:
+    """the noisy input itself: the paper's baseline"""
+
+    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+        """Return the input."""
+        return Denoised(noisy_mm, valid)
+
+
+@dataclass(frozen=True)
+class Median:
+    """median over a square, holes count as depth 0 (the paper: size=5)"""
+
+    size: int = parameter(5, 3, 5, "side of the window, px: 3 or 5")
+
+    def __post_init__(self) -> None:
+        if self.size not in (3, 5):
+            raise ConfigError("--denoiser median: OpenCV's 16-bit median has size 3 or 5")
+
+    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+        """Filter in float32; on whole millimetres this equals the 16-bit median."""
+        return _with_depth(cv2.medianBlur(noisy_mm, self.size))
+
+
+@dataclass(frozen=True)
+class Bilateral:
+    """bilateral filter in float32, holes count as depth 0 (the paper: 9, 75, 75)"""
+
+    diameter: int = parameter(9, 3, 31, "diameter of the neighbourhood, px")
+    sigma_mm: float = parameter(
+        75.0, 0.1, 8000, "sigmaColor: standard deviation of the depth weight"
+    )
+    sigma_px: float = parameter(
+        75.0, 0.1, 500, "sigmaSpace: standard deviation of the distance weight"
+    )
+
+    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+        """Filter in float32: OpenCV's filter takes no 16-bit images."""
+        return _with_depth(
+            cv2.bilateralFilter(noisy_mm, self.diameter, self.sigma_mm, self.sigma_px)
+        )
+
+
+@dataclass(frozen=True)
+class NonLocalMeans:
+    """non-local means on 16 bits with the L1 norm, holes count as depth 0 (the paper: 30, 7, 21)"""
+
+    strength: float = parameter(30.0, 0.1, 1000, "h, mm")
+    template: int = parameter(7, 3, 21, "side of the compared patches, px, odd")
+    search: int = parameter(21, 3, 61, "side of the search window, px, odd")
+
+    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+        """Filter uint16 whole mm: OpenCV takes no float depth, and 16 bits only with L1."""
+        whole = np.rint(np.clip(noisy_mm, 0, 65535)).astype(np.uint16)
+        cleaned = cv2.fastNlMeansDenoising(
+            whole, [self.strength], None, self.template, self.search, cv2.NORM_L1
+        )
+        return _with_depth(cleaned.astype(np.float32))

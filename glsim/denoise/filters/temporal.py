@@ -1,0 +1,69 @@
+"""Filters over neighbouring frames of a sequence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+
+
+@dataclass(frozen=True)
+class TemporalMedian:
+    """median over neighbouring frames of a sequence; valid where most of them are valid"""
+
+    frames: int = parameter(3, 3, 15, "number of frames, centred on the filtered one")
+
+    @property
+    def before(self) -> int:
+        """Number of earlier frames."""
+        return self.frames // 2
+
+    @property
+    def after(self) -> int:
+        """Number of later frames."""
+        return self.frames // 2
+
+    def __call__(self, noisy_mm: Depth, valid: Mask, now: int) -> Denoised:
+        """Return medians of valid depths; for an even number the mean of the middle two."""
+        count = valid.sum(axis=0)
+        ordered = np.sort(np.where(valid, noisy_mm, np.inf), axis=0)
+        low, high = (
+            np.take_along_axis(ordered, middle[None], axis=0)[0]
+            for middle in (np.maximum(count - 1, 0) // 2, np.minimum(count // 2, len(valid) - 1))
+        )
+        kept = 2 * count > len(valid)
+        middle = np.where(kept, 0.5 * (np.where(kept, low, 0) + np.where(kept, high, 0)), 0)
+        return Denoised(middle.astype(np.float32), kept)
+
+
+@dataclass(frozen=True)
+class Adaptive:
+    """temporal mean with a threshold after Essmaeel et al. 2012; on single frames the identity
+
+    The paper ran its "adaptive threshold 15" on single frames, as frames=1 does: its row equals its
+    baseline in every digit. With more frames each pixel is the mean over past frames, as far back
+    as its depth stays within the threshold, so moving surfaces are not smeared. Essmaeel et al.
+    make the threshold grow with distance; for one face at one distance it is a constant.
+    """
+
+    threshold_mm: float = parameter(15.0, 0.1, 1000, "a larger change of depth counts as motion")
+    frames: int = parameter(1, 1, 30, "number of frames, with the filtered one")
+
+    @property
+    def before(self) -> int:
+        """Number of earlier frames."""
+        return self.frames - 1
+
+    after = 0
+
+    def __call__(self, noisy_mm: Depth, valid: Mask, now: int) -> Denoised:
+        """Return means over past frames, with the input's validity."""
+        here = noisy_mm[now]
+        total, count, going = here.copy(), np.ones_like(here), valid[now].copy()
+        for past in range(now - 1, -1, -1):
+            going &= valid[past] & (np.abs(noisy_mm[past] - here) <= self.threshold_mm)
+            total[going] += noisy_mm[past][going]
+            count[going] += 1
+        return Denoised(total / count, valid[now])

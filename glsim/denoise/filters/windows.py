@@ -1,0 +1,53 @@
+"""Helpers on masked depth: hole filling, neighbourhoods, mask clean-up."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.denoise.protocol import Depth, Mask
+
+_T = TypeVar("_T", bound=np.generic)
+
+#: A pixel farther than this from the local median, mm, belongs to no surface there: more than the
+#: noise of any shipped sensor, less than the step from a nose to a cheek.
+_FLYING_MM = 30.0
+
+
+def fill(depth_mm: Depth, support: Mask) -> Depth:
+    """Fill holes: return (H, W) the depth of the nearest ``support`` pixel, zeros without any."""
+    if not support.any():
+        return np.zeros_like(depth_mm)
+    _, labels = cv2.distanceTransformWithLabels(
+        (~support).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    values = np.zeros(int(labels.max()) + 1, np.float32)
+    values[labels[support]] = depth_mm[support]
+    filled: Depth = values[labels]
+    return filled
+
+
+def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray[_T]:
+    """Return (N, (2 radius + 1)^2) square neighbourhoods of the N pixels of ``at``, row by row.
+
+    outside: the value beyond the image.
+    """
+    padded = np.pad(image, radius, constant_values=outside)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * radius + 1,) * 2)
+    return windows[at].reshape(int(np.count_nonzero(at)), (2 * radius + 1) ** 2)
+
+
+def clean_up(depth_mm: Depth, valid: Mask, size: int) -> tuple[Mask, Mask]:
+    """Clean a mask: return (trusted pixels, pixels that shall have depth), both (H, W) bool.
+
+    Trusted pixels are valid and within _FLYING_MM of their 5x5 median. Pixels get depth where more
+    than half of a square of ``size`` px is trusted: this closes single holes, removes single
+    islands and straightens ragged silhouettes.
+    """
+    filled = fill(depth_mm, valid)
+    trusted = valid & (np.abs(filled - cv2.medianBlur(filled, 5)) <= _FLYING_MM)
+    share = cv2.blur(trusted.astype(np.float32), (size, size), borderType=cv2.BORDER_REPLICATE)
+    return trusted, share > 0.5

@@ -1,0 +1,116 @@
+"""Load denoisers that are not filters: Python callables, checkpoints, and the shipped network."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.resources
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from glsim.denoise import shipped
+from glsim.denoise.protocol import Method, parameter
+from glsim.errors import DenoiserError
+
+#: Package and file of the shipped network; docs/model_card.md describes it.
+_SHIPPED_PACKAGE: ModuleType | str = shipped
+_SHIPPED_FILE = "face.pt"
+
+
+def from_callable(module: str, name: str, parameters: dict[str, str], label: str) -> Method:
+    """Load ``module:name`` with parameters as keyword arguments, as numbers where possible.
+
+    Modules in the current folder are found too. A class is instantiated. An instance or function
+    with the attribute ``before`` or ``after`` gets its neighbours in time. Raises DenoiserError if
+    it cannot be imported or made.
+    """
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        function: Any = getattr(importlib.import_module(module), name)
+    except AttributeError:
+        raise DenoiserError(f"{label}: module {module} has no {name!r}") from None
+    except Exception as error:
+        raise DenoiserError(f"{label}: cannot import {module}: {error}") from error
+    keywords = {key: _number(value) for key, value in parameters.items()}
+    try:
+        if isinstance(function, type):
+            function = function(**keywords)
+        elif keywords:
+            function = functools.partial(function, **keywords)
+    except Exception as error:
+        raise DenoiserError(f"{label}: cannot make {name}: {error}") from error
+    return as_method(label, function, _version(getattr(sys.modules[module], "__file__", None)))
+
+
+@dataclass(frozen=True)
+class NetworkOptions:
+    """Parameters of a trained network on the command line."""
+
+    min_probability: float = parameter(
+        0.0,
+        0.0,
+        0.999,
+        "keep a pixel if P(depth on the chosen surface) exceeds this; 0: see --composite",
+        former_names=("sure",),
+    )
+
+
+def from_checkpoint(path: Path, label: str, options: NetworkOptions = NetworkOptions()) -> Method:
+    """Load the network of a checkpoint. Raises DenoiserError without the file or PyTorch."""
+    if not path.is_file():
+        raise DenoiserError(f"{path}: no such checkpoint: give the best.pt of a run of glsim train")
+    try:
+        from glsim.denoise.inference import load_network
+    except ImportError as error:
+        raise DenoiserError(
+            f"{label}: networks need PyTorch: pip install 'glsim[train]', or choose a filter such "
+            f"as -d quadric:sigma_px=2.5,cleanup=5 ({error})"
+        ) from None
+    network = load_network(path, options.min_probability)
+    return as_method(label, network, f"{_version(path)} {options}")
+
+
+def from_shipped(label: str, options: NetworkOptions) -> Method:
+    """Load the network shipped with glsim. Raises DenoiserError without its file or PyTorch."""
+    try:
+        folder = importlib.resources.files(_SHIPPED_PACKAGE)
+        with importlib.resources.as_file(folder / _SHIPPED_FILE) as path:
+            if path.is_file():
+                return from_checkpoint(path, label, options)
+    except (ImportError, FileNotFoundError):
+        pass
+    raise DenoiserError(
+        f"{label}: this installation has no {_SHIPPED_FILE}, the weights of the shipped network: "
+        "install glsim again, or choose a checkpoint or filter with -d (glsim eval --list)"
+    )
+
+
+def as_method(label: str, function: Any, version: str = "") -> Method:
+    """Wrap a callable of either protocol. Raises DenoiserError if it cannot be called."""
+    if not callable(function):
+        raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
+    before, after = (int(getattr(function, name, 0)) for name in ("before", "after"))
+    temporal = hasattr(function, "before") or hasattr(function, "after")
+    return Method(label, function, before, after, temporal, version)
+
+
+def _version(file: Path | str | None) -> str:
+    """Return a text that changes with the file; "" without a file."""
+    if file is None:
+        return ""
+    status = Path(file).stat()
+    return f"{status.st_size} {status.st_mtime_ns}"
+
+
+def _number(text: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

@@ -1,0 +1,226 @@
+"""The protocol of denoisers, their parameters, and depth maps from a soft validity."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError, DenoiserError, did_you_mean
+
+_LOG = logging.getLogger(__name__)
+
+#: (H, W) float32 millimetres along the optical axis; 0 = no depth.
+Depth = NDArray[np.float32]
+#: (H, W) bool: pixels with depth.
+Mask = NDArray[np.bool_]
+#: (H, W) float in [0, 1]: probability that a pixel has depth.
+Probability = NDArray[np.floating]
+
+
+class Denoised(NamedTuple):
+    """The result of a denoiser; a denoiser may return a plain pair instead.
+
+    depth_mm: (H, W) millimetres. valid: (H, W) bool, or the probability of depth in [0, 1].
+    """
+
+    depth_mm: Depth
+    valid: Mask | Probability
+
+
+class Denoiser(Protocol):
+    """A denoiser of single frames.
+
+    It takes (H, W) float32 millimetres, 0 = no return, and the (H, W) bool mask of returns.
+    """
+
+    def __call__(self, noisy_mm: Depth, valid: Mask, /) -> tuple[Any, Any]:
+        """Return depth in millimetres and its validity, bool or a probability in [0, 1]."""
+        ...
+
+
+class SequenceDenoiser(Protocol):
+    """A denoiser that also sees up to ``before`` earlier and ``after`` later frames.
+
+    Arrays are (T, H, W); ``now`` is the index of the frame to denoise. The ends of a sequence have
+    fewer neighbours.
+    """
+
+    before: int
+    after: int
+
+    def __call__(self, noisy_mm: Depth, valid: Mask, now: int, /) -> tuple[Any, Any]:
+        """Return depth in millimetres and validity, (H, W), of frame ``now``."""
+        ...
+
+
+def parameter(
+    default: float, low: float, high: float, help: str, former_names: tuple[str, ...] = ()
+) -> Any:
+    """Declare a dataclass field as a command-line parameter in [low, high].
+
+    former_names: deprecated names that still set it.
+    """
+    metadata = {"range": (low, high), "help": help, "former_names": former_names}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def build(kind: type, text: dict[str, str], where: str) -> Any:
+    """Make a dataclass of ``parameter`` fields from name -> text.
+
+    where: the denoiser as the user wrote it, for messages. Raises ConfigError for an unknown name,
+    a name given twice, or a value that is no number in its range.
+    """
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    former = {old: field for field in fields.values() for old in field.metadata["former_names"]}
+    values: dict[str, float] = {}
+    for name, written in text.items():
+        field = fields.get(name) or former.get(name)
+        if field is None:
+            raise ConfigError(
+                f"--denoiser {where}: no such parameter {name!r} ({did_you_mean(name, fields)})"
+            )
+        if name in former:
+            _log_renamed(name, field.name)
+        whole = isinstance(field.default, int)
+        try:
+            value = int(written) if whole else float(written)
+        except ValueError:
+            number = "a whole number" if whole else "a number"
+            raise ConfigError(f"--denoiser {where}: {name} must be {number}") from None
+        low, high = field.metadata["range"]
+        if not low <= value <= high:
+            raise ConfigError(f"--denoiser {where}: {name} must lie in [{low:g}, {high:g}]")
+        if field.name in values:
+            raise ConfigError(f"--denoiser {where}: {field.name} is given twice")
+        values[field.name] = value
+    return kind(**values)
+
+
+@lru_cache
+def _log_renamed(old: str, new: str) -> None:
+    """Log a deprecated parameter name, once per process."""
+    _LOG.warning("denoiser parameter %s= is deprecated: write %s=", old, new)
+
+
+@dataclass(frozen=True)
+class Method:
+    """A loaded denoiser with its name in tables and the neighbours in time that it needs.
+
+    temporal: whether ``function`` is a SequenceDenoiser.
+    version: changes when the source file of the denoiser changes.
+    """
+
+    label: str
+    function: Callable[..., tuple[Any, Any]]
+    before: int = 0
+    after: int = 0
+    temporal: bool = False
+    version: str = ""
+
+    def __call__(self, noisy_mm: Depth, now: int = 0) -> Denoised:
+        """Denoise frame ``now`` of a (T, H, W) stack in millimetres, 0 = no return.
+
+        Raises DenoiserError if the result is not two images of the frame's size. The denoiser gets
+        copies of the arrays, so it may work in place.
+        """
+        stack = noisy_mm.astype(np.float32)
+        valid = stack > 0
+        shape = stack.shape[1:]
+        result = (
+            self.function(stack, valid, now)
+            if self.temporal
+            else self.function(stack[now], valid[now])
+        )
+        return self._checked(result, shape)
+
+    def denoise_map(self, depth_mm: NDArray[Any]) -> Denoised:
+        """Denoise one depth map.
+
+        depth_mm: (H, W), float or integer millimetres, 0 = no return. Returns depth in millimetres
+        and its validity, bool or the probability of depth in [0, 1]: see ``Denoised``, and
+        ``compose`` for maps with 0 = no depth. A temporal denoiser gets no neighbours.
+
+        Raises ConfigError for an array that is no depth map, DenoiserError as a call does.
+        """
+        if depth_mm.ndim != 2 or depth_mm.dtype.kind not in "fiu":
+            raise ConfigError(
+                f"{self.label}: give depth of shape (H, W) in millimetres, float or integer, not "
+                f"{depth_mm.shape} {depth_mm.dtype}"
+            )
+        if not (np.isfinite(depth_mm) & (depth_mm >= 0)).all():
+            raise ConfigError(f"{self.label}: depth must be finite and at least 0 (0 = no return)")
+        return self(depth_mm[None])
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether the denoiser predicts its uncertainty; ``with_sigma`` needs it."""
+        return bool(getattr(self.function, "uncertain", False))
+
+    def with_sigma(self, noisy_mm: Depth) -> tuple[Denoised, Depth]:
+        """Denoise one (H, W) map; also return its standard deviation, (H, W) float32 mm.
+
+        Needs a function with ``uncertain`` and ``with_uncertainty(noisy_mm, valid) -> (depth_mm,
+        valid, sigma_mm)``. Raises ConfigError without them, DenoiserError as a call does.
+        """
+        if not self.uncertain:
+            raise ConfigError(f"{self.label}: this denoiser does not predict its uncertainty")
+        noisy = noisy_mm.astype(np.float32)
+        function: Any = self.function
+        result = function.with_uncertainty(noisy, noisy > 0)
+        if not isinstance(result, tuple) or len(result) != 3:
+            raise DenoiserError(f"{self.label}: must return (depth_mm, valid, sigma_mm)")
+        sigma = np.asarray(result[2], np.float32)
+        if sigma.shape != noisy.shape or not (np.isfinite(sigma) & (sigma >= 0)).all():
+            raise DenoiserError(f"{self.label}: sigma must be finite, >= 0 and of the map's size")
+        return self._checked(result[:2], noisy.shape), sigma
+
+    def _checked(self, result: Any, shape: tuple[int, ...]) -> Denoised:
+        if not isinstance(result, tuple) or len(result) != 2:
+            raise DenoiserError(f"{self.label}: must return a pair (depth_mm, valid)")
+        depth, kept = (np.asarray(part) for part in result)
+        if depth.shape != shape or kept.shape != shape:
+            raise DenoiserError(
+                f"{self.label}: returned depth of shape {depth.shape} and validity of shape "
+                f"{kept.shape} for a frame of {shape}"
+            )
+        if kept.dtype.kind not in "bf":
+            raise DenoiserError(
+                f"{self.label}: validity must be bool, or float in [0, 1], not {kept.dtype}"
+            )
+        if kept.dtype.kind == "f" and not ((kept >= 0) & (kept <= 1)).all():
+            raise DenoiserError(f"{self.label}: the probability of depth must lie in [0, 1]")
+        return Denoised(depth, kept)
+
+
+#: Ways to turn a soft validity into a depth map: name -> meaning.
+COMPOSITES: Final = {
+    "soft": "depth times probability, which minimises the squared error",
+    "hard": "depth where the probability exceeds 1/2",
+    "input mask": "depth where the input has depth: surface quality without guessing silhouettes",
+}
+
+#: Smallest depth that counts as depth, mm: a smaller one rounds to 0 in a 16-bit file in mm.
+MIN_DEPTH_MM: Final = 0.5
+
+
+def compose(denoised: Denoised, noisy_mm: Depth) -> dict[str, NDArray[Any]]:
+    """Return depth maps with 0 = no depth: key "" for a bool validity, else those of COMPOSITES.
+
+    noisy_mm: (H, W) the input. A soft product below half a millimetre becomes 0.
+    """
+    depth, valid = denoised
+    if valid.dtype.kind == "b":
+        return {"": np.where(valid, depth, depth.dtype.type(0))}
+    soft = depth * valid
+    return {
+        "soft": np.where(soft >= MIN_DEPTH_MM, soft, 0),
+        "hard": np.where(valid > 0.5, depth, depth.dtype.type(0)),
+        "input mask": np.where(noisy_mm > 0, depth, depth.dtype.type(0)),
+    }

@@ -1,0 +1,139 @@
+"""Load denoisers from text: ``median:size=5``, ``module:function``, ``run/best.pt``."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from glsim.denoise.filters import masked, paper, temporal
+from glsim.denoise.loading import (
+    NetworkOptions,
+    as_method,
+    from_callable,
+    from_checkpoint,
+    from_shipped,
+)
+from glsim.denoise.protocol import Denoised, Method, build
+from glsim.errors import ConfigError, did_you_mean
+
+_FILTERS: Final[dict[str, type]] = {
+    "noisy": paper.Identity,
+    "median": paper.Median,
+    "bilateral": paper.Bilateral,
+    "nlm": paper.NonLocalMeans,
+    "adaptive": temporal.Adaptive,
+    "masked_median": masked.MaskedMedian,
+    "masked_bilateral": masked.MaskedBilateral,
+    "masked_gaussian": masked.MaskedGaussian,
+    "plane": masked.LocalPlane,
+    "quadric": masked.LocalQuadric,
+    "guided": masked.Guided,
+    "rolling_guidance": masked.RollingGuidance,
+    "temporal_median": temporal.TemporalMedian,
+}
+
+#: Name of the shipped network, the default of ``glsim denoise``.
+SHIPPED: Final = "face"
+_SHIPPED_HELP: Final = "the shipped network for faces before a Kinect V2 (needs PyTorch)"
+
+#: The columns of the paper's table 1, in its order.
+PAPER_FILTERS: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
+
+#: Values that tuning tries: filter -> parameter -> values. Tuning also tries ``cleanup``.
+GRIDS: Final[dict[str, dict[str, Sequence[float]]]] = {
+    "masked_median": {"size": (3, 5, 7, 9)},
+    "masked_bilateral": {"sigma_mm": (5.0, 15.0, 40.0), "sigma_px": (1.0, 1.5, 2.0, 3.0)},
+    "masked_gaussian": {"sigma_px": (0.7, 1.0, 1.5, 2.0, 3.0)},
+    "plane": {"sigma_px": (1.0, 1.5, 2.0, 3.0, 4.0)},
+    "quadric": {"sigma_px": (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)},
+    "guided": {"radius": (2, 3, 5), "epsilon_mm": (2.0, 5.0, 15.0)},
+    "rolling_guidance": {"sigma_mm": (5.0, 15.0), "sigma_px": (1.0, 2.0)},
+}
+#: Windows of the mask clean-up that tuning tries, px.
+CLEANUPS: Final = (3, 5, 7)
+
+_SUFFIXES = (".pt", ".pth", ".ckpt")
+
+
+def denoiser_names() -> list[str]:
+    """Return the names of the shipped denoisers."""
+    return [*_FILTERS, SHIPPED]
+
+
+def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
+    """Return a one-line description of a shipped denoiser, and parameter -> (default, help)."""
+    kind = NetworkOptions if name == SHIPPED else _FILTERS[name]
+    parameters = {
+        field.name: (field.default, str(field.metadata["help"]))
+        for field in dataclasses.fields(kind)
+    }
+    description = _SHIPPED_HELP if name == SHIPPED else (kind.__doc__ or "").splitlines()[0]
+    return description, parameters
+
+
+def tuning_specs(name: str, cleanups: Sequence[int]) -> list[str]:
+    """Return the settings that tuning tries for a filter, as written on the command line."""
+    axes = GRIDS[name] | {"cleanup": cleanups}
+    return [
+        f"{name}:" + ",".join(f"{key}={value:g}" for key, value in zip(axes, values, strict=True))
+        for values in itertools.product(*axes.values())
+    ]
+
+
+def load(spec: str) -> Method:
+    """Load a denoiser: ``name:key=value,...``, ``module:function:key=value,...`` or ``best.pt``.
+
+    ``label@spec`` sets its name in tables. Raises ConfigError for an unknown name or parameter,
+    DenoiserError if it cannot be imported.
+    """
+    label, at, rest = spec.partition("@")
+    text = rest if at else spec
+    if not text or (at and not label):
+        raise ConfigError(f"--denoiser {spec!r}: give a name, e.g. median:size=5")
+    if text.endswith(_SUFFIXES):
+        return from_checkpoint(Path(text), label)
+    path, _, assignments = text.rpartition(":")
+    if path.endswith(_SUFFIXES):
+        return from_checkpoint(Path(path), label, _network_options(assignments, spec))
+    name, _, tail = text.partition(":")
+    if name in _FILTERS:
+        return as_method(label, build(_FILTERS[name], _assignments(tail, spec), spec))
+    if name == SHIPPED:
+        return from_shipped(label, _network_options(tail, spec))
+    function, _, parameters = tail.partition(":")
+    if function and "=" not in function:
+        return from_callable(name, function, _assignments(parameters, spec), label)
+    raise ConfigError(
+        f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
+        "or write module:function, or the path of a checkpoint"
+    )
+
+
+def load_denoiser(spec: str) -> Callable[[NDArray[Any]], Denoised]:
+    """Load a denoiser as a function of one depth map: ``load_denoiser("face")(depth_mm)``.
+
+    spec: as for ``load``. The function takes (H, W) float or integer millimetres, 0 = no return,
+    and returns ``Denoised``: see ``Method.denoise_map``. Raises what ``load`` raises.
+    """
+    return load(spec).denoise_map
+
+
+def _network_options(text: str, spec: str) -> NetworkOptions:
+    options: NetworkOptions = build(NetworkOptions, _assignments(text, spec), spec)
+    return options
+
+
+def _assignments(text: str, spec: str) -> dict[str, str]:
+    """Parse ``key=value,key=value``. Raises ConfigError for another form."""
+    pairs: dict[str, str] = {}
+    for part in filter(None, text.split(",")):
+        key, equals, value = part.partition("=")
+        if not equals or not key or not value:
+            raise ConfigError(f"--denoiser {spec}: write name=value after the colon, not {part!r}")
+        pairs[key] = value
+    return pairs

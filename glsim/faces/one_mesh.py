@@ -1,0 +1,32 @@
+"""A single mesh as a face source: from a file, or from the caller."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from glsim.faces.base import Face, FaceKey
+from glsim.geometry.mesh import Mesh
+
+
+class OneMesh:
+    """A FaceSource with one subject and one mesh, for ``simulate(settings, sources=[...])``."""
+
+    name = "mesh"
+
+    def __init__(
+        self, mesh: Mesh, subject: str = "face", notes: dict[str, object] | None = None
+    ) -> None:
+        self._mesh, self._subject, self._notes = mesh, subject, notes or {}
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the single subject."""
+        return [self._subject]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """Return ``count`` frames of the same mesh; they differ by their seeds."""
+        return [FaceKey(subject, "main", number) for number in range(count or 1)]
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        """Yield the same mesh for each key."""
+        for key in keys:
+            yield Face(key, self._mesh, notes=self._notes)

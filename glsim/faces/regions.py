@@ -1,0 +1,73 @@
+"""Face regions in data sets: one table of names for all sources, and labels for the renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError, MeshError
+from glsim.faces.base import FaceSource
+
+#: Region names with a fixed number, from 1: "nose" has the same number in every data set.
+#: Part of the data-set format: append new names at the end.
+KNOWN_REGIONS: Final = (
+    "skin", "brow", "hair", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose",
+    "lids", "forehead", "cheek", "chin", "mouth", "teeth",
+    "face", "head", "eye socket", "mouth socket", "gums",
+)  # fmt: skip
+_MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
+
+
+def region_numbers(sources: Sequence[FaceSource]) -> dict[str, int]:
+    """Return region name -> number for all regions of the sources, sorted by number.
+
+    A source has regions if it has ``region_names`` and ``regions``, (V,) indices into these names
+    for the vertices of each of its meshes. Raises ConfigError for no region or more than 255.
+    """
+    named = {name for source in sources for name in _region_names_of(source)}
+    if not named:
+        kinds = ", ".join(sorted({source.name for source in sources}))
+        raise ConfigError(f"{kinds}: has no face regions: leave 'regions' out of the layers")
+    table = (*KNOWN_REGIONS, *sorted(named - set(KNOWN_REGIONS)))
+    if len(table) > _MAX_REGIONS:
+        raise ConfigError(f"{len(table)} names of face regions: the limit is {_MAX_REGIONS}")
+    return {name: number for number, name in enumerate(table, start=1) if name in named}
+
+
+def _region_names_of(source: FaceSource) -> tuple[str, ...]:
+    return tuple(getattr(source, "region_names", ()))
+
+
+class RegionLabels:
+    """Vertex labels of the sources, as numbers of their common table."""
+
+    def __init__(self, sources: Sequence[FaceSource]) -> None:
+        self.numbers = region_numbers(sources)
+        self._sources = sources
+        self._labels: dict[int, NDArray[np.float32] | None] = {}
+
+    def of(self, source: int, vertices: int) -> NDArray[np.float32] | None:
+        """Return (V,) float32 labels for the meshes of a source; None if it has no regions.
+
+        source: index of the source. vertices: V of the mesh. Returns the same array each time.
+        Raises MeshError if the source's regions are for another number of vertices.
+        """
+        if source not in self._labels:
+            self._labels[source] = self._load(self._sources[source])
+        labels = self._labels[source]
+        if labels is not None and len(labels) != vertices:
+            raise MeshError(
+                f"the mesh has {vertices} vertices, the regions of its source are for {len(labels)}"
+            )
+        return labels
+
+    def _load(self, source: FaceSource) -> NDArray[np.float32] | None:
+        names = _region_names_of(source)
+        if not names:
+            return None
+        numbers = np.array([self.numbers[name] for name in names], np.float32)
+        labels: NDArray[np.float32] = numbers[source.regions]  # type: ignore[attr-defined]
+        return labels

@@ -1,0 +1,86 @@
+"""List a tree of files: natural order, path-safe names, no loops of links."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from glsim.errors import ConfigError
+from glsim.meshio.limits import EXTENSIONS
+
+_UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
+_NUMBER: Final = re.compile(r"(\d+)", re.ASCII)
+
+
+def check_root(root: Path | str) -> Path:
+    """Return the root as a Path. Raises ConfigError if it is not a folder."""
+    root = Path(root)
+    if not root.is_dir():
+        problem = "is a file, not a folder" if root.exists() else "there is no such folder"
+        raise ConfigError(f"{root}: {problem}; give the folder that contains the meshes")
+    return root
+
+
+class UniqueNames:
+    """Makes path-safe names, each unique."""
+
+    def __init__(self) -> None:
+        self._uses: Counter[str] = Counter()
+
+    def make(self, name: str) -> str:
+        """Return ``name`` with unsafe characters as "_", and "~2", "~3", ... if already used."""
+        safe = _UNSAFE.sub("_", name)
+        self._uses[safe] += 1
+        return safe if self._uses[safe] == 1 else f"{safe}~{self._uses[safe]}"
+
+
+def list_names(folder: Path) -> list[str]:
+    """Return the names in a folder in natural order, without hidden ones.
+
+    Raises ConfigError if the folder cannot be read.
+    """
+    try:
+        names = [path.name for path in folder.iterdir()]
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be listed ({error.strerror or error})") from None
+    return sorted((name for name in names if not name.startswith(".")), key=natural_sort_key)
+
+
+def find_meshes(folder: Path, above: tuple[str, ...]) -> Iterator[Path]:
+    """Yield the mesh files of a folder, then of its sub-folders.
+
+    above: real paths of the parent folders; a link to one of them is skipped.
+    """
+    real = os.path.realpath(folder)
+    if real in above:
+        return
+    entries = [folder / name for name in list_names(folder)]
+    yield from (path for path in entries if is_mesh(path))
+    for path in entries:
+        if path.is_dir():
+            yield from find_meshes(path, (*above, real))
+
+
+def is_mesh(path: Path) -> bool:
+    """Return whether a path has the extension of a mesh file."""
+    return path.suffix.lower() in EXTENSIONS and not path.is_dir()
+
+
+def last_number(stem: str) -> int | None:
+    """Return the last run of digits in a name as a number; None without digits."""
+    numbers = _NUMBER.findall(stem)
+    return int(numbers[-1]) if numbers else None
+
+
+def natural_sort_key(name: str) -> tuple[list[tuple[int, int | str]], str]:
+    """Return a sort key that compares runs of digits as numbers: "a2" comes before "a10"."""
+    parts: list[tuple[int, int | str]] = [
+        (0, int(part)) if part.isdigit() else (1, part.lower())
+        for part in _NUMBER.split(name)
+        if part
+    ]
+    return parts, name

@@ -1,0 +1,97 @@
+"""Assemble the delivered Frame from a chain's layers: crop, mask, reasons, normalisation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError
+from glsim.frame import Frame
+from glsim.geometry.camera import Intrinsics
+from glsim.geometry.rect import Rect
+from glsim.reason import Reason
+from glsim.settings.schema import OutputSettings
+
+#: Whether each reason code goes with a depth, by code.
+_HAS_DEPTH = np.array([Reason(r).has_depth for r in sorted(Reason)])
+
+
+def assemble_frame(
+    layers: Mapping[str, NDArray[np.float32]],
+    window: Rect,
+    crop: Rect,
+    image: Intrinsics,
+    output: OutputSettings,
+    extra: Sequence[str] = (),
+    **identity: Any,
+) -> Frame:
+    """Cut the crop, reconcile the reasons with the depths, and apply the output settings.
+
+    layers: (h, w) float32 of ``window``: clean and depth in metres, reason, and optionally infrared
+        (counts) and region (numbers).
+    window, crop: the rectangles of ``image`` that the layers hold and that is delivered.
+    extra: names of layers to copy to ``Frame.extra``. identity: the other fields of Frame.
+    Raises ConfigError if a stage wrote NaN or infinity.
+    """
+    visible = window.intersection(crop)
+    inside = Rect(
+        visible.left - window.left, visible.top - window.top, visible.width, visible.height
+    ).slices
+    clean, noisy = layers["clean"][inside], layers["depth"][inside]
+    for name in ("depth", "reason", "infrared"):
+        if name in layers and not np.isfinite(layers[name][inside]).all():
+            bad = int((~np.isfinite(layers[name][inside])).sum())
+            raise ConfigError(
+                f"the noise stages left NaN or infinity in {bad} pixels of the {name}"
+            )
+    noisy = np.maximum(noisy, np.float32(0.0))
+    reason = reconcile_reasons(clean, noisy, layers["reason"][inside])
+    if output.clean_mask == "as-noisy":
+        clean = np.where(noisy > 0, clean, np.float32(0.0))
+    offset_mm = 0.0
+    if output.nearest_to_mm is not None and (clean > 0).any():
+        offset_mm = float(clean[clean > 0].min()) * 1000.0 - output.nearest_to_mm
+        clean, noisy = (_shifted(depth, offset_mm, output) for depth in (clean, noisy))
+    infrared, region = layers.get("infrared"), layers.get("region")
+    return Frame(
+        intrinsics=image.cropped(*crop),
+        window=visible._replace(left=visible.left - crop.left, top=visible.top - crop.top),
+        clean_m=clean,
+        noisy_m=noisy,
+        infrared_counts=np.zeros_like(clean) if infrared is None else infrared[inside],
+        reason_codes=reason,
+        region_codes=None if region is None else region[inside].astype(np.uint8),
+        depth_unit_mm=output.depth_unit_mm,
+        depth_offset_mm=offset_mm,
+        extra={name: layers[name][inside] for name in extra if name in layers},
+        **identity,
+    )
+
+
+def reconcile_reasons(
+    clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32], reason: NDArray[np.float32]
+) -> NDArray[np.uint8]:
+    """Return uint8 Reason codes that agree with the depth, also where a stage set no reason.
+
+    clean_m, noisy_m: metres, 0 = none. reason: codes. All of one shape, which is returned.
+    """
+    codes = np.rint(reason).astype(np.uint8)
+    codes[codes >= len(_HAS_DEPTH)] = Reason.DROPPED
+    expects_depth, has_depth = _HAS_DEPTH[codes], noisy_m > 0
+    codes[~has_depth & expects_depth & (clean_m > 0)] = Reason.DROPPED
+    codes[~has_depth & expects_depth & (clean_m <= 0)] = Reason.NO_SURFACE
+    codes[has_depth & ~expects_depth] = Reason.VALID
+    codes[has_depth & (codes == Reason.VALID) & (clean_m <= 0)] = Reason.GROWN
+    return codes
+
+
+def _shifted(
+    depth_m: NDArray[np.float32], offset_mm: float, output: OutputSettings
+) -> NDArray[np.float32]:
+    """Subtract ``offset_mm`` from depths in metres; a pixel with depth keeps at least one unit."""
+    least_m = np.float32(output.depth_unit_mm / 1000.0)
+    moved = np.maximum(depth_m - np.float32(offset_mm / 1000.0), least_m)
+    return np.where(depth_m > 0, moved, np.float32(0.0))

@@ -1,0 +1,1 @@
+"""Meshes, poses, cameras, image windows and depth maps as geometry: NumPy only, no OpenGL."""

@@ -1,0 +1,193 @@
+"""Bounds of a mesh: the image window it can touch, and the frustum that an emitter must see."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import MeshError
+from glsim.geometry.camera import SensorRig
+from glsim.geometry.rect import Rect
+
+#: Margin of a window on each side, pixels, because stages can move and grow silhouettes. Shipped
+#: shaders reach 8 px at most (lateral jitter is cut there); array stages declare their reach.
+MARGIN_PX = 8
+
+#: Windows start and end at multiples of this, pixels. They then seldom change between frames (a
+#: changed window must be cleared), and layers at 1/3 of the size divide them evenly.
+_ALIGN_PX = 12
+
+
+class Frustum(NamedTuple):
+    """A view frustum: bounds of the directions x/z and y/z, and of the depth z in metres."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+    near_m: float
+    far_m: float
+
+    def widened(self, by: float) -> Frustum:
+        """The frustum with its directions widened by ``by`` on each side."""
+        return self._replace(
+            left=self.left - by, top=self.top - by, right=self.right + by, bottom=self.bottom + by
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FieldOfView:
+    """The directions that a rig's pixels see, lens included.
+
+    columns: (W, 2) smallest and largest x/z that a column sees; rows: (H, 2) y/z of a row.
+    """
+
+    rig: SensorRig
+    columns: NDArray[np.float64]
+    rows: NDArray[np.float64]
+
+    @staticmethod
+    def of(rig: SensorRig) -> FieldOfView:
+        """The field of view of a rig: its rays, with a margin of 0.5 px (1 px with a lens)."""
+        rays, image = rig.rays().astype(np.float64), rig.intrinsics
+        spread = np.array([-1.0, 1.0]) if rig.keeps_distortion else np.array([-0.5, 0.5])
+        x, y = rays[..., 0], rays[..., 1]
+        return FieldOfView(
+            rig,
+            np.stack([x.min(axis=0), x.max(axis=0)], axis=1) + spread / image.fx,
+            np.stack([y.min(axis=1), y.max(axis=1)], axis=1) + spread / image.fy,
+        )
+
+    def window(self, box: Frustum) -> Rect:
+        """The pixels whose rays enter ``box``; width or height 0 if there are none."""
+        spans = []
+        for directions, low, high in (
+            (self.columns, box.left, box.right),
+            (self.rows, box.top, box.bottom),
+        ):
+            inside = np.flatnonzero((directions[:, 1] > low) & (directions[:, 0] < high))
+            spans.append((int(inside[0]), len(inside)) if len(inside) else (0, 0))
+        (left, width), (top, height) = spans
+        return Rect(left, top, width, height)
+
+
+def bounding_corners(
+    vertices_mm: NDArray[np.float32], view: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """(8, 3) corners of a mesh's bounding box, camera-frame metres.
+
+    vertices_mm: (V, 3) canonical millimetres; view: (4, 4), canonical mm to camera m. Raises
+    MeshError for a vertex that is NaN or infinite.
+    """
+    # By column: NumPy reduces (V, 3) along its long axis ten times slower.
+    columns = np.ascontiguousarray(vertices_mm.T)
+    low, high = columns.min(axis=1), columns.max(axis=1)
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        bad = int((~np.isfinite(vertices_mm).all(axis=1)).sum())
+        raise MeshError(f"{bad} vertices are NaN or infinite: repair the mesh")
+    box = np.array(list(itertools.product(*zip(low, high, strict=True))), dtype=np.float64)
+    moved: NDArray[np.float64] = box @ view[:3, :3].T.astype(np.float64) + view[:3, 3]
+    return moved
+
+
+def bounding_frustum(
+    corners_m: NDArray[np.float64], origin_m: tuple[float, float, float], near_m: float
+) -> Frustum | None:
+    """The frustum of (N, 3) points seen from ``origin_m``; None if any is not beyond ``near_m``."""
+    seen = corners_m - np.asarray(origin_m)
+    z = seen[:, 2]
+    if z.min() <= near_m:
+        return None
+    x, y = seen[:, 0] / z, seen[:, 1] / z
+    return Frustum(*(float(v) for v in (x.min(), y.min(), x.max(), y.max(), z.min(), z.max())))
+
+
+def image_window(
+    corners_m: NDArray[np.float64],
+    field_of_view: FieldOfView,
+    visible: Rect | None,
+    reach_px: int = 0,
+) -> Rect:
+    """The window of the image that a mesh can touch, with margin.
+
+    It is the whole image if the mesh crosses the near plane. corners_m: (8, 3), the mesh's bounding
+    box. visible: the crop that is delivered, or None. reach_px: how far around the crop stages
+    look, besides the margin. Raises MeshError if the mesh is out of view.
+    """
+    image, near_m = field_of_view.rig.intrinsics, field_of_view.rig.near_m
+    whole = Rect(0, 0, image.width, image.height)
+    if visible is not None:
+        whole = _grown(visible, whole, MARGIN_PX + reach_px)
+    z = corners_m[:, 2]
+    if z.max() <= near_m:
+        raise MeshError(
+            f"the mesh lies behind the camera or nearer than {near_m * 1000:.0f} mm "
+            f"(z {z.min() * 1000:.0f} to {z.max() * 1000:.0f} mm): check units, axes and distance"
+        )
+    box = bounding_frustum(corners_m, (0.0, 0.0, 0.0), near_m)
+    if box is None:
+        return whole
+    exact = field_of_view.window(box)
+    if 0 in exact.intersection(visible or whole)[2:]:
+        left, top = box.left * image.fx + image.cx, box.top * image.fy + image.cy
+        right, bottom = box.right * image.fx + image.cx, box.bottom * image.fy + image.cy
+        seen = f"{image.width}x{image.height}"
+        if visible is not None:
+            seen = f"the crop of {visible.width}x{visible.height} at {visible.left}, {visible.top}"
+        raise MeshError(
+            f"the mesh is out of view: it would span columns {left:.0f} to {right:.0f} and rows "
+            f"{top:.0f} to {bottom:.0f} of {seen}"
+        )
+    return _grown(exact, whole, MARGIN_PX)
+
+
+def emitter_frustum(
+    corners_m: NDArray[np.float64], field_of_view: FieldOfView, origin_m: tuple[float, float, float]
+) -> Frustum:
+    """The frustum that an emitter must see to light the image, with the depths of the whole mesh.
+
+    A surface that casts a shadow into the image lies, seen from the emitter, in the direction of a
+    point that the camera sees. The frustum is not cut to a crop: that would change the grid of the
+    shadow map, and with it the edges of shadows. Raises MeshError if the emitter is inside
+    the scene.
+    """
+    near_m = field_of_view.rig.near_m / 2  # an emitter may stand before the camera
+    whole = bounding_frustum(corners_m, origin_m, near_m)
+    if whole is None:
+        raise MeshError(
+            f"the mesh reaches behind the emitter at {origin_m} m or nearer than "
+            f"{near_m * 1000:.0f} mm: check units, axes and distance"
+        )
+    z = np.clip([corners_m[:, 2].min(), corners_m[:, 2].max()], near_m, None)
+    x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
+    seen = np.array([(a * d, b * d, d) for d in z for a, b in itertools.product(x, y)])
+    lit = bounding_frustum(seen, origin_m, 0.0)
+    if lit is None:
+        return whole
+    return Frustum(
+        max(lit.left, whole.left), max(lit.top, whole.top),
+        min(lit.right, whole.right), min(lit.bottom, whole.bottom),
+        whole.near_m, whole.far_m,
+    )  # fmt: skip
+
+
+def union(windows: list[Rect]) -> Rect:
+    """The smallest window that contains all ``windows``."""
+    left, top = min(w.left for w in windows), min(w.top for w in windows)
+    right = max(w.left + w.width for w in windows)
+    bottom = max(w.top + w.height for w in windows)
+    return Rect(left, top, right - left, bottom - top)
+
+
+def _grown(rect: Rect, limit: Rect, by_px: int) -> Rect:
+    """``rect`` widened by ``by_px`` on each side, aligned to _ALIGN_PX, cut to ``limit``."""
+    left = math.floor((rect.left - by_px) / _ALIGN_PX) * _ALIGN_PX
+    top = math.floor((rect.top - by_px) / _ALIGN_PX) * _ALIGN_PX
+    right = math.ceil((rect.left + rect.width + by_px) / _ALIGN_PX) * _ALIGN_PX
+    bottom = math.ceil((rect.top + rect.height + by_px) / _ALIGN_PX) * _ALIGN_PX
+    return Rect(left, top, right - left, bottom - top).intersection(limit)

@@ -1,0 +1,286 @@
+"""Read GLSL files: flatten includes, map lines back to files, parse the declared interface.
+
+This needs no GL context, so that stages can be listed and settings checked without one.
+
+    uniform float base_sigma_mm = 1.5;  //@ [0, 20] mm  standard deviation at 1 m
+
+declares a parameter: type, name and default in GLSL, then range, unit ("1" for none) and help.
+``uniform sampler2D u_depth;`` declares that the layer ``depth`` is read and ``out float depth;``
+that it is written; ``//@ 1/3`` after an ``out`` makes the written layers a third of the frame's
+size. A line ``//@ sparse`` declares that a stage writes 0 (in the layer ``reason``: NO_SURFACE)
+where no surface is within a pixel and all the layers that it reads are blank too, so that it need
+not be drawn there. glsim binds the other ``u_`` uniforms, a fixed set (glsim.noise.chain).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from math import ceil, floor, isfinite
+from pathlib import Path
+
+from glsim import reason
+from glsim.errors import ShaderError
+from glsim.geometry.rect import Rect
+
+#: The folder of the shipped shaders. Includes are searched beside the file, then here.
+SHADER_ROOT = (Path(__file__).parents[1] / "shaders").resolve()
+
+#: Includes that Python generates, so that each fact has one place.
+_GENERATED = {"reason.glsl": reason.glsl}
+
+_INCLUDE = re.compile(r'^\s*#include\s+["<](?P<name>[^">]+)[">]\s*$')
+_UNIFORM = re.compile(
+    r"^\s*uniform\s+(?P<type>\w+)\s+(?P<name>\w+)\s*(?:\[\s*\w+\s*\])?"
+    r"\s*(?:=\s*(?P<default>[^;]+?))?\s*;\s*(?://@(?P<note>.*)|//.*|/\*.*)?$"
+)
+_OUT = re.compile(
+    r"^\s*(?:layout\s*\([^)]*\)\s*)?out\s+(?P<type>\w+)\s+(?P<name>\w+)\s*;"
+    r"(?P<rest>\s*(?:/[/*].*)?)$"
+)
+#: Lines that start like a declaration but match none of the above: several names, a block, ...
+_UNREADABLE = re.compile(r"^\s*(?:layout\s*\([^)]*\)\s*)?(?:uniform\s|out\s+\w+\s+[^;()]*;)")
+_NOTE = re.compile(
+    r"^\s*(?:\[(?P<low>[^,\]]+),(?P<high>[^,\]]+)\])?\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
+)
+_SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
+_SPARSE = re.compile(r"^//@ sparse\b")
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_PARAMETER_TYPES = {"float": float, "int": int, "bool": bool}
+_LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A stage's parameter as declared. Values of all types are floats (bool: 0 or 1)."""
+
+    name: str
+    type: str
+    default: float
+    low: float
+    high: float
+    unit: str
+    help: str
+    file: Path
+    line: int
+
+    def problem(self, value: float) -> str | None:
+        """Return why ``value`` is invalid, or None."""
+        if not isfinite(value):
+            return f"{value} is not a finite number"
+        if self.type != "float" and value != int(value):
+            return f"{value} is not a whole number"
+        if not self.low <= value <= self.high:
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            return f"{value:g} is outside [{self.low:g}, {self.high:g}]{unit}"
+        return None
+
+
+@dataclass(frozen=True)
+class Layer:
+    """An image that a shader writes. scale: its size over the frame's size."""
+
+    name: str
+    type: str
+    scale: Fraction = Fraction(1)
+
+    @property
+    def components(self) -> int:
+        """Numbers per pixel."""
+        return _LAYER_TYPES[self.type]
+
+    def window(self, frame_window: Rect) -> Rect:
+        """Convert a window from frame pixels to the pixels of this layer."""
+        if self.scale == 1:
+            return frame_window
+        left, top, width, height = frame_window
+        columns = floor(left * self.scale), ceil((left + width) * self.scale)
+        rows = floor(top * self.scale), ceil((top + height) * self.scale)
+        return Rect(columns[0], rows[0], columns[1] - columns[0], rows[1] - rows[0])
+
+
+@dataclass(frozen=True)
+class ShaderSource:
+    """A GLSL file with its includes flattened, and its declarations.
+
+    lines: the origin of each line of ``text``, (file, 1-based line).
+    reads, writes: layers, in the order of their declaration.
+    bound: the names of the ``u_`` uniforms that glsim sets.
+    sparse: whether the stage keeps empty pixels blank (``//@ sparse``).
+    """
+
+    file: Path
+    text: str
+    lines: tuple[tuple[str, int], ...]
+    title: str
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    reads: tuple[str, ...] = ()
+    writes: tuple[Layer, ...] = ()
+    bound: tuple[str, ...] = ()
+    sparse: bool = False
+
+    def locate(self, message: str) -> str:
+        """Replace the line numbers in a driver's message by file:line.
+
+        Mesa writes ``0:12(3): error``, NVIDIA ``0(12) : error``.
+        """
+
+        def with_place(match: re.Match[str]) -> str:
+            number = int(match.group("mesa") or match.group("nvidia"))
+            if not 1 <= number <= len(self.lines):
+                return match.group(0)
+            file, line = self.lines[number - 1]
+            return f"{file}:{line}:"
+
+        pattern = r"\b0(?::(?P<mesa>\d+)\(\d+\)\s*:?|\((?P<nvidia>\d+)\)\s*:)"
+        wanted = [line for line in message.splitlines() if re.search(pattern, line)]
+        return "; ".join(re.sub(pattern, with_place, line) for line in wanted) or message.strip()
+
+    def with_defines(self, **constants: int) -> ShaderSource:
+        """Insert ``#define NAME VALUE`` lines after the first line, which is #version.
+
+        Raises ShaderError for a name that the code, without its comments, does not contain.
+        """
+        code = _COMMENT.sub("", self.text)
+        for name in constants:
+            if not re.search(rf"\b{name}\b", code):
+                raise ShaderError(f"{self.file}: the constant {name} is defined but not used")
+        first, *rest = self.text.splitlines()
+        defines = [f"#define {name} {value}" for name, value in constants.items()]
+        origins = self.lines[:1] * len(defines)
+        return replace(
+            self,
+            text="\n".join([first, *defines, *rest]) + "\n",
+            lines=(*self.lines[:1], *origins, *self.lines[1:]),
+        )
+
+
+def load_source(file: Path) -> ShaderSource:
+    """Read and parse a GLSL file. Raises ShaderError with file and line."""
+    flat: list[tuple[str, str, int]] = []
+    _flatten(file, _read(file), flat, included=[], top=True)
+    parameters: dict[str, Parameter] = {}
+    reads, writes, bound = [], [], []
+    for text, name, line in flat:
+        where = f"{name}:{line}"
+        if match := _UNIFORM.match(text):
+            kind, uniform = match["type"], match["name"]
+            if kind == "sampler2D" and uniform.startswith("u_"):
+                reads.append(uniform[2:])
+            elif uniform.startswith("u_"):
+                bound.append(uniform)
+            else:
+                parameters[uniform] = _parameter(match, name, line)
+        elif file.suffix != ".vert" and (match := _OUT.match(text)):
+            if match["type"] not in _LAYER_TYPES:
+                raise ShaderError(
+                    f"{where}: a written layer is {', '.join(_LAYER_TYPES)}, not {match['type']}"
+                )
+            scale = _SCALE.search(match["rest"])
+            writes.append(
+                Layer(
+                    match["name"], match["type"], Fraction(scale["scale"]) if scale else Fraction(1)
+                )
+            )
+        elif _UNREADABLE.match(text) and not (file.suffix == ".vert" and _OUT.match(text)):
+            raise ShaderError(
+                f"{where}: declare one uniform or layer a line, as 'uniform TYPE NAME' or "
+                f"'out TYPE NAME', not {text.strip()!r}"
+            )
+    title = next((t[2:].strip() for t, _, _ in flat if t.startswith("//")), file.stem)
+    return ShaderSource(
+        file,
+        "\n".join(text for text, _, _ in flat) + "\n",
+        tuple((name, line) for _, name, line in flat),
+        title,
+        parameters,
+        tuple(reads),
+        tuple(writes),
+        tuple(bound),
+        any(_SPARSE.match(text) for text, _, _ in flat),
+    )
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ShaderError(f"{file}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ShaderError(f"{file}: {error}") from None
+
+
+def _flatten(
+    file: Path, text: str, flat: list[tuple[str, str, int]], included: list[Path], *, top: bool
+) -> None:
+    """Append the lines of ``text``; include each file once (no include guards are needed)."""
+    name = display_name(file)
+    for number, line in enumerate(text.splitlines(), start=1):
+        match = _INCLUDE.match(line)
+        if match is None:
+            if top or not line.startswith("#version"):
+                flat.append((line, name, number))
+            continue
+        wanted = match["name"]
+        if wanted in _GENERATED:
+            target, content = Path(wanted), _GENERATED[wanted]()
+        else:
+            candidates = [file.parent / wanted, SHADER_ROOT / wanted]
+            found = next((c for c in candidates if c.is_file()), None)
+            if found is None:
+                raise ShaderError(
+                    f'{name}:{number}: #include "{wanted}": not beside the file nor in '
+                    f"{SHADER_ROOT}"
+                )
+            target, content = found.resolve(), _read(found)
+        if target not in included:
+            included.append(target)
+            _flatten(target, content, flat, included, top=False)
+
+
+def display_name(file: Path) -> str:
+    """Return a shipped shader's path below shaders/, or any other path unchanged."""
+    try:
+        return str(file.resolve().relative_to(SHADER_ROOT))
+    except ValueError:
+        return str(file)
+
+
+def _parameter(match: re.Match[str], file: str, line: int) -> Parameter:
+    where, name, kind = f"{file}:{line}", match["name"], match["type"]
+    if kind not in _PARAMETER_TYPES:
+        raise ShaderError(f"{where}: parameter {name!r} must be float, int or bool, not {kind}")
+    note = _NOTE.match(match["note"] or "")
+    if match["default"] is None or note is None:
+        raise ShaderError(
+            f"{where}: uniform {name!r} needs a default and a note, "
+            f"e.g. uniform {kind} {name} = 1; //@ [0, 10] mm what it does "
+            "(uniforms that glsim binds are called u_...)"
+        )
+    try:
+        default = _number(match["default"])
+        low = _number(note["low"]) if note["low"] else 0.0
+        high = _number(note["high"]) if note["high"] else 1.0
+    except ValueError as error:
+        raise ShaderError(f"{where}: parameter {name!r}: {error}") from None
+    if kind != "bool" and not note["low"]:
+        raise ShaderError(f"{where}: parameter {name!r} needs a range, e.g. //@ [0, 10] mm ...")
+    parameter = Parameter(
+        name, kind, default, low, high, note["unit"], note["help"].strip(), Path(file), line
+    )
+    if problem := parameter.problem(default):
+        raise ShaderError(f"{where}: parameter {name!r}: the default {problem}")
+    return parameter
+
+
+def _number(text: str) -> float:
+    words = {"true": 1.0, "false": 0.0}
+    stripped = text.strip().rstrip("uf")
+    if text.strip() in words:
+        return words[text.strip()]
+    try:
+        return float(stripped)
+    except ValueError:
+        raise ValueError(f"{text.strip()!r} is not a plain number") from None

@@ -1,0 +1,129 @@
+"""Match a template of the nose and its surroundings to a surface seen from +z."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+CELL_MM: Final = 5.0  # a nose is 30 mm wide: six cells
+SAMPLES: Final = 40_000  # a head with its inner surfaces has 3000 cm2 or more: 3 per cell
+SCALES: Final = (0.8, 1.0, 1.25)  # children to the largest adults
+GAIN: Final = (0.5, 2.0)  # a nose is half to twice as deep as the template; others are no nose
+CLIP_MM: Final = (-45.0, 15.0)  # clips hair, ears and background, so that they do not dominate
+HOLE_MM: Final = -30.0  # depth assumed in a hole: about that of the cheek behind the nose tip
+MIN_COVERAGE: Final = 0.6  # share of template cells with surface: an open mouth has it, an edge not
+RIDGE_MM: Final = 6.0  # a nose tip is higher by more than this than the points 20 mm beside it
+FAR_MM: Final = 25.0  # allowed distance of the tip behind the foremost point (chin, cap, fringe)
+FAR_COST: Final = 0.004  # correlation subtracted per mm beyond FAR_MM
+ASYMMETRY_COST: Final = 0.005  # subtracted per mm of left-right difference, mean over 140 mm
+ASYMMETRY_CLIP_MM: Final = (-60.0, 15.0)  # mm; ears, 90 mm behind the tip, are clipped
+
+# The template's cells around the nose tip: 35 mm to each side, 50 mm down (chin), 55 mm up (brows).
+_X, _Y = np.meshgrid(np.arange(-7, 8) * CELL_MM, np.arange(-10, 12) * CELL_MM)
+_BELOW, _ABOVE, _SIDE = 10, 11, 7
+_HALF_FACE = 14  # cells, 70 mm: width on each side for the comparison of left and right
+
+
+@dataclass(frozen=True)
+class NoseMatch:
+    """The best match of the template: correlation (-1: none), and position of the nose tip, mm."""
+
+    score: float
+    tip_mm: tuple[float, float, float]
+
+
+def sample_surface(
+    vertices: NDArray[np.floating], faces: NDArray[np.integer]
+) -> NDArray[np.float32]:
+    """Return (SAMPLES, 3) float32 points spread evenly by area; deterministic.
+
+    vertices: (V, 3). faces: (F, 3).
+    """
+    first, second, third = (vertices[faces[:, corner]] for corner in range(3))
+    area = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    cumulative = np.cumsum(area)
+    index = np.arange(SAMPLES)
+    hit = np.searchsorted(cumulative, (index + 0.5) / SAMPLES * cumulative[-1])
+    hit = np.minimum(hit, len(faces) - 1)
+    # The R2 sequence of the plastic number fills the unit square evenly (Roberts 2018).
+    u, v = (index * 0.7548776662466927) % 1, (index * 0.5698402909980532) % 1
+    outside = u + v > 1
+    u[outside], v[outside] = 1 - u[outside], 1 - v[outside]
+    points = first[hit] + (second - first)[hit] * u[:, None] + (third - first)[hit] * v[:, None]
+    return np.asarray(points, dtype=np.float32)
+
+
+def match_nose(points_mm: NDArray[np.floating]) -> NoseMatch:
+    """Slide the template over the height map of points (N, 3) seen from +z."""
+    lower = points_mm.min(axis=0)
+    cell = ((points_mm[:, :2] - lower[:2]) / CELL_MM).astype(np.int64)
+    width, height = (int(size) + 1 for size in cell.max(axis=0))
+    flat = np.full(width * height, -np.inf)
+    np.maximum.at(flat, cell[:, 1] * width + cell[:, 0], points_mm[:, 2])
+    top = flat.reshape(height, width)
+    padded = np.pad(top, ((_BELOW, _ABOVE), (_SIDE, _SIDE)), constant_values=-np.inf)
+    rows = slice(_BELOW, _BELOW + height)
+    beside = np.maximum(
+        padded[rows, _SIDE - 4 : _SIDE - 4 + width], padded[rows, _SIDE + 4 : _SIDE + 4 + width]
+    )
+    y, x = np.nonzero(np.isfinite(top) & (top > beside + RIDGE_MM))
+    if len(y) == 0:
+        return NoseMatch(-1.0, (0.0, 0.0, 0.0))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, _X.shape)[y, x]
+    depth = windows.reshape(len(y), -1) - top[y, x][:, None]
+    surface = np.isfinite(depth)
+    depth = np.where(surface, np.clip(depth, *CLIP_MM), HOLE_MM)
+    depth -= depth @ _PLANE @ _PLANE.T
+    product = depth @ _TEMPLATES.T
+    correlation = product / (np.linalg.norm(depth, axis=1)[:, None] * _TEMPLATE_NORMS + 1e-9)
+    gain = product / _TEMPLATE_NORMS**2
+    fits = (gain > GAIN[0]) & (gain < GAIN[1]) & (surface.mean(axis=1) > MIN_COVERAGE)[:, None]
+    score = np.where(fits, correlation, correlation * 0.5).max(axis=1)
+    score -= ASYMMETRY_COST * _asymmetry(top, y, x)
+    score -= FAR_COST * np.clip(top.max() - top[y, x] - FAR_MM, 0.0, None)
+    best = int(np.argmax(score))
+    middle = lower[:2] + (np.array([x[best], y[best]]) + 0.5) * CELL_MM
+    near = points_mm[(np.abs(points_mm[:, :2] - middle) <= 2 * CELL_MM).all(axis=1)]
+    tip = near[near[:, 2] >= near[:, 2].max() - 2.0].mean(axis=0)  # 2 mm: the ball of the tip
+    return NoseMatch(float(score[best]), (float(tip[0]), float(tip[1]), float(near[:, 2].max())))
+
+
+def _asymmetry(
+    top: NDArray[np.float64], y: NDArray[np.int64], x: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return (N,) mean difference between left and right of each candidate, mm.
+
+    top: (H, W) height map, mm. y, x: (N,) cells of the candidates.
+    """
+    padded = np.pad(top, ((_BELOW, _ABOVE), (_HALF_FACE, _HALF_FACE)), constant_values=-np.inf)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (len(_X), 2 * _HALF_FACE + 1))[y, x]
+    depth = np.clip(windows - top[y, x][:, None, None], *ASYMMETRY_CLIP_MM)
+    left, right = depth[:, :, :_HALF_FACE], depth[:, :, : -_HALF_FACE - 1 : -1]
+    return np.asarray(np.abs(left - right).mean(axis=(1, 2)))
+
+
+def _nose_template(scale: float) -> NDArray[np.float64]:
+    """Return the template (22, 15): height relative to the nose tip, mm.
+
+    Adult proportions as in any drawing manual: nose 21 mm high, bridge falling over 40 mm upwards,
+    base over 16 mm downwards, lips 28 mm below the tip. The hollows beside the bridge are twice as
+    deep as in reality, because they distinguish up from down.
+    """
+    x, y = _X / scale, _Y / scale
+    base = np.interp(y, [-55, -45, 10, 25, 60], [-21, -19, -21, -24, -22]) - x**2 / (2 * 70)
+    height = np.interp(y, [-16, -8, 0, 10, 20, 30, 40], [4, 11, 21, 19, 14, 6, 0])
+    half_width = np.interp(y, [-14, 0, 10, 30], [13, 12, 10, 8])
+    nose = height * np.exp(-((x / half_width) ** 4) / 2)
+    hollows = -14 * np.exp(-((np.abs(x) - 21) ** 2) / (2 * 8**2) - (y - 30) ** 2 / (2 * 13**2))
+    lips = 6 * np.exp(-(x**2) / (2 * 20**2) - (y + 28) ** 2 / (2 * 10**2))
+    return np.asarray((base + nose + hollows + lips) * scale)
+
+
+# A head's pitch and yaw tilt its surface: planes are removed from the surface and the template.
+_PLANE: Final = np.linalg.qr(np.stack([np.ones(_X.size), _X.ravel(), _Y.ravel()], axis=1))[0]
+_HEIGHTS: Final = np.stack([_nose_template(scale).ravel() for scale in SCALES])
+_TEMPLATES: Final = _HEIGHTS - _HEIGHTS @ _PLANE @ _PLANE.T
+_TEMPLATE_NORMS: Final = np.linalg.norm(_TEMPLATES, axis=1)

@@ -1,0 +1,120 @@
+"""The facts about a frame that noise stages read besides its layers."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.geometry.camera import SensorRig
+from glsim.geometry.rect import Rect
+
+#: Layers by name: (h, w) or (h, w, components) float32 arrays of the window.
+Layers = Mapping[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optics:
+    """The rig's and the scene's parameters for stages that integrate light.
+
+    emitter_m: the middle of the emitters, camera frame. modulation_mhz: three frequencies.
+    supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
+    nearest_m: a lower bound of all depths in the scene. focal_px: focal length of the columns.
+    """
+
+    emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    modulation_mhz: tuple[float, ...] = ()
+    supersample: int = 1
+    nearest_m: float = 0.0
+    focal_px: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FrameFacts:
+    """The fields of FrameContext and StageView.
+
+    window: the part of the frame that the layers hold. width, height: of the frame, pixels.
+    time_s: since the start of the sequence.
+    focal_baseline_px_m: focal length times baseline, pixels times metres; 0 without an emitter.
+    """
+
+    window: Rect
+    width: int
+    height: int
+    seed: int
+    sequence_seed: int
+    device_seed: int
+    time_s: float
+    focal_baseline_px_m: float
+    optics: Optics = Optics()
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageView(_FrameFacts):
+    """One stage's view of a frame. Its seeds are the stage's own, 32 bits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameContext(_FrameFacts):
+    """The frame that a chain runs on. Its seeds have 64 bits."""
+
+    @classmethod
+    def for_frame(
+        cls,
+        *,
+        rig: SensorRig,
+        window: Rect,
+        seed: int,
+        sequence_seed: int,
+        device_seed: int,
+        time_s: float = 0.0,
+        nearest_m: float = 0.0,
+        supersample: int | None = None,
+    ) -> FrameContext:
+        """Describe a frame of ``rig``.
+
+        nearest_m: a lower bound of all depths in the scene.
+        supersample: samples per pixel along each axis of the fine layers (default: the rig's).
+        """
+        image = rig.intrinsics
+        optics = Optics(
+            emitter_m=rig.emitter_m,
+            modulation_mhz=rig.modulation_mhz,
+            supersample=rig.supersample if supersample is None else supersample,
+            nearest_m=nearest_m,
+            focal_px=image.fx,
+        )
+        return cls(
+            window=window,
+            width=image.width,
+            height=image.height,
+            seed=seed,
+            sequence_seed=sequence_seed,
+            device_seed=device_seed,
+            time_s=time_s,
+            focal_baseline_px_m=image.fx * rig.baseline_m,
+            optics=optics,
+        )
+
+    def view(self, stage: str) -> StageView:
+        """Return the view of one stage, given by its name in the chain, with its own seeds."""
+        return StageView(
+            window=self.window,
+            width=self.width,
+            height=self.height,
+            seed=_stage_seed(self.seed, stage),
+            sequence_seed=_stage_seed(self.sequence_seed, stage),
+            device_seed=_stage_seed(self.device_seed, stage),
+            time_s=self.time_s,
+            focal_baseline_px_m=self.focal_baseline_px_m,
+            optics=self.optics,
+        )
+
+
+def _stage_seed(seed: int, stage: str) -> int:
+    """Hash a seed with a stage's name to 32 bits, so that a new stage changes no other's noise."""
+    return zlib.crc32(struct.pack("<Q", seed), zlib.crc32(stage.encode()))

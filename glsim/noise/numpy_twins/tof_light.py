@@ -1,0 +1,153 @@
+"""Twins of the light stages of a time-of-flight camera: tof_shadow, tof_light."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.geometry.rect import Rect
+from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.light import SPEED_OF_LIGHT
+from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
+
+TWO_PI = np.float32(6.28318530718)
+_MM = np.float32(0.001)
+_FARTHEST_PX = 128
+
+
+def frequencies(view: StageView) -> NDArray[np.float32]:
+    """(3,) modulation frequencies, MHz."""
+    return np.asarray(view.optics.modulation_mhz, np.float32)
+
+
+def half_wave_m_mhz() -> np.float32:
+    """Half a wavelength times its frequency, m MHz."""
+    return np.float32(SPEED_OF_LIGHT / 2e6)
+
+
+def tof_shadow(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Share of three emitters that lights a pixel, by ray marching in the image."""
+    z, whole = layers["clean"], Rect(0, 0, view.width, view.height)
+    emitter = np.asarray(view.optics.emitter_m, np.float32)
+    baseline = max(np.sqrt((emitter * emitter).sum()), np.float32(1e-6))
+    towards = emitter[:2] / max(np.sqrt((emitter[:2] * emitter[:2]).sum()), np.float32(1e-6))
+    sides = np.array([-1.0, 0.0, 1.0], np.float32)
+    reach = np.float32(view.focal_baseline_px_m) * (
+        np.float32(1.0) + _MM * p["spread_mm"] / baseline * sides
+    )
+    step = np.float32(1.0) / np.maximum(reach, np.float32(1e-3))
+    inverse = np.float32(1.0) / np.maximum(z, np.float32(1e-3))
+    nearest = np.float32(1.0) / np.maximum(np.float32(view.optics.nearest_m), np.float32(1e-3))
+    x, y = pixels(view.window)
+    hidden = np.zeros((*z.shape, 3), np.bool_)
+    walking, looking = inverse < nearest, np.ones(z.shape, np.bool_)
+    for k in range(1, _FARTHEST_PX + 1):
+        line = inverse[..., None] + np.float32(k) * step
+        column = np.floor(x.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[0])
+        row = np.floor(y.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[1])
+        column, row = column.astype(np.int64), row.astype(np.int64)
+        there = fetch(z, view.window, column, row)
+        surface = (np.float32(1.0) / np.maximum(there, np.float32(1e-3)))[..., None]
+        before, scale = surface - line, surface * line
+        hides = (before >= _MM * p["bias_mm"] * scale) & (before < _MM * p["thickness_mm"] * scale)
+        hidden |= hides & ((there > 0) & looking)[..., None]
+        inside = (column >= 0) & (column < whole.width) & (row >= 0) & (row < whole.height)
+        walking = walking & inside & (line.min(axis=-1) < nearest)
+        looking = walking
+        if not walking.any():
+            break
+    lit = np.float32(1.0) - hidden.sum(axis=-1).astype(np.float32) * np.float32(1.0 / 3.0)
+    return {"lit": np.where(z > 0, lit, np.float32(0.0))}
+
+
+def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Light of each pixel as one phasor per frequency."""
+    side, rays = view.optics.supersample, layers["rays"]
+    z = layers["clean"]
+    found = np.where(z > 0, layers["lit"], np.float32(1.0))
+    light = phasors(view, p, z, layers["normal"], rays, found)
+    mixed = (layers["uneven"] > _MM * p["smooth_mm"]) & (side > 1)
+    row, column = np.nonzero(mixed)
+    total = np.zeros((len(row), 7), np.float32)
+    share = np.float32(1.0) / np.float32(side * side)
+    around = [_around(view, layers[name], row, column) for name in ("clean", "lit", "normal")]
+    for k in range(side * side if mixed.any() else 0):
+        seen = layers["fine_seen"][row * side + k // side, column * side + k % side]
+        lit, shape = _alike(seen, *around)
+        place = np.array([k % side, k // side], np.float32) - np.float32(side // 2)
+        aside = place / (np.float32(side) * np.float32(view.optics.focal_px))
+        total += phasors(view, p, seen[:, 0], shape, rays[row, column] + aside, share * lit)
+    light[mixed] = total
+    empty = np.zeros((*z.shape, 1), np.float32)
+    return {"light_a": light[..., :4], "light_b": np.concatenate([light[..., 4:], empty], -1)}
+
+
+def _around(
+    view: StageView, layer: Image, row: NDArray[np.int64], column: NDArray[np.int64]
+) -> Image:
+    """(5, N, ...) values of a layer at the four neighbours of N pixels and at the pixels."""
+    left, top, width, height = view.window
+    parts = []
+    for dx, dy in ((0, -1), (-1, 0), (0, 1), (1, 0), (0, 0)):
+        x = np.clip(column + left + dx, 0, view.width - 1) - left
+        y = np.clip(row + top + dy, 0, view.height - 1) - top
+        values = layer[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
+        values[(x < 0) | (x >= width) | (y < 0) | (y >= height)] = 0.0
+        parts.append(values)
+    return np.stack(parts)
+
+
+def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Image, Image]:
+    """Light and shape of samples, from the pixel around with the most similar depth."""
+    apart = np.where(depths > 0, np.abs(depths - seen[:, 0]), np.float32(1e5))
+    alike, some = apart.argmin(axis=0), apart.min(axis=0) < 1e5
+    each = np.arange(len(alike))
+    facing = np.array([0.0, 0.0, -1.0, 0.0], np.float32)
+    shape = np.where(some[:, None], normals[alike, each], facing)
+    shape[:, 3] = seen[:, 1]
+    return np.where(some, lits[alike, each], np.float32(1.0)), shape
+
+
+def surface_light(
+    view: StageView, p: Parameters, z: Image, shape: Image, ray: Image, light: Image
+) -> tuple[Image, Image]:
+    """Amplitude of surface elements, and half the path emitter, surface, camera, m."""
+    emitter = np.asarray(view.optics.emitter_m, np.float32)
+    x, y = ray[..., 0], ray[..., 1]
+    stretch = np.sqrt(x * x + y * y + np.float32(1.0))
+    from_emitter = z * x - emitter[0], z * y - emitter[1], z - emitter[2]
+    way = np.sqrt(sum((part * part for part in from_emitter), np.float32(0.0)))
+    cosine = -(
+        shape[..., 0] * from_emitter[0]
+        + shape[..., 1] * from_emitter[1]
+        + shape[..., 2] * from_emitter[2]
+    )
+    safe = np.where(z > 0, way, np.float32(1.0))
+    facing = np.maximum(cosine / safe, np.float32(0.0))
+    dimmed = light * facing / (safe * safe) * np.power(stretch, -p["vignetting"])
+    amplitude = np.where(z > 0, p["gain"] * shape[..., 3] * dimmed, np.float32(0.0))
+    delay = _MM * (p["offset_mm"] + p["subsurface_mm"])
+    return amplitude, np.float32(0.5) * (z * stretch + way) + delay
+
+
+def correlate(view: StageView, p: Parameters, distance_m: Image) -> tuple[Image, Image]:
+    """(..., 3) real and imaginary parts of light of amplitude 1 from distances (...), m."""
+    turns = distance_m[..., None] * frequencies(view) / half_wave_m_mhz()
+    angle = TWO_PI * (turns - np.floor(turns))
+    c, s = np.cos(angle), np.sin(angle)
+    c2, s2 = c * c - s * s, np.float32(2.0) * s * c
+    c4, s4 = c2 * c2 - s2 * s2, np.float32(2.0) * s2 * c2
+    c5, s5 = c4 * c - s4 * s, s4 * c + c4 * s
+    real = c + p["harmonic_2"] * c2 + p["harmonic_5"] * c5
+    return real, s - p["harmonic_2"] * s2 - p["harmonic_5"] * s5
+
+
+def phasors(
+    view: StageView, p: Parameters, z: Image, shape: Image, ray: Image, light: Image
+) -> Image:
+    """(..., 7) of surface elements: real and imaginary part per frequency, and amplitude."""
+    amplitude, distance = surface_light(view, p, z, shape, ray, light)
+    real, imaginary = correlate(view, p, distance)
+    both = np.stack([real, imaginary], axis=-1).reshape(*amplitude.shape, 6)
+    together: Image = np.concatenate([amplitude[..., None] * both, amplitude[..., None]], axis=-1)
+    return together

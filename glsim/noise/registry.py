@@ -1,0 +1,94 @@
+"""Find noise stages by name: shipped ones, the user's GLSL files, the user's Python functions."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from glsim.errors import ConfigError, ShaderError, did_you_mean
+from glsim.gl.shader_source import SHADER_ROOT, load_source
+from glsim.noise import array_stages
+from glsim.noise.stage import StageSpec
+
+#: The folders of the shipped shader stages, below shaders/.
+STAGE_FOLDERS = ("noise", "tof")
+
+
+@lru_cache(maxsize=1)
+def shipped_stages() -> dict[str, StageSpec]:
+    """Return the stages that come with glsim, by name. Reads text only; needs no GL."""
+    files = [f for folder in STAGE_FOLDERS for f in sorted((SHADER_ROOT / folder).glob("*.glsl"))]
+    specs = [_shader_spec(file.stem, file) for file in files]
+    specs += [
+        _array_spec(name, getattr(array_stages, name), array_stages.__file__ or "")
+        for name in array_stages.__all__
+    ]
+    return {spec.name: spec for spec in specs}
+
+
+def find_stage(use: str, beside: Path | None = None) -> StageSpec:
+    """Return the stage that ``use`` names: shipped, a .glsl file, or "module:function".
+
+    beside: the folder that relative paths start from (default: the working directory).
+    Raises ConfigError or ShaderError.
+    """
+    if use in shipped_stages():
+        return shipped_stages()[use]
+    if ":" in use and not use.endswith(".glsl"):
+        return _python_spec(use, beside)
+    if use.endswith(".glsl"):
+        file = (beside / use) if beside is not None and not Path(use).is_absolute() else Path(use)
+        return _shader_spec(file.stem, file)
+    raise ConfigError(
+        f"no such stage {use!r} ({did_you_mean(use, shipped_stages())}; "
+        "your own: a path that ends in .glsl, or file.py:function)"
+    )
+
+
+def _shader_spec(name: str, file: Path) -> StageSpec:
+    source = load_source(file)
+    if not source.writes:
+        raise ShaderError(f"{file}: the stage writes no layer: declare e.g. 'out float depth;'")
+    if len({layer.scale for layer in source.writes}) > 1:
+        raise ShaderError(f"{file}: all layers that a stage writes must have the same size")
+    return StageSpec(name, source.title, source.parameters, str(file), source=source)
+
+
+def _array_spec(name: str, function: Any, file: str) -> StageSpec:
+    parameters = getattr(function, "stage_parameters", None)
+    if parameters is None:
+        raise ConfigError(f"{file}: {name} is not a stage: decorate it with @array_stage(...)")
+    title = (function.__doc__ or name).strip().splitlines()[0]
+    return StageSpec(
+        name, f"{name}: {title}", parameters, file,
+        function=function, reach_px=function.stage_reach_px,
+    )  # fmt: skip
+
+
+def _python_spec(use: str, beside: Path | None) -> StageSpec:
+    target, _, name = use.rpartition(":")
+    try:
+        if target.endswith(".py"):
+            module = _load_file(target, beside)
+        else:
+            module = importlib.import_module(target)
+    except Exception as error:  # the user's code may raise anything
+        raise ConfigError(f"stage {use!r}: {target} cannot be imported: {error}") from error
+    function = getattr(module, name, None)
+    if function is None:
+        raise ConfigError(f"stage {use!r}: {target} has no {name!r}")
+    return _array_spec(name, function, target)
+
+
+def _load_file(target: str, beside: Path | None) -> ModuleType:
+    path = Path(target) if beside is None or Path(target).is_absolute() else beside / target
+    spec = importlib.util.spec_from_file_location(f"glsim_user_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ImportError("not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,74 @@
+"""Meshes on the GPU: topologies stay there, vertices are uploaded per frame."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
+from glsim.gl.draw import index_buffer
+
+#: Number of topologies kept on the GPU; a data set has one per source, or one per file.
+CACHED_TOPOLOGIES = 4
+
+
+@dataclass(eq=False)
+class GpuMesh:
+    """A mesh in GPU buffers.
+
+    positions: (V, 3) float32, canonical mm. albedos: (V,) float32.
+    surface, projector: the vertex arrays for the camera and for the emitters.
+    albedo: the array whose values ``albedos`` holds; at first an object that is no array.
+    """
+
+    faces: NDArray[np.int32]
+    positions: moderngl.Buffer
+    albedos: moderngl.Buffer
+    indices: moderngl.Buffer
+    surface: moderngl.VertexArray
+    projector: moderngl.VertexArray
+    albedo: object = field(default_factory=object)
+
+
+class MeshCache:
+    """Uploads meshes; keeps the buffers of the topologies that were used last."""
+
+    def __init__(
+        self, context: moderngl.Context, surface: moderngl.Program, projector: moderngl.Program
+    ) -> None:
+        """surface, projector: the programs that draw from the camera and from the emitters."""
+        self._context, self._surface, self._projector = context, surface, projector
+        self._meshes: OrderedDict[int, GpuMesh] = OrderedDict()
+
+    def upload(self, mesh: Mesh) -> GpuMesh:
+        """Write the vertices of a mesh; upload its topology too if it is not there yet."""
+        key = id(mesh.faces)
+        uploaded = self._meshes.get(key)
+        if uploaded is None or uploaded.positions.size != mesh.vertices_mm.nbytes:
+            uploaded = self._upload_topology(mesh)
+            self._meshes[key] = uploaded
+            if len(self._meshes) > CACHED_TOPOLOGIES:
+                self._meshes.popitem(last=False)
+        self._meshes.move_to_end(key)
+        uploaded.positions.write(np.ascontiguousarray(mesh.vertices_mm, dtype=np.float32))
+        if uploaded.albedo is not mesh.albedo:
+            skin = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
+            uploaded.albedos.write(skin if mesh.albedo is None else mesh.albedo)
+            uploaded.albedo = mesh.albedo
+        return uploaded
+
+    def _upload_topology(self, mesh: Mesh) -> GpuMesh:
+        make = self._context.buffer
+        positions = make(reserve=mesh.vertices_mm.nbytes, dynamic=True)
+        albedos = make(reserve=4 * len(mesh.vertices_mm))
+        indices, index_size = index_buffer(self._context, mesh.faces, len(mesh.vertices_mm))
+        position = (positions, "3f", "in_position_mm")
+        surface = self._context.vertex_array(
+            self._surface, [position, (albedos, "1f", "in_albedo")], indices, index_size
+        )
+        projector = self._context.vertex_array(self._projector, [position], indices, index_size)
+        return GpuMesh(mesh.faces, positions, albedos, indices, surface, projector)

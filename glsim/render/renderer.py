@@ -1,0 +1,237 @@
+"""Render meshes for a sensor rig: the clean layers that the noise stages start from.
+
+    mesh --surface.vert/.frag @camera--> clean, normal, albedo
+    clean, normal, mesh --ShadowMap----> lit
+    mesh --RegionPass @camera----------> region, on request
+
+A rig that supersamples draws depth and albedo on a finer grid (samples.frag); the middle sample
+of a pixel is its clean depth (centres.frag), and the samples are kept for the stages.
+
+For a rig that keeps its lens distortion, the camera draws a wider pinhole image, and lens.frag
+samples its layers on the distorted grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.geometry.bounds import FieldOfView, bounding_corners, image_window, union
+from glsim.geometry.camera import SensorRig
+from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
+from glsim.geometry.pose import pose_matrix
+from glsim.geometry.rect import Rect
+from glsim.gl.draw import FullscreenPass, draw_meshes
+from glsim.gl.program import link_files
+from glsim.gl.shader_source import Layer
+from glsim.gl.targets import Target, TargetPool, set_matrix
+from glsim.render.mesh_cache import GpuMesh, MeshCache
+from glsim.render.regions import REGION, LabelledMesh, RegionPass
+from glsim.render.shadow_map import LIT, ShadowMap
+from glsim.render.silhouette import Silhouette, SilhouettePass
+from glsim.render.supersampling import CentrePass, sample_layer, supersampled_pass
+
+CLEAN = Layer("clean", "float")
+NORMAL = Layer("normal", "vec4")
+ALBEDO = Layer("albedo", "float")
+_RAYS = Layer("rays", "vec2")
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """The clean layers of one scene. They are valid within the ``with`` block that made them.
+
+    layers: targets by name: clean (m along the axis, 0 = no surface), normal (unit vector towards
+        the camera, albedo), albedo, lit (0 to 1), and region if labels were given; for a rig that
+        supersamples also fine_seen (depth and albedo of the samples) and uneven.
+    window: the part of the frame that the layers hold.
+    nearest_m: a lower bound of all depths in the scene.
+    silhouette: limits passes to the pixels with a surface.
+    rays: x/z and y/z of each pixel's ray, the whole frame; the renderer owns this target.
+    pool: owner of the other targets; later passes of the frame take their targets from it.
+    """
+
+    layers: Mapping[str, Target]
+    window: Rect
+    nearest_m: float
+    silhouette: Silhouette
+    rays: Target
+    pool: TargetPool
+
+
+class Renderer:
+    """Renders meshes for one rig. Owns the programs, the z-buffers and the target pool."""
+
+    def __init__(self, context: moderngl.Context, rig: SensorRig) -> None:
+        self._context, self.rig = context, rig
+        image, pinhole = rig.intrinsics, rig.pinhole()
+        self._pinhole, self._sight = pinhole, FieldOfView.of(rig)
+        self._pool = TargetPool(context, image.width, image.height)
+        self._camera_pool = (
+            TargetPool(context, pinhole.width, pinhole.height)
+            if rig.keeps_distortion
+            else self._pool
+        )
+        self._silhouettes = SilhouettePass(self._pool)
+        self._rays = self._pool.upload(_RAYS, rig.rays())
+        self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
+        fragment = "render/surface.frag"
+        self._centres: CentrePass | None = None
+        if rig.supersample > 1:
+            fragment = "render/samples.frag"
+            self._centres = CentrePass(context, rig, self._rays, self._drawn)
+            self._drawn = (sample_layer(rig),)
+        self._surface = link_files(context, fragment, "render/surface.vert")
+        set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
+        self._lens_pass = _lens_pass(context, rig) if rig.keeps_distortion else None
+        fine = pinhole.finer(rig.supersample)
+        self._depth = context.depth_renderbuffer((fine.width, fine.height))
+        self._camera_buffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
+        self._shadow_map = ShadowMap(self._pool, rig, self._sight, self._rays)
+        self._meshes = MeshCache(context, self._surface, self._shadow_map.program)
+        self._regions: RegionPass | None = None
+
+    @contextmanager
+    def render(
+        self,
+        meshes: Sequence[tuple[Mesh, NDArray[np.float32]]],
+        visible: Rect | None = None,
+        labels: Sequence[NDArray[np.float32] | None] = (),
+        reach_px: int = 0,
+    ) -> Iterator[Rendered]:
+        """Draw meshes, each with its (4, 4) matrix from canonical mm to camera m.
+
+        visible: the crop that is delivered (None: the whole frame).
+        labels: per mesh the (V,) region numbers of its vertices, or None; if this is empty, the
+        layer region is not drawn. reach_px: how far around the crop stages read, besides the
+        margin. Raises MeshError if the first mesh, the face, is not in view.
+        """
+        boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
+        window = union([image_window(box, self._sight, visible, reach_px) for box in boxes])
+        uploaded = [self._meshes.upload(mesh) for mesh, _ in meshes]
+        views = [view for _, view in meshes]
+        corners_m = np.concatenate(boxes)
+        with self._pool.scope() as held:
+            layers = self._draw_surface(uploaded, views, window)
+            held += layers.values()
+            if self._centres is not None:
+                pixels = self._centres.draw(self._pool, layers["fine_seen"], window)
+                held += pixels.values()
+                layers |= pixels
+            with self._silhouettes.draw(layers.get("uneven", layers["clean"]), window) as seen:
+                casting = uploaded if self.rig.shadow_map else []
+                arrays = [mesh.projector for mesh in casting]
+                layers[LIT.name] = self._shadow_map.draw(
+                    layers, window, seen, arrays, views, corners_m
+                )
+                held.append(layers[LIT.name])
+                if labels:
+                    layers[REGION.name] = self._draw_regions(uploaded, labels, views, window)
+                    held.append(layers[REGION.name])
+                nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
+                yield Rendered(layers, window, nearest_m, seen, self._rays, self._pool)
+
+    @contextmanager
+    def light_depth_map(
+        self, clean_m: NDArray[np.float32], normal: NDArray[np.float32], surface: Mesh | None
+    ) -> Iterator[Rendered]:
+        """Make the same layers, of the whole frame, from a depth map instead of meshes.
+
+        clean_m: (H, W) metres, 0 = no surface. normal: (H, W, 3) unit vectors towards the camera.
+        surface: casts the shadows, placed by ``pose_matrix({})``; None casts none.
+        Raises MeshError if an emitter is inside the surface.
+        """
+        image = self.rig.intrinsics
+        window = Rect(0, 0, image.width, image.height)
+        albedo = np.where(clean_m > 0, np.float32(SKIN_ALBEDO), np.float32(0.0))
+        view = pose_matrix({})
+        box = np.zeros((0, 3)) if surface is None else bounding_corners(surface.vertices_mm, view)
+        if surface is None or not self.rig.shadow_map:
+            casting = []
+        else:
+            casting = [self._meshes.upload(surface)]
+        arrays, views = [mesh.projector for mesh in casting], [view] * len(casting)
+        with self._pool.scope() as held, self._silhouettes.draw(None, window) as everywhere:
+            layers = {
+                "clean": self._pool.upload(CLEAN, clean_m),
+                "normal": self._pool.upload(NORMAL, np.dstack([normal, albedo])),
+                "albedo": self._pool.upload(ALBEDO, albedo),
+            }
+            held += layers.values()
+            layers[LIT.name] = self._shadow_map.draw(layers, window, everywhere, arrays, views, box)
+            held.append(layers[LIT.name])
+            nearest_m = float(clean_m[clean_m > 0].min(initial=np.inf))
+            yield Rendered(layers, window, nearest_m, everywhere, self._rays, self._pool)
+
+    def _draw_surface(
+        self,
+        meshes: Sequence[GpuMesh],
+        views: Sequence[NDArray[np.float32]],
+        window: Rect,
+    ) -> dict[str, Target]:
+        """Draw depth, normal and albedo as the camera sees them; on the samples' grid if finer."""
+        pinhole, pool = self._pinhole, self._camera_pool
+        area = window if self._lens_pass is None else Rect(0, 0, pinhole.width, pinhole.height)
+        targets = [pool.take(layer, area) for layer in self._drawn]
+        key = tuple(target.texture.glo for target in targets)
+        if key not in self._camera_buffers:
+            textures = [target.texture for target in targets]
+            self._camera_buffers[key] = self._context.framebuffer(textures, self._depth)
+        buffer = self._camera_buffers[key]
+        buffer.use()
+        fine, drawn = pinhole.finer(self.rig.supersample), self._drawn[0].window(area)
+        buffer.viewport = (0, 0, fine.width, fine.height)
+        buffer.scissor = drawn
+        buffer.clear(viewport=drawn)
+        draw_meshes(self._context, [mesh.surface for mesh in meshes], self._surface, views)
+        layers = {target.layer.name: target for target in targets}
+        if self._lens_pass is None:
+            return layers
+        return self._through_lens(self._lens_pass, layers, window)
+
+    def _through_lens(
+        self, lens: FullscreenPass, pinhole: dict[str, Target], window: Rect
+    ) -> dict[str, Target]:
+        """Sample the pinhole layers on the lens's grid; return their targets to their pool."""
+        layers = {t.layer.name: self._pool.take(t.layer, window) for t in pinhole.values()}
+        buffer = self._pool.framebuffer(list(layers.values()))
+        buffer.use()
+        buffer.viewport = self._drawn[0].window(window)
+        for unit, (name, target) in enumerate(pinhole.items()):
+            target.texture.use(unit)
+            lens.program[f"u_pinhole_{name.removeprefix('fine_')}"] = unit
+        self._rays.texture.use(len(pinhole))
+        lens.program["u_rays"] = len(pinhole)
+        p = self._pinhole.finer(self.rig.supersample)
+        lens.program["u_pinhole"] = (p.fx, p.fy, p.cx, p.cy)
+        lens.draw()
+        for target in pinhole.values():
+            self._camera_pool.give_back(target)
+        return layers
+
+    def _draw_regions(
+        self,
+        meshes: Sequence[GpuMesh],
+        labels: Sequence[NDArray[np.float32] | None],
+        views: Sequence[NDArray[np.float32]],
+        window: Rect,
+    ) -> Target:
+        if self._regions is None:
+            pools = self._camera_pool, self._pool
+            self._regions = RegionPass(self._context, self.rig, pools, self._rays)
+        labelled = [
+            LabelledMesh(mesh.faces, mesh.positions, numbers)
+            for mesh, numbers in zip(meshes, labels, strict=True)
+        ]
+        return self._regions.draw(labelled, views, window)
+
+
+def _lens_pass(context: moderngl.Context, rig: SensorRig) -> FullscreenPass:
+    if rig.supersample > 1:
+        return supersampled_pass(context, rig, "lens_samples.frag")
+    return FullscreenPass(context, link_files(context, "render/lens.frag"))

@@ -1,0 +1,133 @@
+"""Shadow mapping: an emitter's z-buffer, and the share of its light that reaches each pixel.
+
+    meshes --projector.vert @emitter--> z-buffer
+    clean, normal + z-buffer --lit.frag--> lit
+
+Emitters are drawn one after the other into the same z-buffer; each adds its share to ``lit``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.geometry.bounds import FieldOfView, Frustum, emitter_frustum
+from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
+from glsim.geometry.rect import Rect
+from glsim.gl.draw import FullscreenPass, draw_meshes
+from glsim.gl.program import link_files
+from glsim.gl.shader_source import Layer
+from glsim.gl.targets import Target, TargetPool, set_matrix
+from glsim.render.silhouette import Silhouette
+
+LIT = Layer("lit", "float")
+
+#: Texels of an emitter's z-buffer per camera pixel, so that shadow edges are finer than the image.
+_TEXELS_PER_PIXEL = 1.5
+#: Side of the z-buffer, texels; a scene that needs more gets fewer texels per pixel.
+_SIDE_TEXELS = 2048
+
+
+class ShadowMap:
+    """Draws the layer ``lit`` for one rig."""
+
+    def __init__(self, pool: TargetPool, rig: SensorRig, sight: FieldOfView, rays: Target) -> None:
+        """sight: field of view of the rig. rays: target that holds ``rig.rays()``."""
+        self._pool, self._rig, self._sight, self._rays = pool, rig, sight, rays
+        self._context = context = pool.context
+        #: Draws meshes into the z-buffer.
+        self.program = link_files(context, "render/projector.frag", "render/projector.vert")
+        self._pass = FullscreenPass(context, link_files(context, "render/lit.frag"))
+        self._depth = context.depth_texture((_SIDE_TEXELS, _SIDE_TEXELS))
+        self._depth.compare_func = "<="
+        self._depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self._unfiltered = context.sampler(
+            filter=(moderngl.NEAREST, moderngl.NEAREST), compare_func=""
+        )
+        self._buffer = context.framebuffer([], self._depth)
+
+    def draw(
+        self,
+        layers: Mapping[str, Target],
+        window: Rect,
+        silhouette: Silhouette,
+        arrays: Sequence[moderngl.VertexArray],
+        views: Sequence[NDArray[np.float32]],
+        corners_m: NDArray[np.float64],
+    ) -> Target:
+        """Return a target with the share of the emitters' light that reaches each pixel, 0 to 1.
+
+        layers: clean and normal of ``window``. arrays: the meshes that cast shadows, with
+        ``program``; without any, or without an emitter, all pixels hold 1. views: one (4, 4) matrix
+        per mesh, canonical mm to camera m. corners_m: (N, 3) the corners of their bounding boxes,
+        camera frame. Raises MeshError if an emitter is inside the scene.
+        """
+        emitters = self._rig.emitters if arrays else ()
+        lit = self._pool.take(LIT, window)
+        buffer = self._pool.framebuffer([lit])
+        buffer.use()
+        buffer.clear(0.0 if emitters else 1.0, viewport=window)
+        for emitter in emitters:
+            box = emitter_frustum(corners_m, self._sight, emitter.position_m)
+            box = box.widened(emitter.spread_m * (1 / box.near_m - 1 / box.far_m))
+            self._draw_depth(emitter, box, arrays, views)
+            self._add_light(lit, layers, window, silhouette, 1.0 / len(emitters))
+        return lit
+
+    def _draw_depth(
+        self,
+        emitter: Emitter,
+        box: Frustum,
+        arrays: Sequence[moderngl.VertexArray],
+        views: Sequence[NDArray[np.float32]],
+    ) -> None:
+        """Draw the z-buffer of ``box``, and set the uniforms of the lookup in it."""
+        span = max(box.right - box.left, box.bottom - box.top)
+        focal = min(
+            _TEXELS_PER_PIXEL * self._rig.intrinsics.fx, (_SIDE_TEXELS - 4) / max(span, 1e-6)
+        )
+        # A margin of two texels: the linear filter then reads drawn texels only.
+        left, top = box.left - 2 / focal, box.top - 2 / focal
+        width = min(_SIDE_TEXELS, int(np.ceil((box.right - box.left) * focal)) + 4)
+        height = min(_SIDE_TEXELS, int(np.ceil((box.bottom - box.top) * focal)) + 4)
+        view = Intrinsics(width, height, focal, focal, -left * focal, -top * focal)
+        near, far = box.near_m * 0.99, box.far_m * 1.01
+        set_matrix(self.program, "u_clip", view.clip_matrix(near, far))
+        self._buffer.use()
+        self._buffer.viewport = self._buffer.scissor = (0, 0, width, height)
+        self._buffer.clear(viewport=(0, 0, width, height))
+        draw_meshes(self._context, arrays, self.program, views, emitter.position_m)
+        scale = focal / _SIDE_TEXELS
+        program = self._pass.program
+        program["u_emitter_m"] = emitter.position_m
+        program["u_spread_m"] = emitter.end_m
+        program["u_map"] = (scale, scale, -left * scale, -top * scale)
+        program["u_map_range"] = (near, far)
+        program["u_texel"] = 1.0 / focal
+
+    def _add_light(
+        self,
+        lit: Target,
+        layers: Mapping[str, Target],
+        window: Rect,
+        silhouette: Silhouette,
+        weight: float,
+    ) -> None:
+        """Add one emitter's light to ``lit``, times ``weight``."""
+        self._context.blend_func = moderngl.ONE, moderngl.ONE
+        program = self._pass.program
+        for unit, name in enumerate(("clean", "normal")):
+            layers[name].texture.use(unit)
+            program[f"u_{name}"] = unit
+        self._rays.texture.use(2)
+        self._depth.use(3)
+        self._depth.use(4)
+        self._unfiltered.use(4)
+        program["u_rays"], program["u_projector"], program["u_projector_depth"] = 2, 3, 4
+        program["u_weight"] = weight
+        with silhouette.limits([lit], window, None, moderngl.BLEND):
+            self._pass.draw()
+        self._unfiltered.clear(4)

@@ -1,0 +1,99 @@
+"""Silhouettes: depth masks that limit full-screen passes to pixels with a surface.
+
+A face covers a third of its window. Rasterisers test depth before they shade, so a depth buffer
+in which empty pixels are nearer than the pass skips them: a third of the window costs a third of
+the time. Branches in a shader save nothing on a software rasteriser.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import moderngl
+
+from glsim.geometry.bounds import union
+from glsim.geometry.rect import Rect
+from glsim.gl.draw import FullscreenPass
+from glsim.gl.program import link_files
+from glsim.gl.targets import Target, TargetPool
+
+#: Layer name -> its value in the pixels that a pass skips, where that is not 0.
+Blank = dict[str, float]
+
+
+class Silhouette:
+    """One frame's depth mask, for targets of one pool that have the frame's size."""
+
+    def __init__(self, pool: TargetPool) -> None:
+        self._pool, self._context = pool, pool.context
+        self._depth = self._context.depth_renderbuffer((pool.width, pool.height))
+        self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
+        #: Draws into the mask itself.
+        self.mask = self._context.framebuffer([], self._depth)
+        #: Whether passes skip the empty pixels; False if the whole frame has a surface.
+        self.skips_empty = False
+
+    @contextmanager
+    def limits(
+        self, targets: Sequence[Target], window: Rect, blank: Blank | None, flags: int = 0
+    ) -> Iterator[None]:
+        """Draw the passes of the block into ``targets``, within the silhouette only.
+
+        blank: layer -> value written outside the silhouette, 0 for other layers; None leaves the
+        targets unchanged there. flags: further GL capabilities to enable (moderngl.BLEND).
+        """
+        key = tuple(target.texture.glo for target in targets)
+        if key not in self._framebuffers:
+            textures = [target.texture for target in targets]
+            self._framebuffers[key] = self._context.framebuffer(textures, self._depth)
+            self._framebuffers[key].depth_mask = False
+        buffer = self._framebuffers[key]
+        buffer.use()
+        buffer.viewport = window
+        if blank is not None:  # one clear for all targets: it takes as long as a simple pass
+            buffer.clear(viewport=union([window, *(t.drawn for t in targets if t.drawn)]))
+            for target in targets:
+                target.drawn = window
+                if target.layer.name in blank:
+                    single = self._pool.framebuffer([target])
+                    single.clear(blank[target.layer.name], viewport=window)
+        buffer.use()
+        self._context.enable_only((moderngl.DEPTH_TEST if self.skips_empty else 0) | flags)
+        yield
+        self._context.enable_only(moderngl.NOTHING)
+
+
+class SilhouettePass:
+    """Draws silhouettes for the frames of one target pool, and reuses their buffers."""
+
+    def __init__(self, pool: TargetPool) -> None:
+        self._pool, self._context = pool, pool.context
+        self._free: list[Silhouette] = []
+        self._pass = FullscreenPass(
+            self._context, link_files(self._context, "render/silhouette.frag")
+        )
+        self._pass.program["u_seen"] = 0
+
+    @contextmanager
+    def draw(self, seen: Target | None, window: Rect) -> Iterator[Silhouette]:
+        """Yield the silhouette of pixels where ``seen`` > 0, widened by 1 px; recycle it at exit.
+
+        seen: None for a silhouette that skips nothing.
+        """
+        silhouette = self._free.pop() if self._free else Silhouette(self._pool)
+        # A window as large as the frame has a background, which covers everything.
+        smaller = window.width < self._pool.width or window.height < self._pool.height
+        silhouette.skips_empty = seen is not None and smaller
+        if seen is not None and smaller:
+            silhouette.mask.use()
+            silhouette.mask.viewport = window
+            silhouette.mask.clear(depth=1.0, viewport=window)
+            seen.texture.use(0)
+            self._context.enable_only(moderngl.DEPTH_TEST)
+            self._pass.draw()
+            self._context.enable_only(moderngl.NOTHING)
+        try:
+            yield silhouette
+        finally:
+            self._free.append(silhouette)

@@ -1,0 +1,214 @@
+"""Sensors as data: a TOML file with the rig and the chain of noise stages.
+
+title = "..."
+[rig]
+width = 512
+height = 424
+focal_px = [365.456, 365.456]
+centre_px = [254.878, 205.395]
+[rig.distortion]          optional: k1, k2, k3, p1, p2
+supersample = 3           optional: samples per pixel along each axis (1, 3 or 5)
+modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
+shadow_map = true         false: a stage casts the shadows instead of the renderer
+[[rig.emitter]]
+position_m = [0.045, 0, 0]
+[[stage]]
+use = "axial"             shipped stage, path of a .glsl file, or file.py:function
+name = "axial"            optional; required if a stage is used twice
+base_sigma_mm = 1.5       parameters: numbers or distributions
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+
+from glsim.errors import ConfigError, did_you_mean
+from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
+from glsim.noise.chain import check_chain
+from glsim.noise.light import check_light
+from glsim.noise.registry import find_stage
+from glsim.noise.stage import Stage, make_stage
+from glsim.settings.distribution import Distribution, NumberSetting
+from glsim.settings.schema import Settings
+from glsim.settings.tables import merge_tables, parse_table, read_toml
+
+SENSOR_FOLDER = Path(__file__).parent
+
+_DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class _EmitterTable(_Table):
+    position_m: tuple[float, float, float]
+    spread_m: float = Field(0.0, ge=0, le=0.2)
+
+
+class _DistortionTable(_Table):
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+
+class _RigTable(_Table):
+    width: int = Field(ge=8, le=8192)
+    height: int = Field(ge=8, le=8192)
+    focal_px: tuple[float, float]
+    centre_px: tuple[float, float]
+    emitter: tuple[_EmitterTable, ...] = ()
+    distortion: _DistortionTable = _DistortionTable()
+    deliver: Literal["undistorted", "raw"] = "undistorted"
+    near_m: float = Field(0.1, gt=0)
+    far_m: float = Field(12.0, gt=0)
+    supersample: int = Field(1, ge=1, le=5)
+    modulation_mhz: tuple[float, float, float] | tuple[()] = ()
+    shadow_map: bool = True
+
+    @model_validator(mode="after")
+    def _check(self) -> _RigTable:
+        if min(self.focal_px) <= 0:
+            raise ValueError("focal_px must be above 0")
+        if self.near_m >= self.far_m:
+            raise ValueError(f"near_m {self.near_m} must be less than far_m {self.far_m}")
+        if any(e.position_m == (0.0, 0.0, 0.0) for e in self.emitter):
+            raise ValueError("an emitter at the camera itself throws no shadow: leave it out")
+        if self.supersample % 2 == 0:
+            raise ValueError(
+                f"supersample {self.supersample} must be odd: the middle sample is the depth"
+            )
+        return self
+
+    def rig(self) -> SensorRig:
+        return SensorRig(
+            Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
+            tuple(Emitter(e.position_m, e.spread_m) for e in self.emitter),
+            Distortion(**self.distortion.model_dump()),
+            self.deliver,
+            self.near_m,
+            self.far_m,
+            self.supersample,
+            self.modulation_mhz,
+            self.shadow_map,
+        )
+
+
+class _SensorTable(_Table):
+    title: str
+    rig: _RigTable
+    stage: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A rig with its chain of noise stages. ``file``: the TOML file it was read from."""
+
+    name: str
+    title: str
+    rig: SensorRig
+    stages: tuple[Stage, ...]
+    file: Path
+
+    def describe(self) -> dict[str, Any]:
+        """The complete sensor as JSON values, for the header of a data set."""
+        i, d = self.rig.intrinsics, self.rig.distortion
+        return {
+            "name": self.name,
+            "title": self.title,
+            "width": i.width,
+            "height": i.height,
+            "focal_px": [i.fx, i.fy],
+            "centre_px": [i.cx, i.cy],
+            "distortion": {"k1": d.k1, "k2": d.k2, "k3": d.k3, "p1": d.p1, "p2": d.p2},
+            "deliver": self.rig.deliver,
+            "emitters_m": [list(e.position_m) for e in self.rig.emitters],
+            "emitter_spreads_m": [e.spread_m for e in self.rig.emitters],
+            "modulation_mhz": list(self.rig.modulation_mhz),
+            "supersample": self.rig.supersample,
+            "stages": [
+                {"name": s.name, "use": s.spec.name}
+                | {k: v.model_dump(exclude_none=True) for k, v in s.settings.items()}
+                for s in self.stages
+            ],
+        }
+
+
+def sensor_names() -> list[str]:
+    """Names of the shipped sensors, sorted."""
+    return sorted(file.stem for file in SENSOR_FOLDER.glob("*.toml"))
+
+
+def sensor_of(settings: Settings) -> Sensor:
+    """Load the sensor that the settings name, with their overrides of its rig and stages."""
+    return load_sensor(settings.sensor, settings.stage, settings.rig)
+
+
+def load_sensor(
+    name: str,
+    overrides: Mapping[str, Mapping[str, Distribution]] | None = None,
+    rig_overrides: Mapping[str, Any] | None = None,
+) -> Sensor:
+    """Load a shipped sensor by name, or a sensor file by path.
+
+    overrides: stage -> parameter -> setting. rig_overrides: keys of the file's [rig].
+    Raises ConfigError for an unknown sensor, key, stage or parameter, or a value out of range.
+    """
+    file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
+    if not name.endswith(".toml") and not file.is_file():
+        raise ConfigError(
+            f"no such sensor {name!r} ({did_you_mean(name, sensor_names())}; "
+            "your own: a path that ends in .toml)"
+        )
+    tree = read_toml(file)
+    merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
+    table = parse_table(_SensorTable, tree, str(file))
+    overrides = dict(overrides or {})
+    stages: list[Stage] = []
+    for number, entry in enumerate(table.stage):
+        stages.append(_stage(entry, f"{file}: stage {number + 1}", file.parent, overrides))
+    names = [stage.name for stage in stages]
+    for stage_name in names:
+        if names.count(stage_name) > 1:
+            raise ConfigError(
+                f'{file}: two stages are called {stage_name!r}: give each a name = "..."'
+            )
+    for stage_name in overrides:
+        if stage_name not in names:
+            raise ConfigError(
+                f"sensor {table.title!r} has no stage {stage_name!r} "
+                f"({did_you_mean(stage_name, names)})"
+            )
+    rig = table.rig.rig()
+    check_light(stages, rig, str(file))
+    check_chain(stages, rig.baseline_m, str(file))
+    return Sensor(file.stem, table.title, rig, tuple(stages), file)
+
+
+def _stage(
+    entry: Mapping[str, Any],
+    where: str,
+    folder: Path,
+    overrides: Mapping[str, Mapping[str, Distribution]],
+) -> Stage:
+    settings = dict(entry)
+    use = settings.pop("use", None)
+    if not isinstance(use, str):
+        raise ConfigError(f'{where}: say which stage with use = "..."')
+    spec = find_stage(use, folder)
+    name = settings.pop("name", spec.name)
+    parameters = {}
+    for key, value in settings.items():
+        try:
+            parameters[key] = _DISTRIBUTION.validate_python(value)
+        except ValidationError as error:
+            message = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise ConfigError(f"{where}: {name}.{key}: {message} (got {value!r})") from None
+    return make_stage(name, spec, {**parameters, **overrides.get(name, {})}, where)

@@ -1,0 +1,1 @@
+"""Settings of a run: the schema, distributions, TOML tables and seeds."""

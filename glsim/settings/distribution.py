@@ -1,0 +1,111 @@
+"""A setting that is a number or a distribution of numbers.
+
+    base_sigma_mm = 1.5                              always 1.5
+    base_sigma_mm = { uniform = [1, 3] }             one draw per frame
+    yaw_deg = { normal = [0, 15], per = "sequence" } one draw per sequence
+    octaves = { choice = [1, 2, 4] }
+    sigma_px = { loguniform = [0.1, 1] }
+
+A draw is a function of its key and name only: adding a distribution changes no other draw.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
+
+Scope = Literal["frame", "sequence", "subject"]
+
+
+class Distribution(BaseModel):
+    """Exactly one of uniform, loguniform, normal, choice or constant; drawn once per ``per``."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    constant: float | None = None
+    uniform: tuple[float, float] | None = None
+    loguniform: tuple[float, float] | None = None
+    normal: tuple[float, float] | None = None
+    choice: tuple[float, ...] | None = None
+    per: Scope = "frame"
+
+    @model_validator(mode="after")
+    def _check(self) -> Distribution:
+        kinds = ("constant", "uniform", "loguniform", "normal", "choice")
+        given = [kind for kind in kinds if getattr(self, kind) is not None]
+        if len(given) != 1:
+            raise ValueError(f"give exactly one of {', '.join(kinds)}, not {given or 'none'}")
+        values = self._numbers()
+        if not all(math.isfinite(v) for v in values):
+            raise ValueError("numbers must be finite")
+        if self.choice is not None and not self.choice:
+            raise ValueError("choice needs at least one number")
+        for bounds in (self.uniform, self.loguniform):
+            if bounds is not None and bounds[0] > bounds[1]:
+                raise ValueError(f"the range {list(bounds)} is empty: low comes first")
+        if self.loguniform is not None and self.loguniform[0] <= 0:
+            raise ValueError("loguniform needs numbers above 0")
+        if self.normal is not None and self.normal[1] < 0:
+            raise ValueError("normal = [mean, standard deviation] needs a deviation of at least 0")
+        return self
+
+    def _numbers(self) -> tuple[float, ...]:
+        for numbers in (self.uniform, self.loguniform, self.normal, self.choice):
+            if numbers is not None:
+                return numbers
+        return (self.constant,) if self.constant is not None else ()
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether every draw gives the same number."""
+        return self.constant is not None
+
+    def bounds(self) -> tuple[float, float]:
+        """The smallest and largest number that can be drawn; normal is cut at three deviations."""
+        if self.normal is not None:
+            mean, sigma = self.normal
+            return mean - 3 * sigma, mean + 3 * sigma
+        return min(self._numbers()), max(self._numbers())
+
+    def draw(self, keys: DrawKeys, name: str) -> float:
+        """Draw the number of the setting ``name`` for the frame that ``keys`` identify."""
+        if self.constant is not None:
+            return self.constant
+        # Explicitly uint64: NumPy converts a list with a number beyond 2**63 to float64.
+        key = np.array([getattr(keys, self.per), zlib.crc32(name.encode())], dtype=np.uint64)
+        rng = np.random.Generator(np.random.Philox(key=key))
+        if self.uniform is not None:
+            return float(rng.uniform(*self.uniform))
+        if self.loguniform is not None:
+            return float(np.exp(rng.uniform(*np.log(self.loguniform))))
+        if self.normal is not None:
+            mean, sigma = self.normal
+            return mean + sigma * float(np.clip(rng.standard_normal(), -3, 3))
+        return float(rng.choice(self._numbers()))
+
+
+class DrawKeys(NamedTuple):
+    """64-bit seeds of a frame, of its sequence and of its subject."""
+
+    frame: int
+    sequence: int
+    subject: int
+
+
+def _from_number(value: object) -> object:
+    if isinstance(value, bool | int | float):
+        return {"constant": float(value)}
+    return value
+
+
+#: Pydantic field of a Distribution: a bare number in a file or an option becomes a constant.
+NumberSetting = Annotated[Distribution, BeforeValidator(_from_number)]
+
+
+def constant(value: float) -> Distribution:
+    """The distribution that always gives ``value``."""
+    return Distribution(constant=value)

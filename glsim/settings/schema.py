@@ -1,0 +1,248 @@
+"""Settings: one frozen, validated object from a TOML file and ``--set`` assignments.
+
+    sensor = "kinect-v2-paper"        a shipped sensor, or the path of a sensor file
+    seed = 7
+    split = [0.70, 0.12, 0.18]
+    [source]                          or several [[source]] tables
+    kind = "procedural"
+    subjects = 10
+    frames_per_subject = 30
+    [pose]
+    yaw_deg = { uniform = [-30, 30] }
+    [variation]
+    shape_mm = 4
+    [scene]
+    wall_mm = 1500
+    [rig]                             overrides [rig] of the sensor's file
+    deliver = "raw"
+    [stage.axial]                     parameters of the sensor's noise stages
+    base_sigma_mm = 2.0
+    [output]
+    crop = 128
+
+An unknown key is an error that names similar keys. The parameters of a stage are declared in its
+GLSL file; they are checked when the sensor is loaded (glsim.sensors.sensor).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from glsim.errors import ConfigError
+from glsim.settings.distribution import NumberSetting, Scope, constant
+from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
+
+LayerName = Literal["clean", "noisy", "infrared", "reason", "regions"]
+DEFAULT_SUBJECTS = 10
+DEFAULT_FRAMES = 30
+DEFAULT_SENSOR = "kinect-v2"
+SPLIT_NAMES = ("train", "val", "test")
+PAPER_SPLIT = "paper"
+"""The split by images instead of people, see glsim.plan.paper_split."""
+GENERATORS = ("procedural", "ict-facekit")
+"""Sources that generate faces; the others are finite."""
+_FILE_SOURCES = ("folder", "d3dfacs", "facewarehouse", "biwi")
+_SOURCE_OPTIONS = {
+    "unit": _FILE_SOURCES,
+    "axes": _FILE_SOURCES,
+    "every": ("d3dfacs", "biwi"),
+    "peak_only": ("d3dfacs",),
+    "steps": ("facewarehouse",),
+    "poses": ("facewarehouse",),
+}
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class SourceSettings(_Table):
+    """A source of faces: a generator or a set of meshes on disk."""
+
+    kind: Literal["procedural", "ict-facekit", "folder", "d3dfacs", "facewarehouse", "biwi"] = (
+        "procedural"
+    )
+    root: Path | None = Field(None, description="folder of the meshes or of the face model")
+    subjects: int | None = Field(None, ge=1, description="number of people; default: all")
+    frames_per_subject: int | None = Field(None, ge=1, description="default: all")
+    unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
+    axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; auto: detected")
+    every: int | None = Field(None, ge=1, description="take every n-th frame (d3dfacs, biwi)")
+    peak_only: bool | None = Field(None, description="only the peak of each sequence (d3dfacs)")
+    steps: int | None = Field(None, ge=1, description="frames per blend shape (facewarehouse)")
+    poses: bool | None = Field(None, description="also the training poses (facewarehouse)")
+    weight: float | None = Field(None, gt=0, lt=1e9, description="share relative to other sources")
+    count: int | None = Field(None, ge=1, description="number of images from this source")
+
+    @model_validator(mode="after")
+    def _check(self) -> SourceSettings:
+        for name, kinds in _SOURCE_OPTIONS.items():
+            if getattr(self, name) not in (None, "auto") and self.kind not in kinds:
+                raise ValueError(f"{name}: {self.kind} has no such option ({', '.join(kinds)})")
+        if self.weight is not None and self.count is not None:
+            raise ValueError("give a source a weight or a count, not both")
+        return self
+
+
+class PoseSettings(_Table):
+    """Pose of the head in front of the sensor. Angles are as the subject would describe them."""
+
+    distance_mm: NumberSetting = Field(
+        constant(900.0), description="sensor to centre of the face, along z"
+    )
+    x_mm: NumberSetting = Field(constant(0.0), description="to the right in the image")
+    y_mm: NumberSetting = Field(constant(0.0), description="down in the image")
+    yaw_deg: NumberSetting = Field(constant(0.0), description="head turned to its own left")
+    pitch_deg: NumberSetting = Field(constant(0.0), description="head raised")
+    roll_deg: NumberSetting = Field(constant(0.0), description="head tilted to its own left")
+
+
+class VariationSettings(_Table):
+    """Random changes of heads, so that networks do not learn the face model of the source."""
+
+    shape_mm: NumberSetting = Field(
+        constant(0.0), description="standard deviation of a smooth warp of the head"
+    )
+    albedo: NumberSetting = Field(
+        constant(0.0), description="standard deviation of the log of the albedo, in patches"
+    )
+    per: Scope = Field("subject", description="one draw per frame, sequence or subject")
+
+    @model_validator(mode="after")
+    def _check(self) -> VariationSettings:
+        for name, limit in (("shape_mm", 6.0), ("albedo", 2.0)):
+            low, high = getattr(self, name).bounds()
+            if low < 0 or high > limit:
+                wrong = low if low < 0 else high
+                raise ValueError(f"{name} may be {wrong:g}, but must lie in [0, {limit:g}]")
+        return self
+
+
+class SceneSettings(_Table):
+    """The scene around the face."""
+
+    wall_mm: NumberSetting | None = Field(
+        None, description="distance of a wall behind; default: no wall"
+    )
+    wall_albedo: float = Field(0.85, ge=0, le=1, description="relative to a white wall")
+
+
+class OutputSettings(_Table):
+    """Layers, format and size of the frames that are written."""
+
+    format: Literal["png", "webdataset"] = "png"
+    layers: tuple[LayerName, ...] = ("clean", "noisy")
+    crop: int | None = Field(None, ge=8, le=4096, description="side of the centre crop, pixels")
+    depth_unit_mm: float = Field(1.0, ge=0.01, le=10, description="one step of a depth file")
+    clean_mask: Literal["dense", "as-noisy"] = Field(
+        "dense", description="as-noisy: remove clean depth where the noisy map has none"
+    )
+    nearest_to_mm: float | None = Field(
+        None, ge=1, description="shift each frame so that its nearest clean point has this depth"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> OutputSettings:
+        if len(set(self.layers)) != len(self.layers) or not self.layers:
+            raise ValueError(
+                f"layers must be one or more of {', '.join(get_args(LayerName))}, once"
+            )
+        return self
+
+
+_Shares = tuple[float, float, float]
+
+
+def _split(value: object) -> object:
+    if value == PAPER_SPLIT:
+        return value
+    if isinstance(value, str):
+        value = [part.strip() for part in value.split(",")]
+    if isinstance(value, list | tuple) and len(value) != len(SPLIT_NAMES):
+        raise ValueError(f"give {len(SPLIT_NAMES)} shares ({', '.join(SPLIT_NAMES)})")
+    return value
+
+
+def _sources(value: object) -> object:
+    return (value,) if isinstance(value, Mapping | SourceSettings) else value
+
+
+class Settings(_Table):
+    """Everything that determines a data set. The same settings give the same bytes."""
+
+    sensor: str = DEFAULT_SENSOR
+    seed: int = Field(0, ge=0, lt=2**63)
+    devices: int = Field(1, ge=1, description="virtual devices, each with its own fixed pattern")
+    split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = (0.70, 0.12, 0.18)
+    source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
+    pose: PoseSettings = PoseSettings()
+    variation: VariationSettings = VariationSettings()
+    scene: SceneSettings = SceneSettings()
+    rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
+    stage: dict[str, dict[str, NumberSetting]] = Field(default_factory=dict)
+    output: OutputSettings = OutputSettings()
+    strict: bool = Field(False, description="stop at the first bad mesh instead of recording it")
+
+    @model_validator(mode="after")
+    def _check(self) -> Settings:
+        if not isinstance(self.split, str) and (
+            any(s < 0 or not math.isfinite(s) for s in self.split)
+            or abs(sum(self.split) - 1) > 1e-6
+        ):
+            raise ValueError(f"split {list(self.split)}: the shares must be >= 0 and add up to 1")
+        if not self.source:
+            raise ValueError("source: at least one is needed")
+        return self
+
+
+def load_settings(
+    file: Path | None = None,
+    assignments: Iterable[str] = (),
+    overrides: Mapping[str, Any] | None = None,
+    source: Mapping[str, Any] | None = None,
+) -> Settings:
+    """Load settings: a TOML file, then ``a.b=value`` assignments, then nested ``overrides``.
+
+    source: overrides of the single [source] table. A source that generates faces has 10 subjects
+    and 30 frames of each by default.
+
+    Raises ConfigError for a file that cannot be read, an unknown key or an invalid value.
+    """
+    tree: dict[str, Any] = read_toml(file) if file is not None else {}
+    where = str(file) if file is not None else "settings"
+    for text in assignments:
+        path, value = parse_assignment(text)
+        assign(tree, path, value, text)
+    merge_tables(tree, overrides or {})
+    if source:
+        if isinstance(tree.get("source"), list):
+            raise ConfigError(f"{where}: has several [[source]] tables: set them there")
+        merge_tables(tree.setdefault("source", {}), source)
+    settings = parse_table(Settings, tree, where)
+    return settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
+
+
+def _with_counts(source: SourceSettings) -> SourceSettings:
+    if source.kind not in GENERATORS:
+        return source
+    update = {
+        "subjects": source.subjects or DEFAULT_SUBJECTS,
+        "frames_per_subject": source.frames_per_subject or DEFAULT_FRAMES,
+    }
+    return source.model_copy(update=update)
+
+
+def parse_assignment(text: str) -> tuple[list[str], Any]:
+    """Split ``"axial.base_sigma_mm=2.5"`` into (["stage", "axial", "base_sigma_mm"], 2.5).
+
+    As ``split_assignment``; a first word that is not a settings table names a noise stage.
+    """
+    path, value = split_assignment(text, "axial.base_sigma_mm=2.5 or pose.yaw_deg=20")
+    if len(path) == 2 and path[0] not in Settings.model_fields:
+        path = ["stage", *path]
+    return path, value

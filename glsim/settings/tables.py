@@ -1,0 +1,95 @@
+"""TOML tables as nested dicts: reading, assignments, merging and validation by a pydantic model.
+
+Settings (``schema``), sensors, recipes and plans each have a model of their own.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from glsim.errors import ConfigError, did_you_mean
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def read_toml(file: Path) -> dict[str, Any]:
+    """Read a TOML file as nested dicts. Raises ConfigError with the file's name."""
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{file}: no such file") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{file}: {error}") from None
+
+
+def split_assignment(text: str, example: str) -> tuple[list[str], Any]:
+    """Split ``"a.b=2.5"`` into (["a", "b"], 2.5). Values are TOML; a bare word is a string.
+
+    Raises ConfigError, which shows ``example``, if ``text`` is not "name=value".
+    """
+    name, equals, value = text.partition("=")
+    path = [part.strip() for part in name.split(".")]
+    if not equals or not value.strip() or not all(path):
+        raise ConfigError(f"--set {text}: write name=value, e.g. {example}")
+    try:
+        return path, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return path, value.strip()
+
+
+def assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> None:
+    """Set the value at ``path`` in nested dicts. Raises ConfigError with ``text`` if it cannot."""
+    node: Any = tree
+    for part in path[:-1]:
+        if isinstance(node, dict):
+            node = node.setdefault(part, {})
+    if not isinstance(node, dict):
+        raise ConfigError(f"--set {text}: {'.'.join(path[:-1])} is not a single table")
+    node[path[-1]] = value
+
+
+def merge_tables(tree: dict[str, Any], overrides: Mapping[str, Any]) -> None:
+    """Merge ``overrides`` into nested dicts, in place: tables merge, other values replace."""
+    for key, value in overrides.items():
+        if isinstance(value, Mapping) and isinstance(tree.get(key), dict):
+            merge_tables(tree[key], value)
+        else:
+            tree[key] = dict(value) if isinstance(value, Mapping) else value
+
+
+def parse_table(model: type[_Model], tree: Mapping[str, Any], where: str) -> _Model:
+    """Build a ``model`` from nested dicts. Raises ConfigError: the first problem, in one line."""
+    try:
+        return model.model_validate(tree)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        path = [
+            part for part in problem["loc"] if not str(part).startswith(("function-", "tuple["))
+        ]
+        name = ".".join(str(part) for part in path) or "the whole"
+        if problem["type"] == "extra_forbidden":
+            known = _fields_at(model, path[:-1])
+            raise ConfigError(
+                f"{where}: no such setting {name!r} ({did_you_mean(str(path[-1]), known)})"
+            ) from None
+        message = problem["msg"].removeprefix("Value error, ")
+        given = problem.get("input")
+        tail = f" (got {given!r})" if isinstance(given, str | int | float) else ""
+        raise ConfigError(f"{where}: {name}: {message}{tail}") from None
+
+
+def _fields_at(model: type[BaseModel], path: list[Any]) -> list[str]:
+    for part in path:
+        field = model.model_fields.get(str(part))
+        if field is None:
+            continue
+        inner = [field.annotation, *getattr(field.annotation, "__args__", ())]
+        models = [a for a in inner if isinstance(a, type) and issubclass(a, BaseModel)]
+        if models:
+            model = models[0]
+    return list(model.model_fields)

@@ -1,0 +1,1 @@
+"""Measurements behind the checks; each function returns measurements by number of check."""

@@ -1,0 +1,103 @@
+"""Checks 9 to 11: phase noise before and after the decoder's filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glsim.validate import measure, published_curves, scenes
+from glsim.validate.captures import INTERNAL, Captures
+from glsim.validate.checks.depth import COUNTS_PER_AMPLITUDE
+from glsim.validate.measure import Array
+from glsim.validate.report import Measurement
+from glsim.validate.virtual_camera import Capture, Changes
+
+#: Distance of the walls; it gives amplitudes of up to 120, and of 10 with a dark albedo.
+_WALL_MM = 1500.0
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseNoise:
+    """Noise of phases and depth at N amplitudes.
+
+    amplitude: (N,) measured, infrared units. sigma_rad: (3, N) phase noise at 80, 16 and 120 MHz,
+    filters off. raw_mm, filtered_mm: (N,) temporal sigma of the depth without and with the
+    filters, both without floor and rounding.
+    """
+
+    amplitude: Array
+    sigma_rad: Array
+    raw_mm: Array
+    filtered_mm: Array
+
+
+def measure_phase_noise(captures: Captures, amplitudes: Array) -> PhaseNoise | None:
+    """Measure walls whose albedos give (N,) amplitudes; None for a chain without phases."""
+    white, off = captures.ablations.white, captures.ablations.no_filters
+    if white is None or off is None or not captures.ablations.phases:
+        return None
+    bright = captures.wall(_WALL_MM).infrared.mean() / COUNTS_PER_AMPLITUDE
+    walls = [
+        _measure_wall(captures, float(a / bright), {**white, **off}, white) for a in amplitudes
+    ]
+    return PhaseNoise(
+        np.array([wall[0] for wall in walls]),
+        np.stack([wall[1] for wall in walls], axis=1),
+        np.array([wall[2] for wall in walls]),
+        np.array([wall[3] for wall in walls]),
+    )
+
+
+def _measure_wall(
+    captures: Captures, albedo: float, raw: Changes, filtered: Changes
+) -> tuple[float, Array, float, float]:
+    """Measure one wall: amplitude, (3,) phase sigma in rad, raw and filtered depth sigma in mm."""
+
+    def capture_wall(changes: Changes) -> Capture:
+        return captures.camera.capture(
+            scenes.wall(_WALL_MM, albedo), at_mm=(0, 0, _WALL_MM), changes=changes,
+            scene=f"phases {albedo:.4f}", extra=captures.ablations.phases,
+        ).centre()  # fmt: skip
+
+    capture = capture_wall(raw)
+    phasors = _phasors(capture, captures.ablations.phases)
+    mean = phasors.mean(axis=1, keepdims=True)
+    count = phasors.shape[1]
+    # Angles are relative to each pixel's mean phasor, so that none wraps.
+    angle = np.angle(phasors * np.conj(mean))
+    sigma = np.sqrt((angle**2).mean(axis=(1, 2, 3)) * count / (count - 1))
+    return (
+        float(np.abs(mean).mean()),
+        np.asarray(sigma),
+        measure.sigma_temporal(capture.fine_mm),
+        measure.sigma_temporal(capture_wall(filtered).fine_mm),
+    )
+
+
+def _phasors(capture: Capture, layers: tuple[str, ...]) -> Array:
+    """Return (3, T, H, W) complex phasors at 80, 16 and 120 MHz."""
+    a, b = (capture.extra[name].astype(np.float64) for name in layers)
+    parts = np.stack([a[..., 0], a[..., 2], b[..., 0]]), np.stack([a[..., 1], a[..., 3], b[..., 1]])
+    return np.asarray(parts[0] + 1j * parts[1])
+
+
+def phase_noise(captures: Captures) -> dict[str, Measurement]:
+    """Measure checks 9 to 11: phase noise, its fusion into depth noise, gain of the filter."""
+    noise = measure_phase_noise(captures, np.array([15.0, 20.0, 30.0, 50.0, 100.0]))
+    if noise is None:
+        return {n: Measurement(why_not=INTERNAL) for n in ("9", "10", "11")}
+    index_of_amplitude = {20: 1, 50: 3, 100: 4}
+    sigma = {
+        f"{mhz} MHz @{a}": float(noise.sigma_rad[k, i])
+        for k, mhz in enumerate(published_curves.FREQUENCIES_MHZ)
+        for a, i in index_of_amplitude.items()
+    }
+    phase_sigma_rad = np.sqrt((noise.sigma_rad**2).sum(axis=0))
+    fusion = noise.raw_mm / (published_curves.FUSION_MM_PER_RAD * phase_sigma_rad)
+    gain = (noise.raw_mm / noise.filtered_mm)[2:]
+    return {
+        "9": Measurement(sigma),
+        "10": Measurement({"least": float(fusion.min()), "most": float(fusion.max())}),
+        "11": Measurement({"least": float(gain.min()), "most": float(gain.max())}),
+    }

@@ -1,0 +1,1 @@
+"""Validation sheets as data: which checks a sensor must pass, with bands and sources."""

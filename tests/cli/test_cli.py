@@ -1,0 +1,213 @@
+"""The command line as a user meets it, in an empty folder, with wrong arguments too."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from glsim.dataset import verify
+from glsim.frame import LAYERS
+from tests.support.scenes import face_mesh
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def face_file(here: Path) -> Path:
+    mesh = face_mesh()
+    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in mesh.vertices_mm]
+    lines += [f"f {a} {b} {c}" for a, b, c in mesh.faces + 1]
+    (here / "face.obj").write_text("\n".join(lines) + "\n")
+    return here / "face.obj"
+
+
+def run(*arguments: str) -> int:
+    return main(list(arguments))
+
+
+def fails(capsys: pytest.CaptureFixture[str], status: int, *arguments: str) -> str:
+    """The one line of an error, with the right exit status."""
+    assert run(*arguments) == status
+    lines = [line for line in capsys.readouterr().err.splitlines() if "error" in line.lower()]
+    assert len(lines) == 1, lines
+    assert "Traceback" not in lines[0]
+    return lines[0]
+
+
+def test_help_of_every_command_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--help") == 0
+    listing = capsys.readouterr().out
+    for command in ("render", "generate", "preview", "corrupt", "sensors", "stages", "info"):
+        assert command in listing
+        assert run(command, "--help") == 0
+        assert f"glsim {command}" in capsys.readouterr().out
+
+
+def test_render_writes_five_files(
+    face_file: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["render", str(face_file), "-o", "out", "--axes", "+x+y+z", "--unit", "mm"]
+    command += ["--sensor", "kinect-v2-fankhauser"]
+    assert run(*command, "--seed", "3", "--set", "axial.base_sigma_mm=2.5") == 0
+    assert capsys.readouterr().err.count("face_clean.png") == 1, "one mesh, one frame"
+    assert len(list((here / "out").iterdir())) == 5
+    for layer in LAYERS:
+        image = cv2.imread(str(here / "out" / f"face_{layer}.png"), cv2.IMREAD_UNCHANGED)
+        assert image.shape == (424, 512)
+        assert image.dtype == (np.uint8 if layer == "reason" else np.uint16)
+    assert (here / "out" / "face_preview.png").is_file()
+    before = (here / "out" / "face_noisy.png").read_bytes()
+    assert run(*command, "--seed", "3", "--set", "axial.base_sigma_mm=2.5") == 0
+    assert (here / "out" / "face_noisy.png").read_bytes() == before
+    assert run(*command, "--seed", "4", "--set", "axial.base_sigma_mm=2.5") == 0
+    assert (here / "out" / "face_noisy.png").read_bytes() != before
+
+
+def test_generate_preview_and_corrupt_go_together(here: Path) -> None:
+    command = ["generate", "-o", "data", "--subjects", "3", "--frames-per-subject", "2"]
+    command += ["--crop", "96", "--split", "0.34,0.33,0.33", "--workers", "1", "-q"]
+    assert run(*command) == 0
+    assert run(*command) == 0, "a finished run is checked and left"
+    assert verify(here / "data", deep=True) == []
+    assert {p.name for p in (here / "data").iterdir() if p.is_dir()} >= {"train", "val", "test"}
+    assert run("preview", "data", "-o", "seen", "--frames", "2", "-q") == 0
+    sheet = cv2.imread(str(here / "seen" / "contact_sheet.png"))
+    assert sheet.shape[1] == 1200
+    assert "noisy - clean, rms" in (here / "seen" / "summary.md").read_text()
+    clean = next((here / "data" / "train").rglob("*_clean.png"))
+    for backend in ("egl", "numpy"):
+        target = here / f"{backend}.png"
+        assert run("corrupt", str(clean), "-o", str(target), "--backend", backend, "-q") == 0
+        noisy = cv2.imread(str(target), cv2.IMREAD_UNCHANGED)
+        truth = cv2.imread(str(clean), cv2.IMREAD_UNCHANGED)
+        both = (noisy > 0) & (truth > 0)
+        assert both.mean() > 0.5 * (truth > 0).mean()
+        assert 0.5 < (noisy.astype(float) - truth)[both].std() < 20
+
+
+def test_corrupt_takes_a_folder_and_names_what_it_cannot_read(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "maps" / "a").mkdir(parents=True)
+    depth = np.full((60, 80), 900, np.uint16)
+    cv2.imwrite(str(here / "maps" / "a" / "good.png"), depth)
+    cv2.imwrite(str(here / "maps" / "eight.png"), depth.astype(np.uint8))
+    (here / "maps" / "broken.png").write_bytes(b"\x89PNG but not really")
+    assert run("corrupt", "maps", "-o", "noisy", "--sensor", "ideal") == 1
+    error = capsys.readouterr().err
+    assert "eight.png" in error
+    assert "broken.png" in error
+    assert "2 of 3" in error
+    written = cv2.imread(str(here / "noisy" / "a" / "good.png"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(written, depth)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["render", "face.obj", "--sensor", "kinect-v3"], "no such sensor 'kinect-v3'"),
+        (["render", "face.obj", "--set", "tof_flor.sigma_mm=1"], "did you mean 'tof_floor'"),
+        (["render", "face.obj", "--set", "tof_floor.sigma=1"], "did you mean 'sigma_mm'"),
+        (["render", "face.obj", "--set", "tof_floor.sigma_mm=1000"], "outside [0, 50] mm"),
+        (["render", "face.obj", "--set", "axial.base_sigma_mm"], "write name=value"),
+        (["render", "face.obj", "--config", "none.toml"], "none.toml: no such file"),
+        (["generate", "-o", "d", "--source", "folder"], "needs --root"),
+        (["generate", "-o", "d", "--workers", "none"], "--workers none"),
+        (["generate", "-o", "d", "--split", "0.5,0.6,0.1"], "add up to 1"),
+        (["generate", "-o", "d", "--layers", "clean,depth"], "depth"),
+        (["generate", "-o", "d", "--crop", "500"], "larger than the sensor"),
+        (["corrupt", "nothing.png", "-o", "x.png"], "nothing.png: no such file"),
+        (["stages", "axal"], "did you mean 'axial'"),
+    ],
+)
+def test_wrong_settings_are_one_line_and_status_2(
+    face_file: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    face_options = ["--axes", "+x+y+z", "--unit", "mm"] if arguments[0] == "render" else []
+    assert words in fails(capsys, 2, *arguments, *face_options)
+
+
+def test_bad_meshes_are_one_line_and_status_1(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "empty.obj").write_text("")
+    (here / "noise.stl").write_bytes(bytes(range(256)) * 3)
+    for name in ("missing.obj", "empty.obj", "noise.stl"):
+        assert name in fails(capsys, 1, "render", name)
+
+
+def test_a_folder_of_nothing_but_bad_meshes_fails_and_records_them(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "scans").mkdir()
+    (here / "scans" / "noise.stl").write_bytes(bytes(range(256)) * 3)
+    arguments = ["generate", "-o", "data", "--source", "folder", "--root", "scans"]
+    assert "no frame could be made" in fails(capsys, 1, *arguments, "--workers", "1")
+    assert "noise.stl" in (here / "data" / "skipped.jsonl").read_text()
+
+
+def test_a_shader_that_does_not_compile_is_named_with_its_line(
+    face_file: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "mine.glsl").write_text(
+        "#version 330 core\n// mine\nuniform sampler2D u_depth;\nout float depth;\n"
+        "void main() {\n    depth = oops;\n}\n"
+    )
+    (here / "mine.toml").write_text(
+        'title = "mine"\n[rig]\nwidth = 64\nheight = 48\nfocal_px = [45, 45]\n'
+        'centre_px = [32, 24]\n[[stage]]\nuse = "mine.glsl"\n'
+    )
+    arguments = ["render", "face.obj", "--sensor", "mine.toml", "--axes", "+x+y+z", "--unit", "mm"]
+    assert "mine.glsl:6:" in fails(capsys, 1, *arguments)
+
+
+def test_usage_errors_have_status_2(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("render") == 2
+    assert run("generate", "--subjects", "many", "-o", "d") == 2
+    assert run("fly") == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_ctrl_c_is_one_line_and_status_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def press() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("glsim.sensors.sensor.sensor_names", press)
+    assert main(["sensors"]) == 1
+    assert capsys.readouterr().err.startswith("interrupted: run the same command again")
+
+
+def test_lists_and_info_print_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("sensors") == 0
+    assert "kinect-v2-paper" in capsys.readouterr().out
+    assert run("stages") == 0
+    assert "base_sigma_mm" in capsys.readouterr().out
+    assert run("stages", "axial") == 0
+    assert "noise/axial.glsl:" in capsys.readouterr().out
+    assert run("info") == 0
+    out = capsys.readouterr().out
+    assert "egl" in out
+    assert "osmesa" in out
+
+
+def test_it_is_a_module_too_and_light_to_import() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "glsim", "sensors"], capture_output=True, text=True, check=True
+    )
+    assert "kinect-v2" in done.stdout
+    heavy = "('cv2', 'moderngl', 'torch')"
+    code = f"import sys, glsim.cli; print(*(m for m in {heavy} if m in sys.modules))"
+    light = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert light.stdout.strip() == ""

@@ -1,0 +1,218 @@
+"""``glsim denoise``, ``glsim eval --list`` and ``glsim study`` as a user meets them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from tests.support import checkpoint_stand_in
+from tests.support.checkpoint_stand_in import write_run
+from tests.support.eval_scenes import dome, noisy, write_pairs
+
+
+@pytest.fixture
+def maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "maps" / "a"
+    folder.mkdir(parents=True)
+    for number in range(3):
+        write(folder / f"m{number}_noisy.png", noisy(dome(), number))
+    return tmp_path / "maps"
+
+
+def write(path: Path, depth: np.ndarray) -> None:  # type: ignore[type-arg]
+    cv2.imwrite(str(path), depth.astype(np.uint16))
+
+
+def read(path: Path) -> np.ndarray:  # type: ignore[type-arg]
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image.dtype == np.uint16
+    return np.asarray(image)
+
+
+def test_denoise_a_file_a_folder_and_a_pattern(maps: Path, tmp_path: Path) -> None:
+    source = maps / "a" / "m0_noisy.png"
+    assert main(["denoise", str(source), "-o", "one.png", "-d", "quadric", "-q"]) == 0
+    before, after = read(source), read(tmp_path / "one.png")
+    np.testing.assert_array_equal(after > 0, before > 0)
+    assert (before != after).any()
+    assert main(["denoise", str(maps), "-o", "all", "-d", "quadric", "-q"]) == 0
+    np.testing.assert_array_equal(read(tmp_path / "all" / "a" / "m0_noisy.png"), after)
+    assert main(["denoise", "maps/*/*_noisy.png", "-o", "some", "-d", "quadric", "-q"]) == 0
+    assert len(list((tmp_path / "some").iterdir())) == 3
+
+
+def test_denoise_knows_sequences_and_units(maps: Path, tmp_path: Path) -> None:
+    assert main(["denoise", str(maps), "-o", "t", "-d", "temporal_median", "-q"]) == 0
+    stack = np.stack([read(file) for file in sorted((maps / "a").iterdir())])
+    middle = read(tmp_path / "t" / "a" / "m1_noisy.png")
+    pixel = (20, 24)
+    found = stack[:, *pixel][stack[:, *pixel] > 0]
+    assert middle[pixel] == np.rint(np.median(found))
+    fine = (dome(whole=False) * 10).astype(np.uint16)
+    write(tmp_path / "fine.png", fine)
+    command = ["denoise", "fine.png", "-o", "fine_out.png", "-d", "noisy", "-q"]
+    assert main([*command, "--depth-unit-mm", "0.1"]) == 0
+    np.testing.assert_array_equal(read(tmp_path / "fine_out.png"), fine)
+
+
+def test_denoise_takes_the_step_of_the_data_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    fine = (dome(whole=False) * 10).astype(np.uint16)
+    for name, unit in (("d", 0.1), ("e", 1.0)):
+        (tmp_path / name / "test").mkdir(parents=True)
+        (tmp_path / name / "dataset.json").write_text(f'{{"depth_unit_mm": {unit}}}')
+        write(tmp_path / name / "test" / f"{name}.png", fine)
+    command = ["denoise", "d/test/d.png", "-d", "quadric", "-q", "-o"]
+    assert main([*command, "known.png"]) == 0
+    write(tmp_path / "alone.png", fine)
+    alone = ["denoise", "alone.png", "-d", "quadric", "-q", "-o", "told.png"]
+    assert main([*alone, "--depth-unit-mm", "0.1"]) == 0
+    np.testing.assert_array_equal(read(tmp_path / "known.png"), read(tmp_path / "told.png"))
+    assert main([*command, "x.png", "--depth-unit-mm", "1"]) == 2
+    assert "steps of 0.1 mm" in capsys.readouterr().err
+    assert main(["denoise", "d/test", "e/test", "-d", "quadric", "-q", "-o", "x"]) == 2
+    assert "different steps" in capsys.readouterr().err
+    (tmp_path / "d" / "dataset.json").write_text("somebody's")
+    assert main([*command, "y.png", "--depth-unit-mm", "0.1"]) == 0
+
+
+def test_denoise_names_what_it_cannot_read(maps: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cv2.imwrite(str(maps / "eight.png"), np.full((9, 9), 90, np.uint8))
+    write(maps / "metres.png", np.full((9, 9), 1))
+    assert main(["denoise", str(maps), "-o", "out", "-d", "median"]) == 1
+    error = capsys.readouterr().err
+    assert "eight.png" in error
+    assert "metres instead of" in error
+    assert "2 of 5" in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["denoise", "none.png", "-o", "o.png", "-d", "median"], "no such file"),
+        (["denoise", "maps/a/m0_noisy.png", "-o", "o.jpg", "-d", "median"], "ends in .png"),
+        (["denoise", "maps", "-o", "maps", "-d", "median"], "would overwrite"),
+        (["denoise", "maps", "-o", "o", "-d", "medan"], "did you mean 'median'"),
+        (["denoise", "maps", "-o", "o", "-d", "median", "--composite", "x"], "--composite x"),
+        (["eval", "none"], "no such folder"),
+        (["eval"], "give the folder"),
+        (["eval", "maps", "--paper-table", "4"], "--paper-table 4"),
+        (["eval", "maps", "--paper-table", "2"], "give --runs"),
+        (["eval", "maps", "--paper-table", "3", "--runs", "nowhere"], "no such folder"),
+        (["eval", "maps", "--paper-table", "3", "--runs", "maps"], "no */best.pt"),
+        (["eval", "maps", "--workers", "0"], "--workers 0"),
+        (["study", "-o", "s", "--sensors", "kinect-v3"], "no such sensor"),
+    ],
+)
+def test_wrong_usage(
+    maps: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    assert main(arguments) in (1, 2)
+    assert words in capsys.readouterr().err.replace("\n", "")
+
+
+def test_checkpoints_need_the_training_part(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "glsim.denoise.inference", None)
+    (tmp_path / "best.pt").write_bytes(b"")
+    write(tmp_path / "a.png", dome())
+    assert main(["denoise", "a.png", "-o", "b.png", "-d", "best.pt"]) == 1
+    assert "glsim[train]" in capsys.readouterr().err
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package with the stand-in of a network that knows its uncertainty."""
+    package = tmp_path / "shipped_stand_in"
+    write_run(package, 0.2, row=None, sigma_mm=1.234)
+    (package / "__init__.py").write_text("")
+    (package / "best.pt").rename(package / "face.pt")
+    monkeypatch.setitem(sys.modules, "glsim.denoise.inference", checkpoint_stand_in)
+    monkeypatch.setattr("glsim.denoise.loading._SHIPPED_PACKAGE", "shipped_stand_in")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "shipped_stand_in", raising=False)
+    return package / "face.pt"
+
+
+def test_without_a_denoiser_the_shipped_network_is_taken(
+    maps: Path, tmp_path: Path, shipped: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = maps / "a" / "m0_noisy.png"
+    assert main(["denoise", str(source), "-o", "one.png", "-q"]) == 0
+    seen = read(source).astype(np.float32)
+    wanted = np.rint(np.where(seen > 0, seen + 0.2 * (900 - seen), 0))
+    np.testing.assert_array_equal(read(tmp_path / "one.png"), wanted)
+    command = ["denoise", str(source), "-o", "two.png", "-d", "face", "-q"]
+    assert main(command) == 0
+    assert (tmp_path / "two.png").read_bytes() == (tmp_path / "one.png").read_bytes()
+    pairs = write_pairs(tmp_path / "pairs", 1, 1)
+    scoring = ["eval", str(pairs), "-d", "face", "-o", "s", "--workers", "1", "--no-figures", "-q"]
+    assert main(scoring) == 0
+    assert "`face`" in (tmp_path / "s" / "table.md").read_text()
+
+    for asked, kept in (("face:min_probability=0.6", True), ("face:sure=0.9", False)):
+        assert main([*command[:-2], asked, "-q"]) == 0
+        assert read(tmp_path / "two.png").any() == kept
+        assert main([*command[:-2], asked.replace("face", str(shipped)), "-q"]) == 0
+        assert read(tmp_path / "two.png").any() == kept
+    assert main([*command[:-2], "face:size=3"]) == 2
+    assert "no such parameter 'size'" in capsys.readouterr().err
+    assert main([*command[:-2], "face:sure=2"]) == 2
+    assert "sure must lie in [0, 0.999]" in capsys.readouterr().err
+    shipped.unlink()
+    assert main(command) == 1
+    assert "no face.pt, the weights of the shipped network" in capsys.readouterr().err
+
+
+def test_uncertainty_is_a_map_beside_the_depth(
+    maps: Path, tmp_path: Path, shipped: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = maps / "a" / "m0_noisy.png"
+    command = ["denoise", str(source), "-o", "depth.png", "-q", "--uncertainty"]
+    assert main([*command, "sigma.png"]) == 0
+    depth, sigma = read(tmp_path / "depth.png"), read(tmp_path / "sigma.png")
+    np.testing.assert_array_equal(sigma, np.where(depth > 0, 123, 0))  # 1.234 mm, in 0.01 mm
+    assert main(["denoise", str(maps), "-o", "d", "--uncertainty", "s", "-q"]) == 0
+    assert len(list((tmp_path / "s" / "a").iterdir())) == 3
+
+    assert main([*command, "depth.png"]) == 2
+    assert "is also the output of the depth" in capsys.readouterr().err
+    assert main([*command, "sigma.png", "-d", "quadric"]) == 2
+    assert "quadric does not estimate its uncertainty" in capsys.readouterr().err
+
+
+def test_a_sigma_that_is_none_is_refused(maps: Path, shipped: Path) -> None:
+    text = shipped.read_text()
+    shipped.write_text(text.replace("1.234", "-1"))
+    command = ["denoise", str(maps / "a" / "m0_noisy.png"), "-o", "depth.png", "-q"]
+    assert main([*command, "--uncertainty", "sigma.png"]) == 1
+
+
+def test_list_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["eval", "--list"]) == 0
+    listing = capsys.readouterr().out
+    assert "median: median over a square" in listing
+    assert "size=5" in listing
+    for command in ("eval", "denoise", "study"):
+        assert main([command, "--help"]) == 0
+        assert f"glsim {command}" in capsys.readouterr().out
+
+
+def test_a_small_study(tmp_path: Path) -> None:
+    command = ["study", "-o", str(tmp_path), "--sensors", "led3d,ideal", "--subjects", "5"]
+    command += ["--frames-per-subject", "1", "--crop", "64", "--workers", "1", "-q"]
+    assert main(command) == 0
+    text = (tmp_path / "study.md").read_text()
+    assert "| `led3d` |" in text
+    assert "## Who wins" in text
+    assert (tmp_path / "led3d" / "scores" / "paper_table_1.md").is_file()

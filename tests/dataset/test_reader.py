@@ -1,0 +1,284 @@
+"""Test the reader and the problems that verify reports."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim.dataset import Dataset, open_dataset, verify, write_dataset
+from glsim.errors import DatasetError
+from tests.support.dataset_fakes import contents, fake_frame, make, make_settings, make_tasks
+
+FORMATS = ["png", "webdataset"]
+PNG = "test/s001/smile.1_00003_noisy.png"
+
+
+@pytest.fixture(scope="module")
+def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    root = tmp_path_factory.mktemp("originals")
+    for format in FORMATS:
+        make(root / format, make_settings(format=format), skip_every=7)
+    return {format: root / format for format in FORMATS}
+
+
+@pytest.fixture
+def tree(originals: dict[str, Path], tmp_path: Path) -> Path:
+    return Path(shutil.copytree(originals["png"], tmp_path / "png"))
+
+
+@pytest.fixture
+def shards(originals: dict[str, Path], tmp_path: Path) -> Path:
+    return Path(shutil.copytree(originals["webdataset"], tmp_path / "webdataset"))
+
+
+def pair_of(path: Path, subject: str = "s001", frame: int = 3):
+    return next(p for p in Dataset(path) if (p.subject, p.frame) == (subject, frame))
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_splits_are_sequences(originals: dict[str, Path], format: str) -> None:
+    dataset = open_dataset(originals[format])
+    assert [len(dataset.split(name)) for name in ("train", "val", "test")] == [69, 35, 34]
+    assert len(dataset) == 138
+    for name in ("train", "val", "test"):
+        split = dataset.split(name)
+        indices = [pair.index for pair in split]
+        assert {pair.split for pair in split} == {name}
+        assert indices == sorted(indices)
+        assert [split[i].index for i in range(len(split))] == indices
+        assert split[-1].index == indices[-1]
+        assert [pair.index for pair in split[2:9:3]] == indices[2:9:3]
+        with pytest.raises(IndexError):
+            split[len(split)]
+    with pytest.raises(DatasetError, match="no such split 'tests': did you mean 'test'"):
+        dataset.split("tests")
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_datasets_travel_to_other_processes(originals: dict[str, Path], format: str) -> None:
+    split = pickle.loads(pickle.dumps(open_dataset(originals[format]).split("val")))
+    assert split[4].clean_mm.shape == (24, 32)
+
+
+def test_both_formats_read_the_same(originals: dict[str, Path]) -> None:
+    tree, shards = (Dataset(originals[format]) for format in FORMATS)
+    for a, b in zip(tree, shards, strict=True):
+        assert a.record | {"files": 0} == b.record | {"files": 0}
+        np.testing.assert_array_equal(a.noisy_mm, b.noisy_mm)
+
+
+def test_depth_unit_and_offset_are_honoured(tmp_path: Path) -> None:
+    tasks = make_tasks(1, 3)
+
+    def shifted(settings, tasks):
+        for task in tasks:
+            yield fake_frame(task, 0.25, offset_mm=100.0 * task.index)
+
+    settings = make_settings(depth_unit_mm=0.25)
+    write_dataset(settings, tasks, tmp_path, shifted, sensor={}, renderer="", workers=1)
+    for pair, task in zip(open_dataset(tmp_path).split("train"), tasks, strict=True):
+        units = fake_frame(task, 0.25).noisy
+        expected = np.where(units > 0, units * 0.25 + 100.0 * task.index, 0)
+        np.testing.assert_array_equal(pair.noisy_mm, expected.astype(np.float32))
+        assert pair.depth_offset_mm == 100.0 * task.index
+
+
+def test_a_data_set_without_some_splits(tmp_path: Path) -> None:
+    make(tmp_path, tasks=make_tasks(1, 3))
+    dataset = open_dataset(tmp_path)
+    assert len(dataset.split("test")) == 0
+    assert list(dataset.split("val")) == []
+    assert verify(tmp_path, deep=True) == []
+
+
+def test_a_data_set_of_skipped_frames_only(tmp_path: Path) -> None:
+    for format in FORMATS:
+        make(tmp_path / format, make_settings(format=format), make_tasks(2, 2), skip_every=1)
+        assert list(open_dataset(tmp_path / format)) == []
+        assert verify(tmp_path / format, deep=True) == []
+
+
+def rewrite_header(path: Path, **changes: object) -> None:
+    header = json.loads((path / "dataset.json").read_text())
+    (path / "dataset.json").write_text(json.dumps(header | changes))
+
+
+def test_no_header(tmp_path: Path, tree: Path) -> None:
+    with pytest.raises(DatasetError, match=r"is no data set of glsim: it has no dataset\.json"):
+        open_dataset(tmp_path)
+    (tree / "dataset.json").unlink()
+    with pytest.raises(DatasetError, match="is not complete: run glsim generate again"):
+        open_dataset(tree)
+
+
+def test_bad_headers(tree: Path) -> None:
+    rewrite_header(tree, format_version=99)
+    with pytest.raises(DatasetError, match=r"format version 99 is newer than 1.*update glsim"):
+        open_dataset(tree)
+    rewrite_header(tree, format="coco", format_version=1)
+    with pytest.raises(DatasetError, match="is not the header of a glsim data set"):
+        open_dataset(tree)
+    (tree / "dataset.json").write_text('{"format":"glsim"}')
+    with pytest.raises(DatasetError, match="is damaged: it lacks frames"):
+        open_dataset(tree)
+    (tree / "dataset.json").write_text("[")
+    with pytest.raises(DatasetError, match=r"dataset\.json: is damaged"):
+        open_dataset(tree)
+
+
+def test_bad_manifests(tree: Path) -> None:
+    manifest = tree / "manifest.jsonl"
+    text = manifest.read_text()
+    manifest.write_text(text.replace('{"index"', "", 1))
+    with pytest.raises(DatasetError, match="line 1 is damaged"):
+        list(open_dataset(tree))
+    manifest.write_text(text + "{}\n")
+    with pytest.raises(DatasetError, match=r"has 139 lines, dataset\.json says 138"):
+        _ = open_dataset(tree).split("test")[0]
+    manifest.unlink()
+    with pytest.raises(DatasetError, match=r"manifest\.jsonl: is missing"):
+        list(open_dataset(tree))
+
+
+def test_missing_image(tree: Path) -> None:
+    (tree / PNG).unlink()
+    with pytest.raises(DatasetError, match=rf"{PNG}: is missing: run glsim generate again"):
+        _ = pair_of(tree).noisy_mm
+    assert pair_of(tree).clean_mm.any()
+
+
+def test_changed_image(tree: Path) -> None:
+    shutil.copy(tree / PNG.replace("noisy", "clean"), tree / PNG)
+    with pytest.raises(DatasetError, match="was changed after it was written"):
+        _ = pair_of(tree).noisy_mm
+
+
+def test_8_bit_image(tree: Path) -> None:
+    image = cv2.imread(str(tree / PNG), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(tree / PNG), (image / 256).astype(np.uint8))
+    with pytest.raises(DatasetError, match="has 8 bits a pixel, noisy needs 16"):
+        _ = pair_of(tree).noisy_mm
+
+
+def test_colour_image(tree: Path) -> None:
+    image = cv2.imread(str(tree / PNG), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(tree / PNG), np.dstack([image] * 3))
+    with pytest.raises(DatasetError, match="has 3 channels instead of one"):
+        _ = pair_of(tree).noisy_mm
+
+
+@pytest.mark.parametrize("data", [b"", b"no image", None])
+def test_corrupt_image(tree: Path, data: bytes | None) -> None:
+    path = tree / PNG
+    path.write_bytes(path.read_bytes()[:20] if data is None else data)
+    with pytest.raises(DatasetError, match="is no readable PNG image"):
+        _ = pair_of(tree).noisy_mm
+
+
+def test_image_of_another_size(tree: Path) -> None:
+    manifest = tree / "manifest.jsonl"
+    manifest.write_text(manifest.read_text().replace('"width":32', '"width":33'))
+    with pytest.raises(DatasetError, match="is 32 x 24 pixels, the record says 33 x 24"):
+        _ = pair_of(tree).noisy_mm
+
+
+def test_truncated_and_missing_shard(shards: Path) -> None:
+    shard = shards / "test-000000.tar"
+    shard.write_bytes(shard.read_bytes()[:5000])
+    with pytest.raises(DatasetError, match=r"test-000000\.tar \(000000..\.noisy\.png\): is no"):
+        _ = pair_of(shards, frame=19).noisy_mm
+    shard.unlink()
+    with pytest.raises(DatasetError, match=r"test-000000\.tar: is missing"):
+        _ = pair_of(shards).noisy_mm
+
+
+# ------------------------------------------------------------------------------------ verify
+
+
+def flip(path: Path, position: int = -30) -> None:
+    data = bytearray(path.read_bytes())
+    data[position] ^= 1
+    path.write_bytes(data)
+
+
+def test_verify_finds_nothing_wrong_with_a_sound_data_set(originals: dict[str, Path]) -> None:
+    for path in originals.values():
+        before = contents(path)
+        assert verify(path) == verify(path, deep=True) == []
+        assert contents(path) == before
+
+
+def test_verify_lets_the_users_own_files_be(tree: Path) -> None:
+    (tree / "README.md").write_text("mine")
+    (tree / "figures").mkdir()
+    assert verify(tree, deep=True) == []
+
+
+def test_verify_finds_missing_changed_and_stray_files(tree: Path) -> None:
+    (tree / PNG).unlink()
+    assert verify(tree) == [f"{PNG} is missing"]
+    (tree / PNG).write_bytes(b"x")
+    assert "has 1 bytes instead of" in verify(tree)[0]
+    shutil.rmtree(tree / "test" / "s001")
+    assert len(verify(tree)) == 34
+    (tree / "val" / "s003" / "extra.png").touch()
+    (tree / "val" / "s999").mkdir()
+    (tree / "val" / "notes.txt").touch()
+    problems = verify(tree)
+    assert [problem for problem in problems if "is missing" not in problem] == [
+        "val/s003/extra.png is in no record",
+        "val/notes.txt is in no record",
+        "val/s999 is in no record",
+    ]
+
+
+def test_verify_finds_changed_bytes_if_deep(tree: Path, shards: Path) -> None:
+    flip(tree / PNG)
+    flip(shards / "val-000000.tar", 5000)
+    assert verify(tree) == verify(shards) == []
+    assert verify(tree, deep=True) == [f"{PNG} is not what was written: its CRC32 differs"]
+    assert verify(shards, deep=True) == [
+        "val-000000.tar is not what was written: its CRC32 differs"
+    ]
+
+
+def test_verify_finds_subjects_in_two_splits(tree: Path) -> None:
+    shutil.copytree(tree / "train" / "s000", tree / "test" / "s000")
+    assert "subject s000 has a folder in train and in test" in verify(tree)
+    manifest = tree / "manifest.jsonl"
+    manifest.write_text(
+        manifest.read_text().replace('"test","subject":"s001"', '"test","subject":"s000"')
+    )
+    problems = verify(tree)
+    assert "subject s000 is in train and in test" in problems
+    assert "manifest.jsonl is not what was written: its CRC32 differs" in problems
+
+
+def test_verify_finds_wrong_counts_and_strange_shards(tree: Path, shards: Path) -> None:
+    rewrite_header(tree, frames={"train": 70, "val": 34, "test": 34})
+    assert verify(tree) == [
+        "train has 69 frames, the header says 70",
+        "val has 35 frames, the header says 34",
+    ]
+    (shards / "train-000007.tar").touch()
+    (shards / "val-000000.tar").unlink()
+    assert verify(shards) == ["val-000000.tar is missing", "train-000007.tar is in no record"]
+
+
+def test_verify_says_what_is_no_data_set(tmp_path: Path) -> None:
+    assert verify(tmp_path) == [f"{tmp_path}: is no data set of glsim: it has no dataset.json"]
+
+
+def test_importing_loads_neither_opencv_nor_opengl() -> None:
+    code = (
+        "import sys, glsim, glsim.dataset; sys.exit(bool({'cv2', 'moderngl'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

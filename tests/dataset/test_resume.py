@@ -1,0 +1,307 @@
+"""Test interrupted and damaged runs: the same call afterwards gives the same bytes."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from glsim.dataset import GenerateProgress, verify
+from glsim.errors import ConfigError, DatasetError
+from glsim.files.atomic import cannot_write
+from glsim.settings.schema import load_settings
+from tests.support.dataset_fakes import Fault, children, contents, make, make_settings, make_tasks
+
+FORMATS = ["png", "webdataset"]
+SKIP = {"skip_every": 7}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
+    result = {}
+    for format in FORMATS:
+        out = tmp_path_factory.mktemp("undisturbed") / format
+        make(out, make_settings(format=format), **SKIP)
+        result[format] = contents(out)
+    return result
+
+
+def resume(out: Path, format: str, expected: dict[str, bytes], **options) -> None:
+    make(out, make_settings(format=format), **SKIP, **options)
+    assert contents(out) == expected
+    assert verify(out, deep=True) == []
+
+
+def test_a_complete_data_set_is_verified_and_left_alone(tmp_path: Path, undisturbed) -> None:
+    make(tmp_path, **SKIP)
+    before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.png")}
+    summary = make(tmp_path, workers=2, **SKIP)
+    assert (summary.rendered, summary.reused) == (0, 160)
+    assert before == {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.png")}
+    assert contents(tmp_path) == undisturbed["png"]
+
+
+@pytest.mark.parametrize(
+    ("format", "index"), [("png", 0), ("png", 45), ("png", 139), ("webdataset", 45)]
+)
+def test_a_killed_worker_is_replaced(
+    tmp_path: Path, undisturbed, caplog: pytest.LogCaptureFixture, format: str, index: int
+) -> None:
+    fault = Fault("kill", index, str(tmp_path / "once"))
+    with caplog.at_level(logging.WARNING):
+        resume(tmp_path / "a", format, undisturbed[format], workers=2, faults=(fault,))
+    assert len(caplog.records) == 1
+    assert "was killed by SIGKILL (out of memory?) while rendering" in caplog.text
+
+
+def test_a_chunk_that_kills_every_worker_stops_the_run(tmp_path: Path, undisturbed) -> None:
+    with pytest.raises(DatasetError, match=r"SIGKILL .* for the second time: what is complete is"):
+        make(tmp_path, workers=2, faults=(Fault("kill", 77),), **SKIP)
+    assert not children()
+    assert verify(tmp_path)[0].endswith(
+        "is not complete: run glsim generate again with the same settings"
+    )
+    resume(tmp_path, "png", undisturbed["png"])
+
+
+def test_workers_killed_at_random_times(tmp_path: Path, undisturbed) -> None:
+    rng = random.Random(1)
+
+    def kill_one(_: GenerateProgress) -> None:
+        victims = children()
+        if victims:
+            os.kill(rng.choice(victims), signal.SIGKILL)
+
+    for _ in range(3):
+        with suppress(DatasetError):  # the same chunk may be hit twice
+            make(tmp_path, workers=2, delay_s=0.002, progress=kill_one, **SKIP)
+        assert not children()
+    resume(tmp_path, "png", undisturbed["png"])
+
+
+ROOT = Path(__file__).parents[2]
+
+SCRIPT = """
+import signal, sys
+from pathlib import Path
+from tests.support.dataset_fakes import children, make, make_settings
+# Children of a background shell ignore Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+try:
+    make(Path(sys.argv[1]), make_settings(format=sys.argv[2]), workers=int(sys.argv[3]),
+         delay_s=0.01, skip_every=7, progress=lambda p: print(p.done, flush=True))
+except KeyboardInterrupt:
+    print("interrupted", children())
+"""
+
+
+def start(out: Path, format: str, workers: int) -> subprocess.Popen[str]:
+    """Start a script without a main guard in its own process; return after its first frames."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, str(out), format, str(workers)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    while int(process.stdout.readline()) < 10:
+        pass
+    return process
+
+
+@pytest.mark.parametrize(("format", "workers"), [("png", 1), ("png", 2), ("webdataset", 2)])
+def test_interrupt(tmp_path: Path, undisturbed, format: str, workers: int) -> None:
+    process = start(tmp_path, format, workers)
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=20)
+    assert output.splitlines()[-1] == "interrupted []"
+    assert errors == ""
+    assert not (tmp_path / ".glsim" / "temporary").exists()
+    resume(tmp_path, format, undisturbed[format], workers=2)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_run_leaves_a_folder_that_resumes_at_once(
+    tmp_path: Path, undisturbed, workers: int
+) -> None:
+    process = start(tmp_path, "png", workers)
+    with pytest.raises(DatasetError, match="another run is writing here"):
+        make(tmp_path, **SKIP)
+    process.kill()
+    process.communicate(timeout=20)
+    resume(tmp_path, "png", undisturbed["png"])
+
+
+def test_a_second_run_is_refused_while_the_first_goes_on(tmp_path: Path) -> None:
+    refused = []
+
+    def try_again(_: GenerateProgress) -> None:
+        with pytest.raises(DatasetError, match="another run is writing here") as caught:
+            make(tmp_path, **SKIP)
+        refused.append(caught)
+
+    make(tmp_path, progress=try_again, **SKIP)
+    assert refused
+    make(tmp_path, **SKIP)
+
+
+def damage(path: Path, how: str, rng: random.Random) -> None:
+    data = bytearray(path.read_bytes())
+    if how == "delete":
+        path.unlink()
+    elif how == "truncate":
+        path.write_bytes(data[: rng.randrange(len(data))] if data else b"\n")
+    elif how == "garble":
+        if data:
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        path.write_bytes(data or b"x")
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("how", ["delete", "truncate", "garble"])
+def test_damaged_files_of_a_complete_data_set_are_restored(
+    tmp_path: Path, undisturbed, format: str, how: str
+) -> None:
+    rng = random.Random(how)
+    make(tmp_path, make_settings(format=format), **SKIP)
+    names = [name for name in contents(tmp_path) if name != ".glsim/plan.json"]
+    special = [name for name in names if not name.endswith(".png")]
+    for name in special:
+        damage(tmp_path / name, how, rng)
+        resume(tmp_path, format, undisturbed[format])
+    for name in rng.sample(names, min(len(names), 5)):
+        damage(tmp_path / name, how, rng)
+    resume(tmp_path, format, undisturbed[format], workers=2)
+
+
+@pytest.mark.parametrize("how", ["delete", "truncate", "garble"])
+def test_damaged_files_of_a_begun_data_set_are_restored(
+    tmp_path: Path, undisturbed, how: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    rng = random.Random(how)
+    with pytest.raises(ZeroDivisionError):
+        make(tmp_path, faults=(Fault("bug", 117),), **SKIP)
+    records = sorted((tmp_path / ".glsim" / "chunks").iterdir())
+    assert len(records) >= 3
+    damage(records[0], how, rng)
+    # These files are in the second chunk: its record stays, and no longer matches.
+    for path in rng.sample(sorted(tmp_path.glob("train/s002/*_0001[3-9]_clean.png")), 2):
+        damage(path, how, rng)
+    with caplog.at_level(logging.WARNING):
+        resume(tmp_path, "png", undisturbed["png"])
+    assert len(caplog.records) == (1 if how == "delete" else 2)
+    assert caplog.text.count("again") == len(caplog.records)
+
+
+def test_only_what_is_damaged_is_rendered_again(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    make(tmp_path)
+    (tmp_path / "test/s005/smile.1_00003_noisy.png").unlink()
+    with caplog.at_level(logging.WARNING):
+        summary = make(tmp_path)
+    assert summary.rendered <= 32
+    assert "test/s005/smile.1_00003_noisy.png is missing: rendering" in caplog.text
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_full_disk(tmp_path: Path, undisturbed, workers: int) -> None:
+    fault = Fault("full", 50, str(tmp_path / "once"), str(tmp_path / "a"))
+    with pytest.raises(DatasetError) as caught:
+        make(tmp_path / "a", workers=workers, faults=(fault,), **SKIP)
+    message = str(caught.value)
+    assert message.startswith(f"cannot write {tmp_path / 'a'}")
+    assert "No space left on device: free some space and run the same command again" in message
+    assert "\n" not in message
+    resume(tmp_path / "a", "png", undisturbed["png"])
+
+
+@pytest.mark.parametrize("name", ["test-000000.tar", "manifest.jsonl", "dataset.json"])
+def test_full_disk_at_shards_and_at_the_end(tmp_path: Path, undisturbed, name: str) -> None:
+    fault = Fault("full", 0, out=str(tmp_path), name=name)
+    with pytest.raises(DatasetError, match=rf"cannot write .*{name}: No space left on device"):
+        make(tmp_path, make_settings(format="webdataset"), faults=(fault,), **SKIP)
+    assert verify(tmp_path) != []
+    resume(tmp_path, "webdataset", undisturbed["webdataset"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": 8}, r"was begun with seed = 0, not 8"),
+        ({"output": {"crop": 128}}, r"was begun with output.crop = null, not 128"),
+        ({"output": {"layers": ["clean"]}}, r'output.layers = \["clean", "noisy"\], not'),
+        ({"pose": {"yaw_deg": 3}}, r"pose.yaw_deg.constant = 0.0, not 3.0"),
+        ({"source": {"subjects": 3}}, r"source.0.subjects = (null|10), not 3"),
+    ],
+)
+def test_other_settings_are_refused(tmp_path: Path, changes: dict, message: str) -> None:
+    make(tmp_path)
+    before = contents(tmp_path)
+    with pytest.raises(ConfigError, match=message):
+        make(tmp_path, load_settings(overrides=changes))
+    assert contents(tmp_path) == before
+
+
+def test_another_plan_or_renderer_is_refused(tmp_path: Path) -> None:
+    make(tmp_path)
+    with pytest.raises(ConfigError, match="planned_frames = 160, not 140"):
+        make(tmp_path, tasks=make_tasks(7))
+    with pytest.raises(ConfigError, match="was begun with other faces: the files of a source"):
+        make(tmp_path, tasks=[*make_tasks()[1:], replace(make_tasks()[0], device=7)])
+    with pytest.raises(ConfigError, match='renderer = "fake renderer", not "another"'):
+        make(tmp_path, renderer="another")
+    (tmp_path / ".glsim" / "plan.json").unlink()  # the header has the same identity
+    with pytest.raises(ConfigError, match="planned_frames = 160, not 140"):
+        make(tmp_path, tasks=make_tasks(7))
+
+
+def test_other_folders_are_refused_and_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("x")
+    with pytest.raises(DatasetError, match="is not empty and holds no data set of glsim"):
+        make(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+    with pytest.raises(DatasetError, match="is a file: choose a folder"):
+        make(tmp_path / "thesis.tex")
+    with pytest.raises(DatasetError, match="cannot write /proc/data"):
+        make(Path("/proc/data"))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_read_only_folder(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(DatasetError, match="Permission denied: check the permissions"):
+        make(tmp_path / "a")
+
+
+def test_advice_for_a_read_only_file_system() -> None:
+    error = cannot_write(Path("a"), OSError(30, os.strerror(30)))
+    assert str(error) == (
+        "cannot write a: Read-only file system: the file system is read-only, choose another folder"
+    )
+
+
+def test_a_damaged_plan_is_one_clear_line(tmp_path: Path) -> None:
+    make(tmp_path)
+    (tmp_path / ".glsim" / "plan.json").write_text("{")
+    with pytest.raises(DatasetError, match=r"plan\.json: is damaged"):
+        make(tmp_path)
+
+
+def test_no_clock_in_the_files(tmp_path: Path) -> None:
+    make(tmp_path / "a", make_settings(format="webdataset"), make_tasks(2, 2))
+    time.sleep(1.01)  # tar files have a resolution of a second
+    make(tmp_path / "b", make_settings(format="webdataset"), make_tasks(2, 2))
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+    assert json.loads((tmp_path / "a" / ".glsim" / "plan.json").read_bytes())["format"] == "glsim"

@@ -1,0 +1,218 @@
+"""Denoisers: exact parameters, handling of holes, and all ways to name one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim.denoise import GRIDS, PAPER_FILTERS, compose, denoiser_names, describe_denoiser, load
+from glsim.denoise.registry import CLEANUPS, tuning_specs
+from glsim.errors import ConfigError, DenoiserError
+from tests.support.eval_scenes import Array, dome, noisy
+
+CLEAN, NOISY = dome(), noisy(dome())
+MASKED = [name for name in denoiser_names() if name in GRIDS]
+
+
+def run(spec: str, depth: Array = NOISY) -> Array:
+    result = compose(load(spec)(depth[None]), depth)
+    assert set(result) == {""}
+    return result[""]
+
+
+def test_the_papers_filters_are_opencvs_with_its_parameters() -> None:
+    whole = NOISY.astype(np.uint16)
+    np.testing.assert_array_equal(run("noisy"), NOISY)
+    np.testing.assert_array_equal(run("adaptive"), NOISY)
+    np.testing.assert_array_equal(run("median"), cv2.medianBlur(whole, 5))
+    np.testing.assert_array_equal(run("bilateral"), cv2.bilateralFilter(NOISY, 9, 75, 75))
+    expected = cv2.fastNlMeansDenoising(whole, [30.0], None, 7, 21, cv2.NORM_L1)
+    np.testing.assert_array_equal(run("nlm"), expected)
+    assert set(PAPER_FILTERS) <= set(denoiser_names())
+
+
+@pytest.mark.parametrize("spec", [*MASKED, *(f"{name}:cleanup=5" for name in MASKED)])
+def test_masked_filters_look_at_valid_pixels_only(spec: str) -> None:
+    filtered = run(spec)
+    assert filtered.dtype == np.float32
+    if "cleanup" not in spec:
+        np.testing.assert_array_equal(filtered > 0, NOISY > 0)
+    # Away from the silhouette, where the input has flying pixels.
+    inner = cv2.erode(np.uint8(CLEAN > 0), np.ones((15, 15), np.uint8)) > 0
+    inner &= (filtered > 0) & (NOISY > 0)
+    before, after = (np.sqrt(np.mean((d - CLEAN)[inner] ** 2)) for d in (NOISY, filtered))
+    assert after < 0.95 * before
+    assert filtered[filtered > 0].min() > 400, "no zero was averaged in"
+
+
+@pytest.mark.parametrize("spec", [*denoiser_names(), *(f"{name}:cleanup=3" for name in MASKED)])
+@pytest.mark.parametrize("kind", ["empty", "pixel", "full", "corner"])
+def test_hard_inputs(spec: str, kind: str) -> None:
+    depth = np.full((24, 30), 800 if kind == "full" else 0, np.float32)
+    if kind == "pixel":
+        depth[12, 12] = 700
+    if kind == "corner":
+        depth[:3, :3] = 650
+    method = load(spec)
+    before = depth.copy()
+    parts = compose(method(depth[None]), depth)
+    out = parts["" if "" in parts else "hard"]
+    np.testing.assert_array_equal(depth, before)
+    assert np.isfinite(out).all()
+    if kind == "empty":
+        assert not out.any()
+    if kind == "full":
+        np.testing.assert_allclose(out, 800, atol=1e-3)
+    if "cleanup" not in spec and spec in MASKED:
+        np.testing.assert_allclose(out[depth > 0], depth[depth > 0], atol=1e-2)
+
+
+@pytest.mark.parametrize(("spec", "degree"), [("plane", 1), ("quadric", 2)])
+def test_polynomials_are_kept_with_holes_too(spec: str, degree: int) -> None:
+    y, x = np.mgrid[:30, :34].astype(np.float64)
+    surface = 900 + 2 * x - 1.5 * y + (0.05 * x * x - 0.03 * x * y if degree == 2 else 0)
+    rng = np.random.default_rng(0)
+    depth = np.where(rng.random(surface.shape) < 0.2, 0, surface).astype(np.float32)
+    out = run(f"{spec}:sigma_px=2", depth)
+    np.testing.assert_allclose(out[depth > 0], depth[depth > 0], atol=0.02)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_local_polynomial_is_weighted_least_squares(degree: int) -> None:
+    sigma, row, column = 1.5, 20, 24
+    spec = {0: "masked_gaussian", 1: "plane", 2: "quadric"}[degree]
+    ours = run(f"{spec}:sigma_px={sigma}")[row, column]
+    radius = 4
+    part = NOISY[row - radius : row + radius + 1, column - radius : column + radius + 1]
+    v, u = np.mgrid[-radius : radius + 1, -radius : radius + 1].astype(np.float64)
+    basis = [u**p * v**q for p in range(degree + 1) for q in range(degree + 1 - p)]
+    weight = np.sqrt(np.exp(-(u**2 + v**2) / (2 * sigma**2)) * (part > 0)).ravel()
+    design = np.stack([b.ravel() for b in basis], 1) * weight[:, None]
+    target = part.ravel().astype(np.float64) * weight
+    value = np.linalg.lstsq(design, target, rcond=None)[0][0]
+    assert ours == pytest.approx(value, abs=1e-2)
+
+
+def test_masked_median_and_bilateral_by_hand() -> None:
+    row, column = 20, 24
+    part = NOISY[row - 2 : row + 3, column - 2 : column + 3]
+    assert run("masked_median:size=5")[row, column] == np.median(part[part > 0])
+    window = NOISY[row - 3 : row + 4, column - 3 : column + 4].astype(np.float64)
+    v, u = np.mgrid[-3:4, -3:4]
+    weight = np.exp(-(u**2 + v**2) / 8 - (window - NOISY[row, column]) ** 2 / 200) * (window > 0)
+    expected = (weight * window).sum() / weight.sum()
+    ours = run("masked_bilateral:diameter=7,sigma_mm=10,sigma_px=2")[row, column]
+    assert ours == pytest.approx(expected, abs=1e-2)
+
+
+def test_clean_up_closes_holes_and_takes_islands_away() -> None:
+    depth = CLEAN.copy()
+    depth[20, 20:22] = 0
+    depth[2, 2] = 700
+    depth[18, 30] = 500
+    out = run("quadric:cleanup=5", depth)
+    assert (out[20, 20:22] > 880).all()
+    assert out[2, 2] == 0
+    assert out[18, 30] == pytest.approx(CLEAN[18, 30], abs=3)
+
+
+def test_temporal_filters() -> None:
+    stack = np.stack([noisy(CLEAN, seed) for seed in range(5)])
+    median = load("temporal_median")
+    assert (median.before, median.after) == (1, 1)
+    out = compose(median(stack[1:4], 1), stack[2])[""]
+    three = np.where(stack[1:4] > 0, stack[1:4], np.nan)
+    kept = (stack[1:4] > 0).sum(0) >= 2
+    expected = np.zeros_like(CLEAN)
+    expected[kept] = np.nanmedian(three[:, kept], axis=0)
+    np.testing.assert_allclose(out, expected)
+    adaptive = load("adaptive:frames=5")
+    assert (adaptive.before, adaptive.after) == (4, 0)
+    smooth = compose(adaptive(stack, 4), stack[4])[""]
+    inner = (smooth > 0) & (CLEAN > 0)
+    error = [(d - CLEAN)[inner].std() for d in (stack[4], smooth)]
+    assert error[1] < 0.8 * error[0]
+    moved = stack.copy()
+    moved[:4] += 100 * (moved[:4] > 0)
+    np.testing.assert_array_equal(compose(adaptive(moved, 4), moved[4])[""], stack[4])
+
+
+def test_soft_validity_gives_three_composites(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_denoiser.py").write_text(
+        "import numpy as np\n"
+        "def soft(noisy, valid, level=0.75):\n"
+        "    noisy += 10\n"
+        "    return noisy, np.where(valid, level, 0.2)\n"
+        "class Later:\n"
+        "    before = 1\n"
+        "    def __call__(self, noisy, valid, now):\n"
+        "        return noisy[0], valid[0]\n"
+        "def broken(noisy, valid):\n"
+        "    return noisy\n"
+        "def small(noisy, valid):\n"
+        "    return noisy[:-1], valid[:-1]\n"
+        "def sure(noisy, valid):\n"
+        "    return noisy, 2.0 * valid\n"
+    )
+    parts = compose(load("my_denoiser:soft:level=0.5")(NOISY[None]), NOISY)
+    np.testing.assert_allclose(parts["soft"][NOISY > 0], 0.5 * (NOISY[NOISY > 0] + 10))
+    assert not parts["hard"].any()
+    np.testing.assert_array_equal(parts["input mask"], np.where(NOISY > 0, NOISY + 10, 0))
+    later = load("mine@my_denoiser:Later")
+    assert later.label == "mine"
+    both = np.stack([NOISY, CLEAN])
+    np.testing.assert_array_equal(compose(later(both, 1), CLEAN)[""], NOISY)
+    for name, words in (
+        ("broken", "must return a pair"),
+        ("small", "shape"),
+        ("sure", r"\[0, 1\]"),
+    ):
+        with pytest.raises(DenoiserError, match=words):
+            load(f"my_denoiser:{name}")(NOISY[None])
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("medan", "did you mean 'median'"),
+        ("median:sze=5", "did you mean 'size'"),
+        ("median:size=4", "size 3 or 5"),
+        ("median:size=five", "whole number"),
+        ("quadric:sigma_px=100", r"\[0.7, 20\]"),
+        ("median:size", "name=value"),
+        ("", "give a name"),
+    ],
+)
+def test_wrong_specifications(spec: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        load(spec)
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("no_such_module:function", "cannot import"),
+        ("math:no_such_function", "has no 'no_such_function'"),
+        ("math:pi", "no function"),
+        ("run/none.pt", "no such checkpoint"),
+    ],
+)
+def test_what_cannot_be_loaded(spec: str, words: str) -> None:
+    with pytest.raises(DenoiserError, match=words):
+        load(spec)
+
+
+def test_every_denoiser_is_described_and_every_grid_loads() -> None:
+    for name in denoiser_names():
+        help, parameters = describe_denoiser(name)
+        assert help
+        assert all(text for _, text in parameters.values())
+    for name in GRIDS:
+        for spec in tuning_specs(name, (0, *CLEANUPS)):
+            assert load(spec).label == spec

@@ -1,0 +1,116 @@
+"""Inference safeguards: noise is estimated, and only trusted pixels keep their depth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from glsim import load_settings, simulate
+from glsim.denoise.inference import NetworkDenoiser
+from glsim.denoise.safeguards import (
+    CLEAN_MM,
+    HOLE_RISK_MM,
+    MEASURED_RISK_MM,
+    REACH_PX,
+    estimate_noise_mm,
+    trusted_mask,
+)
+from glsim.frame import Frame
+from glsim.train.models.base import DepthModel, Prediction
+
+
+def ball() -> np.ndarray:
+    """A ball of radius 100 mm at 900 mm, 2.5 mm per pixel, without a background."""
+    y, x = np.mgrid[-48:48, -48:48] * 2.5
+    inside = x * x + y * y < 95**2
+    depth = 900 - np.sqrt(np.maximum(100**2 - x * x - y * y, 0))
+    return np.where(inside, depth, 0).astype(np.float32)
+
+
+@pytest.mark.parametrize("sigma_mm", [0.5, 1.5, 4.0])
+def test_white_noise_is_measured(sigma_mm: float) -> None:
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(10):
+        depth = ball()
+        depth[depth > 0] += rng.normal(0, sigma_mm, np.count_nonzero(depth)).astype(np.float32)
+        found.append(estimate_noise_mm(depth))
+    assert np.mean(found) == pytest.approx(sigma_mm, rel=0.03)
+
+
+def test_rounding_to_millimetres_is_no_noise_and_little_depth_gives_no_estimate() -> None:
+    rounded = estimate_noise_mm(np.rint(ball()))
+    assert rounded is not None
+    assert 0.15 < rounded < CLEAN_MM
+    assert estimate_noise_mm(np.zeros((20, 20), np.float32)) is None
+
+
+@pytest.mark.parametrize(("sensor", "clean"), [("ideal", True), ("kinect-v2", False)])
+def test_simulated_heads_are_told_apart(sensor: str, clean: bool) -> None:
+    source = {"subjects": 4, "frames_per_subject": 2}
+    overrides = {"sensor": sensor, "output": {"crop": 128}}
+    for frame in simulate(load_settings(overrides=overrides, source=source)):
+        assert isinstance(frame, Frame)
+        found = estimate_noise_mm(frame.noisy.astype(np.float32))
+        assert found is not None
+        assert (found < CLEAN_MM) is clean
+
+
+def test_only_pixels_near_measured_depth_and_with_a_low_risk_are_trusted() -> None:
+    depth = np.zeros((60, 60), np.float32)
+    depth[30, 30] = 900
+    near = trusted_mask(depth, None)
+    assert near[30 + REACH_PX, 30 - REACH_PX]
+    assert near.sum() == (2 * REACH_PX + 1) ** 2
+    risk = np.full_like(depth, HOLE_RISK_MM / 2)
+    risk[28] = HOLE_RISK_MM
+    np.testing.assert_array_equal(trusted_mask(depth, risk)[28], False)
+    np.testing.assert_array_equal(
+        np.delete(trusted_mask(depth, risk), 28, 0), np.delete(near, 28, 0)
+    )
+    everywhere = np.full_like(depth, 900)
+    assert trusted_mask(everywhere, risk).all()
+    assert not trusted_mask(everywhere, np.full_like(depth, MEASURED_RISK_MM)).any()
+
+
+class Shifts(DepthModel):
+    """Moves depth by 5 mm, predicts depth everywhere, and cannot choose a surface on the left."""
+
+    def forward(self, noisy_mm: torch.Tensor) -> Prediction:
+        log_sigma = torch.full_like(noisy_mm, 2.0).log()
+        moved_mm = noisy_mm + 5
+        candidates_mm = torch.cat([moved_mm, moved_mm, moved_mm + 600], dim=1)
+        logits = torch.zeros(1, 3, *noisy_mm.shape[2:])
+        logits[:, 0, :, 40:] = 9.0
+        logit = torch.full_like(noisy_mm, 9.0)
+        return Prediction(moved_mm, logit, log_sigma, candidates_mm, logits)
+
+
+def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -> None:
+    denoise = NetworkDenoiser(Shifts(), "shifts", uncertain=True)
+    clean = np.rint(ball())
+    depth, probability, sigma = denoise.with_uncertainty(clean, clean > 0)
+    np.testing.assert_array_equal(depth, clean)
+    np.testing.assert_array_equal(probability, clean > 0)
+    assert (sigma < CLEAN_MM).all()
+    noise = np.random.default_rng(0).normal(0, 2, clean.shape).astype(np.float32)
+    noisy = np.where(clean > 0, clean + noise, 0)
+    depth, probability = denoise(noisy, noisy > 0)
+    np.testing.assert_allclose(depth, noisy + 5, rtol=1e-6)
+    assert (probability[:, :40] == 0).all()
+    assert probability[48, 48] > 0.99
+    assert probability[0, 95] == 0, "nothing was measured near"
+
+
+def test_a_minimum_probability_gives_a_mask() -> None:
+    noise = np.random.default_rng(0).normal(0, 2, ball().shape).astype(np.float32)
+    noisy = np.where(ball() > 0, ball() + noise, 0).astype(np.float32)
+    for probability, kept in ((0.99, True), (0.9999, False)):  # the network's log odds are 9
+        _, valid = NetworkDenoiser(Shifts(), "shifts", True, probability)(noisy, noisy > 0)
+        assert valid.dtype == bool
+        assert valid[48, 48] == kept
+        assert not valid[:, :40].any()
+    clean = np.rint(ball())
+    _, valid = NetworkDenoiser(Shifts(), "shifts", True, 0.9)(clean, clean > 0)
+    np.testing.assert_array_equal(valid, clean > 0)

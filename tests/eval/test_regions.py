@@ -1,0 +1,141 @@
+"""Scores per face region: against plain NumPy, in rows, tables and the report."""
+
+from __future__ import annotations
+
+import csv
+import math
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from glsim.dataset import write_dataset
+from glsim.eval.metrics import Regions, Truth, metrics_with_regions, score
+from glsim.eval.metrics.normals import angles_deg, whole_windows
+from glsim.eval.report.tables import region_tables
+from glsim.eval.scoring.aggregate import ScoreSummary
+from glsim.faces.regions import region_numbers
+from glsim.geometry.depth_map import central_normals
+from glsim.pipeline import simulate
+from glsim.plan.tasks import make_tasks
+from glsim.settings.schema import load_settings
+from tests.support.eval_scenes import ADVERSARIAL, CAMERA, SIZE, dome, noisy
+from tests.support.face_models import Board
+
+NUMBERS = {"left": 1, "right": 7, "nowhere": 9}
+
+
+def halves() -> np.ndarray:  # type: ignore[type-arg]
+    labels = np.zeros(SIZE, np.uint8)
+    labels[:, : SIZE[1] // 2 - 3], labels[:, SIZE[1] // 2 + 3 :] = 1, 7
+    return labels
+
+
+@pytest.mark.parametrize("name", list(ADVERSARIAL))
+def test_parts_are_scored_as_numpy_does(name: str) -> None:
+    prediction, clean, seen = ADVERSARIAL[name]
+    truth = Truth(clean, seen, CAMERA.rays(), Regions(halves(), NUMBERS))
+    found = score(prediction, truth)
+    assert {*found, "time_ms"} == set(metrics_with_regions(NUMBERS))
+    plain = score(prediction, Truth(clean, seen, CAMERA.rays()))
+    for key, value in plain.items():
+        np.testing.assert_equal(found[key], value)
+    taken = np.where(prediction > 0, prediction, seen).astype(np.float64)
+    at = truth.smooth & whole_windows(prediction > 0)
+    for region, number in NUMBERS.items():
+        here = halves() == number
+        pixels = here & (seen > 0) & truth.parts["interior"]
+        error = (taken - clean)[pixels]
+        angle = angles_deg(
+            *(central_normals(d, truth.rays, at & here) for d in (prediction, clean))
+        )
+        for column, values in (
+            ("rmse_mm", error**2),
+            ("bias_mm", error),
+            ("normal_mean_deg", angle),
+        ):
+            value = found[f"{column}@{region}"]
+            if not values.size:
+                assert math.isnan(value)
+            else:
+                mean = float(np.mean(values))
+                expected = math.sqrt(mean) if column == "rmse_mm" else mean
+                assert value == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_a_bump_on_one_part_is_seen_there_alone() -> None:
+    clean = dome()
+    bump = clean + np.float32(5) * ((halves() == 7) & (clean > 0))
+    found = score(bump, Truth(clean, noisy(clean), CAMERA.rays(), Regions(halves(), NUMBERS)))
+    assert found["bias_mm@right"] == found["rmse_mm@right"] == 5
+    assert found["rmse_mm@left"] == 0
+    assert math.isnan(found["rmse_mm@nowhere"])
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("regions") / "data"
+    layers = ("clean", "noisy", "regions")
+    settings = load_settings(
+        overrides={
+            "sensor": "led3d",
+            "split": [0, 0, 1],
+            "output": {"crop": 96, "layers": list(layers)},
+        },
+        source={"frames_per_subject": 3},
+    )
+    sources = [Board()]
+    write_dataset(
+        settings,
+        make_tasks(settings, sources),
+        out,
+        partial(simulate, sources=sources, layers=layers),
+        sensor={"title": "t"},
+        renderer="r",
+        regions=region_numbers(sources),
+        workers=1,
+    )
+    return out
+
+
+def test_the_report_has_a_table_a_part(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "glsim.eval.report.html_report.example_frame", lambda job: None
+    )  # drawn in other tests
+    out = tmp_path / "o"
+    command = ["eval", str(dataset), "-d", "noisy", "-d", "median", "-o", str(out), "-q"]
+    assert main([*command, "--workers", "1", "--no-probes"]) == 0
+    with (out / "rows.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["rmse_mm@nose"]) > 1
+    assert rows[0]["rmse_mm@nose"] != rows[0]["rmse_mm@tail"]
+    with (out / "table.csv").open() as file:
+        table = {(row["method"], row["metric"]): row for row in csv.DictReader(file)}
+    mean = np.mean([float(row["rmse_mm@nose"]) for row in rows if row["method"] == "median"])
+    assert float(table["median", "rmse_mm@nose"]["mean"]) == pytest.approx(mean, rel=1e-6)
+    text, page = (out / "table.md").read_text(), (out / "report.html").read_text()
+    assert "## Parts of the face" in text
+    assert "**normal_mean_deg [°] ↓**" in text
+    head = next(line for line in text.splitlines() if line.startswith("| method | nose"))
+    assert head == "| method | nose | tail |"
+    assert "<h3>rmse_mm [mm] ↓</h3>" in page
+    assert "<th>nose</th>" in page
+    assert 'id="frame_boxes"' in page
+
+
+def test_parts_that_no_frame_shows_are_left_out() -> None:
+    summary = ScoreSummary(1, metrics_with_regions(["nose", "mouth"]))
+    row = dict.fromkeys(summary.metrics) | {"subject": "a", "sequence": "s", "frame": 0}
+    for method, nose in (("a", 2.0), ("b", 1.5)):
+        summary.add(row | {"method": method, "rmse_mm@nose": nose})
+    ((title, head, rows),) = region_tables(summary.compared())
+    assert title == "rmse_mm [mm] ↓"
+    assert head == ["method", "nose"]
+    assert rows == [["`a`", "2.00"], ["`b`", "**1.50**"]]
+    plain = ScoreSummary(1)
+    plain.add(row | {"method": "a"})
+    assert region_tables(plain.compared()) == []

@@ -1,0 +1,250 @@
+"""Scoring a set: bad input is named and counted, runs resume, tables agree."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from glsim.denoise import PAPER_FILTERS
+from glsim.errors import ConfigError, DatasetError
+from glsim.eval.metrics import METRICS, Truth, score
+from glsim.eval.paper.filter_table import filter_table
+from glsim.eval.report.tables import format_number
+from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.run import Evaluation, evaluate
+from glsim.eval.scoring.trivial_baselines import mean_face
+from glsim.eval.scoring.tune import tune
+from tests.support.eval_scenes import dome, rows, write_pairs
+
+
+@pytest.fixture
+def pairs(tmp_path: Path) -> Path:
+    return write_pairs(tmp_path / "pairs")
+
+
+def run(pairs: Path, out: Path, *specs: str, workers: int = 1, **more: bool) -> Evaluation:
+    return evaluate(ScoringJob(pairs, "test", specs), out, workers=workers, **more)
+
+
+def test_rows_are_the_metrics_of_each_frame(pairs: Path, tmp_path: Path) -> None:
+    found = run(pairs, tmp_path / "o", "noisy", "masked_gaussian")
+    table = rows(tmp_path / "o")
+    assert found.frames == 12
+    assert len(table) == 24
+    first = table[0]
+    assert (first["subject"], first["sequence"], first["frame"]) == ("p0", "s", "0")
+    clean, seen = (
+        cv2.imread(str(pairs / f"p0/s_000_{layer}.png"), cv2.IMREAD_UNCHANGED).astype(np.float32)
+        for layer in ("clean", "noisy")
+    )
+    height, width = clean.shape
+    x = (np.arange(width) + 0.5 - width / 2) / 365.456
+    y = (np.arange(height) + 0.5 - height / 2) / 365.456
+    rays = np.stack(np.meshgrid(x, y), -1).astype(np.float32)
+    for name, value in score(seen, Truth(clean, seen, rays)).items():
+        written = float(first[name])
+        assert math.isclose(written, value, rel_tol=1e-5) or (
+            math.isnan(written) and math.isnan(value)
+        )
+    mean = np.mean([float(row["mse_mm2"]) for row in table if row["method"] == "noisy"])
+    assert found.summary.mean("noisy", "mse_mm2") == pytest.approx(mean, rel=1e-8)
+    counts = found.summary.histograms["noisy"]
+    assert counts.sum() == sum(
+        int(((a > 0) & (b > 0)).sum()) for a, b in (_pair(pairs, r) for r in table[::2])
+    )
+
+
+def _pair(pairs: Path, row: dict[str, str]) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+    stem = f"{row['subject']}/s_{int(row['frame']):03d}"
+    first, second = (
+        cv2.imread(str(pairs / f"{stem}_{layer}.png"), cv2.IMREAD_UNCHANGED)
+        for layer in ("clean", "noisy")
+    )
+    return first, second
+
+
+def test_workers_and_resuming_change_nothing(
+    pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("glsim.eval.scoring.run._BLOCK", 3)
+    one, two = tmp_path / "one", tmp_path / "two"
+    specs = ("noisy", "temporal_median", "quadric:cleanup=5")
+    run(pairs, one, *specs)
+    run(pairs, two, *specs, workers=2)
+
+    def but_time(out: Path) -> list[dict[str, str]]:
+        return [{k: v for k, v in row.items() if k != "time_ms"} for row in rows(out)]
+
+    assert but_time(one) == but_time(two)
+    blocks = sorted((one / ".blocks").rglob("*.json"))
+    assert len(blocks) == 4
+    before = rows(one)
+    blocks[1].unlink()
+    blocks[2].write_text("{damaged")
+    stamp = blocks[0].stat().st_mtime_ns
+    reports: list[int] = []
+    evaluate(
+        ScoringJob(pairs, "test", specs), one, workers=1, progress=lambda p: reports.append(p.done)
+    )
+    assert reports == [6, 9, 12]
+    assert blocks[0].stat().st_mtime_ns == stamp
+    assert but_time(one) == [{k: v for k, v in row.items() if k != "time_ms"} for row in before]
+
+
+def test_bad_frames_are_named_counted_and_left_out(
+    pairs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good = dome().astype(np.uint16)
+    cv2.imwrite(str(pairs / "p0/s_001_noisy.png"), good[:-2])
+    cv2.imwrite(str(pairs / "p0/s_002_noisy.png"), (good // 8).astype(np.uint8))
+    cv2.imwrite(str(pairs / "p1/s_000_clean.png"), (good / 1000).round().astype(np.uint16))
+    (pairs / "p1/s_001_clean.png").unlink()
+    (pairs / "p2/s_003_noisy.png").write_bytes((pairs / "p2/s_003_noisy.png").read_bytes()[:60])
+    out = tmp_path / "o"
+    command = ["eval", str(pairs), "-d", "noisy", "-d", "temporal_median", "-o", str(out)]
+    command += ["--workers", "1", "--no-figures", "-q"]
+    assert main(command) == 1
+    error = capsys.readouterr().err
+    assert "5 of 12 frames could not be scored" in error
+    with (out / "bad.csv").open() as file:
+        bad = {row["frame"]: row["why"] for row in csv.DictReader(file)}
+    assert len(bad) == 5
+    for frame, words in {
+        "p0/s_00001": "48 x 38",
+        "p0/s_00002": "8 bits",
+        "p1/s_00000": "metres instead of millimetres",
+        "p1/s_00001": "is missing",
+        "p2/s_00003": "damaged",
+    }.items():
+        assert words in bad[frame]
+    assert len(rows(out)) == 14
+    assert "5 frames could not be scored" in (out / "table.md").read_text()
+    write_pairs(pairs)
+    assert main(command) == 0, "what was repaired is scored again"
+    assert len(rows(out)) == 24
+    assert not (out / "bad.csv").exists()
+
+
+def test_a_denoiser_that_fails_costs_its_own_rows(
+    pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "moody.py").write_text(
+        "import numpy as np\n"
+        "def moody(noisy, valid):\n"
+        "    if noisy[20, 8] > 0: raise ValueError('not today')\n"
+        "    return noisy * np.nan if noisy[20, 9] > 0 else noisy, valid\n"
+    )
+    found = run(pairs, tmp_path / "o", "noisy", "moody:moody")
+    assert 0 < found.bad < 12
+    assert any("ValueError: not today" in text for text in found.first_bad)
+    methods = [row["method"] for row in rows(tmp_path / "o")]
+    assert methods.count("noisy") == 12
+    assert methods.count("moody:moody") == 12 - found.bad
+
+
+def test_what_cannot_be_scored_at_all(pairs: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="given twice"):
+        run(pairs, tmp_path / "o", "noisy", "noisy")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DatasetError, match="no pairs"):
+        run(tmp_path / "empty", tmp_path / "o", "noisy")
+    for file in pairs.rglob("*_noisy.png"):
+        file.unlink()
+    with pytest.raises(DatasetError, match=r"no frame could be scored, 12 are bad; .* is missing"):
+        run(pairs, tmp_path / "o", "noisy")
+
+
+def test_trivial_baselines_stand_beside_the_table(pairs: Path, tmp_path: Path) -> None:
+    found = run(pairs, tmp_path / "o", "noisy")
+    baselines = found.baselines
+    assert baselines.methods[0] == "zero image"
+    cleans = [
+        cv2.imread(str(file), cv2.IMREAD_UNCHANGED).astype(np.float64)
+        for file in sorted(pairs.rglob("*_clean.png"))
+    ]
+    power = np.mean([np.mean(clean**2) for clean in cleans])
+    assert baselines.mean("zero image", "mse_mm2") == pytest.approx(power)
+    assert math.isnan(baselines.mean("zero image", "precision"))
+    errors = [baselines.mean(f"clean, eroded {n} px", "mse_mm2") for n in (1, 2, 4)]
+    assert errors == sorted(errors)
+    assert baselines.mean("clean, eroded 1 px", "both_rmse_mm") == 0
+    assert baselines.mean("clean, shifted 1 px", "recall") < 1
+    mean = mean_face(ScoringJob(pairs, "test", ()).frames())
+    assert mean is not None
+    assert 880 < mean[mean > 0].mean() < 960
+
+
+def test_tuning_uses_the_validation_split_only(tmp_path: Path) -> None:
+    pairs = write_pairs(tmp_path / "set" / "val", 2, 2).parent
+    write_pairs(pairs / "test", 2, 1)
+    job = ScoringJob(pairs, "val", ())
+    (tuned,) = tune(job, ["plane"], tmp_path / "o", workers=1)
+    assert tuned.plain.endswith("cleanup=0")
+    with (tmp_path / "o" / "tuning.csv").open() as file:
+        trials = list(csv.DictReader(file))
+    best = min(trials[:5], key=lambda row: float(row["input_interior_rmse_mm"]))
+    assert best["denoiser"] == tuned.plain
+    assert {row["denoiser"] for row in trials if row["chosen"] == "1"} == {
+        tuned.plain,
+        tuned.cleaned,
+    }
+    command = ["eval", str(pairs / "test"), "--tune", "-o", str(tmp_path / "p"), "-q"]
+    assert main(command) == 2, "a folder without splits has nothing to tune on"
+
+
+def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    command = ["eval", str(pairs), "--paper-table", "1", "-o", str(out), "--workers", "1", "-q"]
+    assert main(command) == 0
+    with (out / "table.csv").open() as file:
+        table = {(row["method"], row["metric"]): row for row in csv.DictReader(file)}
+    assert len(table) == len(PAPER_FILTERS) * (len(METRICS) + 1)
+    mse = table["median", "mse_mm2"]
+    assert float(mse["low_95"]) <= float(mse["mean"]) <= float(mse["high_95"])
+    assert mse["frames"] == "12"
+    assert table["adaptive", "mse_mm2"]["mean"] == table["noisy", "mse_mm2"]["mean"]
+    assert float(table["adaptive", "mse_mm2"]["p_vs_noisy"]) == 1.0
+    assert int(table["noisy", "filled_rmse_mm"]["undefined"]) == 12
+    text = (out / "table.md").read_text()
+    assert format_number(float(mse["mean"])) in text
+    assert "K1=0.001 K2=0.003 L=8000, 7x7 uniform window, float64" in text
+    assert "`noisy`" in text
+    assert "filled_rmse_mm is undefined in 12 frames" in text
+    assert r"\toprule" in (out / "table.tex").read_text()
+    printed = (out / "paper_table_1.md").read_text()
+    assert "| Adaptive equals Baseline | yes | yes |" in printed
+    assert "0.9986" in printed
+    report = (out / "report.html").read_text()
+    assert "http" not in report.replace("http-equiv", "")
+    assert report.count("data:image/png;base64,") >= 3
+    for name in ("disagreement", "error_curves", "gallery_1"):
+        assert cv2.imread(str(out / "figures" / f"{name}.png")).shape[1] > 600
+
+
+def test_paper_table_needs_its_columns(pairs: Path, tmp_path: Path) -> None:
+    found = run(pairs, tmp_path / "o", *PAPER_FILTERS, baselines=False)
+    text = filter_table(found, found.summary.compared()).markdown()
+    assert "| MSE, printed [mm²] | 1411 | 1411 | 1361 | 1147 | 1349 |" in text
+    assert found.baselines.methods == []
+
+
+def test_soft_denoisers_get_three_rows(
+    pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "soft_one.py").write_text(
+        "def soft(noisy, valid): return noisy, valid * 0.7 + 0.1\n"
+    )
+    found = run(pairs, tmp_path / "o", "net@soft_one:soft")
+    assert found.summary.methods == ["net [soft]", "net [hard]", "net [input mask]"]
+    assert found.summary.mean("net [hard]", "flips_px") == found.summary.mean(
+        "net [input mask]", "flips_px"
+    )
+    assert found.summary.mean("net [soft]", "input_bias_mm") < -100

@@ -1,0 +1,205 @@
+"""A tree of meshes becomes subjects, sequences and frames; bad meshes become BadFace."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from glsim.errors import ConfigError
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.scans.folder import Folder
+from glsim.meshio.alignment import rotation
+from tests.support.face_models import analytic_face
+
+FACE, TRIANGLES = analytic_face(rows=31, columns=25)
+
+
+def _write(path: Path, *, scale: float = 1.0, axes: str = "+x+y+z", up_mm: float = 0.0) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    points = (FACE + np.array([0, up_mm, 0])) @ rotation(axes) * scale
+    data = trimesh.Trimesh(points, TRIANGLES, process=False).export(file_type=path.suffix[1:])
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+
+
+def _keys(source: Folder) -> list[FaceKey]:
+    return [key for subject in source.subjects(None) for key in source.frames(subject, None)]
+
+
+def _good(source: Folder, keys: list[FaceKey]) -> list[Face]:
+    faces = list(source.load(keys))
+    assert all(isinstance(face, Face) for face in faces)
+    return [face for face in faces if isinstance(face, Face)]
+
+
+def test_names_of_subjects_sequences_and_frames(tmp_path: Path) -> None:
+    for name in (
+        "Joe/1+2/1+2_150.ply",
+        "Joe/1+2/1+2_156.ply",
+        "Joe/4/deep/x10.ply",
+        "Joe/4/deep/x9.ply",
+        "Joe/rest.stl",
+        "s10/a.obj",
+        "s2/a.obj",
+        "s2/b.obj",
+        "alone.obj",
+        ".hidden/a.obj",
+        "s2/.a.obj",
+    ):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    (tmp_path / "notes.txt").touch()
+    (tmp_path / "empty").mkdir()
+    source = Folder(tmp_path)
+    check: FaceSource = source
+    assert check.name == "folder"
+    assert source.subjects(None) == ["alone", "Joe", "s2", "s10"]
+    assert source.subjects(2) == ["alone", "Joe"]
+    assert source.frames("alone", None) == [FaceKey("alone", "main", 0, 0.0, "alone.obj")]
+    assert [(k.sequence, k.frame, k.path) for k in source.frames("Joe", None)] == [
+        ("main", 0, "Joe/rest.stl"),
+        ("1+2", 150, "Joe/1+2/1+2_150.ply"),
+        ("1+2", 156, "Joe/1+2/1+2_156.ply"),
+        ("4-deep", 9, "Joe/4/deep/x9.ply"),
+        ("4-deep", 10, "Joe/4/deep/x10.ply"),
+    ]
+    assert [k.time_s for k in source.frames("Joe", 3)] == [0.0, 0.0, pytest.approx(0.1)]
+    assert [(k.frame, k.path) for k in source.frames("s2", None)] == [
+        (0, "s2/a.obj"),
+        (1, "s2/b.obj"),
+    ]
+
+
+def test_odd_names_become_safe_unique_words(tmp_path: Path) -> None:
+    for name in ("a b/x.obj", "a.b/x.obj", "a_b/x.obj", "a_b/p q/x.obj", "a_b/p-q/x.obj",
+                 "a_b/p/q/x.obj", "käse.obj", "face.obj", "face.ply", "twice/l_1.obj",
+                 "twice/r_1.obj"):  # fmt: skip
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    source = Folder(tmp_path)
+    keys = _keys(source)
+    places = [(key.subject, key.sequence, key.frame) for key in keys]
+    assert len(set(places)) == len(places) == 11
+    safe = re.compile(r"[A-Za-z0-9_+~-]+")
+    assert all(safe.fullmatch(key.subject) and safe.fullmatch(key.sequence) for key in keys)
+    assert source.subjects(None) == [
+        "a_b", "a_b~2", "a_b~3", "face", "face~2", "k_se", "twice"
+    ]  # fmt: skip
+    assert {k.sequence for k in source.frames("a_b~3", None)} == {"main", "p_q", "p-q", "p-q~2"}
+    assert [k.frame for k in source.frames("twice", None)] == [0, 1]  # 1 and 1 tell nothing apart
+
+
+def test_loops_of_links_end(tmp_path: Path) -> None:
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    (tmp_path / "a" / "b" / "x.obj").touch()
+    (tmp_path / "a" / "b" / "up").symlink_to(tmp_path / "a")
+    (tmp_path / "self").symlink_to(tmp_path)
+    (tmp_path / "dead.obj").symlink_to(tmp_path / "nowhere.obj")
+    source = Folder(tmp_path)
+    assert [key.path for key in _keys(source)] == ["a/b/x.obj", "dead.obj"]
+    (bad,) = source.load(source.frames("dead", None))
+    assert isinstance(bad, BadFace)
+    assert "cannot be read" in str(bad.error)
+
+
+def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(
+    tmp_path: Path,
+) -> None:
+    for frame, up_mm in enumerate((0.0, 7.0, 30.0)):
+        _write(tmp_path / f"a/smile/{frame}.ply", scale=0.1, axes="+z+x+y", up_mm=up_mm)
+    _write(tmp_path / "a/blink/0.ply", scale=0.1, axes="+z+x+y", up_mm=50)
+    _write(tmp_path / "b.stl", axes="-x+y-z")
+    # A frame that alone would be read as metres: its subject says centimetres.
+    _write(tmp_path / "a/tiny.ply", scale=0.001, axes="+z+x+y")
+    source = Folder(tmp_path)
+    by_path = {
+        key.path: face for key, face in zip(_keys(source), source.load(_keys(source)), strict=True)
+    }
+    tiny = by_path.pop("a/tiny.ply")
+    assert isinstance(tiny, Face)  # the first mesh in order: all of subject "a" is in metres now
+    smile = by_path["a/smile/1.ply"]
+    assert isinstance(smile, BadFace)
+    assert "the head is" in str(smile.error)
+
+    (tmp_path / "a/tiny.ply").unlink()
+    source = Folder(tmp_path)
+    keys = _keys(source)
+    faces = dict(zip([key.path for key in keys], _good(source, keys), strict=True))
+    first, second, third = (faces[f"a/smile/{n}.ply"].mesh for n in range(3))
+    np.testing.assert_allclose(second.vertices_mm - first.vertices_mm, [[0, 7, 0]] * len(FACE),
+                               atol=1e-3)  # fmt: skip
+    np.testing.assert_allclose((third.vertices_mm - first.vertices_mm)[:, 1], 30, atol=1e-3)
+    assert first.faces is second.faces  # one topology, one array
+    blink = faces["a/blink/0.ply"].mesh
+    np.testing.assert_allclose(blink.vertices_mm, first.vertices_mm, atol=1.0)
+    assert faces["a/blink/0.ply"].notes["unit"] == "cm"
+    assert faces["b.stl"].notes["axes"] == "-x+y-z"
+    still = Folder(tmp_path, unit="cm", axes="+z+x+y", recentre=False)
+    (face,) = _good(still, [key for key in keys if key.path == "a/smile/2.ply"])
+    np.testing.assert_allclose(face.mesh.vertices_mm, FACE + np.array([0, 30, 0]), atol=1e-3)
+
+
+def test_a_face_depends_on_its_key_alone(tmp_path: Path) -> None:
+    for frame in range(4):
+        _write(tmp_path / f"a/{frame}.ply", up_mm=5.0 * frame)
+    source = Folder(tmp_path)
+    keys = _keys(source)
+    forwards = _good(source, keys)
+    copy = pickle.loads(pickle.dumps(source))
+    backwards = _good(copy, keys[::-1])[::-1]
+    alone = [_good(Folder(tmp_path), [key])[0] for key in keys]
+    for one, other, third in zip(forwards, backwards, alone, strict=True):
+        np.testing.assert_array_equal(one.mesh.vertices_mm, other.mesh.vertices_mm)
+        np.testing.assert_array_equal(one.mesh.vertices_mm, third.mesh.vertices_mm)
+
+
+def test_bad_meshes_are_bad_faces_and_do_not_stop_the_rest(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a/0.obj").write_text("v 0 0 0\n")
+    _write(tmp_path / "a/1.ply")
+    (tmp_path / "a/2.ply").write_bytes(b"garbage")
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b/0.obj").write_text("v 0 0 0\nv 90 0 0\nv 0 90 0\nf 1 2 3\n")
+    source = Folder(tmp_path)
+    results = list(source.load(_keys(source)))
+    assert [type(result) for result in results] == [BadFace, Face, BadFace, BadFace]
+    reasons = [str(result.error) for result in results if isinstance(result, BadFace)]
+    assert "no triangles" in reasons[0]
+    assert "not PLY" in reasons[1]
+    assert "no nose is found" in reasons[2]
+    assert all(str(tmp_path) in reason for reason in reasons)
+
+
+def test_wrong_settings_give_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="there is no such folder; give the folder"):
+        Folder(tmp_path / "nowhere")
+    (tmp_path / "file.txt").touch()
+    with pytest.raises(ConfigError, match="is a file, not a folder"):
+        Folder(tmp_path / "file.txt")
+    with pytest.raises(ConfigError, match=r"no mesh in it or below it \(\.obj, \.ply"):
+        Folder(tmp_path).subjects(None)
+    (tmp_path / "a.obj").touch()
+    source = Folder(tmp_path)
+    with pytest.raises(ConfigError, match="has 1 subjects, 2 were asked for"):
+        source.subjects(2)
+    with pytest.raises(ConfigError, match=r"no subject 'aa' \(did you mean 'a'"):
+        source.frames("aa", None)
+    with pytest.raises(ConfigError, match="no such unit"):
+        Folder(tmp_path, unit="ell")
+    with pytest.raises(ConfigError, match="axes='up'"):
+        Folder(tmp_path, axes="up")
+    with pytest.raises(ConfigError, match="frames_per_second=0"):
+        Folder(tmp_path, frames_per_second=0)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may list every folder")
+def test_a_folder_that_cannot_be_listed_is_named(tmp_path: Path) -> None:
+    (tmp_path / "locked").mkdir(mode=0)
+    with pytest.raises(ConfigError, match="locked: cannot be listed"):
+        Folder(tmp_path).subjects(None)

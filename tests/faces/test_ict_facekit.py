@@ -1,0 +1,267 @@
+"""The ICT-FaceKit source on a small synthetic model (test_ict_facekit_real: on the real one)."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError, MeshError
+from glsim.faces.base import Face, FaceKey, FaceSource
+from glsim.faces.ict_facekit import IctFaceKit
+from glsim.faces.ict_facekit.facs import known_units, shape_weights, shapes_of
+from glsim.faces.ict_facekit.load import load_model, model_folder
+from glsim.faces.ict_facekit.topology import ALBEDO, REGION_NAMES
+from glsim.faces.performance import CODES
+from tests.support.face_models import write_face_x_model
+
+
+@pytest.fixture(scope="session")
+def small_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_face_x_model(tmp_path_factory.mktemp("ict") / "FaceXModel")
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if "real_model" not in request.fixturenames:
+        monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+
+
+def _faces(source: IctFaceKit, keys: list[FaceKey]) -> list[Face]:
+    return [face for face in source.load(keys) if isinstance(face, Face)]
+
+
+def _vertices(face: Face) -> NDArray[np.float32]:
+    return face.mesh.vertices_mm
+
+
+def test_subjects_and_frames_are_lists_of_names(small_model: Path) -> None:
+    source: FaceSource = IctFaceKit(small_model, frames_per_sequence=4)
+    assert source.name == "ict-facekit"
+    assert source.subjects(3) == ["i0000", "i0001", "i0002"]
+    keys = source.frames("i0001", 10)
+    assert [key.frame for key in keys] == [0, 1, 2, 3, 0, 1, 2, 3, 0, 1]
+    assert len({key.sequence for key in keys}) == 3
+    for ask in (lambda: source.subjects(None), lambda: source.frames("i0000", None)):
+        with pytest.raises(ConfigError, match="never end: give a number of"):
+            ask()
+    with pytest.raises(ConfigError, match="frames_per_sequence is 0"):
+        IctFaceKit(small_model, frames_per_sequence=0)
+
+
+def test_geometry_is_that_of_the_files(small_model: Path) -> None:
+    source = IctFaceKit(small_model.parent)  # the folder around FaceXModel will do
+    model = load_model(source.root)
+    count = len(model.topology.kept)
+    assert model.basis.shape == (1 + 100 + len(model.expressions), 3 * count)
+    mean = model.basis[0].reshape(-1, 3)
+    nose = mean[model.topology.region == REGION_NAMES.index("nose")]
+    tip = nose[np.argmax(nose[:, 2])]
+    np.testing.assert_allclose(tip, [0, 0, 45], atol=1e-4)
+    weights = np.zeros((2, len(model.basis)), dtype=np.float32)
+    weights[:, 0] = 1
+    weights[1, 1 + 100 + model.expressions.index("jawOpen")] = 0.5
+    still, opened = model.evaluate(weights)
+    np.testing.assert_allclose((opened - still)[:, 1].min(), -20, atol=1e-3)  # half of 4 cm
+
+
+def test_regions_are_told_apart_without_vertex_numbers(
+    small_model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path))
+    monkeypatch.setattr(
+        "glsim.faces.ict_facekit.load.find_visible_faces",
+        lambda model: np.ones(len(model.topology.faces), dtype=bool),
+    )  # hidden parts must be labelled too
+    source = IctFaceKit(small_model)
+    (face,) = _faces(source, source.frames("i0000", 1))
+    regions, names = source.regions, source.region_names
+    assert names == REGION_NAMES
+    points = load_model(source.root).basis[0].reshape(-1, 3) / 10 - [0, 0, 4.5]
+    seen = {names[index]: points[regions == index] for index in range(len(names))}
+    assert all(len(found) for found in seen.values()), "every region is there"
+    assert len(seen["head"]) == len(seen["mouth socket"]) == 16
+    assert len(seen["eye socket"]) == 32
+    assert np.abs(seen["mouth socket"][:, 0]).max() < 2
+    assert np.abs(seen["eye socket"][:, 0]).min() > 1.7
+    assert (seen["iris"][:, 2] > seen["sclera"][:, 2].mean()).all()
+    albedo = face.mesh.albedo
+    assert albedo is not None
+    assert albedo[regions == names.index("iris")].max() == np.float32(ALBEDO["iris"])
+    corner = points[face.mesh.faces]  # neither lashes nor lacrimal fluid: nothing right there
+    assert not ((np.abs(corner - [3, 4, 2.3]) < 0.2).all(axis=-1)).any()
+    assert face.mesh.faces.max() == len(points) - 1
+
+
+def test_a_face_depends_on_seed_and_key_alone(small_model: Path) -> None:
+    source = IctFaceKit(small_model, seed=5)
+    keys = [key for subject in source.subjects(3) for key in source.frames(subject, 13)]
+    together = _faces(source, keys)
+    alone = [_faces(IctFaceKit(small_model, seed=5), [key])[0] for key in keys]
+    copy: IctFaceKit = pickle.loads(pickle.dumps(source))
+    backwards = _faces(copy, keys[::-1])[::-1]
+    for one, two, three in zip(together, alone, backwards, strict=True):
+        assert one.key == two.key == three.key
+        np.testing.assert_array_equal(_vertices(one), _vertices(two))
+        np.testing.assert_array_equal(_vertices(one), _vertices(three))
+        assert one.mesh.faces is together[0].mesh.faces
+    assert not np.array_equal(_vertices(together[0]), _vertices(together[13]))
+    other = _faces(IctFaceKit(small_model, seed=6), keys[:1])[0]
+    assert not np.array_equal(_vertices(together[0]), _vertices(other))
+
+
+def test_people_keep_their_face_unless_a_benchmark_asks(small_model: Path) -> None:
+    keys = [FaceKey("i0000", "s00_12", 0, 0.0), FaceKey("i0000", "s00_12", 29, 0.0)]
+    first, last = _faces(IctFaceKit(small_model), keys)
+    np.testing.assert_array_equal(_vertices(first), _vertices(last))
+    fresh = IctFaceKit(small_model, new_identity_every_frame=True)
+    first, last = _faces(fresh, keys)
+    assert not np.array_equal(_vertices(first), _vertices(last))
+
+
+def test_identity_weights_are_standard_normal_within_three(small_model: Path) -> None:
+    source = IctFaceKit(small_model)
+    weights = np.stack([source._identity(FaceKey(f"i{n:04d}", "", 0)) for n in range(300)])
+    assert np.abs(weights).max() <= 3
+    assert abs(weights.mean()) * np.sqrt(weights.size) < 4.5
+    # A standard normal cut at 3 has variance 0.97334.
+    assert weights.var() == pytest.approx(0.97334, abs=4.5 * np.sqrt(2 / weights.size))
+
+
+def test_foreign_keys_are_refused(small_model: Path) -> None:
+    source = IctFaceKit(small_model)
+    with pytest.raises(ConfigError, match="no ict-facekit subject 'p0000'"):
+        list(source.load([FaceKey("p0000", "s00_12", 0)]))
+    with pytest.raises(ConfigError, match="is not a sequence name"):
+        list(source.load([FaceKey("i0000", "smile", 0)]))
+
+
+def test_action_units_become_shapes() -> None:
+    assert shapes_of("AU12") == {"mouthSmile_L": 1.0, "mouthSmile_R": 1.0}
+    assert shapes_of("AU12_L") == {"mouthSmile_L": 1.0}
+    assert shapes_of("AU27") == {"jawOpen": 1.0}
+    assert shapes_of("AU27_R") == {"jawOpen": 1.0}
+    assert shapes_of("AU30_L") == {"jawLeft": 1.0}
+    units = {f"AU{word.rstrip('LR')}" for code in CODES for word in code.split("+")}
+    assert units <= set(known_units())
+    for wrong in ("AU3", "AU12_X", "AU30", "12", "smile"):
+        with pytest.raises(ConfigError, match=f"{wrong}: ICT-FaceKit has no shape"):
+            shapes_of(wrong)
+    shapes = ("jawOpen", "mouthSmile_L", "mouthSmile_R")
+    weights = shape_weights({"AU25": 1.0, "AU26": 0.8, "AU12_R": 0.3}, shapes)
+    np.testing.assert_allclose(weights, [0.4, 0, 0.3])  # jaws do not add up
+    lips = shape_weights({"AU18": 0.5, "AU22": 1.0}, ("mouthPucker", "mouthFunnel"))
+    np.testing.assert_allclose(lips, [1 / 3, 2 / 3])
+
+
+def test_the_model_is_cached_and_a_damaged_cache_is_built_again(
+    small_model: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    first = load_model(small_model)
+    assert isinstance(first.basis, np.memmap)
+    (cache,) = Path(os.environ["GLSIM_CACHE"]).iterdir()
+    before = (cache / "basis.npy").stat().st_mtime_ns
+    np.testing.assert_array_equal(load_model(small_model).basis, first.basis)
+    assert (cache / "basis.npy").stat().st_mtime_ns == before
+    whole = (cache / "basis.npy").read_bytes()
+    for name, content in (
+        ("basis.npy", whole[:-100]),
+        ("basis.npy", whole[:-100] + b"?" * 100),
+        ("topology.npz", b"PK\x03\x04 nothing"),
+        ("topology.npz", None),
+    ):
+        (cache / name).unlink()
+        if content is not None:
+            (cache / name).write_bytes(content)
+        caplog.clear()
+        np.testing.assert_array_equal(load_model(small_model).basis, first.basis)
+        assert "damaged" in caplog.text
+        assert [path.name for path in cache.parent.iterdir()] == [cache.name]
+
+
+def test_a_changed_model_is_read_again(tmp_path: Path, small_model: Path) -> None:
+    folder = Path(shutil.copytree(small_model, tmp_path / "FaceXModel"))
+    one = load_model(folder)
+    path = folder / "identity000.obj"
+    path.write_text(path.read_text().replace("v -", "v ", 1))
+    assert not np.array_equal(load_model(folder).basis[1], one.basis[1])
+
+
+def test_without_a_place_for_the_cache_the_model_still_works(
+    small_model: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "file"))
+    with caplog.at_level(logging.WARNING):
+        assert len(load_model(small_model).basis) > 100
+    assert "the face model cannot be cached there" in caplog.text
+    monkeypatch.delenv("GLSIM_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    load_model(small_model)
+    assert [path.name for path in (tmp_path / "xdg").iterdir()] == ["glsim"]
+
+
+def test_a_missing_or_broken_model_gives_one_clear_line(tmp_path: Path, small_model: Path) -> None:
+    with pytest.raises(ConfigError, match="no such folder; get the face model with 'git clone"):
+        IctFaceKit(tmp_path / "nowhere")
+    folder = Path(shutil.copytree(small_model, tmp_path / "FaceXModel"))
+
+    def message(error: type[Exception]) -> str:
+        with pytest.raises(error) as caught:
+            load_model(model_folder(folder))
+        line = str(caught.value)
+        assert str(folder) in line
+        assert "\n" not in line
+        return line
+
+    for name in ("identity057.obj", "vertex_indices.json", "generic_neutral_mesh.obj"):
+        content = (folder / name).read_bytes()
+        (folder / name).unlink()
+        assert f"{name}: missing, so this is not a whole" in message(ConfigError)
+        (folder / name).write_bytes(content)
+    content = (folder / "jawOpen.obj").read_bytes()
+    (folder / "jawOpen.obj").unlink()
+    assert "jawOpen.obj: missing, though vertex_indices.json lists it" in message(ConfigError)
+    (folder / "jawOpen.obj").write_bytes(content[: len(content) // 4])
+    assert "jawOpen.obj" in message(MeshError)
+    (folder / "jawOpen.obj").write_bytes(content.replace(b"v ", b"v nan ", 1))
+    assert "jawOpen.obj: a vertex line is broken" in message(MeshError)
+    (folder / "jawOpen.obj").write_bytes(content)
+
+    indices = json.loads((folder / "vertex_indices.json").read_text())
+    for change, part in (
+        ({"idx_to_landmark_verts": [1, 2]}, "2 landmarks, not 68"),
+        ({"expressions": ["jawOpen"]}, "no expression browDown_L"),
+        ({"idx_to_landmark_verts": [10**6] * 68}, "has fewer vertices than"),
+    ):
+        (folder / "vertex_indices.json").write_text(json.dumps(indices | change))
+        assert part in message(MeshError)
+    (folder / "vertex_indices.json").write_text("{")
+    assert "damaged or of another model" in message(MeshError)
+    (folder / "vertex_indices.json").write_text(json.dumps(indices))
+    neutral = folder / "generic_neutral_mesh.obj"
+    neutral.write_text(neutral.read_text().replace("M_Teeth", "M_Tooth"))
+    assert "has no material group 'M_Teeth'" in message(MeshError)
+
+
+def test_importing_the_source_is_light() -> None:
+    code = (
+        "import sys, glsim.faces.ict_facekit, glsim.faces.scans.folder, glsim.meshio.load;"
+        "print([name for name in ('trimesh', 'cv2', 'moderngl', 'scipy') if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

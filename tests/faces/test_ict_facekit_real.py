@@ -1,0 +1,126 @@
+"""The real ICT-FaceKit model, if available, against published measures."""
+
+from __future__ import annotations
+
+import json
+import os
+import tarfile
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glsim.faces.base import Face, FaceKey
+from glsim.faces.ict_facekit import IctFaceKit
+from glsim.faces.ict_facekit.load import load_model
+from glsim.faces.ict_facekit.regions import FACE_PARTS
+from glsim.faces.ict_facekit.topology import build_topology
+from glsim.meshio.alignment import estimate_alignment
+from glsim.meshio.obj import read_obj
+
+ARCHIVE = Path(__file__).parents[3] / "shared" / "data" / "ict-facekit.tar.xz"
+
+
+@pytest.fixture(scope="session")
+def real_model() -> Iterator[IctFaceKit]:
+    """$GLSIM_ICT_ROOT, or the archive beside the checkout, unpacked for this session (387 MB)."""
+    with tempfile.TemporaryDirectory() as place, pytest.MonkeyPatch.context() as patch:
+        root = os.environ.get("GLSIM_ICT_ROOT", place)
+        if root == place:
+            if not ARCHIVE.is_file():
+                pytest.skip(
+                    "the real model is not here: set GLSIM_ICT_ROOT to an ICT-FaceKit clone"
+                )
+            with tarfile.open(ARCHIVE) as archive:
+                archive.extractall(place, filter="data")
+        patch.setenv("GLSIM_CACHE", os.environ.get("GLSIM_CACHE", f"{place}/cache"))
+        yield IctFaceKit(root)
+
+
+def front_of(names: tuple[str, ...]) -> list[int]:
+    """Return the numbers of the regions in the face mesh."""
+    return [names.index(name) for name in ("face", *FACE_PARTS)]
+
+
+def test_the_parts_of_the_real_face_lie_where_they_should(real_model: IctFaceKit) -> None:
+    model = load_model(real_model.root)
+    mean, names = model.basis[0].reshape(-1, 3), real_model.region_names
+    part = {name: mean[real_model.regions == names.index(name)] for name in FACE_PARTS}
+    tip = mean[np.argmin(np.linalg.norm(mean - [0, 0, 45], axis=1))]
+    assert np.linalg.norm(part["nose"] - tip, axis=1).min() == 0
+    assert np.abs(part["nose"][:, 0]).max() < 20
+    height = {name: float(points[:, 1].mean()) for name, points in part.items()}
+    order = ("forehead", "brow", "lids", "nose", "lips", "chin")
+    assert [*order] == sorted(order, key=height.__getitem__, reverse=True)
+    for name, points in part.items():
+        assert np.abs(points[:, 0].mean()) < 1, f"{name} is the same on both sides"
+
+
+def test_the_real_model_has_the_published_measures(real_model: IctFaceKit) -> None:
+    model = load_model(real_model.root)
+    names, region = real_model.region_names, real_model.regions
+    assert len(model.expressions) == 53
+    # 22,991 of the model's vertices lie in parts that are drawn, a fifth of them never in sight.
+    assert model.basis.shape == (154, 3 * len(region))
+    assert 17_000 < len(region) < 20_000
+    assert 33_000 < len(model.topology.faces) < 38_000
+    landmarks = json.loads((real_model.root / "vertex_indices.json").read_text())
+    neutral = read_obj(real_model.root / "generic_neutral_mesh.obj")
+    whole = build_topology(neutral, np.array(landmarks["idx_to_landmark_verts"]))
+    assert whole.faces.shape == (45644, 3)
+    count = {name: int((whole.region == index).sum()) for index, name in enumerate(names)}
+    assert sum(count[name] for name in ("face", *FACE_PARTS)) == 9409  # the README's vertices
+    assert (count["head"], count["mouth socket"], count["eye socket"]) == (1839, 2046, 768)
+    assert (count["gums"], count["teeth"], count["sclera"] + count["iris"]) == (2977, 4412, 1540)
+    assert 700 < count["lips"] < 1200
+    mean = model.basis[0].reshape(-1, 3)
+    place = {int(number): index for index, number in enumerate(model.topology.kept)}
+    # Vertex 0 of the OBJ is (0, -2.48251, 11.8387) cm, the nose tip (0, 0.09096, 13.0882).
+    np.testing.assert_allclose(
+        mean[place[0]], [0, -24.8251 - 0.9096, 118.387 - 130.882 + 45], atol=1e-3
+    )
+    eyes = np.isin(whole.region, [names.index("sclera"), names.index("iris")])
+    balls = neutral.vertices[whole.kept[eyes]] * 10
+    left, right = balls[balls[:, 0] > 0], balls[balls[:, 0] < 0]
+    assert np.linalg.norm(left.mean(axis=0) - right.mean(axis=0)) == pytest.approx(63.9, abs=0.1)
+    assert mean.min(axis=0) == pytest.approx([-124, -194, -178], abs=1)
+    assert mean.max(axis=0) == pytest.approx([124, 144, 45], abs=1)
+    face = model.topology.faces
+    face = face[np.isin(region[face], front_of(names)).all(axis=1)]
+    edges = mean[face] - mean[np.roll(face, 1, axis=1)]
+    assert np.linalg.norm(edges, axis=-1).mean() == pytest.approx(3.3, abs=0.5)  # with diagonals
+
+
+@pytest.mark.parametrize(
+    ("shape", "low", "high"), [("jawOpen", 40, 43), ("mouthSmile_L", 15, 17), ("eyeBlink_R", 8, 14)]
+)
+def test_real_expressions_move_as_far_as_published(
+    real_model: IctFaceKit, shape: str, low: float, high: float
+) -> None:
+    model = load_model(real_model.root)
+    moved = model.basis[1 + 100 + model.expressions.index(shape)].reshape(-1, 3)
+    moved = moved[np.isin(real_model.regions, front_of(real_model.region_names))]
+    assert low < np.linalg.norm(moved, axis=1).max() < high
+
+
+def test_real_faces_vary_as_published_and_look_at_the_sensor(real_model: IctFaceKit) -> None:
+    keys = [FaceKey(f"i{number:04d}", "s00_12", 0, 0.0) for number in range(64)]
+    faces = [face for face in real_model.load(keys) if isinstance(face, Face)]
+    front = np.isin(real_model.regions, front_of(real_model.region_names))
+    points = np.stack([face.mesh.vertices_mm[front] for face in faces])
+    spread = np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=-1).mean())
+    assert spread == pytest.approx(6.2, abs=0.8)
+    tip = points[0][np.argmax(points[0][:, 2])]
+    assert 30 < tip[2] < 60
+    assert np.abs(tip[:2]).max() < 15
+    back = np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
+    for face in faces[:20]:
+        found = estimate_alignment(face.mesh.vertices_mm @ back / 10, face.mesh.faces)
+        assert (found.unit, found.axes) == ("cm", "-z+y+x")
+    triangles = faces[0].mesh.faces
+    triangles = triangles[front[triangles].all(axis=1)]
+    corner = faces[0].mesh.vertices_mm[triangles]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    assert normal[:, 2].sum() > 0.8 * np.abs(normal[:, 2]).sum()

@@ -1,0 +1,226 @@
+"""Chains of stages: the user's own shaders, misfits that are refused, recorded draws, targets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.errors import ConfigError, ShaderError
+from glsim.frame import Frame
+from glsim.reason import Reason
+from glsim.sensors.sensor import load_sensor
+from glsim.settings.schema import load_settings
+from tests.support.scenes import frames_of, plate, sensor_file, settings_for
+from tests.support.tof_harness import Camera, quad
+
+ADD = """#version 330 core
+// add: moves everything.
+uniform float by_mm = 5.0; //@ [-100, 100] mm how far
+uniform int times = 1;     //@ [0, 10]     1  how often
+uniform sampler2D u_depth;
+out float depth;
+void main() {
+    float here = texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r;
+    depth = here > 0.0 ? here + 0.001 * by_mm * float(times) : 0.0;
+}
+"""
+
+
+def run(context: moderngl.Context, sensor: str, frames: int = 1, **overrides: object) -> Frame:
+    return frames_of(context, settings_for(sensor, **overrides), plate(), frames)[-1]
+
+
+def values(frame: Frame) -> set[int]:
+    return set(np.unique(frame.noisy[frame.clean > 0]).tolist())
+
+
+@pytest.fixture
+def add(tmp_path: Path) -> Path:
+    (tmp_path / "add.glsl").write_text(ADD)
+    return tmp_path
+
+
+def test_a_users_shader_is_a_stage_by_its_path(context: moderngl.Context, add: Path) -> None:
+    frame = run(context, sensor_file(add, 'use = "add.glsl"'))
+    assert values(frame) == {905}
+    assert set(np.unique(frame.clean)) == {0, 900}
+    absolute = sensor_file(add, f'use = "{add / "add.glsl"}"\nby_mm = -7\ntimes = 2')
+    assert values(run(context, absolute)) == {886}
+
+
+def test_stages_run_in_order_under_names_of_their_own(context: moderngl.Context, add: Path) -> None:
+    grid = 'use = "millimetre_quantise"\nstep_mm = 100'
+    first = sensor_file(add, 'use = "add.glsl"\nby_mm = 60', grid)
+    assert values(run(context, first)) == {1000}
+    last = sensor_file(add, grid, 'use = "add.glsl"\nby_mm = 60')
+    assert values(run(context, last)) == {960}
+    two = 'use = "add.glsl"', 'use = "add.glsl"\nname = "again"\nby_mm = 10'
+    both = sensor_file(add, *two)
+    assert values(run(context, both)) == {915}
+    assert values(run(context, both, stage={"again": {"by_mm": 20}})) == {925}
+    assert values(run(context, both, stage={"add": {"enabled": False}})) == {910}
+    with pytest.raises(ConfigError, match=r"two stages are called 'add': give each a name = "):
+        load_sensor(sensor_file(add, two[0], two[0]))
+
+
+def test_two_uses_of_a_stage_have_noise_of_their_own(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    noise = 'use = "gaussian"\nname = "{}"\nsigma_mm = 20'
+    one, other = (run(context, sensor_file(tmp_path, noise.format(name))).noisy_m for name in "ab")
+    assert not np.array_equal(one, other)
+    inside = one > 0
+    assert abs(np.corrcoef(one[inside], other[inside])[0, 1]) < 0.1
+
+
+def test_switched_off_stages_leave_no_trace(context: moderngl.Context, add: Path) -> None:
+    off = sensor_file(add, 'use = "add.glsl"\nenabled = false', 'use = "gaussian"\nenabled = 0')
+    frame = run(context, off)
+    np.testing.assert_array_equal(frame.noisy, frame.clean)
+    assert not (frame.reason[frame.clean > 0] != Reason.VALID).any()
+
+
+def test_a_layer_whose_stage_is_switched_off_is_named(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    sensor = sensor_file(tmp_path, 'use = "infrared"\nenabled = false', 'use = "low_signal"')
+    with pytest.raises(ConfigError, match=r"'low_signal' reads the layer 'infrared', .* is switch"):
+        run(context, sensor)
+
+
+def test_a_small_layer_is_a_stage_of_its_own_size(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    """The layer has a third of the size and is read at a third of the coordinates."""
+    (tmp_path / "small.glsl").write_text(
+        "#version 330 core\n// small\nuniform sampler2D u_depth;\nout float third; //@ 1/3\n"
+        "void main() { ivec2 p = ivec2(gl_FragCoord.xy);"
+        " third = float(p.x) + 100.0 * float(p.y) + 0.0 * texelFetch(u_depth, p, 0).r; }\n"
+    )
+    (tmp_path / "grow.glsl").write_text(
+        "#version 330 core\n// grow\nuniform sampler2D u_third;\nuniform sampler2D u_depth;\n"
+        "out float depth;\nvoid main() { ivec2 p = ivec2(gl_FragCoord.xy);\n"
+        "float t = texelFetch(u_third, p / 3, 0).r;\n"
+        "depth = texelFetch(u_depth, p, 0).r > 0.0 ? 0.001 * t : 0.0; }\n"
+    )
+    frame = run(context, sensor_file(tmp_path, 'use = "small.glsl"', 'use = "grow.glsl"'))
+    rows, columns = np.nonzero(frame.clean)
+    np.testing.assert_array_equal(frame.noisy[rows, columns], columns // 3 + 100 * (rows // 3))
+
+
+def test_draws_are_recorded_and_constants_are_not(context: moderngl.Context, add: Path) -> None:
+    sensor = sensor_file(
+        add, 'use = "add.glsl"\nby_mm = { uniform = [1, 50] }\ntimes = { choice = [1, 2] }'
+    )
+    frames = frames_of(context, settings_for(sensor), plate(), 12)
+    for frame in frames:
+        assert set(frame.parameters) == {"add.by_mm", "add.times"}
+        by = frame.parameters["add.by_mm"] * frame.parameters["add.times"]
+        assert values(frame) == {round(900 + by)}
+    assert len({frame.parameters["add.by_mm"] for frame in frames}) == 12
+    assert {frame.parameters["add.times"] for frame in frames} == {1.0, 2.0}
+
+
+def stage_text(outputs: str, reads: str = "", body: str = "") -> str:
+    return f"#version 330 core\n// odd\n{reads}\n{outputs}\nvoid main() {{ {body} }}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (stage_text(""), "the stage writes no layer: declare e.g. 'out float depth;'"),
+        (stage_text("out float a;\nout float b; //@ 1/2"), "all layers .* must have the same size"),
+        (stage_text("out float a;", "uniform float enabled = 1.0; //@ [0, 1] 1 x"), "is taken"),
+    ],
+)
+def test_a_stage_that_cannot_be_is_named(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "odd.glsl").write_text(text)
+    with pytest.raises(ShaderError, match=message):
+        load_sensor(sensor_file(tmp_path, 'use = "odd.glsl"'))
+
+
+@pytest.mark.parametrize(
+    ("stages", "message"),
+    [
+        (['use = "low_signal"'], "'low_signal' reads the layer 'infrared', which no stage before"),
+        (['use = "dot_spread"'], "reads the layer 'dot_match', which no stage before it writes"),
+        (['use = "odd.glsl"'], "glsim binds no uniform 'u_sede' .did you mean 'u_seed'"),
+        (['use = "despeckle"', 'use = "shadow"'], "'shadow' is a shader and comes after 'despeck"),
+        (['use = "axail"'], "no such stage 'axail' .did you mean 'axial'.*a path that ends in"),
+        (["base_sigma_mm = 1"], 'stage 1: say which stage with use = "..."'),
+        (['use = "disparity_quantise"'], "works on disparity, but the rig has no emitter"),
+        (['use = "gaussian"\nsigma_px = 0.1'], "works on disparity, but the rig has no emitter"),
+        (['use = "axial"\nbase_sigma = 1'], "no such parameter 'base_sigma' .*'base_sigma_mm'"),
+        (['use = "axial"\nbase_sigma_mm = 101'], r"base_sigma_mm: 101 is outside \[0, 100\] mm"),
+        (['use = "perlin"\noctaves = 1.5'], "perlin.octaves: 1.5 is not a whole number"),
+        (['use = "perlin"\noctaves = { uniform = [1, 9] }'], r"octaves: 9 is outside \[1, 8\]"),
+        (['use = "gaussian"\nsigma_mm = { normal = [2, 1] }'], r"sigma_mm: -1 is outside"),
+        (['use = "gaussian"\nsigma_mm = "much"'], r"stage 1: gaussian.sigma_mm: .*got 'much'"),
+        (['use = "gaussian"\nsigma_mm = { unifrom = [1, 2] }'], "gaussian.sigma_mm"),
+    ],
+)
+def test_what_does_not_fit_is_refused_before_anything_is_drawn(
+    tmp_path: Path, stages: list[str], message: str
+) -> None:
+    (tmp_path / "odd.glsl").write_text(stage_text("out float a;", "uniform uint u_sede;"))
+    with pytest.raises(ConfigError, match=message):
+        load_sensor(sensor_file(tmp_path, *stages))
+
+
+def test_noise_in_disparity_needs_no_emitter_at_zero(tmp_path: Path) -> None:
+    load_sensor(sensor_file(tmp_path, 'use = "gaussian"', 'use = "perlin"\namplitude_px = 0'))
+    load_sensor(sensor_file(tmp_path, 'use = "disparity_quantise"\nenabled = false'))
+    load_sensor(sensor_file(tmp_path, 'use = "disparity_quantise"', emitter=True))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"add": {"by_mm": 101}}, r"add.by_mm: 101 is outside \[-100, 100\] mm \(how far\)"),
+        ({"add": {"by_mn": 1}}, "no such parameter 'by_mn' of stage 'add' .*'by_mm'"),
+        ({"ad": {"by_mm": 1}}, "has no stage 'ad' .did you mean 'add'"),
+        ({"add": {"enabled": 2}}, r"add.enabled: 2 is outside \[0, 1\]"),
+    ],
+)
+def test_overrides_are_checked_like_files(
+    add: Path, overrides: dict[str, dict[str, float]], message: str
+) -> None:
+    settings = load_settings(overrides={"stage": overrides})
+    with pytest.raises(ConfigError, match=message):
+        load_sensor(sensor_file(add, 'use = "add.glsl"'), settings.stage)
+
+
+def test_a_shader_that_leaves_nan_is_reported(context: moderngl.Context, add: Path) -> None:
+    (add / "add.glsl").write_text(ADD.replace("? here", "? sqrt(-here) + here"))
+    with pytest.raises(ConfigError, match=r"left NaN or infinity in \d+ pixels of the depth"):
+        run(context, sensor_file(add, 'use = "add.glsl"'))
+
+
+@pytest.mark.parametrize("sensor", ["kinect-v1", "kinect-v2"])
+def test_a_chain_gives_back_its_own_targets_and_no_others(
+    context: moderngl.Context, sensor: str
+) -> None:
+    """Also if a stage fails. The renderer's targets are valid until its block is left."""
+    cam = Camera.open(context, sensor)
+    scene = [quad(900.0, (-100, 100), (-100, 100))]
+    cam.shoot(scene)
+    with cam.renderer.render(scene) as rendered:
+        pool = rendered.pool
+
+        def free() -> set[int]:
+            return {target.texture.glo for targets in pool._free.values() for target in targets}
+
+        before = free()
+        frame, values = cam.frame(rendered, 1), cam.values({})
+        cam.chain.run(rendered, frame, values, cam.readback)
+        assert free() == before
+        clean = cam.readback.arrays()["clean"].copy()
+        cam.readback.request(pool, {"clean": rendered.layers["clean"]}, rendered.window)
+        np.testing.assert_array_equal(cam.readback.arrays()["clean"], clean)
+        values[cam.chain._passes[0].name]["enabled"] = 0.0
+        with pytest.raises(ConfigError, match="is switched off"):
+            cam.chain.run(rendered, frame, values, cam.readback)
+        assert free() == before

@@ -1,0 +1,175 @@
+"""Properties of every stage: twin and shader agree, neutral settings, windows, reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.geometry.rect import Rect
+from glsim.gl.shader_source import Layer
+from glsim.noise.numpy_twins import TWINS
+from glsim.noise.numpy_twins.dots import cells
+from glsim.noise.registry import shipped_stages
+from glsim.reason import Reason
+from tests.support.stage_harness import FRAME, Image, crop, flat, frame, run_shader, run_twin, scene
+
+#: Stages of the time-of-flight sensors have layers of their own: test_tof_agreement.
+STAGES = [use for use in TWINS if not use.startswith("tof_")]
+
+#: Every stage with its defaults, and settings that reach other branches.
+CASES: list[tuple[str, dict[str, float]]] = [
+    *((use, {}) for use in STAGES),
+    ("axial", {"angle_from_deg": 60, "angle_power": -0.5, "quadratic_from_m": 0.4}),
+    ("disparity_quantise", {"step_px": 0.3}),
+    ("dot_spread", {"radius_px": 3.9, "edge_mm": 1.0}),
+    ("dot_spread", {"radius_px": 0.5}),
+    ("edge_dropout", {"radius_px": 3, "probability": 1.0}),
+    ("gaussian", {"sigma_mm": 0.0, "sigma_px": 0.15}),
+    ("infrared", {"ambient_counts": 30}),
+    ("lateral", {"angle_px": 0.035, "sigma_px": 0.8}),
+    ("lateral", {"sigma_px": 4}),
+    ("max_filter", {"radius_px": 4}),
+    ("millimetre_quantise", {"step_mm": 0.7}),
+    ("perlin", {"octaves": 5, "amplitude_mm": 0.0, "amplitude_px": 0.4, "persistence": 0.7}),
+    ("perlin", {"lattice_x_px": 7.3, "lattice_y_px": 3, "drift_hz": 2, "lacunarity": 1.7}),
+    ("range_gate", {"near_mm": 800, "far_mm": 1300}),
+    ("simplex", {"amplitude_px": 0.5, "lattice_px": 3, "drift_hz": 2}),
+]
+
+WINDOWS = [Rect(0, 0, 256, 212), Rect(31, 17, 150, 130), Rect(100, 50, 1, 1)]
+
+#: Settings at which a stage does nothing.
+NEUTRAL: list[tuple[str, dict[str, float]]] = [
+    ("axial", {"base_sigma_mm": 0, "linear_mm_per_m": 0, "quadratic_mm_per_m2": 0, "angle_mm": 0}),
+    ("axial", {"max_sigma_mm": 0}),
+    ("edge_dropout", {"probability": 0}),
+    ("fixed_pattern", {"pixel_sigma_mm": 0, "column_sigma_mm": 0, "row_step_mm": 0}),
+    ("gaussian", {"sigma_mm": 0, "sigma_px": 0}),
+    ("lateral", {"sigma_px": 0, "angle_px": 0}),
+    ("low_signal", {"min_counts": 0, "spread_counts": 0}),
+    ("max_filter", {"radius_px": 0}),
+    ("perlin", {"amplitude_mm": 0, "amplitude_px": 0}),
+    ("range_gate", {"near_mm": 0, "far_mm": 65535}),
+    ("shadow", {"min_lit": 0}),
+    ("simplex", {"amplitude_mm": 0, "amplitude_px": 0}),
+]
+
+#: Reach of a stage, px: nearer to the border of a window the result depends on the window.
+REACH = {
+    "lateral": 9,
+    "edge_dropout": 4,
+    "max_filter": 4,
+    "correlation_window": 12,
+    "dot_spread": 6,
+}
+
+
+def test_every_shader_has_a_twin() -> None:
+    shaders = {name for name, spec in shipped_stages().items() if spec.source is not None}
+    assert set(TWINS) == shaders
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize(("use", "p"), CASES)
+def test_twin_agrees(
+    context: moderngl.Context, use: str, p: Mapping[str, float], window: Rect
+) -> None:
+    at = frame(window=window, time_s=0.3)
+    layers = crop(scene(), at)
+    shader, twin = run_shader(context, use, layers, at, **p), run_twin(use, layers, at, **p)
+    assert set(shader) == set(twin)
+    for name, image in shader.items():
+        assert twin[name].dtype == np.float32
+        assert twin[name].shape == image.shape
+        # 2e-6 is 2 um of depth; a few pixels differ more, where a comparison was close.
+        off = np.abs(image - twin[name]) > 2e-6 * np.maximum(1.0, np.abs(image))
+        assert off.mean() <= 2e-4
+
+
+@pytest.mark.parametrize(("use", "p"), NEUTRAL)
+def test_neutral_settings_change_nothing(
+    context: moderngl.Context, use: str, p: Mapping[str, float]
+) -> None:
+    layers = scene()
+    for written in (
+        run_shader(context, use, layers, FRAME, **p),
+        run_twin(use, layers, FRAME, **p),
+    ):
+        for name, image in written.items():
+            np.testing.assert_array_equal(image, layers[name])
+
+
+@pytest.mark.parametrize("use", STAGES)
+def test_noise_does_not_depend_on_the_window(context: moderngl.Context, use: str) -> None:
+    windows = Rect(20, 10, 150, 131), Rect(64, 41, 180, 150)
+    overlap = windows[0].intersection(windows[1])
+    margin = REACH.get(use, 0)
+    inner = Rect(
+        overlap.left + margin, overlap.top + margin,
+        overlap.width - 2 * margin, overlap.height - 2 * margin,
+    )  # fmt: skip
+    whole = scene()
+    for run in (lambda *a: run_shader(context, *a), run_twin):
+        parts = []
+        for window in windows:
+            at = frame(window=window)
+            written = run(use, crop(whole, at), at)
+            parts.append(
+                {name: _part(name, image, window, inner) for name, image in written.items()}
+            )
+        for name, image in parts[0].items():
+            assert image.size > 100
+            assert image.tobytes() == parts[1][name].tobytes()
+
+
+def _part(name: str, image: Image, window: Rect, inner: Rect) -> Image:
+    if name == "dot_match":
+        window, inner = cells(window), cells(inner)
+    left, top = inner.left - window.left, inner.top - window.top
+    return image[top : top + inner.height, left : left + inner.width]
+
+
+def test_cells_are_the_targets_pixels() -> None:
+    source = shipped_stages()["correlation_window"].source
+    assert source is not None
+    for left in range(4):
+        for size in range(1, 8):
+            window = Rect(left, 2 * left, size, size + 1)
+            assert cells(window) == source.writes[0].window(window)
+            assert Layer("depth", "float").window(window) == window
+
+
+@pytest.mark.parametrize(("use", "p"), CASES)
+def test_depth_and_reason_fit(use: str, p: Mapping[str, float]) -> None:
+    """Depth disappears or appears only with a reason."""
+    layers = scene(1)
+    written = {**layers, **run_twin(use, layers, FRAME, **p)}
+    before, after = layers["depth"] > 0, written["depth"] > 0
+    with_depth = np.isin(written["reason"], [r for r in Reason if r.has_depth])
+    np.testing.assert_array_equal(after, with_depth)
+    if "reason" not in run_twin(use, layers, FRAME, **p):
+        np.testing.assert_array_equal(after, before)
+    assert not np.isin(written["reason"][before & ~after], layers["reason"][before]).any()
+
+
+@pytest.mark.parametrize("use", ["millimetre_quantise", "gaussian", "perlin", "disparity_quantise"])
+def test_no_depth_is_rounded_or_moved_away(context: moderngl.Context, use: str) -> None:
+    p = {"millimetre_quantise": {"step_mm": 100.0}, "gaussian": {"sigma_mm": 100.0}}.get(use, {})
+    layers = flat(0.02)
+    for written in (
+        run_shader(context, use, layers, FRAME, **p),
+        run_twin(use, layers, FRAME, **p),
+    ):
+        assert (written["depth"] > 0).all()
+
+
+@pytest.mark.parametrize("use", ["axial", "gaussian", "lateral", "perlin", "simplex", "low_signal"])
+def test_frames_differ_and_repeat(context: moderngl.Context, use: str) -> None:
+    layers = scene()
+    first, again = (run_shader(context, use, layers, frame(1))["depth"] for _ in range(2))
+    other = run_shader(context, use, layers, frame(2))["depth"]
+    assert first.tobytes() == again.tobytes()
+    assert (first != other).mean() > 0.05

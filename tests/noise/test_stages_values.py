@@ -1,0 +1,162 @@
+"""Bias and standard deviation of the stages that add noise to depth or round it, by z-score."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from tests.support.stage_harness import (
+    FOCAL_BASELINE,
+    HEIGHT,
+    WIDTH,
+    Z_MAX,
+    flat,
+    frame,
+    run_shader,
+    z_correlation,
+    z_mean,
+    z_sd,
+)
+
+
+def error_mm(
+    context: moderngl.Context, use: str, z_m: float, angle_deg: float = 0.0, seed: int = 0,
+    **p: float,
+) -> NDArray[np.float64]:  # fmt: skip
+    """The error, mm, that a stage adds to a surface of constant depth and angle."""
+    depth = run_shader(context, use, flat(z_m, angle_deg), frame(seed), **p)["depth"]
+    return (depth.astype(np.float64) - np.float32(z_m)) * 1000.0
+
+
+def fankhauser_mm(z: float, degrees: float) -> float:
+    """Sigma of Fankhauser et al. 2015, Kinect V2 indoors, mm."""
+    a = np.radians(degrees)
+    return float(1.5 - 0.5 * z + 0.3 * z**2 + 0.1 * z**1.5 * a**2 / (np.pi / 2 - a) ** 2)
+
+
+def nguyen_mm(z: float, degrees: float) -> float:
+    """Sigma of Nguyen et al. 2012, Kinect V1, mm."""
+    a = np.radians(degrees)
+    sigma = 1.2 + 1.9 * (z - 0.4) ** 2
+    return float(sigma + 0.1 / np.sqrt(z) * a**2 / (np.pi / 2 - a) ** 2 * (degrees >= 60))
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0, 45.0, 60.0, 75.0, 80.0])
+@pytest.mark.parametrize("z", [0.5, 0.9, 1.5, 3.0, 4.5])
+def test_axial_is_fankhausers(context: moderngl.Context, z: float, angle: float) -> None:
+    error = error_mm(context, "axial", z, angle, max_sigma_mm=1000)
+    assert abs(z_mean(error)) < Z_MAX
+    assert abs(z_sd(error, fankhauser_mm(z, angle))) < Z_MAX
+
+
+@pytest.mark.parametrize("angle", [0.0, 45.0, 59.0, 61.0, 80.0])
+@pytest.mark.parametrize("z", [0.5, 0.9, 2.0, 4.0])
+def test_axial_can_be_nguyens(context: moderngl.Context, z: float, angle: float) -> None:
+    error = error_mm(
+        context, "axial", z, angle, base_sigma_mm=1.2, linear_mm_per_m=0, quadratic_mm_per_m2=1.9,
+        quadratic_from_m=0.4, angle_mm=0.1, angle_power=-0.5, angle_from_deg=60, max_sigma_mm=1000,
+    )  # fmt: skip
+    assert abs(z_mean(error)) < Z_MAX
+    assert abs(z_sd(error, nguyen_mm(z, angle))) < Z_MAX
+
+
+def test_axial_is_limited_at_the_pole(context: moderngl.Context) -> None:
+    assert abs(z_sd(error_mm(context, "axial", 0.9, 89.9), 20.0)) < Z_MAX
+    assert abs(z_sd(error_mm(context, "axial", 0.9, 89.9, max_sigma_mm=7.0), 7.0)) < Z_MAX
+
+
+@pytest.mark.parametrize("use", ["axial", "gaussian"])
+def test_white_and_normal(context: moderngl.Context, use: str) -> None:
+    error = error_mm(context, use, 0.9)
+    for lag in ((0, 1), (1, 0), (1, 1), (0, 2)):
+        assert abs(z_correlation(error, np.roll(error, lag, axis=(0, 1)))) < Z_MAX
+    assert abs(stats.skew(error, axis=None)) / np.sqrt(6 / error.size) < Z_MAX
+    assert abs(stats.kurtosis(error, axis=None)) / np.sqrt(24 / error.size) < Z_MAX
+    assert stats.kstest(error.ravel() / error.std(), "norm").pvalue > 1e-5
+
+
+def test_frames_and_stages_are_independent(context: moderngl.Context) -> None:
+    first = error_mm(context, "axial", 0.9)
+    assert abs(z_correlation(first, error_mm(context, "axial", 0.9, seed=1))) < Z_MAX
+    assert abs(z_correlation(first, error_mm(context, "gaussian", 0.9))) < Z_MAX
+
+
+@pytest.mark.parametrize("sigma", [0.3, 1.0, 10.0])
+def test_gaussian_in_millimetres(context: moderngl.Context, sigma: float) -> None:
+    error = error_mm(context, "gaussian", 1.2, sigma_mm=sigma)
+    assert abs(z_mean(error)) < Z_MAX
+    assert abs(z_sd(error, sigma)) < Z_MAX
+
+
+@pytest.mark.parametrize("z", [0.6, 0.9, 2.0])
+def test_gaussian_in_disparity(context: moderngl.Context, z: float) -> None:
+    depth = run_shader(context, "gaussian", flat(z), sigma_mm=0.0, sigma_px=0.15)["depth"]
+    error = FOCAL_BASELINE / depth.astype(np.float64) - FOCAL_BASELINE / np.float32(z)
+    assert abs(z_mean(error)) < Z_MAX
+    assert abs(z_sd(error, 0.15)) < Z_MAX
+
+
+def test_fixed_pattern_belongs_to_the_device(context: moderngl.Context) -> None:
+    layers = flat(0.9)
+    first, next_frame, other = (
+        run_shader(context, "fixed_pattern", layers, at)["depth"]
+        for at in (frame(1), frame(2, time_s=5.0), frame(1, device_seed=4243))
+    )
+    assert first.tobytes() == next_frame.tobytes()
+    rows = np.array([-0.5, 0.5])[np.arange(HEIGHT) % 2][:, None] * 0.37e-3
+    a, b = ((part - np.float32(0.9) - rows).astype(np.float64) for part in (first, other))
+    columns = a.mean(axis=0), b.mean(axis=0)
+    assert abs(z_correlation(*columns)) < Z_MAX
+    assert abs(z_correlation(a - columns[0], b - columns[1])) < Z_MAX
+
+
+def test_fixed_pattern_has_the_parts_it_says(context: moderngl.Context) -> None:
+    error = error_mm(context, "fixed_pattern", 0.9)
+    odd_minus_even = error[1::2] - error[::2]  # a column's own part cancels
+    assert abs(z_mean(odd_minus_even, 0.37)) < Z_MAX
+    error -= np.where(np.arange(HEIGHT) % 2, 0.185, -0.185)[:, None]
+    column = error.mean(axis=0)
+    assert abs(z_sd(column, np.sqrt(0.45**2 + 0.6**2 / HEIGHT))) < Z_MAX
+    assert abs(z_mean(column)) < Z_MAX
+    # A column's mean takes one of its HEIGHT degrees of freedom.
+    own = (error - column) * np.sqrt(HEIGHT / (HEIGHT - 1))
+    assert abs(z_sd(own, 0.6)) < Z_MAX
+
+
+def test_disparity_is_rounded_to_steps(context: moderngl.Context) -> None:
+    ramp = np.linspace(0.85, 0.95, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH)
+    depth = run_shader(context, "disparity_quantise", flat(ramp))["depth"].astype(np.float64)
+    steps = FOCAL_BASELINE / depth / 0.125
+    np.testing.assert_allclose(steps, np.rint(steps), rtol=0, atol=1e-4)
+    off_px = FOCAL_BASELINE / depth - FOCAL_BASELINE / ramp
+    assert np.abs(off_px).max() < 0.0625 + 1e-5
+    levels = np.unique(np.rint(steps)).astype(int)
+    np.testing.assert_array_equal(np.diff(levels), 1)
+    bands_mm = np.diff(np.unique(depth)) * 1000.0
+    middle = bands_mm[np.argmin(np.abs(np.unique(depth)[:-1] - 0.9))]
+    assert middle == pytest.approx(1000 * 0.9**2 / FOCAL_BASELINE / 8, rel=0.01)  # 3.7 mm
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5, 3.0])
+def test_depth_is_rounded_to_millimetres(context: moderngl.Context, step: float) -> None:
+    ramp = np.random.default_rng(0).uniform(0.5, 4.5, (HEIGHT, WIDTH))
+    layers = flat(ramp)
+    depth = run_shader(context, "millimetre_quantise", layers, step_mm=step)["depth"]
+    steps = depth.astype(np.float64) * 1000 / step
+    np.testing.assert_allclose(steps, np.rint(steps), rtol=0, atol=1e-3)
+    off = steps - layers["depth"].astype(np.float64) * 1000 / step
+    assert np.abs(off).max() < 0.5 + 1e-3
+    assert abs(z_mean(off)) < Z_MAX
+    assert abs(z_mean(off**2, 1 / 12)) < Z_MAX
+
+
+def test_millimetres_show_no_bands_of_disparity(context: moderngl.Context) -> None:
+    """The Kinect V2 has at least 95 levels in 10 cm at 3 m, the V1 about 4."""
+    layers = flat(np.linspace(2.95, 3.05, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH))
+    fine = run_shader(context, "millimetre_quantise", layers)["depth"]
+    coarse = run_shader(context, "disparity_quantise", layers)["depth"]
+    assert len(np.unique(fine)) >= 95
+    assert len(np.unique(coarse)) <= 4

@@ -1,0 +1,108 @@
+"""Time-of-flight sensors: twins agree, frames repeat, crops are exact, shortcuts are accurate."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.geometry.rect import Rect
+from tests.support.tof_harness import QUIET, Camera, face_scenes, merged, quad
+
+SENSORS = ["kinect-v2", "kinect-v2-fast", "azure-kinect"]
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_twin_and_shader_agree(context: moderngl.Context, sensor: str) -> None:
+    cam = Camera.open(context, sensor)
+    same, pixels, close, both = 0, 0, 0, 0
+    # A frame with a wall takes ten times as long as one without.
+    scenes = face_scenes(100, wall_every=14) if sensor == "kinect-v2" else face_scenes(6)
+    for seed, scene in enumerate(scenes):
+        drawn, computed = cam.shoot(scene, seed=seed), cam.twin(scene, seed=seed)
+        one, other = drawn["depth"] > 0, computed["depth"] > 0
+        same, pixels = same + (one == other).sum(), pixels + one.size
+        apart = np.abs(drawn["depth"] - computed["depth"])[one & other]
+        close, both = close + (apart <= 0.00101).sum(), both + len(apart)
+        assert (drawn["reason"] == computed["reason"]).mean() >= 0.999
+        assert np.abs(drawn["lit"] - computed["lit"]).mean() < 1e-4
+        typical = np.abs(drawn["infrared"] - computed["infrared"])
+        assert (typical > 0.01 * drawn["infrared"] + 1).mean() < 1e-3
+    assert both > 40_000
+    assert same >= 0.999 * pixels
+    assert close >= 0.999 * both
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_a_frame_repeats_and_another_differs(context: moderngl.Context, sensor: str) -> None:
+    cam, scene = Camera.open(context, sensor), face_scenes(1)[0]
+    first = cam.shoot(scene, seed=1)
+    cam.shoot([quad(1000.0)], seed=9)
+    again, other = cam.shoot(scene, seed=1), cam.shoot(scene, seed=2)
+    for name, image in first.items():
+        assert image.tobytes() == again[name].tobytes(), name
+    valid = (first["depth"] > 0) & (other["depth"] > 0)
+    assert (first["depth"] != other["depth"])[valid].mean() > 0.5
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_a_crop_is_a_part_of_the_frame(context: moderngl.Context, sensor: str) -> None:
+    """Byte for byte: the margin of a crop is wider than the chain's reach."""
+    cam = Camera.open(context, sensor)
+    scene = [*face_scenes(1)[0], quad(2000.0)]
+    image = cam.sensor.rig.intrinsics
+    crop = Rect(image.width // 2 - 70, image.height // 2 - 60, 140, 120)
+    whole, part = cam.shoot(scene), cam.shoot(scene, crop=crop)
+    with cam.renderer.render(scene, crop) as rendered:
+        window = rendered.window
+    inner = Rect(crop.left - window.left, crop.top - window.top, crop.width, crop.height)
+    for name in ("depth", "reason", "infrared"):
+        np.testing.assert_array_equal(whole[name][crop.slices], part[name][inner.slices], name)
+
+
+def test_taking_the_centre_for_all_samples_costs_less_than_it_may(
+    context: moderngl.Context,
+) -> None:
+    """smooth_mm = 0.05 against all samples everywhere."""
+    cam = Camera.open(context)
+    for scene in face_scenes(6, seed=1):
+        quick = cam.shoot(scene, QUIET)
+        exact = cam.shoot(scene, merged(QUIET, {"tof_light": {"smooth_mm": 0.0}}))
+        one, other = quick["depth"] > 0, exact["depth"] > 0
+        assert (one == other).mean() > 0.9995
+        error_mm = 1000 * np.abs(quick["depth"] - exact["depth"])[one & other]
+        assert np.quantile(error_mm, 0.99) < 0.1
+        assert np.quantile(error_mm, 0.999) < 1.0  # at rims
+        assert error_mm.mean() < 0.02
+
+
+def test_the_clean_depth_is_that_of_the_pixels_centre(context: moderngl.Context) -> None:
+    fine, coarse = Camera.open(context), Camera.open(context, supersample=1)
+    for scene in face_scenes(3, seed=2):
+        one, frame = fine.clean(scene)
+        other, same = coarse.clean(scene)
+        assert frame.window == same.window
+        assert ((one["clean"] > 0) == (other["clean"] > 0)).mean() > 0.9999
+        both = (one["clean"] > 0) & (other["clean"] > 0)
+        assert np.quantile(np.abs(one["clean"] - other["clean"])[both], 0.999) < 2e-5
+        cosine = (one["normal"] * other["normal"])[..., :3].sum(axis=-1)[both]
+        assert np.median(np.degrees(np.arccos(np.clip(cosine, -1, 1)))) < 4
+        np.testing.assert_allclose(one["albedo"][both], other["albedo"][both], atol=0.02)
+
+
+@pytest.mark.parametrize("samples", [1, 5])
+def test_other_numbers_of_samples_work(context: moderngl.Context, samples: int) -> None:
+    three, other = Camera.open(context), Camera.open(context, supersample=samples)
+    scene = [quad(900.0, (-100, 100), (-120, 120)), quad(1500.0)]
+    one, two = three.shoot(scene, QUIET), other.shoot(scene, QUIET)
+    valid = (one["depth"] > 0) & (two["depth"] > 0)
+    assert valid.mean() > 0.97
+    assert np.median(1000 * np.abs(one["depth"] - two["depth"])[valid]) < 0.01
+
+
+def test_a_lens_that_distorts_keeps_planes_plane(context: moderngl.Context) -> None:
+    cam = Camera.open(context, deliver="raw")
+    layers = cam.shoot([quad(1200.0)], QUIET)
+    depth = layers["depth"][40:-40, 40:-40]
+    assert (depth > 0).all()
+    assert 1000 * np.abs(depth - 1.2).max() < 0.5

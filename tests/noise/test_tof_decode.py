@@ -1,0 +1,150 @@
+"""The decoder: fusion, filters, unwrapping, thresholds, geometry; without each filter."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.geometry.rect import Rect
+from glsim.noise.numpy_twins.tof_decode import unwrapped
+from glsim.reason import Reason
+from tests.support.tof_harness import QUIET, Camera, Image, merged, quad, residual_mm
+
+CROP = Rect(215, 165, 80, 80)
+#: Only the noise of the light; exact depth.
+LIGHT = {name: {"enabled": 0.0} for name in ("tof_floor", "fixed_pattern", "millimetre_quantise")}
+UNFILTERED = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}
+
+
+def depths(
+    cam: Camera, z_mm: float, changes: dict[str, dict[str, float]], frames: int, albedo: float = 1.0
+) -> Image:
+    """(frames, h, w) mm of a wall, without the rim of the window."""
+    shots = [
+        cam.shoot([quad(z_mm, albedo=albedo)], changes, seed=seed, crop=CROP)["depth"]
+        for seed in range(frames)
+    ]
+    return 1000 * np.stack(shots)[:, 12:-12, 12:-12]
+
+
+def test_fusion_and_filter_gain(context: moderngl.Context) -> None:
+    """Three phases with weights of one: 110.5 mm a radian; the filter divides by almost three."""
+    cam = Camera.open(context)
+    for z_mm in (1500.0, 3000.0):
+        raw = depths(cam, z_mm, merged(LIGHT, UNFILTERED), 10)
+        filtered = depths(cam, z_mm, LIGHT, 10)
+        amplitude = 391 / (z_mm / 1000) ** 2
+        m = np.array([1.322581, 1.0, 1.612903])
+        sigma_phase = m * np.sqrt(2 / 3 * (1.755 + 0.0166 * amplitude / m)) / amplitude
+        expected = 110.5 * np.linalg.norm(sigma_phase)
+        sigma = np.sqrt(raw.var(axis=0, ddof=1).mean())
+        assert 0.95 < sigma / expected < 1.05
+        assert 2.8 < sigma / np.sqrt(filtered.var(axis=0, ddof=1).mean()) < 3.05
+
+
+def test_noise_is_alike_in_neighbours(context: moderngl.Context) -> None:
+    cam = Camera.open(context)
+    shots = depths(cam, 900.0, {}, 16)
+    noise = shots - shots.mean(axis=0)
+
+    def correlation(dy: int, dx: int) -> float:
+        height, width = noise.shape[1:]
+        part = noise[:, dy:, dx:] * noise[:, : height - dy, : width - dx]
+        return float(part.mean() / noise.var())
+
+    assert 0.62 < correlation(0, 1) < 0.72
+    assert 0.62 < correlation(1, 0) < 0.72
+    assert 0.27 < correlation(0, 2) < 0.36
+    assert abs(correlation(0, 3)) < 0.05
+    assert 0.41 < correlation(1, 1) < 0.50
+    assert 0.07 < correlation(2, 2) < 0.13
+
+
+def test_any_distance_is_unwrapped() -> None:
+    """Up to the distance after which all phases repeat, 18.75 m, with errors of 0.1 of a phase."""
+    f = np.array([80.0, 16.0, 120.0], np.float32)
+    distance = np.linspace(0.3, 18.4, 40_000)
+    cycles = distance[:, None] * f / 150.0
+    error = np.random.default_rng(0).normal(0, 0.02, cycles.shape)
+    phase = np.mod(cycles + error, 1.0).astype(np.float32)
+    fast, slow, third = unwrapped(phase, f)
+    found = (fast + slow + third) * 150.0 / f.sum()
+    assert (np.abs(found - distance) < 0.2).mean() > 0.999
+
+
+def test_no_gross_errors_in_the_measuring_range(context: moderngl.Context) -> None:
+    cam = Camera.open(context)
+    for z_mm in np.linspace(520, 4450, 15):
+        found = depths(cam, float(z_mm), {}, 1)
+        wrong = (found > 0) & (np.abs(found - z_mm) > 300)
+        assert not wrong.any(), z_mm
+        assert (found > 0).mean() > 0.999
+
+
+@pytest.mark.parametrize("z_mm", [600.0, 1500.0, 4200.0])
+def test_geometry_of_the_emitter_is_undone(context: moderngl.Context, z_mm: float) -> None:
+    """A wall stays flat to the corners: the path over the emitter is 45 mm off centre."""
+    cam = Camera.open(context)
+    bright = {"tof_light": {"vignetting": 0.0, "gain": 4000.0}}
+    layers = cam.shoot([quad(z_mm)], merged(QUIET, bright))
+    error = 1000 * layers["depth"][2:-2, 2:-2] - z_mm  # filters end at the border
+    assert np.abs(error).max() < 0.02 + 2e-5 * z_mm
+
+
+def test_tilted_walls_come_back(context: moderngl.Context) -> None:
+    cam = Camera.open(context)
+    for yaw in (30.0, 60.0):
+        layers = cam.shoot([quad(1200.0, (-400, 400), (-400, 400), yaw_deg=yaw)], QUIET)
+        inner = (slice(200, 230), slice(245, 265))
+        found, clean = layers["depth"], layers["clean"]
+        if found.shape != (424, 512):
+            inner = tuple(slice(n // 2 - 10, n // 2 + 10) for n in found.shape)
+        assert np.abs(1000 * (found - clean)[inner]).max() < 0.1
+
+
+@pytest.mark.parametrize(("amplitude", "low", "high"), [(2.0, 0.0, 0.2), (11.0, 0.99, 1.0)])
+def test_validity_depends_on_the_amplitude(
+    context: moderngl.Context, amplitude: float, low: float, high: float
+) -> None:
+    cam = Camera.open(context)
+    albedo = amplitude / 391
+    found = [
+        cam.shoot([quad(1000.0, albedo=albedo)], UNFILTERED, seed=s, crop=CROP) for s in range(4)
+    ]
+    valid = np.mean([shot["depth"][12:-12, 12:-12] > 0 for shot in found])
+    assert low <= valid <= high
+    codes = np.unique([shot["reason"][12:-12, 12:-12] for shot in found])
+    assert set(codes) <= {Reason.VALID, Reason.LOW_SIGNAL, Reason.UNWRAP, Reason.OUT_OF_RANGE}
+
+
+def test_every_stage_may_be_left_out(context: moderngl.Context) -> None:
+    cam = Camera.open(context)
+    scene = [quad(900.0, (-100, 100), (-120, 120), albedo=0.6), quad(1500.0)]
+    whole = cam.shoot(scene)
+    for stage in ("tof_bilateral", "tof_edge", "tof_floor", "fixed_pattern", "range_gate",
+                  "millimetre_quantise"):  # fmt: skip
+        without = cam.shoot(scene, {stage: {"enabled": 0.0}})
+        if stage != "range_gate":  # everything is within the range
+            assert (without["depth"] != whole["depth"]).any(), stage
+        valid = (without["depth"] > 0) & (whole["depth"] > 0)
+        assert valid.mean() > 0.9
+        assert np.median(np.abs(without["depth"] - whole["depth"])[valid]) < 0.004, stage
+
+
+def test_ranges_are_the_decoders(context: moderngl.Context) -> None:
+    cam = Camera.open(context)
+    for z_mm, kept in ((480.0, False), (520.0, True), (4450.0, True), (4550.0, False)):
+        layers = cam.shoot([quad(z_mm)], crop=CROP)
+        inner = layers["depth"][12:-12, 12:-12]
+        assert ((inner > 0).mean() > 0.99) if kept else not inner.any()
+        if not kept:
+            assert (layers["reason"][12:-12, 12:-12] == Reason.OUT_OF_RANGE).all()
+
+
+def test_sigma_follows_fankhauser(context: moderngl.Context) -> None:
+    cam = Camera.open(context)
+    for z_m in (0.9, 2.0, 3.0, 4.0):
+        found = depths(cam, 1000 * z_m, {}, 3)
+        sigma = np.mean([residual_mm(shot / 1000).std() for shot in found])
+        assert sigma == pytest.approx(1.5 - 0.5 * z_m + 0.3 * z_m**2, rel=0.25)

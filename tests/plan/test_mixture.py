@@ -1,0 +1,124 @@
+"""Test mixed sources, the paper's split, and the options of each kind of source."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as quick
+from hypothesis import strategies as st
+
+from glsim.errors import ConfigError
+from glsim.faces import open_source
+from glsim.faces.base import FaceKey
+from glsim.pipeline import open_sources
+from glsim.plan.mixture import image_counts, mix_sources
+from glsim.plan.paper_split import PAPER_IMAGES, split_as_paper
+from glsim.plan.tasks import make_tasks
+from glsim.settings.schema import SourceSettings, load_settings
+from tests.support.face_sets import FACE, TRIANGLES, ply_bytes, put, write_tester
+
+
+def _sources(*options: dict[str, float]) -> list[SourceSettings]:
+    return [SourceSettings.model_validate(option) for option in options]
+
+
+def test_counts_and_weights() -> None:
+    assert image_counts(_sources({}, {}), [7, 9]) == [7, 9]
+    assert image_counts(_sources({"count": 3}, {}), [7, 9]) == [3, 9]
+    assert image_counts(_sources({"weight": 2}, {"weight": 1}), [100, 10]) == [20, 10]
+    three = _sources({"weight": 2}, {"weight": 1}, {"count": 4})
+    assert image_counts(three, [10, 10, 9]) == [10, 5, 4]
+    with pytest.raises(ConfigError, match=r"source 1 \(procedural\): count = 5, but it has 4"):
+        image_counts(_sources({}, {"count": 5}), [9, 4])
+    with pytest.raises(ConfigError, match=r"source 1 .* give it a weight or a count, as other"):
+        image_counts(_sources({"weight": 1}, {}), [9, 4])
+    with pytest.raises(ConfigError, match="a weight or a count, not both"):
+        load_settings(overrides={"source": [{"weight": 1, "count": 2}]})
+
+
+@quick(deadline=None, max_examples=100)
+@given(st.lists(st.integers(0, 20), min_size=1, max_size=8).filter(any), st.data())
+def test_thinning_is_even_and_exact(people: list[int], data: st.DataObject) -> None:
+    total = sum(people)
+    count = data.draw(st.integers(1, total))
+    frames = [(0, [FaceKey(f"p{n}", "a", k) for k in range(have)]) for n, have in enumerate(people)]
+    taken = mix_sources(_sources({"count": count}), frames)
+    assert sum(map(len, taken)) == count
+    for have, kept in zip(people, taken, strict=True):
+        assert abs(len(kept) - have * count / total) <= 1
+    assert mix_sources(_sources({}), frames) == [keys for _, keys in frames]
+
+
+def test_the_papers_split_is_met_where_the_people_allow_it() -> None:
+    people = {f"d{n}": 4300 + 37 * n for n in range(10)} | {f"w{n}": 20 for n in range(150)}
+    split = split_as_paper(people, 0)
+    total = sum(people.values())
+    for name, images in zip(("train", "val", "test"), PAPER_IMAGES, strict=True):
+        have = sum(count for person, count in people.items() if split[person] == name)
+        assert abs(have - images / sum(PAPER_IMAGES) * total) <= 20
+    assert split_as_paper(dict(reversed(people.items())), 0) == split
+
+
+@quick(deadline=None, max_examples=50)
+@given(st.lists(st.integers(0, 500), min_size=1, max_size=30), st.integers(0, 2**63 - 1))
+def test_every_person_is_in_one_of_the_papers_splits(counts: list[int], seed: int) -> None:
+    people = {f"p{n}": count for n, count in enumerate(counts)}
+    split = split_as_paper(people, seed)
+    assert set(split) == set(people)
+    if len(counts) >= 3 and min(counts) > 0:
+        assert set(split.values()) == {"train", "val", "test"}
+
+
+def _three_sets(root: Path) -> list[dict[str, object]]:
+    for subject in ("Ann", "Bob", "Cy"):
+        for frame in range(6):
+            data = ply_bytes(FACE / 1000, TRIANGLES)
+            put(root / f"d3/{subject}/1+2/1+2_{frame}.ply", data)
+    for number in (1, 2):
+        write_tester(root / "fw", number)
+    return [
+        {"kind": "d3dfacs", "root": root / "d3", "every": 2, "weight": 3},
+        {"kind": "facewarehouse", "root": root / "fw", "steps": 2, "poses": False, "weight": 1},
+        {"kind": "procedural", "subjects": 2, "frames_per_subject": 4, "count": 5},
+    ]
+
+
+def test_several_sources_make_one_plan(tmp_path: Path) -> None:
+    settings = load_settings(
+        overrides={"source": _three_sets(tmp_path), "split": "paper", "seed": 3}
+    )
+    tasks = make_tasks(settings, open_sources(settings))
+    by_source = [sum(task.source == number for task in tasks) for number in range(3)]
+    assert by_source == [9, 3, 5]
+    assert {task.subject[:2] for task in tasks} == {"0-", "1-", "2-"}
+    assert {task.split for task in tasks} == {"train", "val", "test"}
+    assert load_settings(overrides={"split": "0.5,0.25,0.25"}).split == (0.5, 0.25, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"kind": "folder", "every": 2}, r"source.0: every: folder has no such option \(d3dfacs"),
+        ({"kind": "biwi", "peak_only": True}, "peak_only: biwi has no such option"),
+        ({"kind": "d3dfacs", "steps": 2}, "steps: d3dfacs has no such option"),
+        ({"kind": "d3dfacs", "poses": False}, "poses: d3dfacs has no such option"),
+        ({"kind": "procedural", "unit": "mm"}, "unit: procedural has no such option"),
+        ({"kind": "d3dfacs", "evry": 2}, "no such setting 'source.0.evry' .did you mean 'every'"),
+        ({"kind": "d3dfacs", "every": 0}, "source.0.every: .*greater than or equal to 1"),
+    ],
+)
+def test_unknown_options_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_settings(overrides={"source": options})
+
+
+@pytest.mark.parametrize("kind", ["d3dfacs", "facewarehouse", "biwi"])
+def test_sets_need_a_root_and_a_unit_that_means_something(kind: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=f"source '{kind}' needs --root"):
+        open_source(SourceSettings.model_validate({"kind": kind}), 0)
+    with pytest.raises(ConfigError, match="no such unit"):
+        open_source(SourceSettings.model_validate({"kind": kind, "root": tmp_path, "unit": "x"}), 0)
+    given = SourceSettings.model_validate({"kind": kind, "root": tmp_path})
+    assert open_source(given, 0).name == kind

@@ -1,0 +1,135 @@
+"""The clean depth against two other renderers: Open3D's ray caster and pyrender's OpenGL."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.geometry.mesh import Mesh
+from glsim.geometry.pose import pose_matrix
+from tests.support.scenes import V2, interior, layers_of, rig
+
+POSES = [
+    {"distance_mm": 900.0},
+    {"distance_mm": 700.0, "yaw_deg": 40.0, "pitch_deg": 15.0, "roll_deg": 8.0, "x_mm": 60.0},
+    {"distance_mm": 2000.0, "yaw_deg": -25.0, "y_mm": -300.0, "x_mm": -500.0},
+]
+
+
+def camera_points(mesh: Mesh, pose: dict[str, float]) -> NDArray[np.float64]:
+    view = pose_matrix(pose).astype(np.float64)
+    return mesh.vertices_mm @ view[:3, :3].T + view[:3, 3]
+
+
+def check(ours: NDArray[np.float32], theirs: NDArray[np.float32]) -> None:
+    """Compare depths in metres, 0 = none. Both round depth and vertices to float32: 1e-7."""
+    outline = ((ours > 0) ^ (theirs > 0)).sum()
+    assert outline <= 0.005 * (theirs > 0).sum()
+    inside = interior(ours * (theirs > 0), 1)
+    assert inside.sum() > 400
+    error_mm = 1000 * np.abs(ours - theirs)[inside]
+    assert np.median(error_mm) <= 0.005
+    assert np.percentile(error_mm, 99.9) <= 0.05
+
+
+@pytest.mark.parametrize("pose", POSES, ids=["front", "turned", "far"])
+def test_depth_and_normals_are_those_of_open3d(
+    context: moderngl.Context, face: Mesh, pose: dict[str, float]
+) -> None:
+    import open3d
+
+    tensor = open3d.core.Tensor
+    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+    points = camera_points(face, pose).astype(np.float32)
+    scene.add_triangles(tensor(points), tensor(face.faces.astype(np.uint32)))
+    rays = np.zeros((V2.height, V2.width, 6), np.float32)
+    rays[..., 3:5], rays[..., 5] = V2.rays(), 1
+    hits = scene.cast_rays(tensor(rays))
+    depth = hits["t_hit"].numpy()  # directions have z = 1
+    normal = hits["primitive_normals"].numpy()
+    layers = layers_of(context, rig(), [(face, pose)])
+    # A ray also meets the inside of the mask, which is not drawn.
+    outside = np.isfinite(depth) & ((normal * rays[..., 3:]).sum(-1) < 0)
+    check(layers["clean"], np.where(outside, depth, np.float32(0)))
+    inside = interior(layers["clean"] * outside, 1)
+    cosine = (normal * layers["normal"][..., :3]).sum(-1)[inside]
+    # Where two facets meet in a pixel's centre either may win.
+    assert np.percentile(cosine, 1) > np.cos(np.radians(0.5))
+
+
+@pytest.mark.parametrize("aside_m", [0.075, 0.8, 2.0])
+def test_shadows_are_those_of_open3d(context: moderngl.Context, face: Mesh, aside_m: float) -> None:
+    """Cast a ray from each pixel's point to the emitter. Far aside, it makes a long nose shadow."""
+    import open3d
+
+    pose, emitter = {"distance_mm": 900.0, "yaw_deg": -15.0}, (aside_m, -0.1, 0.0)
+    layers = layers_of(context, rig(emitter), [(face, pose)])
+    seen = interior(layers["clean"], 1)
+    points = np.concatenate([V2.rays(), np.ones((*seen.shape, 1))], -1) * layers["clean"][..., None]
+    normal = layers["normal"][..., :3]
+    rays = np.zeros((int(seen.sum()), 6), np.float32)
+    rays[:, :3] = (points + 0.0003 * normal)[seen]
+    rays[:, 3:] = emitter - points[seen]
+    tensor = open3d.core.Tensor
+    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(
+        tensor(camera_points(face, pose).astype(np.float32)), tensor(face.faces.astype(np.uint32))
+    )
+    hidden = scene.test_occlusions(tensor(rays), tfar=1.0).numpy()
+    hidden |= (rays[:, 3:] * normal[seen]).sum(-1) <= 0
+    lit = layers["lit"][seen]
+    assert ((lit < 0.5) == hidden).mean() > 0.99
+    if aside_m > 1:
+        assert 0.05 < hidden.mean() < 0.6
+
+
+#: pyrender reads one of four samples per pixel, up to 3/8 px off its centre; here it draws one.
+_PYRENDER = """
+import sys
+import numpy, pyrender, pyrender.renderer
+from OpenGL.GL import glRenderbufferStorage
+def storage(target, samples, kind, width, height):
+    glRenderbufferStorage(target, kind, width, height)
+pyrender.renderer.glRenderbufferStorageMultisample = storage
+given = numpy.load(sys.argv[1])
+camera = pyrender.IntrinsicsCamera(*given["camera"], znear=0.1, zfar=12.0)
+renderer = pyrender.OffscreenRenderer(*(int(n) for n in given["size"]))
+depths = []
+for points in given["points"]:
+    part = pyrender.Primitive(positions=points * numpy.float32([1, -1, -1]),
+                              indices=given["faces"].astype(numpy.uint32), mode=4)
+    scene = pyrender.Scene()
+    scene.add(pyrender.Mesh([part]))
+    scene.add(camera, pose=numpy.eye(4))
+    depths.append(renderer.render(scene, flags=pyrender.RenderFlags.DEPTH_ONLY))
+numpy.save(sys.argv[2], numpy.stack(depths))
+"""
+
+
+def test_depth_is_that_of_pyrender(context: moderngl.Context, face: Mesh, tmp_path: Path) -> None:
+    """Runs in its own process, because pyrender leaves its context current."""
+    np.savez(
+        tmp_path / "scene.npz",
+        points=np.stack([camera_points(face, pose) for pose in POSES]).astype(np.float32),
+        faces=face.faces,
+        camera=[V2.fx, V2.fy, V2.cx, V2.cy],
+        size=[V2.width, V2.height],
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", _PYRENDER, tmp_path / "scene.npz", tmp_path / "depth.npy"],
+        env=os.environ | {"PYOPENGL_PLATFORM": "egl"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    theirs = np.load(tmp_path / "depth.npy")
+    for pose, depth in zip(POSES, theirs, strict=True):
+        check(layers_of(context, rig(), [(face, pose)])["clean"], depth)

@@ -1,0 +1,73 @@
+"""Soft shadows of an emitter that extends along the baseline."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.geometry import depth_map
+from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
+from glsim.geometry.mesh import Mesh
+from glsim.geometry.pose import pose_matrix
+from glsim.gl.targets import Readback
+from glsim.render.renderer import Renderer
+
+IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
+BASELINE_M, SPREAD_M, FRONT_M = 0.045, 0.015, 0.9
+
+
+def board(left_mm: float, half_mm: float) -> Mesh:
+    corners = [[left_mm, -half_mm], [half_mm, -half_mm], [half_mm, half_mm], [left_mm, half_mm]]
+    vertices = np.column_stack([np.array(corners), np.zeros(4)]).astype(np.float32)
+    return Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+
+
+def lit_row(
+    context: moderngl.Context, spread_m: float, wall_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return ``lit`` along the middle row behind a board, by the shader and by marching."""
+    rig = SensorRig(IMAGE, (Emitter((BASELINE_M, 0.0, 0.0), spread_m),))
+    renderer, readback = Renderer(context, rig), Readback(context)
+    meshes = [
+        (board(0.0, 200.0), pose_matrix({"distance_mm": 1000 * FRONT_M})),
+        (board(-4000.0, 4000.0), pose_matrix({"distance_mm": 1000 * wall_m})),
+    ]
+    with renderer.render(meshes) as rendered:
+        layers = {name: rendered.layers[name] for name in ("clean", "lit")}
+        readback.request(rendered.pool, layers, rendered.window)
+    arrays = readback.arrays()
+    return arrays["lit"][205], depth_map.lit_by_marching(arrays["clean"].copy(), rig)[205]
+
+
+def width_px(baseline_m: float, wall_m: float) -> float:
+    """Width of a point's shadow: b f (1 / z_front - 1 / z_wall)."""
+    return baseline_m * IMAGE.fx * (1 / FRONT_M - 1 / wall_m)
+
+
+@pytest.mark.parametrize("wall_m", [1.1, 1.5, 2.0])
+def test_the_shadow_has_steps_where_each_point_of_the_emitter_goes(
+    context: moderngl.Context, wall_m: float
+) -> None:
+    for row in lit_row(context, SPREAD_M, wall_m):
+        # The shares count the pixels that two, one and none of the three points reach.
+        assert (1 - row).sum() == pytest.approx(width_px(BASELINE_M, wall_m), abs=0.6)
+        nearest = width_px(BASELINE_M - SPREAD_M, wall_m)
+        assert (row < 0.2).sum() == pytest.approx(nearest, abs=1.1)
+        farthest = width_px(BASELINE_M + SPREAD_M, wall_m)
+        assert (row < 0.9).sum() == pytest.approx(farthest, abs=1.1)
+        levels = row[(row > 0.05) & (row < 0.95)]
+        assert len(levels) >= 1, "there is a penumbra"
+
+
+def test_a_point_makes_a_hard_shadow(context: moderngl.Context) -> None:
+    row, marched = lit_row(context, 0.0, 1.5)
+    assert ((row > 0.05) & (row < 0.95)).sum() <= 1, "only the pixel that the edge crosses"
+    assert set(np.unique(marched)) == {0.0, 1.0}
+
+
+def test_ends_lie_along_the_baseline() -> None:
+    along_y = Emitter((0.0, 0.05, 0.0), 0.01)
+    assert along_y.end_m == pytest.approx((0.0, 0.01))
+    np.testing.assert_allclose(along_y.points_m(), [[0, 0.05, 0], [0, 0.06, 0], [0, 0.04, 0]])
+    assert len(Emitter((0.0, 0.05, 0.0)).points_m()) == 1

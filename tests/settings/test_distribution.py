@@ -1,0 +1,133 @@
+"""Distributions: validation, and draws as pure functions of keys and names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glsim.errors import ConfigError
+from glsim.settings.distribution import Distribution, DrawKeys, constant
+from glsim.settings.schema import load_settings
+from tests.support.stage_harness import Z_MAX, z_mean, z_rate, z_sd
+
+U64 = st.integers(0, 2**64 - 1)
+KEYS = [DrawKeys(frame, frame // 10, frame // 100) for frame in range(4000)]
+
+
+def draws(distribution: Distribution, name: str = "x") -> np.ndarray:
+    return np.array([distribution.draw(keys, name) for keys in KEYS])
+
+
+def test_a_number_is_a_constant() -> None:
+    given_ = load_settings(overrides={"pose": {"yaw_deg": 3, "roll_deg": True}}).pose
+    assert given_.yaw_deg == constant(3.0)
+    assert given_.roll_deg == constant(1.0)
+    assert given_.yaw_deg.is_constant
+    assert given_.yaw_deg.draw(KEYS[0], "any") == 3.0
+    assert given_.yaw_deg.bounds() == (3.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({}, "give exactly one of constant, uniform, loguniform, normal, choice, not none"),
+        ({"uniform": [0, 1], "normal": [0, 1]}, r"exactly one .* not \['uniform', 'normal'\]"),
+        ({"uniform": [2, 1]}, r"the range \[2.0, 1.0\] is empty: low comes first"),
+        ({"loguniform": [2, 1]}, "is empty: low comes first"),
+        ({"loguniform": [0, 1]}, "loguniform needs numbers above 0"),
+        ({"normal": [0, -1]}, "needs a deviation of at least 0"),
+        ({"choice": []}, "choice needs at least one number"),
+        ({"constant": float("nan")}, "numbers must be finite"),
+        ({"uniform": [0, float("inf")]}, "numbers must be finite"),
+        ({"uniform": [1]}, r"pose.yaw_deg.uniform.1: Field required"),
+        ({"unifrom": [1, 2]}, "no such setting 'pose.yaw_deg.unifrom' .did you mean 'uniform'"),
+        ({"uniform": [1, 2], "per": "year"}, "pose.yaw_deg.per: Input should be 'frame', 'seq"),
+    ],
+)
+def test_what_is_no_distribution_is_refused(table: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_settings(overrides={"pose": {"yaw_deg": table}})
+
+
+@settings(deadline=None, max_examples=50)
+@given(U64, U64, U64, st.text(max_size=20))
+def test_a_draw_depends_on_its_key_and_name_alone(
+    frame: int, sequence: int, subject: int, name: str
+) -> None:
+    for per, keys in (
+        ("frame", DrawKeys(frame, 1, 2)),
+        ("sequence", DrawKeys(1, sequence, 2)),
+        ("subject", DrawKeys(1, 2, subject)),
+    ):
+        distribution = Distribution(uniform=(-1, 1), per=per)
+        first = distribution.draw(DrawKeys(frame, sequence, subject), name)
+        np.random.default_rng(5).random(100)
+        assert distribution.draw(keys, name) == first
+        assert -1 <= first <= 1
+
+
+def test_draws_are_pinned() -> None:
+    """A later version must generate the same data set."""
+    keys = DrawKeys(1, 2, 3)
+    made = [
+        Distribution(uniform=(0, 1)).draw(keys, "pose.yaw_deg"),
+        Distribution(normal=(0, 1), per="sequence").draw(keys, "axial.base_sigma_mm"),
+        Distribution(loguniform=(1, 10), per="subject").draw(keys, "x"),
+        Distribution(choice=(1, 2, 3, 4)).draw(keys, "x"),
+    ]
+    assert made == pytest.approx(
+        [0.7501487766190287, 1.1114258607910077, 2.8413984275320874, 3.0], rel=1e-12
+    )
+
+
+def test_uniform_fills_its_range_evenly() -> None:
+    made = draws(Distribution(uniform=(2, 5)))
+    assert made.min() >= 2
+    assert made.max() <= 5
+    assert abs(z_mean(made, 3.5)) < Z_MAX
+    assert abs(z_rate(made < 2.3, 0.1)) < Z_MAX
+
+
+def test_loguniform_is_uniform_in_the_logarithm() -> None:
+    made = draws(Distribution(loguniform=(0.1, 10)))
+    assert abs(z_mean(np.log10(made))) < Z_MAX
+    assert abs(z_rate(made < 1, 0.5)) < Z_MAX
+
+
+def test_normal_is_cut_at_three_deviations() -> None:
+    distribution = Distribution(normal=(10, 2))
+    made = draws(distribution)
+    assert abs(z_mean(made, 10)) < Z_MAX
+    assert abs(z_sd(made, 2 * np.sqrt(0.99))) < Z_MAX + 1  # the cut takes a percent of the variance
+    assert distribution.bounds() == (4, 16)
+    assert made.min() >= 4
+    assert made.max() <= 16
+    assert (draws(Distribution(normal=(1, 0))) == 1).all()
+
+
+def test_choice_takes_each_as_often() -> None:
+    made = draws(Distribution(choice=(1, 2, 4)))
+    assert set(made) == {1, 2, 4}
+    for value in (1, 2, 4):
+        assert abs(z_rate(made == value, 1 / 3)) < Z_MAX
+
+
+@pytest.mark.parametrize(("per", "distinct"), [("frame", 4000), ("sequence", 400), ("subject", 40)])
+def test_per_says_how_often_a_number_is_drawn(per: str, distinct: int) -> None:
+    made = draws(Distribution.model_validate({"uniform": [0, 1], "per": per}))
+    assert len(set(made)) == distinct
+
+
+def test_names_have_independent_draws() -> None:
+    one, other = (draws(Distribution(uniform=(0, 1)), name) for name in ("a.x", "a.y"))
+    assert abs(np.corrcoef(one, other)[0, 1]) * np.sqrt(len(one)) < Z_MAX
+
+
+def test_keys_that_differ_in_their_last_bit_alone_draw_anew() -> None:
+    """Also for keys beyond 2**63, which NumPy may convert to float64."""
+    distribution = Distribution(uniform=(0, 1))
+    made = [distribution.draw(DrawKeys(2**64 - 1 - n, 0, 0), "x") for n in range(1000)]
+    assert len(set(made)) == 1000
+    assert abs(z_mean(np.array(made), 0.5)) < Z_MAX

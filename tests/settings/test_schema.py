@@ -1,0 +1,190 @@
+"""Settings from files, assignments and arguments: values, precedence, every error message."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from glsim.errors import ConfigError, did_you_mean
+from glsim.settings.distribution import constant
+from glsim.settings.schema import Settings, SourceSettings, load_settings, parse_assignment
+
+FILE = """
+sensor = "kinect-v1"
+seed = 7
+split = [0.5, 0.25, 0.25]
+devices = 2
+[source]
+kind = "folder"
+root = "/faces"
+unit = "cm"
+[pose]
+yaw_deg = { uniform = [-30, 30] }
+distance_mm = 800
+[stage.axial]
+base_sigma_mm = 2.0
+[output]
+crop = 128
+layers = ["clean", "reason"]
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.toml"
+    path.write_text(FILE)
+    return path
+
+
+def test_defaults() -> None:
+    settings = load_settings()
+    assert settings == Settings(
+        sensor="kinect-v2",
+        source=(SourceSettings(kind="procedural", subjects=10, frames_per_subject=30),),
+    )
+    assert settings.split == (0.70, 0.12, 0.18)
+    assert (settings.seed, settings.devices, settings.strict) == (0, 1, False)
+    assert settings.pose.distance_mm == constant(900)
+    assert settings.output.layers == ("clean", "noisy")
+    assert settings.output.depth_unit_mm == 1.0
+
+
+def test_a_file_is_read_whole(file: Path) -> None:
+    settings = load_settings(file)
+    assert (settings.sensor, settings.seed, settings.devices) == ("kinect-v1", 7, 2)
+    assert settings.split == (0.5, 0.25, 0.25)
+    source = settings.source[0]
+    assert (source.kind, source.root, source.unit) == ("folder", Path("/faces"), "cm")
+    assert (source.subjects, source.frames_per_subject) == (None, None)  # a folder has an end
+    assert settings.pose.yaw_deg.uniform == (-30, 30)
+    assert settings.pose.distance_mm.constant == 800
+    assert settings.stage["axial"]["base_sigma_mm"].constant == 2.0
+    assert (settings.output.crop, settings.output.layers) == (128, ("clean", "reason"))
+
+
+def test_assignments_go_over_the_file_and_callers_over_both(file: Path) -> None:
+    settings = load_settings(
+        file,
+        ["seed=8", "output.crop = 64", "axial.base_sigma_mm=3", "axial.angle_mm=0.5", "devices=3"],
+        {"seed": 9, "stage": {"axial": {"base_sigma_mm": 4.0}}},
+        {"subjects": 5},
+    )
+    assert (settings.seed, settings.output.crop, settings.devices) == (9, 64, 3)
+    assert settings.output.layers == ("clean", "reason")
+    axial = {name: value.constant for name, value in settings.stage["axial"].items()}
+    assert axial == {"base_sigma_mm": 4.0, "angle_mm": 0.5}
+    assert (settings.source[0].kind, settings.source[0].subjects) == ("folder", 5)
+
+
+def test_the_callers_tables_stay_as_they_were() -> None:
+    overrides: dict[str, Any] = {"stage": {"axial": {"angle_mm": 1.0}}, "source": {"subjects": 2}}
+    load_settings(None, ["axial.base_sigma_mm=1"], overrides, {"subjects": 7})
+    assert overrides == {"stage": {"axial": {"angle_mm": 1.0}}, "source": {"subjects": 2}}
+
+
+def test_several_sources(tmp_path: Path) -> None:
+    path = tmp_path / "two.toml"
+    path.write_text('[[source]]\nsubjects = 3\n[[source]]\nkind = "folder"\nroot = "x"\n')
+    one, other = load_settings(path).source
+    assert (one.kind, one.subjects, one.frames_per_subject) == ("procedural", 3, 30)
+    assert (other.kind, other.subjects) == ("folder", None)
+    with pytest.raises(ConfigError, match=r"has several \[\[source\]\] tables: set them there"):
+        load_settings(path, source={"subjects": 1})
+    with pytest.raises(ConfigError, match=r"--set source.subjects=1: source is not a single table"):
+        load_settings(path, ["source.subjects=1"])
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "value"),
+    [
+        ("seed=7", ["seed"], 7),
+        ("sensor=kinect-v1", ["sensor"], "kinect-v1"),
+        ('sensor="a=b.toml"', ["sensor"], "a=b.toml"),
+        ("strict=true", ["strict"], True),
+        ("pose.yaw_deg = {uniform=[-20, 20]}", ["pose", "yaw_deg"], {"uniform": [-20, 20]}),
+        ("axial.base_sigma_mm=2.5", ["stage", "axial", "base_sigma_mm"], 2.5),
+        ("stage.axial.base_sigma_mm=2", ["stage", "axial", "base_sigma_mm"], 2),
+        ("split=[1, 0, 0]", ["split"], [1, 0, 0]),
+        ("split=0.7,0.2,0.1", ["split"], "0.7,0.2,0.1"),
+        ("source.root=/a b/c", ["source", "root"], "/a b/c"),
+    ],
+)
+def test_assignments_are_toml_or_bare_words(text: str, path: list[str], value: object) -> None:
+    assert parse_assignment(text) == (path, value)
+
+
+@pytest.mark.parametrize("text", ["seed", "seed=", "=7", "axial..x=1", ".seed=1", "  =  "])
+def test_an_assignment_without_name_or_value_is_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match=r"write name=value, e.g. axial.base_sigma_mm=2.5"):
+        load_settings(None, [text])
+
+
+def test_shares_may_be_text() -> None:
+    assert load_settings(None, ["split=0.6, 0.2,0.2"]).split == (0.6, 0.2, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "message"),
+    [
+        ("sede=1", r"settings: no such setting 'sede' \(did you mean 'seed' or 'scene'\?\)"),
+        ("pose.yaw=1", r"no such setting 'pose.yaw' \(did you mean 'yaw_deg'\?\)"),
+        ("output.crops=1", r"no such setting 'output.crops' \(did you mean 'crop'\?\)"),
+        ("source.subject=1", r"no such setting 'source.0.subject' \(did you mean 'subjects'\?\)"),
+        ("zzz=1", "no such setting 'zzz' .known: devices, output, pose, rig, scene, seed"),
+        ("seed=-1", "seed: .*greater than or equal to 0 .got -1"),
+        ("seed=9223372036854775808", "seed: .*less than"),
+        ("seed=1.5", "seed: .*integer.*got 1.5"),
+        ("devices=0", "devices: .*greater than or equal to 1 .got 0"),
+        ("split=0.5,0.5", r"split: give 3 shares \(train, val, test\) .got '0.5,0.5'"),
+        ("split=[0.5, 0.5, 0.5]", r"split \[0.5, 0.5, 0.5\]: the shares must be >= 0 and add up"),
+        ("split=[1.5, -0.5, 0]", "the shares must be >= 0 and add up to 1"),
+        ("split=[inf, 0, 0]", "the shares must be >= 0 and add up to 1"),
+        ("split=a,b,c", "split.0: .*number.*got 'a'"),
+        ("source=[]", "source: at least one is needed"),
+        ("source.kind=clay", "source.0.kind: Input should be 'procedural', 'ict-facekit', 'fol"),
+        ("source.subjects=0", "source.0.subjects: .*greater than or equal to 1"),
+        ("scene.wall_albedo=1.5", "scene.wall_albedo: .*less than or equal to 1"),
+        ("output.format=gif", "output.format: Input should be 'png' or 'webdataset' .got 'gif'"),
+        ("output.crop=7", "output.crop: .*greater than or equal to 8"),
+        ("output.depth_unit_mm=0", "output.depth_unit_mm: .*greater than or equal to 0.01"),
+        ("output.clean_mask=none", "output.clean_mask: Input should be 'dense' or 'as-noisy'"),
+        ("output.nearest_to_mm=0", "output.nearest_to_mm: .*greater than or equal to 1"),
+        ("output.layers=[]", "output: layers must be one or more of clean, noisy, infrared, reas"),
+        ('output.layers=["clean", "clean"]', "output: layers must be one or more of .*, once"),
+        ('output.layers=["depth"]', "output.layers.0: Input should be 'clean', 'noisy', 'infrare"),
+        ("pose.yaw_deg=far", "pose.yaw_deg: .*got 'far'"),
+        ("pose=5", "pose: .*got 5"),
+    ],
+)
+def test_a_bad_setting_is_named_with_the_near_ones(assignment: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_settings(None, [assignment])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bad_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"none\.toml: no such file"):
+        load_settings(tmp_path / "none.toml")
+    bad = tmp_path / "bad.toml"
+    bad.write_text("seed = = 1")
+    with pytest.raises(ConfigError, match=r"bad\.toml: .*line 1"):
+        load_settings(bad)
+    bad.write_bytes(b"\xff")
+    with pytest.raises(ConfigError, match=r"bad\.toml: .*utf-8"):
+        load_settings(bad)
+    bad.write_text("[pose]\nyaw = 1")
+    with pytest.raises(ConfigError, match=r"bad\.toml: no such setting 'pose.yaw'"):
+        load_settings(bad)
+
+
+def test_settings_are_frozen() -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        load_settings().seed = 3  # type: ignore[misc]
+
+
+def test_near_names() -> None:
+    assert did_you_mean("axail", ["axial", "lateral"]) == "did you mean 'axial'?"
+    assert did_you_mean("zzz", ["b", "a"]) == "known: a, b"
+    assert did_you_mean("zzz", []) == "there are none"

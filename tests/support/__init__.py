@@ -1,0 +1,1 @@
+"""Scenes, fakes and harnesses that several tests share."""

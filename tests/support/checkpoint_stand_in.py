@@ -1,0 +1,67 @@
+"""A stand-in for ``glsim.denoise.inference`` in tests that need a checkpoint but no PyTorch.
+
+A checkpoint is JSON: gain (depth moves towards 900 mm by this share of its distance), soft (the
+validity is a probability), sigma_mm (the uncertainty of every pixel, if any), blind (predicts no
+depth; a minimum probability above 0.75 has the same effect).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glsim.errors import DenoiserError
+
+
+@dataclass
+class Network:
+    gain: float
+    soft: bool = False
+    sigma_mm: float | None = None
+    blind: bool = False
+
+    @property
+    def uncertain(self) -> bool:
+        return self.sigma_mm is not None
+
+    def __call__(self, noisy_mm: Any, valid: Any) -> tuple[Any, Any]:
+        valid = valid & (not self.blind)
+        depth = np.where(valid, noisy_mm + self.gain * (900 - noisy_mm), 0).astype(np.float32)
+        return depth, np.where(valid, 0.75, 0.25).astype(np.float32) if self.soft else valid
+
+    def with_uncertainty(self, noisy_mm: Any, valid: Any) -> tuple[Any, Any, Any]:
+        return *self(noisy_mm, valid), np.full(noisy_mm.shape, self.sigma_mm, np.float32)
+
+
+def load_network(path: Path, min_probability: float = 0.0) -> Network:
+    try:
+        network = Network(**json.loads(path.read_text()))
+        network.blind |= min_probability > 0.75
+        return network
+    except (ValueError, TypeError) as error:
+        raise DenoiserError(f"{path}: is no checkpoint: {error}") from None
+
+
+def write_run(
+    folder: Path,
+    gain: float,
+    *,
+    row: str | None,
+    title: str = "",
+    size: str = "small",
+    seed: int = 0,
+    state: str = "finished",
+    **more: Any,
+) -> None:
+    """Write the files of a run of ``glsim train`` that tables read."""
+    folder.mkdir(parents=True)
+    (folder / "best.pt").write_text(json.dumps({"gain": gain} | more))
+    recipe = {"title": title or row, "row": row, "size": size, "seed": seed}
+    recipe["description"] = "narrower" if size == "small" else ""
+    (folder / "recipe.json").write_text(json.dumps(recipe))
+    run = {"state": state, "seconds": 90.0, "steps": 10, "epochs": 1, "parameters": 185857}
+    (folder / "run.json").write_text(json.dumps(run))

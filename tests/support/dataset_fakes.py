@@ -1,0 +1,169 @@
+"""A fast, deterministic fake of the simulator, with faults on demand."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glsim.dataset import GenerateSummary, write_dataset
+from glsim.errors import MeshError
+from glsim.faces.base import FaceKey
+from glsim.frame import Frame, Skipped
+from glsim.geometry.camera import Intrinsics
+from glsim.geometry.rect import Rect
+from glsim.plan.tasks import Task
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import Settings, load_settings
+from glsim.settings.seeds import stable_seed
+
+CAMERA = Intrinsics(32, 24, 40.0, 40.0, 16.0, 12.0)
+WINDOW = Rect(4, 2, 20, 18)
+SENSOR = {"name": "fake", "stages": [{"name": "noise", "sigma_mm": 2.0}]}
+
+
+def make_settings(**output: Any) -> Settings:
+    return load_settings(overrides={"output": output, "source": {"kind": "procedural"}})
+
+
+def make_tasks(subjects: int = 8, frames: int = 20) -> list[Task]:
+    splits = ["train", "test", "train", "val"]
+    tasks: list[Task] = []
+    for s in range(subjects):
+        for f in range(frames):
+            key = FaceKey(f"s{s:03d}", "smile.1", f, f / 30)
+            seeds = DrawKeys(stable_seed(s, f), stable_seed(s), 2**64 - 1 - s)
+            tasks.append(Task(len(tasks), splits[s % 4], f"s{s:03d}", 0, key, seeds, s % 2))
+    return tasks
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault at the frame with this index; it happens only once if ``once`` is a path.
+
+    kind: "kill", "mesh", "bug", "sleep", "lose" or "full". "full" puts the file
+    ``.glsim/temporary/<pid>-<name>`` of the folder ``out`` on a full disk.
+    """
+
+    kind: str
+    index: int
+    once: str = ""
+    out: str = ""
+    name: str = "file"
+
+    def strikes(self, index: int) -> bool:
+        if index != self.index:
+            return False
+        if self.once:
+            try:
+                Path(self.once).touch(exist_ok=False)
+            except FileExistsError:
+                return False
+        return True
+
+
+def fake_frames(
+    settings: Settings,
+    tasks: Iterable[Task],
+    faults: tuple[Fault, ...] = (),
+    skip_every: int = 0,
+    delay_s: float = 0.0,
+    ahead: int = 3,
+) -> Iterator[Frame | Skipped]:
+    """Yield frames whose pixels depend only on the seed; takes ``ahead`` tasks at once."""
+    tasks = iter(tasks)
+    while batch := list(islice(tasks, ahead)):
+        for task in batch:
+            time.sleep(delay_s)
+            for fault in faults:
+                if fault.strikes(task.index):
+                    strike(fault)
+            if any(fault.kind == "lose" and fault.strikes(task.index) for fault in faults):
+                continue
+            if skip_every and task.index % skip_every == skip_every - 1:
+                yield Skipped(task.key, "fake", "no triangles")
+            else:
+                yield fake_frame(task, settings.output.depth_unit_mm)
+
+
+def strike(fault: Fault) -> None:
+    if fault.kind == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if fault.kind == "mesh":
+        raise MeshError("the mesh has a hole")
+    if fault.kind == "bug":
+        raise ZeroDivisionError("one by zero")
+    if fault.kind == "sleep":
+        time.sleep(0.5)
+    if fault.kind == "full":
+        name = f"{os.getpid()}-{fault.name}"
+        Path(fault.out, ".glsim", "temporary", name).symlink_to("/dev/full")
+
+
+def fake_frame(task: Task, unit_mm: float = 1.0, offset_mm: float = 0.0) -> Frame:
+    rng = np.random.default_rng(task.seeds.frame)
+    shape = (WINDOW.height, WINDOW.width)
+    clean = rng.uniform(0.8, 1.0, shape).astype(np.float32)
+    noisy = (clean + rng.normal(0, 0.002, shape)).astype(np.float32)
+    noisy[rng.random(shape) < 0.1] = 0
+    numpy_distance_mm: Any = np.float32(900)  # records must hold plain numbers
+    return Frame(
+        task.key,
+        "fake",
+        task.seeds.frame,
+        CAMERA,
+        WINDOW,
+        clean,
+        noisy,
+        rng.uniform(0, 70000, shape).astype(np.float32),
+        rng.integers(0, 12, shape).astype(np.uint8),
+        depth_unit_mm=unit_mm,
+        depth_offset_mm=offset_mm,
+        pose={"yaw_deg": float(rng.normal()), "distance_mm": numpy_distance_mm},
+        expression={"smile": 0.5} if task.key.frame % 2 else {},
+        parameters={"axial.sigma_mm": float(rng.uniform())},
+        notes={"unit": "mm"},
+    )
+
+
+def make(
+    out: Path,
+    settings: Settings | None = None,
+    tasks: list[Task] | None = None,
+    *,
+    workers: int = 1,
+    progress: Any = None,
+    renderer: str = "fake renderer",
+    **faults: Any,
+) -> GenerateSummary:
+    """Write a data set of fake frames."""
+    return write_dataset(
+        settings or make_settings(),
+        make_tasks() if tasks is None else tasks,
+        out,
+        partial(fake_frames, **faults),
+        sensor=SENSOR,
+        renderer=renderer,
+        workers=workers,
+        progress=progress,
+    )
+
+
+def children() -> list[int]:
+    """Return the process numbers of the children of this process."""
+    tasks = Path("/proc/self/task").glob("*/children")
+    return [int(pid) for task in tasks for pid in task.read_text().split()]
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    """Return relative name -> bytes for every file of a folder except the lock."""
+    files = (path for path in out.rglob("*") if path.is_file() and path.name != "lock")
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in files}

@@ -1,0 +1,126 @@
+"""Write small files in the formats of the face sets; find fixtures of another writer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.support.face_models import analytic_face
+
+FACE, TRIANGLES = analytic_face(rows=31, columns=25)
+ROWS, COLUMNS = 31, 25
+FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "fixtures"
+
+
+def fixture(*parts: str) -> Path:
+    """Return a folder of the fixtures; skip the test if it is missing."""
+    path = FIXTURES.joinpath(*parts)
+    if not path.exists():
+        pytest.skip(f"{path} is missing")
+    return path
+
+
+def ply_bytes(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> bytes:
+    """Encode a binary PLY like FLAME registrations: float32 x y z, three indices per face."""
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.empty(len(triangles), np.dtype([("count", "u1"), ("corner", "<i4", (3,))]))
+    faces["count"], faces["corner"] = 3, triangles
+    return head.encode() + points.astype("<f4").tobytes() + faces.tobytes()
+
+
+def obj_bytes(points: NDArray[np.float64], polygons: NDArray[np.int64], tail: str = "") -> bytes:
+    """Encode an OBJ; ``tail`` follows the vertex number of each corner ("/1/1")."""
+    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in points]
+    lines += ["f " + " ".join(f"{corner + 1}{tail}" for corner in face) for face in polygons]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def quads() -> NDArray[np.int64]:
+    """Return (Q, 4) quads of the analytic face."""
+    first = (np.arange(ROWS - 1)[:, None] * COLUMNS + np.arange(COLUMNS - 1)).ravel()
+    return np.stack([first, first + 1, first + COLUMNS + 1, first + COLUMNS], axis=1)
+
+
+def put(path: Path, data: bytes) -> Path:
+    """Write a file and the folders above it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return path
+
+
+def shape_bytes(shapes: NDArray[np.float64], expressions: int | None = None) -> bytes:
+    """Encode a shape.bs of (K, V, 3) meshes, the neutral first."""
+    count = len(shapes) - 1 if expressions is None else expressions
+    head = np.array([count, shapes.shape[1], len(quads())], "<i4")
+    return head.tobytes() + shapes.astype("<f4").tobytes()
+
+
+def blend_shapes(unit_mm: float = 110.0) -> NDArray[np.float64]:
+    """Return (47, V, 3): the analytic face with a jaw opened by K / 2 mm in shape K."""
+    opened = [analytic_face(rows=ROWS, columns=COLUMNS, open_mm=k / 2)[0] for k in range(47)]
+    return np.stack(opened) / unit_mm
+
+
+def write_tester(root: Path, number: int = 1, poses: int = 3) -> Path:
+    """Write a person of FaceWarehouse and return the folder."""
+    shapes = blend_shapes()
+    folder = root / f"Tester_{number}"
+    put(folder / "Blendshape/shape.bs", shape_bytes(shapes))
+    put(folder / "Blendshape/shape_0.obj", obj_bytes(shapes[0], quads(), "/1/1"))
+    for pose in range(poses):
+        put(folder / f"TrainingPose/pose_{pose}.obj", obj_bytes(shapes[10 * pose], quads(), "/1/1"))
+        put(folder / f"TrainingPose/pose_{pose}.land", b"1\n0.5 0.5\n")
+    return folder
+
+
+def pose_text(turn: NDArray[np.float64], centre: tuple[float, float, float]) -> bytes:
+    """Encode a pose file: rows with a trailing space, a blank line, the centre."""
+    rows = "".join(" ".join(f"{value:.7g}" for value in row) + " \n" for row in turn)
+    return f"{rows}\n{' '.join(f'{value:g}' for value in centre)} \n".encode()
+
+
+def depth_bytes(depth_mm: NDArray[np.uint16]) -> bytes:
+    """Encode (H, W) depths as Biwi's depth.bin: run lengths of empty and full pixels."""
+    flat = depth_mm.ravel().astype("<i2")
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flat > 0, [False]])))
+    parts = [np.array(depth_mm.shape[::-1], "<i4").tobytes()]
+    done = 0
+    for start, stop in edges.reshape(-1, 2):
+        parts += [np.array([start - done, stop - start], "<i4").tobytes()]
+        parts += [flat[start:stop].tobytes()]
+        done = stop
+    if done < len(flat):
+        parts.append(np.array([len(flat) - done, 0], "<i4").tobytes())
+    return b"".join(parts)
+
+
+CALIBRATION = (
+    b"575.816 0 320 \n0 575.816 240 \n0 0 1 \n\n0 0 0 0 \n\n"
+    b"1 0 0 \n0 1 0 \n0 0 1 \n\n0 0 0 \n\n640 480\n"
+)
+
+
+def write_recording(root: Path, number: int = 1, frames: int = 3) -> Path:
+    """Write a recording of Biwi: template, calibration, turning heads, flat depth images."""
+    template = (FACE - [3, 12, 0]) * [1, -1, -1]
+    put(root / f"{number:02d}.obj", obj_bytes(template, TRIANGLES, "//1"))
+    folder = root / f"{number:02d}"
+    put(folder / "depth.cal", CALIBRATION)
+    put(folder / "rgb.cal", CALIBRATION)
+    for frame in range(3, 3 + frames):
+        angle = np.radians(10.0 * (frame - 3))
+        turn = np.array(
+            [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+        )
+        put(folder / f"frame_{frame:05d}_pose.txt", pose_text(turn, (30.0, -20.0, 900.0)))
+        depth = np.zeros((480, 640), np.uint16)
+        depth[100:400, 200:450] = 1000 + frame
+        put(folder / f"frame_{frame:05d}_depth.bin", depth_bytes(depth))
+    return root

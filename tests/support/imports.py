@@ -1,0 +1,81 @@
+"""Imports of the code base: what a file names, and what a piece of code loads."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "glsim"
+
+
+def all_modules() -> dict[str, Path]:
+    """Module name -> file of everything that installs as ``glsim``."""
+    found = {}
+    # glsim/train, glsim/eval and glsim/shaders are links, which ``rglob`` does not follow.
+    linked = [path for path in PACKAGE.iterdir() if path.is_symlink()]
+    for folder in (PACKAGE, *linked):
+        for file in sorted(folder.rglob("*.py")):
+            parts = file.relative_to(ROOT).with_suffix("").parts
+            found[".".join(parts).removesuffix(".__init__")] = file
+    return found
+
+
+def imported_modules(source: str, modules: set[str]) -> set[str]:
+    """Which of ``modules`` a source file names: in imports anywhere in it, and in strings.
+
+    Imports inside functions and under TYPE_CHECKING count. A string counts if it is the name of a
+    module and no docstring: such names end in ``import_module``. Raises ValueError for a relative
+    import.
+    """
+    tree = ast.parse(source)
+    docstrings = {
+        id(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    }
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {_nearest(alias.name, modules) for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                raise ValueError(f"line {node.lineno}: relative import")
+            base = node.module or ""
+            found |= {_nearest(f"{base}.{alias.name}", modules) for alias in node.names}
+        elif isinstance(node, ast.Constant) and id(node) not in docstrings:
+            dotted = isinstance(node.value, str) and "." in node.value
+            found.add(node.value if dotted and node.value in modules else "")
+    return found - {""}
+
+
+def _nearest(name: str, modules: set[str]) -> str:
+    """The module that ``name`` is, or that it is taken from; "" for another package."""
+    while name and name not in modules:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def third_party(source: str) -> set[str]:
+    """Top-level names of all packages that a source file imports, anywhere in it."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names.add((node.module or "").partition(".")[0])
+    return names
+
+
+def loaded_after(code: str) -> set[str]:
+    """Names of the modules that a fresh interpreter has loaded after ``code``."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print(' '.join(sys.modules))"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    return set(done.stdout.split())

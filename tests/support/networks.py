@@ -1,0 +1,60 @@
+"""Small networks of every kind, and frames for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from glsim.train.models.base import DepthModel
+from glsim.train.models.registry import build_model
+
+torch.set_num_threads(1)  # more threads are slower on images this small
+
+#: A small backbone of each kind.
+BACKBONES: dict[str, dict[str, Any]] = {
+    "dncnn": {"kind": "dncnn", "depth": 3, "width": 8},
+    "unet": {"kind": "unet", "scales": 3, "width": 4},
+    "unet-plain": {"kind": "unet", "scales": 2, "width": 4, "batch_norm": False},
+    "restormer": {"kind": "restormer", "dim": 8, "blocks": [1, 1, 1, 1], "refinement": 1},
+    "small_unet": {"kind": "small_unet", "width": 8, "scales": 3},
+    "small_unet-silu": {"kind": "small_unet", "width": 8, "scales": 4, "activation": "silu"},
+    "partial_conv": {"kind": "partial_conv", "depth": 3, "width": 8},
+    "normalized_conv": {"kind": "normalized_conv", "depth": 3, "width": 8},
+    "artifact_removal": {
+        "kind": "artifact_removal",
+        "backbone": {"kind": "dncnn", "depth": 3, "width": 8},
+    },
+}
+WRAPPERS: dict[str, dict[str, Any]] = {
+    "paper": {"kind": "paper_input"},
+    "masked": {"kind": "mask_aware"},
+    "uncertain": {"kind": "mask_aware", "uncertainty": True},
+    "surfaces": {"kind": "mask_aware", "uncertainty": True, "surfaces": True},
+}
+
+
+def build(wrapper: str, backbone: str) -> DepthModel:
+    """A model without parameters that are all 0, as after some training."""
+    torch.manual_seed(3)
+    model = build_model(WRAPPERS[wrapper] | {"backbone": BACKBONES[backbone]})
+    with torch.no_grad():
+        for parameter in model.parameters():
+            if not parameter.any():
+                parameter.normal_(std=0.05)
+    return model
+
+
+def frames(count: int = 2, height: int = 53, width: int = 67) -> Tensor:
+    """Depth around 0.9 m with a step to a wall and holes."""
+    generator = torch.Generator().manual_seed(5)
+    noise = torch.randn(count, 1, height, width, generator=generator)
+    frame = 900.0 + 3.0 * noise
+    frame[..., : width // 3] += 400.0
+    frame[torch.rand(frame.shape, generator=generator) < 0.1] = 0.0
+    return frame
+
+
+def parts(model: DepthModel, noisy_mm: Tensor) -> list[Tensor]:
+    return [part for part in model(noisy_mm) if part is not None]

@@ -1,0 +1,204 @@
+"""Shared by the tests of noise stages: one stage as shader and as twin, scenes, z-scores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.geometry.rect import Rect
+from glsim.gl.shader_source import Layer
+from glsim.gl.targets import Readback, Target, TargetPool
+from glsim.noise.chain import StagePass
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.numpy_twins import TWINS
+from glsim.noise.numpy_twins.dots import cells
+from glsim.noise.registry import shipped_stages
+from glsim.reason import Reason
+
+Image = NDArray[np.float32]
+Layers = Mapping[str, Image]
+
+#: The probability of a z-score beyond this is 7e-6: no false alarms in some hundred per run.
+Z_MAX = 4.5
+
+WIDTH, HEIGHT = 256, 212
+WHOLE = Rect(0, 0, WIDTH, HEIGHT)
+FOCAL_PX, BASELINE_M = 365.456, 0.075
+FOCAL_BASELINE = FOCAL_PX * BASELINE_M
+
+
+def frame(seed: int = 0, **changes: Any) -> FrameContext:
+    """A frame of the tests' size. changes: fields of FrameContext."""
+    at = FrameContext(
+        window=WHOLE,
+        width=WIDTH,
+        height=HEIGHT,
+        seed=0x123456789ABC + seed,
+        sequence_seed=77,
+        device_seed=4242,
+        time_s=0.0,
+        focal_baseline_px_m=FOCAL_BASELINE,
+    )
+    return replace(at, **changes)
+
+
+FRAME = frame()
+
+
+def values(use: str, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return all parameters of a shipped stage: ``parameters``, and defaults for the others."""
+    declared = shipped_stages()[use].parameters
+    assert set(parameters) <= set(declared)
+    return {name: p.default for name, p in declared.items()} | dict(parameters)
+
+
+def run_twin(use: str, layers: Layers, at: FrameContext = FRAME, **p: float) -> dict[str, Image]:
+    """Return the layers that a stage's twin writes. Layers are of the window."""
+    with np.errstate(all="raise"):
+        return TWINS[use](at.view(use), layers, values(use, p))
+
+
+def run_shader(
+    context: moderngl.Context, use: str, layers: Layers, at: FrameContext = FRAME, **p: float
+) -> dict[str, Image]:
+    """Return the layers that a stage's shader writes. Layers are of the window."""
+    pool = _pool(context, at.width, at.height)
+    targets = {name: _upload(pool, name, image, at.window) for name, image in layers.items()}
+    context.enable_only(moderngl.NOTHING)
+    written = _pass(context, use).draw(pool, targets, at, values(use, p))
+    readback = Readback(context)
+    readback.request(pool, written, at.window)
+    arrays = {name: array.copy() for name, array in readback.arrays().items()}
+    for target in (*targets.values(), *written.values()):
+        pool.give_back(target)
+    return arrays
+
+
+@lru_cache(maxsize=8)
+def _pool(context: moderngl.Context, width: int, height: int) -> TargetPool:
+    return TargetPool(context, width, height)
+
+
+@lru_cache(maxsize=32)
+def _pass(context: moderngl.Context, use: str) -> StagePass:
+    source = shipped_stages()[use].source
+    assert source is not None
+    return StagePass(context, use, source)
+
+
+def _upload(pool: TargetPool, name: str, image: Image, window: Rect) -> Target:
+    layer = Layer(name, {1: "float", 2: "vec2", 4: "vec4"}[image.shape[2] if image.ndim > 2 else 1])
+    if name == "dot_match":
+        source = shipped_stages()["correlation_window"].source
+        assert source is not None
+        layer = source.writes[0]
+    target = pool.take(layer, window)
+    target.texture.write(np.ascontiguousarray(image).tobytes(), viewport=target.drawn)
+    return target
+
+
+def flat(
+    depth_m: float | NDArray[np.floating], angle_deg: float = 0.0, at: FrameContext = FRAME
+) -> dict[str, Image]:
+    """All layers of a window with the given depths, and one angle between normal and axis.
+
+    Depths and normals may contradict each other: stages read each on its own.
+    """
+    angle = np.radians(angle_deg)
+    return layers_of(
+        np.broadcast_to(depth_m, (at.window.height, at.window.width)),
+        np.array([np.sin(angle), 0.0, -np.cos(angle), 0.0]),
+        at,
+    )
+
+
+def layers_of(
+    depth: NDArray[np.floating], normal: NDArray[np.floating], at: FrameContext = FRAME
+) -> dict[str, Image]:
+    """All layers of a surface of skin, fully lit, from depths and normals (h, w, 4) of the window.
+
+    The rays are a pinhole's with the centre in the middle of the frame.
+    """
+    valid = depth > 0
+    layers = {
+        "clean": depth,
+        "depth": depth,
+        "rays": rays(at),
+        "normal": np.where(valid[..., None], normal, 0.0),
+        "albedo": np.where(valid, 0.6, 0.0),
+        "lit": valid,
+        "reason": np.where(valid, float(Reason.VALID), float(Reason.NO_SURFACE)),
+    }
+    return {name: np.array(image, np.float32) for name, image in layers.items()}
+
+
+def rays(at: FrameContext = FRAME) -> NDArray[np.float64]:
+    """x/z and y/z of each pixel of the window, (h, w, 2)."""
+    left, top, width, height = at.window
+    x = (left + np.arange(width) + 0.5 - at.width / 2) / FOCAL_PX
+    y = (top + np.arange(height) + 0.5 - at.height / 2) / FOCAL_PX
+    return np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
+
+
+def plane(
+    z_m: float, tilt_deg: float, turn_deg: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Depth (m) and normal of a plane that crosses the axis at ``z_m``, over the whole frame."""
+    tilt, turn = np.radians(tilt_deg), np.radians(turn_deg)
+    normal = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt), 0])
+    return z_m * normal[2] / (rays() @ normal[:2] + normal[2]), normal
+
+
+def scene(seed: int = 0) -> dict[str, Image]:
+    """Layers of a slanted wall, slanted patches before it, empty columns, holes, random signals."""
+    rng = np.random.default_rng(seed)
+    depth, direction = plane(1.4, 35.0, 20.0)
+    normal = np.broadcast_to(direction, (*depth.shape, 4)).copy()
+    for _ in range(12):
+        size, low = rng.integers(3, 80, 2), rng.integers(0, (WIDTH - 20, HEIGHT - 20))
+        rect = Rect(int(low[0]), int(low[1]), int(size[0]), int(size[1])).slices
+        patch, direction = plane(rng.uniform(0.5, 1.3), rng.uniform(0, 60), rng.uniform(0, 360))
+        depth[rect], normal[rect] = patch[rect], direction
+    depth[:, : WIDTH // 6] = 0.0
+    layers = layers_of(depth, normal)
+    holes = (rng.random(depth.shape) < 0.03) & (depth > 0)
+    layers["depth"][holes], layers["reason"][holes] = 0.0, float(Reason.DROPPED)
+    layers["lit"], layers["albedo"], light = rng.random((3, *depth.shape), np.float32)
+    return {**layers, "infrared": 200 * light, **run_twin("correlation_window", layers)}
+
+
+def crop(layers: Layers, at: FrameContext) -> dict[str, Image]:
+    """Cut the window of ``at`` from layers of the whole frame."""
+    return {
+        name: image[(cells(at.window) if name == "dot_match" else at.window).slices].copy()
+        for name, image in layers.items()
+    }
+
+
+def z_mean(samples: NDArray[Any], expected: float = 0.0) -> float:
+    """Deviation of the mean of independent samples from ``expected``, in standard errors."""
+    numbers = np.asarray(samples, np.float64).ravel()
+    return float((numbers.mean() - expected) / (numbers.std() / np.sqrt(numbers.size)))
+
+
+def z_sd(samples: NDArray[Any], expected: float) -> float:
+    """Deviation of the standard deviation of normal samples, in its own standard errors."""
+    numbers = np.asarray(samples, np.float64).ravel()
+    return float((numbers.std(ddof=1) / expected - 1.0) * np.sqrt(2.0 * (numbers.size - 1)))
+
+
+def z_rate(hits: NDArray[np.bool_], expected: float) -> float:
+    """Deviation of the share of hits, in standard errors."""
+    error = np.sqrt(expected * (1.0 - expected) / hits.size)
+    return float((hits.mean() - expected) / error)
+
+
+def z_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """Deviation from 0 of the correlation of independent samples, in standard errors."""
+    return float(np.corrcoef(a.ravel(), b.ravel())[0, 1] * np.sqrt(a.size))

@@ -1,0 +1,182 @@
+"""The plan of the house: which room of glsim may import from which, and no circles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.imports import PACKAGE, ROOT, all_modules, imported_modules, third_party
+
+#: Rooms from the ground floor up. A module imports from its own room and from earlier ones; a
+#: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise.
+ROOMS = (
+    "glsim.errors",
+    "glsim.reason",
+    "glsim.worker_processes",
+    "glsim.settings",
+    "glsim.geometry",
+    "glsim.files",
+    "glsim.meshio",
+    "glsim.shaders",
+    "glsim.gl",
+    "glsim.render",
+    "glsim.faces",
+    "glsim.plan",
+    "glsim.frame",
+    "glsim.frame_assembly",
+    "glsim.noise",
+    "glsim.sensors",
+    "glsim.pipeline",
+    "glsim.corrupt",
+    "glsim.dataset",
+    "glsim.train.models",
+    "glsim.denoise",
+    "glsim.preview",
+    "glsim.inspection",
+    "glsim.validate",
+    "glsim.fit",
+    "glsim.train",
+    "glsim.eval.metrics",
+    "glsim.eval.scoring",
+    "glsim.eval.report",
+    "glsim.eval.paper",
+    "glsim.eval",
+    "glsim",  # the public names
+    "glsim.cli",
+    "glsim.__main__",
+)
+
+#: Rooms that do not know each other, though one of them comes first.
+STRANGERS = ("glsim.train", "glsim.eval")
+
+#: Packages that are heavy or have one place: package -> the rooms that may import it.
+HOMES = {
+    "moderngl": (
+        "glsim.gl",
+        "glsim.render",
+        "glsim.noise.chain",
+        "glsim.pipeline",
+        "glsim.validate",
+        "glsim.cli",
+    ),
+    "trimesh": ("glsim.meshio",),
+    "typer": ("glsim.cli",),
+    "rich": ("glsim.cli",),
+    "torch": ("glsim.train", "glsim.denoise.inference", "glsim.denoise.checkpoint"),
+    "lightning_fabric": ("glsim.train",),
+    "tensorboard": ("glsim.train",),
+    "matplotlib": ("glsim.validate", "glsim.eval.report.figures"),
+    "skimage": (),
+    "scipy": (),
+    "pyrender": (),
+    "open3d": (),
+    "pytest": (),
+    "hypothesis": (),
+    "tests": (),
+    "train": (),
+    "eval": (),
+}
+
+MODULES = all_modules()
+
+
+def within(module: str, room: str) -> bool:
+    """Whether a module is a room or lies in it."""
+    return module == room or module.startswith(f"{room}.")
+
+
+def room_of(module: str) -> str:
+    """The room with the longest name that holds the module."""
+    rooms = [room for room in ROOMS if within(module, room)]
+    return max(rooms, key=len)
+
+
+def broken_rules(module: str, source: str) -> list[str]:
+    """What a source file imports that its place in the house does not allow."""
+    try:
+        imported = imported_modules(source, set(MODULES))
+    except ValueError as error:
+        return [str(error)]
+    own = room_of(module)
+    broken = []
+    for name in sorted(imported - {module}):
+        other = room_of(name)
+        apart = any(within(module, s) for s in STRANGERS) and any(
+            within(name, s) and not within(module, s) for s in STRANGERS
+        )
+        if ROOMS.index(other) > ROOMS.index(own) or apart:
+            broken.append(f"{own} does not import from {other}: {name}")
+    for package in sorted(third_party(source) & set(HOMES)):
+        if not any(within(module, home) for home in HOMES[package]):
+            broken.append(f"{package} is not imported in {own}")
+    return broken
+
+
+@pytest.mark.parametrize("module", sorted(MODULES))
+def test_imports_name_earlier_rooms(module: str) -> None:
+    assert broken_rules(module, MODULES[module].read_text(encoding="utf-8")) == []
+
+
+def test_every_room_exists_and_every_module_has_one() -> None:
+    for room in ROOMS:
+        assert any(within(module, room) for module in MODULES), room
+    listed = [module for module in MODULES if room_of(module) == "glsim"]
+    assert listed == ["glsim"], "a new room: write it into ROOMS where it belongs"
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from glsim.pipeline import simulate",
+        "import glsim.dataset.reader",
+        "def f():\n    from glsim import dataset",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from glsim.cli import app",
+        "from importlib import import_module\nimport_module('glsim.eval.study')",
+        "from glsim import load_settings",
+        "from ..pipeline import simulate",
+        "import torch",
+        "from tests.support import scenes",
+    ],
+)
+def test_a_forbidden_import_is_found(tmp_path: Path, source: str) -> None:
+    """A file in glsim/noise that breaks the rule in each of the ways there are."""
+    file = tmp_path / "temporary.py"
+    file.write_text(f'"""Mentions glsim.cli, which a docstring may."""\n\n{source}\n')
+    assert len(broken_rules("glsim.noise.temporary", file.read_text())) == 1
+    allowed = '"""Draws."""\n\nfrom glsim.render.renderer import Renderer\nimport numpy\n'
+    assert broken_rules("glsim.noise.temporary", allowed) == []
+
+
+def test_train_and_eval_meet_in_denoise_only() -> None:
+    for module, other in (("glsim.eval.study", "train"), ("glsim.train.fit", "eval")):
+        assert broken_rules(module, f"import glsim.{other}")
+        assert broken_rules(module, "import glsim.denoise") == []
+    assert broken_rules("glsim.eval.study", "from glsim.train.models import registry")
+    assert broken_rules("glsim.denoise.inference", "from glsim.train.models import registry") == []
+    assert broken_rules("glsim.denoise.inference", "from glsim.train import recipe")
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    """Circles, also those that exist for types or inside functions only."""
+    graph = {
+        module: imported_modules(file.read_text(encoding="utf-8"), set(MODULES)) - {module}
+        for module, file in MODULES.items()
+    }
+    done: set[str] = set()
+
+    def visit(module: str, way: tuple[str, ...]) -> None:
+        assert module not in way, " -> ".join((*way[way.index(module) :], module))
+        if module not in done:
+            for other in sorted(graph[module]):
+                visit(other, (*way, module))
+            done.add(module)
+
+    for module in sorted(graph):
+        visit(module, ())
+
+
+def test_the_linked_folders_are_those_at_the_top() -> None:
+    for name in ("eval", "shaders", "train"):
+        assert (PACKAGE / name).is_symlink()
+        assert (PACKAGE / name).resolve() == ROOT / name

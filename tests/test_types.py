@@ -1,0 +1,44 @@
+"""mypy sees every package of the project: a misspelt attribute is an error."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+CONFIGURATION = ROOT / "pyproject.toml"
+
+#: Import path of a class of train -> code with a misspelt attribute, and mypy's message.
+MISTAKES = {
+    "by module": (
+        "from glsim.train.recipe import Recipe\n\n\n"
+        "def use(recipe: Recipe) -> None:\n    recipe.training.no_such_field\n",
+        '"TrainingSettings" has no attribute "no_such_field"',
+    ),
+    "by public name": (
+        'from glsim.train import load_recipe\n\nload_recipe("face").no_such_field\n',
+        '"Recipe" has no attribute "no_such_field"',
+    ),
+}
+
+
+@pytest.mark.parametrize("path", MISTAKES)
+def test_a_misspelt_attribute_is_an_error(path: str, tmp_path: Path) -> None:
+    """Takes seconds with the cache of ``make check``."""
+    code, message = MISTAKES[path]
+    (tmp_path / "misspelt.py").write_text(code)
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--config-file", str(CONFIGURATION), "misspelt.py"],
+        cwd=tmp_path,
+        env=os.environ | {"MYPYPATH": str(ROOT), "MYPY_CACHE_DIR": str(ROOT / ".mypy_cache")},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert message in done.stdout, done.stdout + done.stderr
+    assert "Found 1 error in 1 file" in done.stdout

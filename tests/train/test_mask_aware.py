@@ -1,0 +1,215 @@
+"""The mask-aware wrapper: initial output, features, and independence of holes and walls."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from glsim.errors import ConfigError
+from glsim.train.models.calibration import calibrate, sigma_scale
+from glsim.train.models.features import CHANNELS, depth_features
+from glsim.train.models.mask_aware import MaskAware
+from glsim.train.models.registry import build_model
+from tests.support.networks import build, frames, parts
+
+BACKBONES = ("dncnn", "small_unet", "partial_conv", "normalized_conv")
+
+
+def untrained(uncertainty: bool = True, surfaces: bool = False) -> MaskAware:
+    spec = {"kind": "small_unet", "width": 8, "scales": 3}
+    own = {"uncertainty": uncertainty, "surfaces": surfaces}
+    model = build_model({"kind": "mask_aware", "backbone": spec} | own)
+    assert isinstance(model, MaskAware)
+    return model.eval()
+
+
+def face_and_wall(wall_mm: float) -> Tensor:
+    """A bump at 0.7 m, 60 px wide, with 2 mm of noise, before a wall (0 for none)."""
+    y, x = torch.meshgrid(torch.arange(96.0), torch.arange(96.0), indexing="ij")
+    radius = torch.hypot(x - 48, y - 48)
+    noise = 2.0 * torch.randn(96, 96, generator=torch.Generator().manual_seed(1))
+    face = 700.0 + radius.square() / 30 + noise
+    return torch.where(radius < 30, face, wall_mm)[None, None]
+
+
+@pytest.mark.parametrize("surfaces", [False, True])
+def test_it_starts_from_the_frame_as_measured(surfaces: bool) -> None:
+    noisy_mm = frames()
+    prediction = untrained(surfaces=surfaces)(noisy_mm)
+    valid = noisy_mm > 0
+    assert torch.equal(prediction.depth_mm[valid], noisy_mm[valid])
+    assert torch.equal(prediction.hard_mm(), noisy_mm)
+    assert torch.equal(prediction.valid_logit.abs(), torch.full_like(noisy_mm, 3.0))
+    torch.testing.assert_close(prediction.log_sigma.exp(), torch.full_like(noisy_mm, 1.65))
+
+
+def test_holes_are_filled_from_their_own_side() -> None:
+    noisy_mm = torch.full((1, 1, 40, 80), 700.0)
+    noisy_mm[..., 40:] = 1500.0
+    clean_mm = noisy_mm.clone()
+    noisy_mm[..., 15:22, 10:17] = 0.0
+    noisy_mm[..., 15:22, 60:67] = 0.0
+    torch.testing.assert_close(depth_features(noisy_mm).fill_mm, clean_mm)
+
+
+def test_a_slope_stays_in_a_hole() -> None:
+    slope_mm = (800.0 + 2.0 * torch.arange(64.0)).expand(1, 1, 64, 64).contiguous()
+    noisy_mm = slope_mm.clone()
+    noisy_mm[..., 28:36, 28:36] = 0.0
+    assert (depth_features(noisy_mm).fill_mm - slope_mm).abs().max() < 6.0  # of 16 across
+
+
+def test_features_follow_what_they_say() -> None:
+    noisy_mm = face_and_wall(1500.0)
+    noisy_mm[..., 48, 48] = 850.0  # a flying pixel on the nose
+    noisy_mm[..., 20:23, 48] = 0.0
+    channels = depth_features(noisy_mm).channels[0]
+    assert channels.shape == (CHANNELS, 96, 96)
+    relative, support, around, log_depth, valid = channels
+    assert support[48, 48] == pytest.approx(1 / 25)
+    assert support[60, 48] > 0.5
+    assert relative.abs().max() <= 5.0
+    assert around[48, 60] < -1.0 < 1.0 < around[48, 85]  # the face is in front, the wall behind
+    assert log_depth[48, 55] == pytest.approx(math.log(0.7), abs=0.02)
+    assert torch.equal(valid, (noisy_mm[0, 0] > 0).float())
+    # A bump of 2 mm on the face passes in full, although a wall stands 800 mm behind.
+    bumped = noisy_mm.clone()
+    bumped[..., 48, 60] += 2.0
+    change = depth_features(bumped).channels[0, 0, 48, 60] - relative[48, 60]
+    assert change == pytest.approx(0.2, rel=0.1)
+
+
+def test_a_shift_in_depth_changes_only_the_distance_channel() -> None:
+    noisy_mm = frames()
+    shifted = torch.where(noisy_mm > 0, noisy_mm + 100.0, 0.0)
+    before, after = depth_features(noisy_mm).channels, depth_features(shifted).channels
+    same = [0, 1, 2, 4]
+    torch.testing.assert_close(after[:, same], before[:, same], rtol=0, atol=1e-3)
+    assert (after[:, 3] > before[:, 3]).all()
+    # At one distance's weights the corrections are those of the frame before.
+    model = build("masked", "small_unet").eval()
+    with torch.no_grad():
+        model.backbone.first.weight[:, 3] = 0.0
+        one, other = model(noisy_mm), model(shifted)
+    torch.testing.assert_close(other.depth_mm - 100.0, one.depth_mm, rtol=0, atol=0.01)
+
+
+def test_a_wall_does_not_change_the_features_of_a_face() -> None:
+    """Inside the face, away from its rim, except in the channel that compares with all around."""
+    with_wall = depth_features(face_and_wall(1500.0))
+    without = depth_features(face_and_wall(0.0))
+    inside = (..., slice(36, 60), slice(36, 60))
+    for channel in (0, 1, 3, 4):
+        one, other = with_wall.channels[:, channel][inside], without.channels[:, channel][inside]
+        torch.testing.assert_close(one, other)
+
+
+@pytest.mark.parametrize("backbone", BACKBONES)
+def test_the_distance_of_a_wall_does_not_change_the_face(backbone: str) -> None:
+    inside = (..., slice(36, 60), slice(36, 60))
+    model = build("masked", backbone).eval()
+    with torch.no_grad():
+        here, there = model(face_and_wall(1500.0)), model(face_and_wall(1600.0))
+    torch.testing.assert_close(here.depth_mm[inside], there.depth_mm[inside], rtol=0, atol=1.0)
+
+
+@pytest.mark.parametrize("wrapper", ["uncertain", "surfaces"])
+@pytest.mark.parametrize("backbone", BACKBONES)
+def test_a_crop_is_treated_as_within_its_frame(wrapper: str, backbone: str) -> None:
+    model = build(wrapper, backbone).eval()
+    frame = frames(1, 160, 176)
+    top, left, size, margin = 16, 24, 128, 60  # features see 24 px, the U-Net of 3 scales 28 more
+    with torch.no_grad():
+        whole = parts(model, frame)
+        crop = parts(model, frame[..., top : top + size, left : left + size])
+    for big, small in zip(whole, crop, strict=True):
+        big = big[..., top + margin : top + size - margin, left + margin : left + size - margin]
+        small = small[..., margin:-margin, margin:-margin]
+        torch.testing.assert_close(small, big, rtol=0, atol=2e-3)
+
+
+@pytest.mark.parametrize("wrapper", ["uncertain", "surfaces"])
+@pytest.mark.parametrize("backbone", [*BACKBONES, "unet", "restormer"])
+def test_frames_without_depth_give_numbers(wrapper: str, backbone: str) -> None:
+    model = build(wrapper, backbone)
+    empty = torch.zeros(1, 1, 40, 40)
+    single = empty.clone()
+    single[..., 20, 20] = 900.0
+    for frame in (empty, single):
+        prediction = parts(model, frame)
+        sum(part.mean() for part in prediction).backward()
+        for value in (*prediction, *(parameter.grad for parameter in model.parameters())):
+            assert value is None or value.isfinite().all()
+    start = untrained()(empty)
+    assert not start.hard_mm().any()
+
+
+@pytest.mark.parametrize("wrapper", ["masked", "surfaces"])
+@pytest.mark.parametrize("backbone", BACKBONES)
+def test_what_is_in_a_hole_is_not_looked_at(wrapper: str, backbone: str) -> None:
+    model = build(wrapper, backbone).eval()
+    clean = frames()
+    with torch.no_grad():
+        expected = model(clean)
+        for code in (torch.nan, -5.0, -torch.inf):
+            garbage = torch.where(clean > 0, clean, code)
+            for one, other in zip(expected, model(garbage), strict=True):
+                assert one is other is None or torch.equal(one, other)
+
+
+def test_partial_convolutions_do_not_read_the_fill() -> None:
+    """They replace it: channels in holes may hold anything."""
+    for backbone in ("partial_conv", "normalized_conv"):
+        network = build("masked", backbone).eval().backbone
+        channels = depth_features(frames()).channels
+        valid = channels[:, -1:]
+        with torch.no_grad():
+            one = network(channels, valid)
+            other = network(torch.where(valid > 0, channels, 1e6), valid)
+        assert torch.equal(one, other)
+
+
+def test_sigma_scale_makes_errors_standard() -> None:
+    generator = torch.Generator().manual_seed(0)
+    sigma = torch.rand(20_000, generator=generator) + 0.5
+    errors = 2.5 * sigma * torch.randn(20_000, generator=generator)
+    assert sigma_scale(errors / sigma) == pytest.approx(2.5, rel=0.02)
+    assert sigma_scale(errors / sigma, "median") == pytest.approx(2.5, rel=0.03)
+    errors[::50] = 100.0  # 2 % of flying pixels
+    assert sigma_scale(errors / sigma) > 8.0
+    assert sigma_scale(errors / sigma, "median") == pytest.approx(2.5, rel=0.06)
+
+
+@pytest.mark.parametrize("surfaces", [False, True])
+def test_calibration_sets_and_resets_the_factor(surfaces: bool) -> None:
+    model = untrained(surfaces=surfaces)
+    clean = torch.full((2, 1, 64, 64), 900.0)
+    clean[..., :20] = 0.0
+    noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(0))
+    noisy = torch.where(clean > 0, clean + 3.3 * noise, 0.0)
+    noisy[..., 30:33, 30:40] = 0.0  # holes that the model does not call depth do not count
+    model.train()
+    assert calibrate(model, [(noisy, clean)]) == pytest.approx(2.0, rel=0.05)
+    assert model.training
+    assert calibrate(model, [(noisy, clean)]) == pytest.approx(2.0, rel=0.05)  # not of itself
+    torch.testing.assert_close(
+        model(noisy).log_sigma.exp(), torch.full_like(noisy, 3.3), rtol=0.05, atol=0
+    )
+    copy = untrained(surfaces=surfaces)
+    copy.load_state_dict(model.state_dict())
+    assert copy.sigma_scale == model.sigma_scale
+
+
+def test_calibration_needs_something_to_fit() -> None:
+    frame = torch.full((1, 1, 16, 16), 900.0)
+    with pytest.raises(ConfigError, match="set uncertainty = true"):
+        calibrate(untrained(uncertainty=False), [(frame, frame)])
+    with pytest.raises(ConfigError, match="no finite errors"):
+        calibrate(untrained(), [(frame, torch.zeros_like(frame))])
+    with pytest.raises(ConfigError, match="no finite errors"):
+        sigma_scale(torch.tensor([1.0, torch.nan]))
+    with pytest.raises(ConfigError, match="all 0"):
+        calibrate(untrained(), [(frame, frame)])

@@ -1,0 +1,233 @@
+"""Every network: shapes of any size, parameter counts, gradients, repeatability, half precision."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import torch
+from torch import nn
+
+from glsim.errors import ConfigError
+from glsim.train.models.artifact_removal import ArtifactRemoval
+from glsim.train.models.dncnn import DnCNN
+from glsim.train.models.normalized_conv import NormalizedConv2d
+from glsim.train.models.partial_conv import PartialConv2d
+from glsim.train.models.registry import build_model, parameter_count
+from glsim.train.models.restormer import BiasFreeNorm, TransposedAttention
+from tests.support.networks import BACKBONES, WRAPPERS, build, frames, parts
+
+every_model = pytest.mark.parametrize("backbone", BACKBONES)
+every_wrapper = pytest.mark.parametrize("wrapper", WRAPPERS)
+
+
+@every_model
+@every_wrapper
+def test_shapes_and_types(wrapper: str, backbone: str) -> None:
+    model = build(wrapper, backbone).eval()
+    for noisy_mm in (frames(), frames(1, 32, 32), frames(1, 9, 40)):
+        prediction = model(noisy_mm)
+        given = [part is not None for part in prediction]
+        chooses, sure = wrapper == "surfaces", wrapper in ("uncertain", "surfaces")
+        assert given == [True, wrapper != "paper", sure, chooses, chooses]
+        for number, part in enumerate(parts(model, noisy_mm)):
+            candidates = 3 if number >= 3 else 1
+            assert part.shape == (len(noisy_mm), candidates, *noisy_mm.shape[2:])
+            assert part.dtype == torch.float32
+            assert part.isfinite().all()
+
+
+@every_model
+@every_wrapper
+def test_gradient_reaches_every_parameter(wrapper: str, backbone: str) -> None:
+    model = build(wrapper, backbone)
+    sum(part.square().mean() for part in parts(model, frames())).backward()
+    for name, parameter in model.named_parameters():
+        assert parameter.grad is not None, name
+        assert parameter.grad.isfinite().all(), name
+        assert parameter.grad.any(), name
+
+
+@every_model
+@every_wrapper
+def test_frames_do_not_influence_each_other(wrapper: str, backbone: str) -> None:
+    """Nor does a second run differ from the first."""
+    model = build(wrapper, backbone).eval()
+    four = frames(4)
+    with torch.no_grad():
+        together, again, alone = parts(model, four), parts(model, four), parts(model, four[2:3])
+    for all_four, second, one in zip(together, again, alone, strict=True):
+        assert torch.equal(all_four, second)
+        torch.testing.assert_close(all_four[2:3], one, rtol=1e-4, atol=1e-3)
+
+
+@every_model
+@every_wrapper
+def test_half_precision(wrapper: str, backbone: str) -> None:
+    """bfloat16 inside; what comes out is float32 and, but for raw millimetres, close."""
+    model = build(wrapper, backbone).eval()
+    with torch.no_grad():
+        exact = model(frames())
+        with torch.autocast("cpu", torch.bfloat16):
+            half = model(frames())
+    assert half.depth_mm.dtype == torch.float32
+    assert half.depth_mm.isfinite().all()
+    if wrapper != "paper":
+        difference = (half.depth_mm - exact.depth_mm).abs().max()
+        assert 0.0 < difference < 0.03 * (exact.depth_mm - frames())[frames() > 0].abs().max()
+
+
+@pytest.mark.parametrize(
+    ("spec", "count"),
+    [  # as deepinv 0.5's networks have them, which the paper's rows seem to be
+        ({"kind": "dncnn", "depth": 7}, 185_857),
+        ({"kind": "dncnn", "depth": 20}, 665_921),
+        ({"kind": "dncnn", "depth": 64}, 2_290_753),
+        ({"kind": "unet"}, 8_562_881),
+        ({"kind": "unet", "scales": 3, "batch_norm": False}, 2_066_497),
+        ({"kind": "restormer"}, 26_109_076),
+        ({"kind": "restormer", "dim": 16, "blocks": [1, 1, 1, 2], "refinement": 1}, 1_004_819),
+        ({"kind": "partial_conv", "depth": 7}, 185_857),
+        ({"kind": "normalized_conv", "depth": 7}, 185_857),
+    ],
+    ids=lambda value: value["kind"] if isinstance(value, dict) else str(value),
+)
+def test_parameter_counts(spec: dict[str, Any], count: int) -> None:
+    with torch.device("meta"):
+        model = build_model({"kind": "paper_input", "backbone": spec})
+    assert parameter_count(model) == count
+
+
+def test_the_small_unet_is_small_enough_to_ship() -> None:
+    for width, scales, count in ((24, 4, 228_422), (32, 3, 205_442), (32, 4, 405_042)):
+        spec = {"kind": "small_unet", "width": width, "scales": scales}
+        model = build_model({"kind": "mask_aware", "backbone": spec})
+        assert parameter_count(model) == count
+        assert 4 * count < 2e6  # bytes of float32
+
+
+def test_artifact_removal_is_its_backbone() -> None:
+    """Bit for bit and parameter for parameter, under both wrappers: the paper's AR rows."""
+    for wrapper in WRAPPERS:
+        plain, wrapped = build(wrapper, "dncnn"), build(wrapper, "artifact_removal")
+        assert isinstance(wrapped.backbone, ArtifactRemoval)
+        assert parameter_count(wrapped) == parameter_count(plain)
+        wrapped.backbone.backbone.load_state_dict(plain.backbone.state_dict())
+        for one, other in zip(parts(plain, frames()), parts(wrapped, frames()), strict=True):
+            assert torch.equal(one, other)
+
+
+def test_dncnn_is_the_stack_of_its_paper() -> None:
+    torch.manual_seed(0)
+    model = DnCNN(2, 2, depth=3, width=5)
+    layers = [layer for layer in model.modules() if isinstance(layer, nn.Conv2d)]
+    x = torch.randn(1, 2, 8, 9)
+    expected = x + layers[2](layers[1](layers[0](x).relu()).relu())
+    torch.testing.assert_close(model(x), expected)
+    wide = DnCNN(64, 64, depth=2)
+    assert wide.layers[0].weight.detach().std().item() == pytest.approx(
+        (2 / (9 * 64)) ** 0.5, rel=0.02
+    )
+    assert torch.equal(DnCNN(1, 1, depth=3, zero_last=True)(x[:, :1]), x[:, :1])
+
+
+def test_transposed_attention_weighs_channels() -> None:
+    """Against the paper's formula, written out for one head."""
+    torch.manual_seed(0)
+    layer = TransposedAttention(4, heads=2)
+    x = torch.randn(1, 4, 5, 6)
+    query, key, value = layer.project(x).flatten(2)[0].split(4)
+    rows = []
+    for head in (slice(0, 2), slice(2, 4)):
+        q, k = query[head], key[head]
+        cosine = (q @ k.T) / (q.norm(dim=1)[:, None] * k.norm(dim=1)[None])
+        rows.append(cosine.softmax(dim=1) @ value[head])
+    expected = layer.out(torch.cat(rows).view(1, 4, 5, 6))
+    torch.testing.assert_close(layer(x), expected)
+
+
+def test_the_norm_has_no_bias() -> None:
+    """Twice the input gives the same output: no additive constant anywhere."""
+    x = torch.randn(1, 6, 3, 3) * 100.0
+    norm = BiasFreeNorm(6)
+    torch.testing.assert_close(norm(2.0 * x), norm(x))
+    torch.testing.assert_close(norm(x).var(dim=1, unbiased=False), torch.ones(1, 3, 3))
+
+
+@pytest.mark.parametrize("layer_type", [PartialConv2d, NormalizedConv2d])
+def test_masked_layers(layer_type: type[PartialConv2d] | type[NormalizedConv2d]) -> None:
+    torch.manual_seed(0)
+    layer = layer_type(2, 3)
+    x, mask = torch.randn(1, 2, 9, 9), torch.ones(1, 1, 9, 9)
+    inside = (slice(None), slice(None), slice(1, -1), slice(1, -1))
+
+    whole, trust = layer(x, mask)  # everything measured: an ordinary convolution
+    plain = nn.functional.conv2d(x, layer.weight, layer.bias, padding=1)
+    torch.testing.assert_close(whole[inside], plain[inside], rtol=1e-3, atol=1e-3)
+    torch.testing.assert_close(trust[inside], torch.ones_like(trust[inside]), rtol=0, atol=1e-3)
+
+    mask[..., 2:7, 2:7] = 0.0  # what is in a hole is not looked at, not even if it is no number
+    holed, trust = layer(x, mask)
+    garbage = torch.where(mask > 0, x, torch.nan)
+    assert torch.equal(layer(garbage, mask)[0], holed)
+    assert holed.isfinite().all()
+    assert (trust[..., 4, 4] == 0.0).all()
+    assert (trust[..., 2, 4] > 0.0).all()
+
+    with torch.no_grad():  # a mean of a flat image is flat up to the rim of a hole
+        layer.weight.fill_(0.1)
+        flat = torch.full_like(x, 7.0)
+        rim, level = layer(flat, mask)[0], layer(flat, torch.ones_like(mask))[0]
+    torch.testing.assert_close(rim[..., 2, 4], level[..., 2, 4], rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ({"kind": "mask_awar", "backbone": {"kind": "dncnn"}}, "did you mean 'mask_aware'"),
+        ({"backbone": {"kind": "dncnn"}}, "model.kind"),
+        ({"kind": "paper_input"}, "model.backbone: give a table"),
+        ({"kind": "paper_input", "backbone": {"kind": "dncn"}}, "did you mean 'dncnn'"),
+        (
+            {"kind": "paper_input", "backbone": {"kind": "dncnn", "deptt": 7}},
+            "no parameter 'deptt' .did you mean 'depth'",
+        ),
+        (
+            {"kind": "paper_input", "backbone": {"kind": "dncnn", "depth": 1}},
+            "model.backbone.depth = 1: .*greater than or equal to 2",
+        ),
+        (
+            {"kind": "paper_input", "backbone": {"kind": "dncnn", "depth": "deep"}},
+            "model.backbone.depth = 'deep'",
+        ),
+        (
+            {"kind": "mask_aware", "backbone": {"kind": "dncnn", "residual": True}},
+            "model.backbone.residual: set by the model around it",
+        ),
+        (
+            {"kind": "paper_input", "backbone": {"kind": "dncnn", "backbone": {"kind": "unet"}}},
+            "dncnn has no backbone",
+        ),
+        (
+            {"kind": "paper_input", "uncertainty": True, "backbone": {"kind": "dncnn"}},
+            "no parameter 'uncertainty'",
+        ),
+        (
+            {"kind": "paper_input", "backbone": {"kind": "artifact_removal"}},
+            "model.backbone.backbone: give a table",
+        ),
+        (
+            {"kind": "paper_input", "backbone": {"kind": "restormer", "heads": [1, 2, 4, 7]}},
+            "do not divide",
+        ),
+    ],
+)
+def test_wrong_specifications(spec: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as caught:
+        build_model(spec)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_residual_needs_equal_channels() -> None:
+    with pytest.raises(ConfigError, match="set residual = false"):
+        DnCNN(2, 1, depth=3)

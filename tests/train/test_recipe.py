@@ -1,0 +1,126 @@
+"""Recipes: inheritance, errors, and the network and loss of each shipped one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from glsim.errors import ConfigError
+from glsim.train.losses.registry import build_loss
+from glsim.train.models.registry import build_model
+from glsim.train.recipe import RECIPE_FOLDER, ScheduleSettings, load_recipe, recipe_names
+
+ROWS = {"D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"}
+
+
+@pytest.mark.parametrize("name", recipe_names())
+def test_a_shipped_recipe_builds_its_network_and_its_loss(name: str) -> None:
+    recipe = load_recipe(name)
+    with torch.device("meta"):
+        assert sum(p.numel() for p in build_model(recipe.model).parameters()) > 1000
+    build_loss(recipe.loss)
+    if recipe.size == "small" and recipe.row is not None:
+        assert "instead of" in recipe.description
+        assert recipe.training.max_steps
+
+
+@pytest.mark.parametrize("size", ["full", "small"])
+def test_every_row_of_the_paper_has_a_recipe_with_its_settings(size: str) -> None:
+    recipes = [load_recipe(name) for name in recipe_names() if name.startswith("paper-")]
+    of_size = [recipe for recipe in recipes if recipe.size == size]
+    assert {recipe.row for recipe in of_size} == ROWS
+    assert len(of_size) == len(ROWS)
+    for recipe in of_size:
+        assert (recipe.optimiser.kind, recipe.optimiser.lr) == ("adam", 1e-4)
+        assert (recipe.training.batch, recipe.training.patience) == (4, 10)
+        assert recipe.loss == {"kind": "all_pixels"}
+        assert recipe.training.precision == "32-true"
+
+
+@pytest.mark.parametrize("depth", [7, 20, 64])
+@pytest.mark.parametrize("tail", ["", "-small"])
+def test_artefact_removal_is_its_partner_in_a_wrapper(depth: int, tail: str) -> None:
+    with_it, without = (load_recipe(f"paper-{ar}d{depth}{tail}") for ar in ("ar-", ""))
+    assert with_it.model["backbone"].pop("kind") == "artifact_removal"
+    assert with_it.model["backbone"] == {"backbone": without.model["backbone"]}
+    same = without.model_copy(update={"model": with_it.model, "row": with_it.row})
+    assert same.difference(with_it) is None
+
+
+def test_the_published_sizes() -> None:
+    published = {"paper-d7": 185_857, "paper-d20": 665_921, "paper-d64": 2_290_753}
+    for name, count in published.items():
+        model = build_model(load_recipe(name).model)
+        assert sum(p.numel() for p in model.parameters()) == count
+
+
+def test_a_recipe_of_ones_own_holds_only_differences(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text('extends = "face"\n[training]\nbatch = 3\n')
+    own = tmp_path / "own.toml"
+    own.write_text(
+        'extends = "base.toml"\ntitle = "mine"\n[model.backbone]\nkind = "dncnn"\ndepth = 3\n'
+        '[loss]\nkind = "all_pixels"\n'
+    )
+    recipe = load_recipe(str(own), ["model.backbone.width=5", "optimiser.lr=1e-5"], {"seed": 4})
+    face = load_recipe("face")
+    assert recipe.model["backbone"] == {"kind": "dncnn", "depth": 3, "width": 5}
+    assert recipe.loss == {"kind": "all_pixels"}, "another kind takes nothing over"
+    assert (recipe.training.batch, recipe.seed, recipe.optimiser.lr) == (3, 4, 1e-5)
+    assert recipe.training.ema_decay == face.training.ema_decay
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ('extends = "fase"', "did you mean 'face'"),
+        ('extends = "own.toml"', "circle"),
+        ("extends = 3", "extends must be the name"),
+        ('extends = "face"\n[trainning]\nbatch = 2', "did you mean 'training'"),
+        ('extends = "face"\n[training]\npatiense = 2', "training.patiense.*did you mean 'patience"),
+        ('extends = "face"\n[training]\nbatch = 0', "training.batch"),
+        ('extends = "face"\n[training]\nmonitor = "psnr"', "training.monitor.*interior_rmse_mm"),
+        ('extends = "face', "own.toml"),
+        ('title = "x"', "model: Field required"),
+    ],
+)
+def test_bad_recipes_are_refused_with_what_to_do(tmp_path: Path, text: str, problem: str) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text(text)
+    with pytest.raises(ConfigError, match=problem):
+        load_recipe(str(own))
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(ConfigError, match="did you mean 'paper-d7'"):
+        load_recipe("paper-d-7")
+    with pytest.raises(ConfigError, match=r"none\.toml: no such file"):
+        load_recipe("none.toml")
+    with pytest.raises(ConfigError, match="write name=value"):
+        load_recipe("face", ["training.batch"])
+    with pytest.raises(ConfigError, match=r"no such kind 'maskd' .*did you mean 'masked'"):
+        build_loss({"kind": "maskd"})
+    with pytest.raises(ConfigError, match=r"beta_m.*did you mean 'beta_mm'"):
+        build_loss({"kind": "masked", "beta_m": 2})
+
+
+def test_every_file_is_a_recipe_or_what_recipes_share() -> None:
+    assert {file.stem for file in RECIPE_FOLDER.glob("*.toml")} == {*recipe_names(), "paper"}
+
+
+def test_what_may_differ_when_a_training_goes_on() -> None:
+    face = load_recipe("face")
+    assert face.difference(load_recipe("face", ["training.max_epochs=2"])) is None
+    assert face.difference(load_recipe("face", ["loss.beta_mm=2"])) == "loss.beta_mm is None, not 2"
+
+
+def test_the_learning_rate() -> None:
+    cosine = ScheduleSettings(kind="cosine", warmup_steps=9, final=0.1)
+    assert cosine.factor(0, 0.0) == pytest.approx(0.1)
+    assert cosine.factor(9, 0.0) == 1
+    assert cosine.factor(0, 0.05) == pytest.approx(0.5, rel=0.02), "short: warm after a tenth"
+    assert cosine.factor(100, 0.5) == pytest.approx(0.55)
+    assert cosine.factor(100, 1.0) == pytest.approx(0.1)
+    step = ScheduleSettings(kind="step", step_at=0.7, step_to=0.2)
+    assert [step.factor(1, share) for share in (0.0, 0.69, 0.7, 1.0)] == [1, 1, 0.2, 0.2]

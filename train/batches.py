@@ -1,0 +1,239 @@
+"""Sources of batches: stored or simulated pairs, in an order given by seed and epoch alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+import torch
+from lightning_fabric import Fabric
+from torch import Tensor
+from torch.utils.data import (
+    BatchSampler,
+    ConcatDataset,
+    DataLoader,
+    Dataset,
+    DistributedSampler,
+    Sampler,
+    Subset,
+    TensorDataset,
+)
+
+from glsim.errors import ConfigError
+from glsim.settings.schema import Settings, load_settings
+from glsim.train.data.checks import fingerprint
+from glsim.train.data.simulated import SimulatedPairs, randomised
+from glsim.train.data.stored import Augmentation, StoredPairs
+from glsim.train.recipe import DataSettings, Recipe
+
+#: Pairs per batch of the validation. Affects memory, not results.
+VALIDATION_BATCH: Final = 8
+#: Validation frames rendered for ``--simulate`` unless the recipe gives a number.
+_SIMULATED_VALIDATION_FRAMES: Final = 200
+#: Distance between the seeds of two devices or data sets, and of two recipe seeds.
+_SEED_STRIDE: Final = 1_000_003
+
+Batch = tuple[Tensor, Tensor]
+
+
+class PairDataset(Protocol):
+    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), each (1, H, W) float32."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Batch: ...
+
+    def set_epoch(self, epoch: int) -> None:
+        """Set the epoch of the random draws."""
+        ...
+
+
+class BatchSource(Protocol):
+    """Source of a training's batches: (noisy_mm, clean_mm), (B, 1, H, W) float32 on the device.
+
+    validation: the validation frames. fingerprint: plain values that are equal for equal data.
+    """
+
+    validation: Dataset[Batch]
+    fingerprint: dict[str, Any]
+
+    def prepare(self, fabric: Fabric) -> int:
+        """Set up loading for one device; call it once. Returns the number of batches per epoch."""
+        ...
+
+    def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
+        """Yield the batches of an epoch without the first ``skip``."""
+        ...
+
+
+class StoredBatches:
+    """Batches of pairs with random access; see ``BatchSource``."""
+
+    def __init__(
+        self,
+        train: PairDataset,
+        validation: Dataset[Batch],
+        fingerprint: dict[str, Any],
+        recipe: Recipe,
+    ) -> None:
+        self._train, self._recipe = train, recipe
+        self.validation, self.fingerprint = validation, fingerprint
+
+    def prepare(self, fabric: Fabric) -> int:
+        """See ``BatchSource``. Raises ConfigError if a device would get no whole batch."""
+        data, batch = self._recipe.data, self._recipe.training.batch
+        count = min(data.train_frames or len(self._train), len(self._train))
+        self._sampler = EpochSampler(
+            count, batch, self._recipe.seed, fabric.world_size, fabric.global_rank
+        )
+        loader = DataLoader(
+            self._train,
+            batch_sampler=self._sampler,
+            num_workers=data.workers,
+            persistent_workers=data.workers > 0,
+            pin_memory=torch.cuda.is_available(),
+            generator=torch.Generator(),  # not the global one, whose state checkpoints hold
+        )
+        self._loader = fabric.setup_dataloaders(loader, use_distributed_sampler=False)
+        return len(self._sampler)
+
+    def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
+        """See ``BatchSource``."""
+        self._train.set_epoch(epoch)
+        self._sampler.set_epoch(epoch, skip)
+        yield from self._loader
+
+
+class SimulatedBatches:
+    """Batches rendered on demand; see ``BatchSource``. Each epoch continues the same stream."""
+
+    def __init__(self, settings: Settings, recipe: Recipe) -> None:
+        """Render the validation frames. Raises ConfigError, MeshError, DeviceError."""
+        self._settings, self._recipe = settings, recipe
+        self.fingerprint = self._pairs(0, 0).fingerprint()
+        count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
+        steps = -(-count // VALIDATION_BATCH)
+        held_out = SimulatedPairs(settings, batch=VALIDATION_BATCH, split="val", length=steps)
+        rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
+        self.validation: Dataset[Batch] = Subset(rendered, range(count))
+        self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
+
+    def prepare(self, fabric: Fabric) -> int:
+        """See ``BatchSource``."""
+        self._fabric = fabric
+        return self._recipe.data.epoch_steps
+
+    def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
+        """See ``BatchSource``. Workers stay alive from epoch to epoch."""
+        steps = self._recipe.data.epoch_steps
+        first, end = epoch * steps + skip, (epoch + 1) * steps
+        if self._running is None or self._running[0] != first:
+            loader = self._pairs(self._fabric.global_rank, first).loader(self._recipe.data.workers)
+            loader = self._fabric.setup_dataloaders(loader, use_distributed_sampler=False)
+            self._running = (first, iter(loader))
+        iterator = self._running[1]
+        for number in range(first, end):
+            self._running = (number + 1, iterator)
+            yield next(iterator)
+
+    def _pairs(self, rank: int, start: int) -> SimulatedPairs:
+        return SimulatedPairs(
+            self._settings,
+            batch=self._recipe.training.batch,
+            seed=self._recipe.seed + rank * _SEED_STRIDE,
+            reuse=self._recipe.data.reuse,
+            start=start,
+        )
+
+
+def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
+    """Open the splits train and val of one or several data sets on disk, and join them.
+
+    Raises DatasetError, ConfigError.
+    """
+    data = recipe.data
+    crop = data.crop or None
+    validation_cut = "centre" if data.cut == "random" else data.cut
+    train = [
+        StoredPairs(
+            dataset,
+            "train",
+            crop=crop,
+            cut=data.cut,
+            augmentation=Augmentation(flip=data.flip, relief_mm=data.relief_mm),
+            seed=recipe.seed + number * _SEED_STRIDE,
+        )
+        for number, dataset in enumerate(datasets)
+    ]
+    validation = [
+        StoredPairs(dataset, "val", crop=crop, cut=validation_cut) for dataset in datasets
+    ]
+    fingerprints = [fingerprint(dataset) for dataset in datasets]
+    joined = fingerprints[0] if len(fingerprints) == 1 else {"sets": fingerprints}
+    return StoredBatches(
+        JoinedPairs(train), _evenly_spaced(JoinedPairs(validation), data), joined, recipe
+    )
+
+
+class JoinedPairs(ConcatDataset[Batch]):
+    """Pairs of several data sets, one data set after the other."""
+
+    def __init__(self, parts: Sequence[PairDataset]) -> None:
+        super().__init__(parts)
+        self._parts = parts
+
+    def set_epoch(self, epoch: int) -> None:
+        """See ``PairDataset``."""
+        for part in self._parts:
+            part.set_epoch(epoch)
+
+
+def simulated_batches(recipe: Recipe) -> SimulatedBatches:
+    """Make the batches of a recipe's [simulate]: changes to `randomised` unless it sets sensor.
+
+    Raises ConfigError, MeshError, DeviceError.
+    """
+    changes = dict(recipe.simulate)
+    if recipe.data.crop:
+        changes["output"] = {"crop": recipe.data.crop, **changes.get("output", {})}
+    load = load_settings if "sensor" in changes else randomised
+    return SimulatedBatches(load(overrides=changes), recipe)
+
+
+def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Dataset[Batch]:
+    """Select the recipe's number of frames, evenly spaced so that all subjects are included."""
+    count = min(data.validation_frames or len(validation), len(validation))
+    indices = np.linspace(0, len(validation) - 1, count).round().astype(int)
+    return Subset(validation, indices.tolist())
+
+
+class EpochSampler(Sampler[list[int]]):
+    """Yields lists of pair indices, one per batch, from any batch on; drops incomplete batches."""
+
+    def __init__(self, count: int, batch: int, seed: int, replicas: int = 1, rank: int = 0) -> None:
+        """Raises ConfigError if a device would get no whole batch."""
+        if count < batch * replicas:
+            raise ConfigError(
+                f"training.batch = {batch} on {replicas} device(s), but there are {count} pairs to "
+                "train on: set a smaller batch (--set training.batch=1), or generate more pairs"
+            )
+        self._shuffled = DistributedSampler(
+            range(count), replicas, rank, shuffle=True, seed=seed * _SEED_STRIDE, drop_last=True
+        )
+        self._batches = BatchSampler(self._shuffled, batch, drop_last=True)
+        self._skip = 0
+
+    def set_epoch(self, epoch: int, skip: int) -> None:
+        """Make the next iteration yield the batches of this epoch without the first ``skip``."""
+        self._shuffled.set_epoch(epoch)
+        self._skip = skip
+
+    def __len__(self) -> int:
+        """Return the number of batches in a whole epoch."""
+        return len(self._batches)
+
+    def __iter__(self) -> Iterator[list[int]]:
+        return islice(iter(self._batches), self._skip, None)

@@ -1,0 +1,308 @@
+"""The training loop: steps, validation, early stopping, checkpoints; resumed bit for bit."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final, NamedTuple, NoReturn
+
+import torch
+from torch import Tensor
+from torch.utils.data import DataLoader
+
+from glsim.denoise import checkpoint
+from glsim.errors import ConfigError, TrainError
+from glsim.settings.seeds import stable_seed
+from glsim.train.batches import VALIDATION_BATCH, BatchSource
+from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
+from glsim.train.models.calibration import calibrate
+from glsim.train.models.mask_aware import MaskAware
+from glsim.train.models.registry import parameter_count
+from glsim.train.recipe import Recipe
+from glsim.train.run_setup import RECIPE_FILE, check_unused, last_checkpoint, make_fabric
+from glsim.train.state import TrainingState
+from glsim.train.validation import validation_figures
+
+NAN_BATCH_FILE: Final = "nan_batch.pt"
+#: Number of frames in each picture in samples/.
+_SAMPLES: Final = 4
+
+
+class StepStatus(NamedTuple):
+    """Status of a training after a step, for a progress bar.
+
+    epoch, steps: epochs and steps done. total_steps: steps of the whole training, None if nothing
+    limits them. fraction_done: of the whole training; 0 if only patience limits it. seconds:
+    training time over all resumes. loss: loss of this step. validation: figures, if this step ended
+    with a validation.
+    """
+
+    epoch: int
+    steps: int
+    total_steps: int | None
+    fraction_done: float
+    seconds: float
+    loss: float
+    validation: dict[str, float] | None
+
+
+def fit(
+    recipe: Recipe,
+    source: BatchSource,
+    folder: Path,
+    *,
+    resume: bool = False,
+    on_step: Callable[[StepStatus], None] | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> dict[str, Any]:
+    """Train until a limit, early stopping or ``should_stop()`` after a step ends it.
+
+    Returns the content of FOLDER/run.json; its ``state`` is "finished" or "interrupted". On the CPU
+    and without a time limit, an interrupted and resumed training gives the same bits as one that
+    was not interrupted. resume: continue from the last checkpoint in ``folder``, if it has one.
+
+    Raises TrainError (nan, a folder in use, a checkpoint of another recipe or other data, a full
+    disk), ConfigError and DatasetError.
+    """
+    run = Training(recipe, source, folder, resume)
+    logs = run.open_logs() if run.fabric.is_global_zero else None
+    ended_by, stopped, loss = run.ended_by(), False, math.nan
+    while not (ended_by or stopped):
+        for noisy_mm, clean_mm in source.batches(run.progress.epoch, run.progress.step):
+            loss = run.step(noisy_mm, clean_mm)
+            validated = run.validation_is_due()
+            if validated:
+                run.validate(logs)
+            if on_step is not None:
+                on_step(run.status(loss, validated))
+            ended_by, stopped = run.fabric.broadcast((run.ended_by(), should_stop()))
+            if ended_by or stopped:
+                break
+            if validated or run.progress.step == 0:
+                run.save("interrupted")
+    if ended_by and run.progress.loss_count:  # steps since the last validation
+        run.validate(logs)
+        if on_step is not None:
+            on_step(run.status(loss, True))
+    if logs is not None:
+        logs.close()
+    return run.save("finished" if ended_by else "interrupted", ended_by)
+
+
+class Training:
+    """One call of ``fit``: devices, state, data and run folder."""
+
+    def __init__(self, recipe: Recipe, source: BatchSource, folder: Path, resume: bool) -> None:
+        self.recipe, self.source, self.folder = recipe, source, folder
+        self.fabric = make_fabric(recipe.training)
+        self.fabric.launch()
+        if not resume and self.fabric.is_global_zero:
+            check_unused(folder)
+        last = last_checkpoint(folder, recipe, source.fingerprint) if resume else None
+        self.state = TrainingState(recipe, self.fabric)
+        self.figures: dict[str, float] = {}
+        if last is not None:
+            self.state.restore(last)
+            self.figures = dict(last["validation"])
+        self.progress = self.state.progress
+        self.model, self.optimiser = self.state.set_up()
+        self.epoch_steps = source.prepare(self.fabric)
+        held_out = DataLoader(source.validation, VALIDATION_BATCH, generator=torch.Generator())
+        self.held_out = self.fabric.setup_dataloaders(held_out, use_distributed_sampler=False)
+        limits = recipe.training
+        steps = [limits.max_steps, limits.max_epochs and limits.max_epochs * self.epoch_steps]
+        self.total_steps = min((count for count in steps if count), default=None)
+        if recipe.schedule.kind != "constant" and not (self.total_steps or limits.max_minutes):
+            raise ConfigError(
+                f"schedule.kind = {recipe.schedule.kind!r} must know the end: set "
+                "training.max_epochs, or give --epochs, --steps or --minutes"
+            )
+        self._since = time.monotonic()
+
+    def step(self, noisy_mm: Tensor, clean_mm: Tensor) -> float:
+        """Make one step of the optimiser; return the loss before it."""
+        progress, settings = self.progress, self.recipe.optimiser
+        for group in self.optimiser.param_groups:
+            factor = self.recipe.schedule.factor(progress.steps, self._fraction_done())
+            group["lr"] = settings.lr * factor
+        self.model.train()
+        generator = torch.Generator().manual_seed(
+            stable_seed("step", self.recipe.seed, progress.steps, self.fabric.global_rank) >> 1
+        )
+        noisy_mm, clean_mm = (
+            part.contiguous(memory_format=torch.channels_last) for part in (noisy_mm, clean_mm)
+        )
+        total, _ = self.state.loss.training_loss(self.model, noisy_mm, clean_mm, generator)
+        loss = float(total.detach())
+        if not math.isfinite(loss):
+            self._fail(noisy_mm, clean_mm, f"the loss is {loss}")
+        self.optimiser.zero_grad()
+        self.fabric.backward(total)
+        if settings.clip_norm is not None:
+            self.fabric.clip_gradients(
+                self.model, self.optimiser, max_norm=settings.clip_norm, error_if_nonfinite=False
+            )
+        self.optimiser.step()
+        self.state.update_average()
+        progress.steps += 1
+        progress.step += 1
+        progress.loss_sum += loss
+        progress.loss_count += 1
+        if progress.step == self.epoch_steps:
+            progress.epoch, progress.step = progress.epoch + 1, 0
+            if not self.state.weights_are_finite():
+                self._fail(noisy_mm, clean_mm, "a weight is nan or infinite")
+        return loss
+
+    def validation_is_due(self) -> bool:
+        """Whether the step just made ends with a validation."""
+        every, progress = self.recipe.training.validate_every, self.progress
+        if self.recipe.training.validate_unit == "steps":
+            return not progress.steps % every
+        return not (progress.step or progress.epoch % every)
+
+    def validate(self, logs: RunLogs | None) -> None:
+        """Compute validation figures; save the weights if they are the best; log and draw samples.
+
+        Raises TrainError if the monitored figure is not finite.
+        """
+        progress, network = self.progress, self.state.evaluated
+        network.eval()
+        with self.fabric.autocast():
+            self.figures = self.fabric.broadcast(
+                validation_figures(network, self.held_out, self.state.loss)
+            )
+        value = self.figures[self.recipe.training.monitor]
+        if not math.isfinite(value):
+            raise TrainError(
+                f"{self.folder}: {self.recipe.training.monitor} of the validation is {value} after "
+                f"step {progress.steps}: {self._checkpoint_note()}; monitor another figure, or "
+                "lower the learning rate (optimiser.lr)"
+            )
+        mean_loss = progress.loss_sum / max(progress.loss_count, 1)
+        progress.loss_sum, progress.loss_count = 0.0, 0
+        progress.stale += 1
+        if progress.best is None or value < progress.best:
+            progress.best, progress.best_step, progress.stale = value, progress.steps, 0
+            if logs is not None:
+                self._save_best()
+        if logs is not None:
+            figures = {f"validation_{name}": number for name, number in self.figures.items()}
+            lr = self.optimiser.param_groups[0]["lr"]
+            row = {"epoch": progress.epoch, "loss": mean_loss, "lr": lr, "seconds": self._seconds()}
+            logs.write(row | figures, progress.steps)
+            self._draw_samples()
+
+    def ended_by(self) -> str | None:
+        """Name the limit that has ended the training, if any: patience, steps, epochs, minutes."""
+        limits, progress = self.recipe.training, self.progress
+        if limits.patience is not None and progress.stale >= limits.patience:
+            return "patience"
+        if limits.max_steps is not None and progress.steps >= limits.max_steps:
+            return "steps"
+        if limits.max_epochs is not None and progress.epoch >= limits.max_epochs:
+            return "epochs"
+        if limits.max_minutes is not None and self._seconds() >= limits.max_minutes * 60:
+            return "minutes"
+        return None
+
+    def save(self, state: str, ended_by: str | None = None) -> dict[str, Any]:
+        """Write last.pt and run.json; return the content of run.json."""
+        progress = self.progress
+        progress.seconds, self._since = self._seconds(), time.monotonic()
+        report = {
+            "state": state,
+            "ended": ended_by,
+            "epochs": progress.epoch,
+            "steps": progress.steps,
+            "seconds": round(progress.seconds, 3),
+            "best": {"monitor": self.recipe.training.monitor, "value": progress.best}
+            | {"step": progress.best_step},
+            "parameters": parameter_count(self.state.network),
+            **self.recipe.model_dump(mode="json", include={"title", "row", "size", "seed"}),
+            "data": self.source.fingerprint,
+        }
+        if self.fabric.is_global_zero:
+            checkpoint.save(self.folder / checkpoint.LAST, self._header() | self.state.dump())
+            write_json(self.folder / RUN_FILE, report)
+        return report
+
+    def open_logs(self) -> RunLogs:
+        """Write recipe.json and open the logs at the present step."""
+        write_json(self.folder / RECIPE_FILE, self.recipe.model_dump(mode="json"))
+        return RunLogs(self.folder, self.progress.steps)
+
+    def status(self, loss: float, validated: bool) -> StepStatus:
+        """Describe the training after a step with this loss."""
+        return StepStatus(
+            epoch=self.progress.epoch,
+            steps=self.progress.steps,
+            total_steps=self.total_steps,
+            fraction_done=self._fraction_done(),
+            seconds=self._seconds(),
+            loss=loss,
+            validation=self.figures if validated else None,
+        )
+
+    def _fraction_done(self) -> float:
+        """Fraction of the whole training; 0 if only patience limits it."""
+        minutes = self.recipe.training.max_minutes
+        of_steps = self.progress.steps / self.total_steps if self.total_steps else 0.0
+        return max(of_steps, self._seconds() / (minutes * 60) if minutes else 0.0)
+
+    def _seconds(self) -> float:
+        """Training time over all resumes."""
+        return float(self.progress.seconds + time.monotonic() - self._since)
+
+    def _header(self) -> dict[str, Any]:
+        """Content that best.pt and last.pt share."""
+        return {
+            "recipe": self.recipe.model_dump(mode="json"),
+            "data": self.source.fingerprint,
+            "validation": self.figures,
+        }
+
+    def _save_best(self) -> None:
+        """Write best.pt, with sigma calibrated on the validation frames if it is predicted."""
+        network = self.state.evaluated
+        uncertain = isinstance(network, MaskAware) and network.uncertainty
+        if uncertain:
+            with suppress(ConfigError):  # early in training no pixel may have predicted depth
+                calibrate(network, self.held_out, "median")
+        content = self._header() | {
+            "model": self.state.weights(),
+            "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},
+        }
+        checkpoint.save(self.folder / checkpoint.BEST, content)
+        if uncertain:
+            network.sigma_scale.fill_(1.0)  # training continues uncalibrated
+
+    def _draw_samples(self) -> None:
+        """Write a picture of some validation frames, evenly spaced."""
+        progress, frames = self.progress, self.held_out.dataset
+        indices = [len(frames) * n // _SAMPLES for n in range(min(_SAMPLES, len(frames)))]
+        pairs = [frames[n] for n in indices]
+        noisy_mm, clean_mm = (torch.stack(part) for part in zip(*pairs, strict=True))
+        with torch.no_grad(), self.fabric.autocast():
+            denoised_mm = self.state.evaluated(self.fabric.to_device(noisy_mm)).hard_mm()
+        name = f"epoch_{progress.epoch:04d}" if progress.step == 0 else f"step_{progress.steps:06d}"
+        path = self.folder / "samples" / f"{name}.png"
+        write_samples(path, list(zip(noisy_mm, denoised_mm, clean_mm, strict=True)))
+
+    def _fail(self, noisy_mm: Tensor, clean_mm: Tensor, reason: str) -> NoReturn:
+        """Write nan_batch.pt; raise TrainError."""
+        progress, path = self.progress, self.folder / NAN_BATCH_FILE
+        batch = {"noisy_mm": noisy_mm.cpu(), "clean_mm": clean_mm.cpu()}
+        checkpoint.write(path, batch | {"epoch": progress.epoch, "steps": progress.steps})
+        raise TrainError(
+            f"{reason} at step {progress.steps + 1}: the batch is in {path}, "
+            f"{self._checkpoint_note()}; inspect it, or lower the learning rate (optimiser.lr), or "
+            "clip gradients (optimiser.clip_norm)"
+        )
+
+    def _checkpoint_note(self) -> str:
+        last = self.folder / checkpoint.LAST
+        return f"the last good checkpoint is {last}" if last.exists() else "there is no checkpoint"

@@ -1,0 +1,1 @@
+"""Training losses: supervised, self-supervised, and the registry of their kinds."""

@@ -1,0 +1,54 @@
+"""The interface of all losses. A loss is the table [loss] of a recipe and a callable.
+
+Arguments are a prediction, the noisy and the clean depth, each (B, 1, H, W) float32 millimetres
+with 0 = no depth. Results are the total and its parts by name. All arithmetic is float32.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar
+
+from pydantic import BaseModel, ConfigDict
+from torch import Generator, Tensor
+
+from glsim.train.models.base import Prediction
+
+LossParts = dict[str, Tensor]
+
+
+class Loss(BaseModel):
+    """Base class of all losses."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    #: Whether a lower value on validation frames means a better network.
+    can_be_monitored: ClassVar[bool] = True
+
+    def __call__(
+        self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
+    ) -> tuple[Tensor, LossParts]:
+        """Return the total, a scalar, and its parts."""
+        raise NotImplementedError
+
+    def training_loss(
+        self,
+        model: Callable[[Tensor], Prediction],
+        noisy_mm: Tensor,
+        clean_mm: Tensor,
+        generator: Generator,
+    ) -> tuple[Tensor, LossParts]:
+        """Run the network on a batch and return its loss. Losses that change the input override it.
+
+        generator: source of this step's random numbers, on the CPU.
+        """
+        return self(to_float32(model(noisy_mm)), noisy_mm, clean_mm)
+
+
+def to_float32(prediction: Prediction) -> Prediction:
+    """Convert a prediction made in mixed precision to float32."""
+    return Prediction(*(None if part is None else part.float() for part in prediction))
+
+
+def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
+    """Weighted mean over pixels; 0 if all weights are 0."""
+    return (values * weights).sum() / weights.sum().clamp_min(1)

@@ -1,0 +1,72 @@
+"""Preparation of a run before its first step: devices, folder, checkpoint to resume from."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any, Final
+
+import torch
+from lightning_fabric import Fabric
+from lightning_fabric.utilities.exceptions import MisconfigurationException
+
+from glsim.denoise import checkpoint
+from glsim.errors import ConfigError, TrainError
+from glsim.settings.tables import parse_table
+from glsim.train.recipe import Recipe, TrainingSettings
+
+RECIPE_FILE: Final = "recipe.json"
+
+logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # its messages repeat the recipe
+
+
+def make_fabric(settings: TrainingSettings) -> Fabric:
+    """Make the Fabric of devices and precision. Raises ConfigError if this machine lacks them."""
+    on_gpu = torch.cuda.is_available()
+    if settings.precision == "16-mixed" and not on_gpu:
+        raise ConfigError("training.precision = '16-mixed' needs a GPU: set bf16-mixed or 32-true")
+    # 32-true excludes TF32, cuDNN's default: ten bits, steps of half a millimetre at 900 mm.
+    torch.backends.cudnn.allow_tf32 = settings.precision != "32-true"
+    try:
+        return Fabric(
+            accelerator="cuda" if on_gpu else "cpu",
+            devices=settings.devices if on_gpu else 1,
+            precision=settings.precision,
+        )
+    except MisconfigurationException as error:
+        raise ConfigError(f"training.devices = {settings.devices}: {error}") from None
+
+
+def check_unused(folder: Path) -> None:
+    """Raises TrainError if a training has been started in the folder."""
+    if (folder / RECIPE_FILE).exists():
+        raise TrainError(
+            f"{folder}: holds a training: continue it with --resume, or name another folder (-o)"
+        )
+
+
+def last_checkpoint(
+    folder: Path, recipe: Recipe, fingerprint: dict[str, Any]
+) -> dict[str, Any] | None:
+    """Load the checkpoint to resume from; None if the folder has none yet.
+
+    Raises TrainError if it is damaged, or of another recipe (limits may differ) or other data.
+    """
+    path = folder / checkpoint.LAST
+    if not path.exists():
+        return None
+    last: dict[str, Any] = checkpoint.load(path)
+    difference = parse_table(Recipe, last["recipe"], str(path)).difference(recipe)
+    if difference is not None:
+        raise TrainError(
+            f"{path}: is of another recipe: its {difference}: use that recipe, or name another "
+            "folder (-o)"
+        )
+    data: dict[str, Any] = last["data"]
+    names = sorted(n for n in data.keys() | fingerprint if data.get(n) != fingerprint.get(n))
+    if names:
+        raise TrainError(
+            f"{path}: was trained on other data ({', '.join(names)} differ): give that data set, "
+            "or name another folder (-o)"
+        )
+    return last

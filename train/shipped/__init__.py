@@ -1,1 +1,0 @@
-"""The network that comes with glsim, ``face.pt``: see docs/model_card.md."""
