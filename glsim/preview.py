@@ -77,13 +77,19 @@ def reasons(codes: NDArray[np.uint8]) -> Picture:
 
 @dataclass(frozen=True, eq=False)
 class PreviewFrame:
-    """A frame to draw: (H, W) clean and noisy depth in metres, reason codes, and a caption."""
+    """A frame to draw: (H, W) clean and noisy depth in metres, reason codes, and a caption.
+
+    has_clean: False for recorded frames, whose clean_m is 0. infrared: (H, W) counts, or None; it
+    is drawn where there is no clean map.
+    """
 
     clean_m: NDArray[np.float32]
     noisy_m: NDArray[np.float32]
     reason: NDArray[np.uint8]
     intrinsics: Intrinsics
     caption: str = ""
+    has_clean: bool = True
+    infrared: NDArray[np.uint16] | None = None
 
     @classmethod
     def of_frame(cls, frame: Frame, caption: str = "") -> PreviewFrame:
@@ -94,20 +100,33 @@ class PreviewFrame:
     @classmethod
     def of_pair(cls, pair: Pair) -> PreviewFrame:
         """Take a frame of a data set; without a reason layer, infer reasons from the depths."""
-        clean_m, noisy_m = pair.clean_mm / np.float32(1000), pair.noisy_mm / np.float32(1000)
+        caption = f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}"
+        noisy_m = pair.noisy_mm / np.float32(1000)
+        if not pair.has_clean:
+            codes = np.where(noisy_m > 0, Reason.VALID, Reason.NO_SURFACE).astype(np.uint8)
+            infrared = None
+            if "infrared" in pair.record["files"]:
+                infrared = np.asarray(pair.infrared, np.uint16)
+            clean_m = np.zeros_like(noisy_m)
+            return cls(clean_m, noisy_m, codes, pair.intrinsics, caption, False, infrared)
+        clean_m = pair.clean_mm / np.float32(1000)
         if "reason" in pair.record["files"]:
             codes = np.asarray(pair.reason, dtype=np.uint8)
         else:
             codes = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
-        caption = f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}"
         return cls(clean_m, noisy_m, codes, pair.intrinsics, caption)
 
 
 def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
     """Draw four cells, cropped to the face: shaded clean, shaded noisy, difference, reasons.
 
-    side: width and height of a cell, pixels.
+    Without a clean map two: shaded noisy, infrared. side: width and height of a cell, pixels.
     """
+    if not frame.has_clean:
+        light = brightness(frame.infrared, frame.noisy_m.shape)
+        row = np.hstack([_fit(c, side) for c in (shaded(frame.noisy_m, frame.intrinsics), light)])
+        _write(row, frame.caption, (10, 16), 0.4)
+        return row
     cells = [
         shaded(frame.clean_m, frame.intrinsics),
         shaded(frame.noisy_m, frame.intrinsics),
@@ -120,14 +139,36 @@ def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
     return row
 
 
+def brightness(infrared: NDArray[np.uint16] | None, shape: tuple[int, ...]) -> Picture:
+    """Draw infrared counts as grey, the root of their share of the 99th percentile; None: empty."""
+    if infrared is None or not infrared.any():
+        return np.full((*shape, 3), _BACKGROUND, np.uint8)
+    share = infrared / np.percentile(infrared[infrared > 0], 99.0)
+    grey = (255 * np.sqrt(np.clip(share, 0, 1))).astype(np.uint8)
+    return np.repeat(grey[..., None], 3, axis=2)
+
+
 def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -> Picture:
-    """Draw one ``frame_row`` per frame under headings, with a legend of colours and reasons."""
-    width = 4 * side
+    """Draw one ``frame_row`` per frame under headings, with a legend of colours and reasons.
+
+    All frames have a clean map, or none has.
+    """
+    recorded = not frames[0].has_clean
+    width = (2 if recorded else 4) * side
     head = np.full((66, width, 3), _BACKGROUND, np.uint8)
     _write(head, title, (10, 26), 0.62)
-    headings = ("clean, shaded", "noisy, shaded", "noisy - clean", "invalid or altered")
+    headings: tuple[str, ...] = (
+        "clean, shaded",
+        "noisy, shaded",
+        "noisy - clean",
+        "invalid or altered",
+    )
+    if recorded:
+        headings = ("noisy, shaded", "infrared")
     for column, text in enumerate(headings):
         _write(head, text, (column * side + 10, 56), 0.5)
+    if recorded:
+        return np.vstack([head, *(frame_row(frame, side) for frame in frames)])
     used = sorted({Reason(int(code)) for frame in frames for code in np.unique(frame.reason)})
     rows = [frame_row(frame, side) for frame in frames]
     return np.vstack([head, *rows, _legend(width, used)])

@@ -34,8 +34,16 @@ def main() -> None:
 
 def _summary(reports: list[ValidationReport]) -> str:
     outcomes = ("pass", "exception", "FAIL", "n/a")
-    rows = [[r.sensor, r.sheet, *(str(r.count(outcome)) for outcome in outcomes)] for r in reports]
-    head = ["sensor", "checks of the", "pass", "exception", "fail", "n/a"]
+    rows = [
+        [
+            r.sensor,
+            r.sheet,
+            *(str(r.count(outcome)) for outcome in outcomes),
+            r.sources.removeprefix("sources: "),
+        ]
+        for r in reports
+    ]
+    head = ["sensor", "checks of the", "pass", "exception", "fail", "n/a", "sources"]
     return "\n".join(markdown_table(head, rows)) + "\n"
 
 

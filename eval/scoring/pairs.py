@@ -12,6 +12,7 @@ import numpy as np
 from glsim.dataset import Split, open_dataset
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.layer_images import decode_layer
+from glsim.dataset.reader import no_clean
 from glsim.denoise.frames import Frames, Key, Sample, check_millimetres
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
@@ -21,10 +22,12 @@ from glsim.settings.schema import DEFAULT_SENSOR
 
 
 class DatasetFrames:
-    """The frames of one split of a data set of glsim."""
+    """The frames of one split of a data set of glsim. DatasetError if it has no clean maps."""
 
     def __init__(self, path: Path, split: str) -> None:
         dataset = open_dataset(path)
+        if "clean" not in dataset.layers:
+            raise DatasetError(no_clean(path))
         self.regions: Mapping[str, int] = dataset.regions
         self._split: Split = dataset.split(split)
         self.identity = f"{zlib.crc32((path / HEADER).read_bytes()):08x} {split}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import typer
 
 from glsim.cli import (
+    compare,
     corrupt,
     denoise,
     fit,
@@ -38,6 +39,7 @@ app.command("generate", epilog=generate.EXAMPLES)(generate.generate)
 app.command("preview", epilog=preview.EXAMPLES)(preview.preview)
 app.command("corrupt", epilog=corrupt.EXAMPLES)(corrupt.corrupt)
 app.command("validate", epilog=validate.EXAMPLES)(validate.validate)
+app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("fit", epilog=fit.EXAMPLES)(fit.fit)
 app.command("inspect", epilog=inspect.EXAMPLES)(inspect.inspect)

@@ -10,11 +10,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, options, print_written
+from glsim.cli.common import Debug, Quiet, Verbose, options, print_message, print_written
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.fit import NoiseModel, RecordingStatistics
+    from glsim.fit import InfraredLaw, NoiseModel, RecordingStatistics, Wiggling
     from glsim.geometry.camera import Intrinsics
 
 EXAMPLES = """
@@ -22,7 +22,7 @@ EXAMPLES = """
 
 glsim fit recording/
 
-glsim fit recording/ -o my_kinect.toml --albedo 0.8
+glsim fit depth/ --infrared infrared/ -o my_kinect.toml --albedo 0.8
 
 glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --centre-px 320,240
 """
@@ -30,11 +30,16 @@ glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --centre-px 320,240
 
 def fit(
     frames: Annotated[
-        list[Path], typer.Argument(help="A folder of 16-bit depth PNGs, or the PNGs.")
+        list[Path],
+        typer.Argument(help="A folder of 16-bit depth PNGs (or NNNN_depth.png, NNNN_ir.png)."),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="The sensor file to write.")] = Path(
         "sensor.toml"
     ),
+    infrared: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="The infrared PNGs of the same frames, 16 bits."),
+    ] = None,
     focal_px: Annotated[
         float | None, typer.Option(min=1, help="Focal length, pixels. Default: the base sensor's.")
     ] = None,
@@ -57,40 +62,69 @@ def fit(
 ) -> None:
     """Measure a camera's noise on a recording of a static scene and write a sensor file.
 
-    Record at least 30 frames of walls and furniture at many distances; nothing may move. The fit
-    uses distances, not brightness, and assumes that all surfaces have the albedo --albedo.
+    Record at least 30 frames of walls and furniture at many distances; nothing may move. Without
+    infrared the fit uses distances, and assumes that all surfaces have the albedo --albedo; with
+    infrared, that the brightest ones have it. A slanted wall shows the wiggling, a plain one the
+    fixed pattern, which is also written as a map: NAME_fixed_pattern.npy, float32 mm, (rows,
+    columns), NaN where it is unknown.
     """
+    import io
+
+    import numpy as np
+
     from glsim.files.atomic import write_atomic
     from glsim.fit import (
+        base_profile,
         base_sensor,
+        base_taps,
+        fit_infrared,
         fit_noise_model,
+        fit_wiggling,
         fitted_values,
         measure_recording,
         read_recording,
         sensor_toml,
+        unplaced_parameters,
     )
     from glsim.sensors.sensor import load_sensor
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
     name, tree = base_sensor(base)
-    recording = read_recording(frames, depth_unit_mm)
+    recording = read_recording(frames, depth_unit_mm, infrared)
     shape = (recording.depth.shape[1], recording.depth.shape[2])
     image = _camera(tree["rig"], shape, focal_px, centre_px)
     statistics = measure_recording(recording, image)
-    emitter = load_sensor(name).rig.emitter_m
-    model = fit_noise_model(statistics, image, albedo, depth_unit_mm, _vignetting(tree), emitter)
-    values = fitted_values(statistics, model)
+    emitter, taps = load_sensor(name).rig.emitter_m, base_taps(tree)
+    model = fit_noise_model(
+        statistics, image, albedo, depth_unit_mm, base_profile(tree), emitter, taps
+    )
+    law = None
+    if recording.infrared is not None:
+        law = fit_infrared(
+            statistics, recording.infrared, image, albedo, depth_unit_mm, emitter, taps
+        )
+    wiggling = fit_wiggling(statistics, image)
+    values = fitted_values(statistics, model, law, taps, wiggling)
+    lines = _result_lines(statistics, model, law, wiggling)
+    map_file = out.with_name(f"{out.stem}_fixed_pattern.npy")
+    missing = unplaced_parameters(tree, values)
     comments = [
         f"Fitted by glsim fit to {len(recording.depth)} frames of {shape[1]}x{shape[0]}: "
         f"{recording.where}",
-        *(f"{name}: {text}" for name, text in _result_lines(statistics, model)),
+        *(f"{title}: {text}" for title, text in lines),
+        f"Map of this device's own fixed pattern: {map_file.name} (float32 mm, NaN = unknown).",
         f"All other values are those of {name}.",
     ]
+    picture = io.BytesIO()
+    np.save(picture, statistics.pattern.map_mm)
     write_atomic(sensor_toml(name, tree, values, image, comments).encode(), out)
+    write_atomic(picture.getvalue(), map_file)
     if not options.quiet:
-        _print(statistics, model)
-    print_written([out])
+        _print(statistics, lines)
+    if missing:
+        print_message(f"{name} has no parameter for {', '.join(missing)}: not written")
+    print_written([out, map_file])
 
 
 def _camera(
@@ -116,29 +150,24 @@ def _camera(
     return Intrinsics(width, height, *focal, *centre)
 
 
-def _vignetting(tree: dict[str, list[dict[str, float]]]) -> float:
-    """Return the power of the cosine by which the base sensor's image darkens."""
-    from glsim.noise.registry import find_stage
-
-    for stage in tree["stage"]:
-        parameter = find_stage(str(stage["use"])).parameters.get("vignetting")
-        if parameter is not None:
-            return float(stage.get("vignetting", parameter.default))
-    return 0.0
-
-
-def _result_lines(statistics: RecordingStatistics, model: NoiseModel) -> list[tuple[str, str]]:
+def _result_lines(
+    statistics: RecordingStatistics,
+    model: NoiseModel,
+    law: InfraredLaw | None,
+    wiggling: Wiggling | None,
+) -> list[tuple[str, str]]:
     """Describe the results as (name, text)."""
-    amplitude = f"{model.amplitude:.0f} +- {max(1.0, 100 * model.amplitude_error):.0f} %"
-    lines = [
-        ("amplitude of a white wall at 1 m", amplitude if model.knows_amplitude else
-         "not determined by this recording (add far or dark walls): the base sensor's is kept"),
-        ("floor of the temporal noise", f"{model.floor_mm:.2f} mm"),
+    pattern = statistics.pattern
+    lines = [*_light_lines(model, law)]
+    lines += [
         ("fixed pattern",
-         f"{statistics.pattern_mm:.2f} mm (pixels {statistics.pixel_mm:.2f}, columns "
-         f"{statistics.column_mm:.2f}, step between rows {statistics.row_step_mm:.2f})"),
+         f"{pattern.total_mm:.2f} mm (alternation of rows {abs(pattern.alternation_mm):.2f}, rows "
+         f"{pattern.row_mm:.2f}, columns {pattern.column_mm:.2f}, pixels {pattern.pixel_mm:.2f}, "
+         f"these alike at 1 px by {pattern.pixel_correlation:.2f})"),
+        ("map of the fixed pattern", _map_text(statistics)),
         ("correlation of the noise at 1 to 4 px",
          ", ".join(f"{c:.2f}" for c in statistics.correlation[1:])),
+        ("wiggling", _wiggling_text(wiggling)),
     ]  # fmt: skip
     if math.isfinite(statistics.invalid_share):
         lines.append((
@@ -149,9 +178,52 @@ def _result_lines(statistics: RecordingStatistics, model: NoiseModel) -> list[tu
     return lines
 
 
-def _print(statistics: RecordingStatistics, model: NoiseModel) -> None:
+def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> list[tuple[str, str]]:
+    """Describe light and noise: from infrared if there is any, else from the distances."""
+    unknown = "not determined by this recording (add far or dark walls): the base sensor's is kept"
+    amplitude = f"{model.amplitude:.0f} +- {max(1.0, 100 * model.amplitude_error):.0f} %"
+    if law is None or not math.isfinite(law.gain):
+        return [
+            ("amplitude of a white wall at 1 m", amplitude if model.knows_amplitude else unknown),
+            ("floor of the temporal noise", f"{model.floor_mm:.2f} mm"),
+        ]
+    lines = [
+        ("amplitude of a white wall at 1 m", f"{law.gain:.0f} (infrared {16 * law.gain:.0f})"),
+    ]
+    if not law.knows_noise:
+        return [*lines, ("noise over infrared", unknown)]
+    noise = f"sigma^2 = {law.floor_mm:.2f}^2 + ({law.noise_counts_mm:.0f} / infrared)^2 mm^2"
+    return [*lines, ("noise over infrared", noise)]
+
+
+def _map_text(statistics: RecordingStatistics) -> str:
+    from glsim.fit.sensor_file import LEAST_PATTERN_FRAMES
+
+    text = f"{100 * statistics.pattern.known_share:.0f} % of the pixels, those on flat surfaces"
+    if statistics.frames < LEAST_PATTERN_FRAMES:
+        text += (
+            f"; mostly temporal noise with {statistics.frames} frames, and the part of single "
+            f"pixels is not fitted below {LEAST_PATTERN_FRAMES}"
+        )
+    return text
+
+
+def _wiggling_text(wiggling: Wiggling | None) -> str:
+    if wiggling is None:
+        return "not determined by this recording (add one wall at a slant, 0.7 m deep or more)"
+    parts = []
+    for harmonic, amplitude in wiggling.amplitude.items():
+        phases = " and ".join(f"{math.degrees(p):.0f}" for p in wiggling.phase_rad[harmonic])
+        parts.append(
+            f"harmonic {harmonic}: {amplitude:.4f} +- {wiggling.error[harmonic]:.4f}, "
+            + (f"{phases} deg at 80 and 120 MHz" if wiggling.known(harmonic) else "not significant")
+        )
+    return "; ".join(parts)
+
+
+def _print(statistics: RecordingStatistics, lines: list[tuple[str, str]]) -> None:
     out = Console(highlight=False)
-    for name, text in _result_lines(statistics, model):
+    for name, text in lines:
         out.print(f"{name}: {text}", soft_wrap=True)
     radii = sorted({cell.radius_px for cell in statistics.table})
     names = (f"{a:.0f} to {b:.0f} px" if b < 1000 else f"beyond {a:.0f} px" for a, b in radii)

@@ -17,6 +17,16 @@ glsim import biwi hpdb -o real
 glsim import biwi hpdb -o real --every 10 --split 0,0,1
 """
 
+KINECT2_EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim import kinect2 kinect_cal_data -o real
+
+glsim import kinect2 recordings -o real --every 10 --split 0.8,0,0.2
+
+glsim import kinect2 dumps -o real --mirror
+"""
+
 app = typer.Typer(help="Convert real depth maps to a data set.", no_args_is_help=True)
 
 
@@ -59,6 +69,50 @@ def biwi(
             split=split,
             workers=worker_count(workers),
             backend=backend,
+            progress=progress,
+        )
+    print_summary(summary, out)
+
+
+@app.command("kinect2", epilog=KINECT2_EXAMPLES)
+def kinect2(
+    root: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR",
+            help="A recording, or a folder of recordings: NNNN_depth.png and NNNN_ir.png of "
+            "iai_kinect2, 16-bit PNG or TIFF files, .npy stacks, dumps of libfreenect2.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the data set.")],
+    depth_unit_mm: Annotated[float, typer.Option(help="Step of integer depth files, mm.")] = 1.0,
+    mirror: Annotated[
+        bool, typer.Option("--mirror", help="Flip left and right, as libfreenect2's dumps need.")
+    ] = False,
+    every: Annotated[int, typer.Option(min=1, help="Use every N-th frame.")] = 1,
+    split: Annotated[
+        str | None, typer.Option(help="Shares of train,val,test. Default: 0,0,1 (all test).")
+    ] = None,
+    workers: WorkersOption = "1",
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps."""
+    from glsim.cli.generate import print_summary
+    from glsim.cli.progress import generation_progress
+    from glsim.dataset.recorded_frames import import_recordings
+    from glsim.worker_processes import worker_count
+
+    with generation_progress() as progress:
+        summary = import_recordings(
+            root,
+            out,
+            depth_unit_mm=depth_unit_mm,
+            mirror=mirror,
+            every=every,
+            split=split,
+            workers=worker_count(workers),
             progress=progress,
         )
     print_summary(summary, out)

@@ -36,9 +36,10 @@ def preview(
     """Draw a contact sheet of a data set and summarise its noise.
 
     Writes contact_sheet.png (shaded clean, shaded noisy, difference, invalid mask) and summary.md.
+    Of a data set without clean maps, such as a recording, it draws the noisy maps and the infrared.
     """
     from glsim.dataset import open_dataset
-    from glsim.dataset.noise_statistics import measure_noise, noise_table
+    from glsim.dataset.noise_statistics import measure_noise, noise_table, recording_table
     from glsim.dataset.reader import read_header
     from glsim.files.atomic import write_atomic
     from glsim.files.png import write_picture
@@ -49,6 +50,8 @@ def preview(
     if len(pairs) == 0:
         raise DatasetError(f"{dataset}: has no frames to draw")
     get = opened.pair if split is None else opened.split(split).__getitem__
+    if "noisy" not in opened.layers:
+        raise DatasetError(f"{dataset}: has no layer 'noisy' to draw")
     # Frames are spread evenly, each from the middle of its share, where expressions are strong.
     rows = min(frames, len(pairs))
     shown = [PreviewFrame.of_pair(get(int((row + 0.5) * len(pairs) / rows))) for row in range(rows)]
@@ -56,6 +59,10 @@ def preview(
     sheet, summary = out / "contact_sheet.png", out / "summary.md"
     write_picture(contact_sheet(shown, sensor), sheet)
     step = max(1, len(pairs) // _MEASURED_FRAMES)
-    noise = measure_noise(get(number) for number in range(0, len(pairs), step))
-    write_atomic(noise_table(noise, sensor).encode(), summary)
+    measured = (get(number) for number in range(0, len(pairs), step))
+    if "clean" in opened.layers:
+        table = noise_table(measure_noise(measured), sensor)
+    else:
+        table = recording_table(measured, sensor)
+    write_atomic(table.encode(), summary)
     print_written([sheet, summary])

@@ -64,8 +64,9 @@ def validate(
 ) -> int:
     """Check a sensor's noise against published measurements.
 
-    Walls, edges, steps and faces are rendered and measured. The exit status is 0 if every check
-    passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
+    Walls, edges, steps and faces are rendered and measured. Each check names its source and whether
+    that was measured on devices, is a data sheet's, or was derived. The exit status is 0 if every
+    check passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
     """
     from glsim.errors import ConfigError
     from glsim.files.atomic import write_atomic
@@ -103,6 +104,7 @@ def validate(
         written.append(figure_file)
     print_written(written)
     print_message(report.summary)
+    print_message(report.sources)
     return 0 if report.passed else 1
 
 
@@ -116,6 +118,7 @@ def _print(report: ValidationReport) -> None:
         "measured",
         "band",
         "source",
+        "kind",
         "",
         "note",
         title=f"{report.title}\nchecks of the {report.sheet}",
@@ -128,6 +131,7 @@ def _print(report: ValidationReport) -> None:
             "\n".join(measured_texts(result)),
             "\n".join(band_texts(result)),
             result.check.source,
+            result.check.kind_text,
             f"[{colour}]{result.state}[/{colour}]",
             result.note,
         )

@@ -79,6 +79,31 @@ def measure_noise(pairs: Iterable[Pair]) -> NoiseStatistics:
     return noise
 
 
+def recording_table(pairs: Iterable[Pair], sensor: str) -> str:
+    """Return what is known of frames without clean maps, as a Markdown table with units."""
+    frames = pixels = known = 0
+    nearest, farthest = [], []
+    for pair in pairs:
+        depth = pair.noisy_mm
+        valid = depth[depth > 0]
+        frames, pixels, known = frames + 1, pixels + depth.size, known + valid.size
+        if valid.size:
+            low, high = np.percentile(valid, (1, 99))
+            nearest.append(float(low))
+            farthest.append(float(high))
+    rows = [
+        ("sensor", sensor),
+        ("frames measured", f"{frames}"),
+        ("pixels with depth", f"{100 * known / max(pixels, 1):.2f} %"),
+    ]
+    if nearest:
+        text = f"{min(nearest):.0f} to {max(farthest):.0f} mm"
+        rows.append(("depth, percentiles 1 to 99 of the frames", text))
+    rows.append(("noisy - clean", "not known: the data set has no clean maps"))
+    lines = [f"| {name} | {value} |" for name, value in rows]
+    return "\n".join(["| quantity | value |", "|---|---|", *lines]) + "\n"
+
+
 def noise_table(noise: NoiseStatistics, sensor: str) -> str:
     """Return the statistics as a Markdown table with units."""
     surface = noise.both + noise.lost

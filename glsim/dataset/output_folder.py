@@ -174,6 +174,12 @@ def _refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[st
                 f"{out} was begun with other faces: the files of a source have changed: restore "
                 "them, or choose another folder"
             )
+        if name == "glsim_version":
+            raise ConfigError(
+                f"{out} was begun with glsim {old.get(name)}, whose frames of a seed may differ "
+                f"from those of {new.get(name)}: continue with that version, or choose another "
+                "folder"
+            )
         raise ConfigError(
             f"{out} was begun with {name.removeprefix('settings.')} = "
             f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: continue with the "

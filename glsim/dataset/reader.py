@@ -71,9 +71,17 @@ class Pair:
         """The millimetres that were subtracted from stored depths (0 unless normalised)."""
         return float(self.record["depth_offset_mm"])
 
+    @property
+    def has_clean(self) -> bool:
+        """Whether the true depth is known; it is not in recordings of a real camera."""
+        return "clean" in self.record["files"]
+
     @cached_property
     def clean_mm(self) -> NDArray[np.float32]:
-        """(H, W) float32 true depth, millimetres from the camera, 0 = no surface."""
+        """(H, W) float32 true depth, millimetres from the camera, 0 = no surface.
+
+        Raises DatasetError in a data set without clean maps, see ``has_clean``.
+        """
         return self._depth_mm("clean")
 
     @cached_property
@@ -104,6 +112,8 @@ class Pair:
         """
         files = self.record["files"]
         if layer not in files:
+            if layer == "clean":
+                raise DatasetError(no_clean(self._root))
             raise DatasetError(
                 f"{self._root}: has no layer {layer!r} ({did_you_mean(layer, files)})"
             )
@@ -259,6 +269,15 @@ class Dataset:
                 )
             self._ends = ends
         return self._ends
+
+
+def no_clean(path: Path) -> str:
+    """Return the error message for a data set without clean maps."""
+    return (
+        f"{path}: has no layer 'clean', the true depth that this needs: generate a data set with "
+        "--layers clean,noisy (recordings of a real camera have none: glsim compare and glsim "
+        "denoise take them)"
+    )
 
 
 def open_dataset(path: Path | str) -> Dataset:

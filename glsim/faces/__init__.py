@@ -26,6 +26,8 @@ def open_source(settings: SourceSettings, seed: int) -> FaceSource:
         from glsim.faces.ict_facekit import IctFaceKit
 
         return IctFaceKit(settings.root, seed)
+    if settings.kind == "kinect2":
+        raise ConfigError("source 'kinect2' holds recorded frames, no faces: glsim import kinect2")
     root, unit, axes = settings.root, settings.unit, settings.axes
     if settings.kind == "d3dfacs":
         from glsim.faces.scans.d3dfacs import D3dfacs

@@ -1,18 +1,44 @@
 """Measure the noise of a real camera on a recording and write a sensor file (``glsim fit``)."""
 
-from glsim.fit.noise_model import NoiseModel, fit_noise_model
+from glsim.fit.fixed_pattern import FixedPattern
+from glsim.fit.noise_model import (
+    InfraredLaw,
+    LightProfile,
+    NoiseModel,
+    TapNoise,
+    fit_infrared,
+    fit_noise_model,
+)
 from glsim.fit.recording import Recording, read_recording
 from glsim.fit.recording_statistics import RecordingStatistics, measure_recording
-from glsim.fit.sensor_file import base_sensor, fitted_values, sensor_toml
+from glsim.fit.sensor_file import (
+    base_profile,
+    base_sensor,
+    base_taps,
+    fitted_values,
+    sensor_toml,
+    unplaced_parameters,
+)
+from glsim.fit.wiggling import Wiggling, fit_wiggling
 
 __all__ = [
+    "FixedPattern",
+    "InfraredLaw",
+    "LightProfile",
     "NoiseModel",
     "Recording",
     "RecordingStatistics",
+    "TapNoise",
+    "Wiggling",
+    "base_profile",
     "base_sensor",
+    "base_taps",
+    "fit_infrared",
     "fit_noise_model",
+    "fit_wiggling",
     "fitted_values",
     "measure_recording",
     "read_recording",
     "sensor_toml",
+    "unplaced_parameters",
 ]

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from glsim.fit.recording_statistics import RecordingStatistics
 from glsim.geometry.camera import Intrinsics
-from glsim.validate.published_curves import white_sigma_mm
+from glsim.validate.published_curves import TAP_READ_LSB2, TAP_SHOT_LSB, white_sigma_mm
 
 Array = NDArray[np.float64]
 
-#: Number of classes of equal light in which noise is averaged.
+#: Number of classes of equal light in which noise is averaged; least number of pixels of one.
 _CLASSES = 40
+_LEAST_CLASS = 50
 _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
 
 #: Normals are computed from neighbours this many pixels away on both sides.
@@ -29,6 +30,131 @@ _LEAST_AMPLITUDE = 15.0
 #: Factor by which libfreenect2's 3 x 3 filter reduces noise; variance of rounding a tap to 1 LSB.
 _FILTER_GAIN = 2.99
 _TAP_ROUNDING_LSB2 = 1.0 / 12.0
+
+
+#: Libfreenect2's infrared counts per unit of the mean amplitude; counts at which it saturates.
+COUNTS_PER_AMPLITUDE = 16.0
+_SATURATED = 65_000
+
+#: A bright surface: this share of the smooth pixels is darker.
+_BRIGHT_SHARE = 0.95
+#: Radius within which a Kinect V2's light is even: 150 px at its focal length of 365 px
+#: (measured: flat within 3 % to 160 px).
+_EVEN_RADIUS = 150.0 / 365.0
+
+
+@dataclass(frozen=True)
+class TapNoise:
+    """Noise of a tap: variance without light, LSB^2, and variance for each LSB of light, LSB."""
+
+    read_lsb2: float = TAP_READ_LSB2
+    shot_lsb: float = TAP_SHOT_LSB
+
+
+@dataclass(frozen=True)
+class LightProfile:
+    """Fall of the light over the image, by t, the tangent of the angle to the axis.
+
+    tail + (1 - tail) exp(min(flat_to - t, 0) / fall_off), times a power of the angle's cosine,
+    vignetting. The default is even light.
+    """
+
+    flat_to: float = 10.0
+    fall_off: float = 1.0
+    tail: float = 0.0
+    vignetting: float = 0.0
+
+    def share(self, tangent: Array) -> Array:
+        """Return the share of the light on the axis that arrives at tangents of any shape."""
+        fall = np.exp(np.minimum(self.flat_to - tangent, 0.0) / self.fall_off)
+        cosine = 1.0 / np.sqrt(1.0 + tangent**2)
+        return np.asarray((self.tail + (1.0 - self.tail) * fall) * cosine**self.vignetting)
+
+
+@dataclass(frozen=True)
+class InfraredLaw:
+    """Light and noise over infrared counts: sigma^2 = floor^2 + (counts / IR)^2.
+
+    gain: amplitude of a white wall at 1 m (libfreenect2's infrared units), NaN without a bright
+    surface near the centre. floor_mm: noise that does not depend on the light. noise_counts_mm:
+    the constant of the second term, mm times counts. noise_error: standard error of the taps'
+    noise as a share, infinite if all surfaces are equally bright. tap_scale: variance of the taps
+    relative to the base sensor's.
+    """
+
+    gain: float
+    floor_mm: float
+    noise_counts_mm: float
+    noise_error: float
+    tap_scale: float
+
+    @property
+    def knows_noise(self) -> bool:
+        """Whether the recording determines the noise of the taps."""
+        return self.noise_error < 0.3
+
+
+def fit_infrared(
+    statistics: RecordingStatistics,
+    infrared: NDArray[np.uint16],
+    image: Intrinsics,
+    albedo: float,
+    unit_mm: float,
+    emitter_m: tuple[float, float, float],
+    taps: TapNoise,
+) -> InfraredLaw:
+    """Fit gain and noise law to depth and infrared.
+
+    infrared: (T, H, W) counts. albedo: of the brightest surfaces, relative to white. unit_mm: step
+    of the depth files. taps: of the base sensor.
+    """
+    counts = infrared.mean(axis=0)
+    usable = statistics.smooth & (counts > 0) & (infrared.max(axis=0) < _SATURATED)
+    light = facing_light(statistics.mean_mm, image, LightProfile(), emitter_m)
+    rays = _rays(image)
+    even = usable & np.isfinite(light) & (np.hypot(rays[..., 0], rays[..., 1]) < _EVEN_RADIUS)
+    gain = float("nan")
+    if even.sum() >= _LEAST_CLASS:
+        per_light = counts[even] / light[even]
+        gain = float(np.quantile(per_light, _BRIGHT_SHARE)) / albedo / COUNTS_PER_AMPLITUDE
+    squared = 1.0 / (rays**2).sum(axis=-1)
+    if usable.sum() < _LEAST_CLASS:
+        return InfraredLaw(gain, float("nan"), float("nan"), float("inf"), float("nan"))
+    x, cosine2, variance, weight = _classes(
+        counts[usable], squared[usable], statistics.variance_mm2[usable], statistics.frames
+    )
+    strong = x >= COUNTS_PER_AMPLITUDE * _LEAST_AMPLITUDE
+    x, cosine2, variance, weight = (c[strong] for c in (x, cosine2, variance, weight))
+    if len(x) < 3:
+        return InfraredLaw(gain, float("nan"), float("nan"), float("inf"), float("nan"))
+    variance = variance - unit_mm**2 / 12.0
+    amplitude = x / COUNTS_PER_AMPLITUDE
+    shape = white_sigma_mm(amplitude, _FILTER_GAIN, 0.0, taps.read_lsb2, taps.shot_lsb) ** 2
+    rounding = white_sigma_mm(amplitude, _FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
+    _, scale, error = _line(cosine2 * shape, variance - cosine2 * rounding, weight)
+    floor2, counts2, _ = _line(cosine2 / x**2, variance, weight)
+    return InfraredLaw(
+        gain,
+        float(np.sqrt(max(floor2, 0.0))),
+        float(np.sqrt(max(counts2, 0.0))),
+        error / scale if scale > 0 else float("inf"),
+        scale,
+    )
+
+
+def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
+    """Fit y = a + b x by weighted least squares, robustly: a, b and the standard error of b."""
+    design = np.column_stack([np.ones_like(x), x])
+    robust = np.ones_like(x)
+    for _ in range(5):
+        root = np.sqrt(weight * robust)
+        fit = np.linalg.lstsq(root[:, None] * design, root * y, rcond=None)[0]
+        misfit = np.abs(y - design @ fit) * np.sqrt(weight)
+        limit = 2.0 * max(1.4826 * float(np.median(misfit)), 1e-9)
+        robust = np.minimum(1.0, limit / np.maximum(misfit, 1e-12))
+    covariance = np.linalg.pinv((root[:, None] * design).T @ (root[:, None] * design))
+    spread = float((weight * robust * (y - design @ fit) ** 2).sum()) / max(len(x) - 2, 1)
+    return float(fit[0]), float(fit[1]), float(np.sqrt(covariance[1, 1] * max(spread, 1.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,38 +186,47 @@ def fit_noise_model(
     image: Intrinsics,
     albedo: float,
     unit_mm: float,
-    vignetting: float,
+    profile: LightProfile,
     emitter_m: tuple[float, float, float],
+    taps: TapNoise | None = None,
 ) -> NoiseModel:
     """Fit amplitude and floor by weighted least squares over classes of equal light.
 
-    albedo: of the scene, relative to a white wall. unit_mm: step of the depth files. vignetting:
-    power of the cosine to the axis by which the image darkens. emitter_m: position of the emitter
-    in the camera frame.
+    albedo: of the scene, relative to a white wall. unit_mm: step of the depth files. profile:
+    fall of the light over the image. emitter_m: position of the emitter in the camera frame. taps:
+    noise of the base sensor's taps, which the amplitude is relative to (default: that of the
+    published phase noise).
     """
+    taps = taps or TapNoise()
     cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
-    light = albedo * _light(statistics.mean_mm, image, vignetting, emitter_m)
+    light = albedo * facing_light(statistics.mean_mm, image, profile, emitter_m)
     used = statistics.smooth & np.isfinite(light) & (light > 0)
     x, squared, variance, weight = _classes(
         light[used], cosine[used] ** 2, statistics.variance_mm2[used], statistics.frames
     )
     rounding = unit_mm**2 / 12.0
-    best, error, floor = _search(x, squared, variance - rounding, weight)
+    best, error, floor = _search(x, squared, variance - rounding, weight, taps)
     strong = best * x >= _LEAST_AMPLITUDE
     if 3 <= strong.sum() < len(x):
         best, error, floor = _search(
-            *(column[strong] for column in (x, squared, variance - rounding, weight))
+            x[strong], squared[strong], (variance - rounding)[strong], weight[strong], taps
         )
     return NoiseModel(best, error, floor, x, np.sqrt(variance))
 
 
 def _search(
-    light: Array, squared: Array, variance: Array, weight: Array
+    light: Array, squared: Array, variance: Array, weight: Array, taps: TapNoise
 ) -> tuple[float, float, float]:
     """Return the amplitude of least misfit, its standard error as a share, and its floor, mm."""
     misfit, floors = np.empty(len(_AMPLITUDES)), np.empty(len(_AMPLITUDES))
     for number, amplitude in enumerate(_AMPLITUDES):
-        white = squared * white_sigma_mm(amplitude * light, _FILTER_GAIN, _TAP_ROUNDING_LSB2) ** 2
+        white = (
+            squared
+            * white_sigma_mm(
+                amplitude * light, _FILTER_GAIN, _TAP_ROUNDING_LSB2, taps.read_lsb2, taps.shot_lsb
+            )
+            ** 2
+        )
         floors[number] = max(float(np.average(variance - white, weights=weight)), 0.0)
         misfit[number] = float((weight * (variance - white - floors[number]) ** 2).sum())
     best = int(misfit.argmin())
@@ -112,8 +247,8 @@ def _rays(image: Intrinsics) -> Array:
     return np.concatenate([flat, np.ones((*flat.shape[:2], 1))], axis=-1)
 
 
-def _light(
-    mean_mm: Array, image: Intrinsics, vignetting: float, emitter_m: tuple[float, float, float]
+def facing_light(
+    mean_mm: Array, image: Intrinsics, profile: LightProfile, emitter_m: tuple[float, float, float]
 ) -> Array:
     """Compute the (H, W) light of each pixel relative to a facing wall at 1 m.
 
@@ -130,9 +265,8 @@ def _light(
     length = distance * np.linalg.norm(normal, axis=-1)
     facing = np.abs((normal * from_emitter).sum(axis=-1)) / np.where(length > 0, length, np.nan)
     facing[~(facing > _LEAST_FACING)] = np.nan
-    stretch = np.linalg.norm(rays, axis=-1)
     distance = np.where(distance > 0, distance, np.nan)
-    return np.asarray(facing / distance**2 * stretch**-vignetting)
+    return np.asarray(facing / distance**2 * profile.share(np.hypot(rays[..., 0], rays[..., 1])))
 
 
 def _classes(
@@ -144,11 +278,14 @@ def _classes(
     rows = []
     for k in range(_CLASSES):
         own = variance[which == k]
-        if own.size < 50:
+        if own.size < _LEAST_CLASS:
             continue
-        # Pixels of other materials or at hidden edges are much noisier than most.
+        # Pixels of other materials or at hidden edges are much noisier than most. The variance of
+        # few frames scatters too: by sqrt(2 / degrees) of its mean, the median being lower.
         own_light, own_squared = light[which == k], squared[which == k]
-        kept = own <= 5.0 * np.median(own)
+        degrees = max(frames - 1, 1)
+        middle = (1.0 - 2.0 / (9.0 * degrees)) ** 3  # Wilson and Hilferty 1931
+        kept = own <= (1.0 + 6.0 * np.sqrt(2.0 / degrees)) / middle * np.median(own)
         mean = float(own[kept].mean())
         # Nine neighbours share their noise: independent samples are about two ninths (0.22).
         samples = kept.sum() * max(frames - 1, 1) * 0.22

@@ -10,16 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import DatasetError
+from glsim.fit.fixed_pattern import LAG_PX, FixedPattern, measure_pattern, second_difference
 from glsim.fit.recording import Recording
 from glsim.geometry.camera import Intrinsics
-from glsim.validate.measure import mean_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Distance of the pixels in a difference: beyond the reach of a 3 x 3 filter, and even, so that a
-#: step between odd and even rows cancels.
-_LAG_PX = 4
 #: A pixel is used if it has depth in at least this share of the frames.
 _LEAST_VALID = 0.9
 #: Neighbours whose depths differ by more than this form an edge (libfreenect2's filter: 100 mm).
@@ -31,6 +28,11 @@ FLYING_MM = 20.0
 DISTANCES_M = (0.3, 0.7, 0.9, 1.1, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 8.0)
 RADII_PX = (0.0, 100.0, 160.0, 210.0, 250.0, 1000.0)
 _LEAST_PIXELS = 100
+#: A flat, even surface: its second difference over 2 x 8 px, averaged over 5 x 5, is below this,
+#: and its infrared in 9 x 9 varies by less than this share. Chosen so that an office scene of a
+#: real Kinect V2 (0007, 0008) gives the rows and columns of a recording of a board.
+_MOST_BEND_MM, _MOST_UNEVEN = 1.0, 0.08
+_LEAST_FLAT_PX = 2000
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,9 @@ class RecordingStatistics:
 
     mean_mm, variance_mm2: (H, W) over time, NaN where depth is rare. smooth: (H, W), True where
     the surface is smooth and complete. table: temporal noise by distance and radius. correlation:
-    that of the temporal noise at lags of 0 to 4 px along rows and columns. pattern_mm: sigma of
-    the fixed pattern in total; pixel_mm: of single pixels; column_mm: of whole columns;
-    row_step_mm: difference between odd and even rows. edge_pixels: number of pixels per frame
-    beside depth edges; invalid_share, flying_share: the shares of them without depth and between
-    the surfaces, NaN if there are none.
+    that of the temporal noise at lags of 0 to 4 px along rows and columns. pattern: the fixed
+    pattern. edge_pixels: number of pixels per frame beside depth edges; invalid_share,
+    flying_share: the shares of them without depth and between the surfaces, NaN if there are none.
     """
 
     frames: int
@@ -62,10 +62,7 @@ class RecordingStatistics:
     smooth: Mask
     table: tuple[NoiseCell, ...]
     correlation: tuple[float, ...]
-    pattern_mm: float
-    pixel_mm: float
-    column_mm: float
-    row_step_mm: float
+    pattern: FixedPattern
     edge_pixels: int
     invalid_share: float
     flying_share: float
@@ -83,7 +80,11 @@ def measure_recording(recording: Recording, image: Intrinsics) -> RecordingStati
             "depth in nearly all frames: record walls, a floor, a table, and do not move"
         )
     noise = np.where(steady, variance / np.maximum(count, 1), 0.0)
-    pixel, column, step = _pattern(mean, noise, smooth)
+    # Only well-lit pixels: the noise of far walls would hide the pattern.
+    lit = smooth & (noise <= 2.0 * np.median(noise[smooth]))
+    flat = lit & _flat_mask(recording, mean, steady)
+    used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
+    pattern = measure_pattern(mean, _halves(recording), used)
     edge, invalid, flying = _edges(recording, mean, steady)
     return RecordingStatistics(
         frames=len(depth),
@@ -92,10 +93,7 @@ def measure_recording(recording: Recording, image: Intrinsics) -> RecordingStati
         smooth=smooth,
         table=_noise_table(mean, variance, smooth, image),
         correlation=_correlation(recording, smooth),
-        pattern_mm=float(np.sqrt(pixel**2 + column**2 + (step / 2) ** 2)),
-        pixel_mm=pixel,
-        column_mm=column,
-        row_step_mm=step,
+        pattern=pattern,
         edge_pixels=edge,
         invalid_share=invalid,
         flying_share=flying,
@@ -113,54 +111,45 @@ def _moments(recording: Recording) -> tuple[Array, Array, Array]:
     return count, mean, squares / np.maximum(count - 1, 1)
 
 
-def _second_difference(image: Array, axis: int, lag: int) -> Array:
-    """Compute image[i - lag] - 2 image[i] + image[i + lag]; NaN at the border."""
-    moved = np.moveaxis(image, axis, 0)
-    out = np.full(moved.shape, np.nan)
-    out[lag:-lag] = moved[: -2 * lag] - 2 * moved[lag:-lag] + moved[2 * lag :]
-    return np.moveaxis(out, 0, axis)
-
-
 def _smooth_mask(mean: Array) -> Mask:
     """Find pixels whose 9 x 9 neighbourhood is complete and, except for noise, linear in depth."""
-    bends = [_second_difference(mean, axis, _LAG_PX) for axis in (0, 1)]
+    bends = [second_difference(mean, axis, LAG_PX) for axis in (0, 1)]
     known = np.isfinite(bends[0]) & np.isfinite(bends[1])
     if not known.any():
         return known
     bend = np.where(known, np.maximum(np.abs(bends[0]), np.abs(bends[1])), np.inf)
     # The median bend is the noise of a wall; curved surfaces bend more than six times as much.
     limit = max(6.0 * float(np.median(bend[known])), 2.0)
-    kernel = np.ones((2 * _LAG_PX + 1,) * 2, np.uint8)
+    kernel = np.ones((2 * LAG_PX + 1,) * 2, np.uint8)
     flat = (bend < limit).astype(np.uint8)
     return np.asarray(cv2.erode(flat, kernel, borderValue=0) > 0)
 
 
-def _pattern(mean: Array, noise: Array, smooth: Mask) -> tuple[float, float, float]:
-    """Estimate the fixed pattern: sigma of pixels and of columns, step between rows, mm.
+def _flat_mask(recording: Recording, mean: Array, steady: Mask) -> Mask:
+    """Find pixels around which the surface is flat and evenly bright: no cloth, seams or print.
 
-    A second difference along a row has six times the variance of pixels and columns, one along a
-    column six times that of pixels alone. noise: variance that temporal noise leaves in the mean,
-    mm^2.
+    Depth is averaged over 5 x 5 first, which leaves little of the pattern to select by.
     """
-    # Only well-lit pixels: the noise of far walls would hide the pattern.
-    smooth = smooth & (noise <= np.median(noise[smooth]))
-    noise_variance = mean_of(noise[smooth])
-    across = _second_difference(mean, 1, _LAG_PX)[smooth]
-    down = _second_difference(mean, 0, _LAG_PX)[smooth]
-    pixel = max(_robust_variance(down) / 6.0 - noise_variance, 0.0)
-    column = max((_robust_variance(across) - _robust_variance(down)) / 6.0, 0.0)
-    odd = np.where(np.arange(mean.shape[0]) % 2 == 1, -0.5, 0.5)[:, None]
-    step = float(np.mean((odd * _second_difference(mean, 0, 1))[smooth]))
-    return float(np.sqrt(pixel)), float(np.sqrt(column)), abs(step)
+    even = cv2.blur(np.where(steady, mean, 0.0), (5, 5))
+    bends = [np.abs(second_difference(np.asarray(even), axis, 2 * LAG_PX)) for axis in (0, 1)]
+    flat = (bends[0] < _MOST_BEND_MM) & (bends[1] < _MOST_BEND_MM)
+    if recording.infrared is None:
+        return np.asarray(flat)
+    counts = recording.infrared.mean(axis=0)
+    level = cv2.blur(counts, (9, 9))
+    spread = np.sqrt(np.maximum(cv2.blur(counts**2, (9, 9)) - level**2, 0.0))
+    return np.asarray(flat & (spread < _MOST_UNEVEN * level))
 
 
-def _robust_variance(x: Array) -> float:
-    """Compute the variance about the median, without values beyond five standard deviations."""
-    x = x[np.isfinite(x)]
-    x = x - np.median(x)
-    spread = 1.4826 * float(np.median(np.abs(x)))
-    kept = x[np.abs(x) <= 5 * max(spread, 1e-6)]
-    return float(kept.var()) if kept.size else 0.0
+def _halves(recording: Recording) -> tuple[Array, Array]:
+    """Average the even and the odd frames: two (H, W) means, mm, NaN where a half has no depth."""
+    means = []
+    for start in (0, 1):
+        depth = recording.depth[start::2]
+        count = (depth > 0).sum(axis=0)
+        total = depth.sum(axis=0, dtype=np.float64) * recording.unit_mm
+        means.append(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+    return means[0], means[1]
 
 
 def _noise_table(

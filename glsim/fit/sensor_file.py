@@ -3,30 +3,49 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from glsim.errors import ConfigError, did_you_mean
-from glsim.fit.noise_model import NoiseModel
+from glsim.fit.noise_model import InfraredLaw, LightProfile, NoiseModel, TapNoise
 from glsim.fit.recording_statistics import RecordingStatistics
+from glsim.fit.wiggling import Wiggling
 from glsim.geometry.camera import Intrinsics
+from glsim.noise.registry import find_stage
 from glsim.sensors.sensor import SENSOR_FOLDER, sensor_names
 from glsim.settings.tables import read_toml
 
 #: Sensors that a fit can start from, the cheapest first.
 BASES = ("kinect-v2-fast", "kinect-v2")
 
-#: Place of each fitted value in a sensor file: (stage, parameter) -> name of the value.
-_PLACES: Mapping[tuple[str, str], str] = {
-    ("tof_light", "gain"): "gain",
-    ("tof_fast", "gain"): "gain",
-    ("tof_floor", "sigma_mm"): "floor_mm",
-    ("tof_fast", "sigma_mm"): "floor_mm",
-    ("fixed_pattern", "pixel_sigma_mm"): "pixel_mm",
-    ("fixed_pattern", "column_sigma_mm"): "column_mm",
-    ("fixed_pattern", "row_step_mm"): "row_step_mm",
-    ("edge_dropout", "probability"): "edge_invalid",
+#: Places of each fitted value in a sensor file: name of the value -> stages, parameter. The first
+#: stage of the base sensor that declares the parameter gets the value.
+_PLACES: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "gain": (("tof_light", "tof_fast"), "gain"),
+    "floor_mm": (("tof_floor", "tof_fast"), "sigma_mm"),
+    "read_lsb2": (("tof_taps", "tof_fast"), "read_variance"),
+    "shot_lsb": (("tof_taps", "tof_fast"), "shot_variance"),
+    "pixel_mm": (("fixed_pattern",), "pixel_sigma_mm"),
+    "column_mm": (("fixed_pattern",), "column_sigma_mm"),
+    "row_mm": (("fixed_pattern",), "row_sigma_mm"),
+    "alternation_mm": (("fixed_pattern",), "row_alternation_mm"),
+    "row_step_mm": (("fixed_pattern",), "row_step_mm"),
+    "harmonic_2": (("tof_light", "tof_fast"), "harmonic_2"),
+    "harmonic_5": (("tof_light", "tof_fast"), "harmonic_5"),
+    "harmonic_2_phase_deg": (("tof_light", "tof_fast"), "harmonic_2_phase_deg"),
+    "harmonic_5_phase_deg": (("tof_light", "tof_fast"), "harmonic_5_phase_deg"),
+    "harmonic_phase_spread": (("tof_light", "tof_fast"), "harmonic_phase_spread"),
+    "edge_invalid": (("edge_dropout",), "probability"),
 }
+
+#: Below this number of frames temporal noise hides the pattern of single pixels.
+LEAST_PATTERN_FRAMES = 10
+
+#: The shader has one phase for all frequencies: it is written if their phases differ by less, rad.
+_MOST_APART_RAD = 0.7
 
 
 def base_sensor(name: str | None = None) -> tuple[str, dict[str, Any]]:
@@ -37,19 +56,101 @@ def base_sensor(name: str | None = None) -> tuple[str, dict[str, Any]]:
     return chosen, read_toml(SENSOR_FOLDER / f"{chosen}.toml")
 
 
-def fitted_values(statistics: RecordingStatistics, model: NoiseModel) -> dict[str, float]:
-    """Collect the fitted values by name, without those that the recording does not determine."""
+def base_taps(tree: Mapping[str, Any]) -> TapNoise:
+    """Return the noise of the taps of a base sensor."""
+    read, shot = (base_value(tree, name) for name in ("read_lsb2", "shot_lsb"))
+    return TapNoise() if read is None or shot is None else TapNoise(read, shot)
+
+
+def base_profile(tree: Mapping[str, Any]) -> LightProfile:
+    """Return how the light of a base sensor falls over the image; even without such parameters."""
+    for stage in tree["stage"]:
+        declared = find_stage(stage["use"]).parameters
+        own = {
+            name: float(stage.get(name, declared[name].default))
+            for name in ("flat_to", "fall_off", "tail", "vignetting")
+            if name in declared
+        }
+        if own:
+            return LightProfile(**own)
+    return LightProfile()
+
+
+def base_value(tree: Mapping[str, Any], name: str) -> float | None:
+    """Return what a base sensor has in the place of a fitted value; None without such a place."""
+    stages, parameter = _PLACES[name]
+    for stage in tree["stage"]:
+        declared = find_stage(stage["use"]).parameters
+        if stage["use"] in stages and parameter in declared:
+            return float(stage.get(parameter, declared[parameter].default))
+    return None
+
+
+def fitted_values(
+    statistics: RecordingStatistics,
+    model: NoiseModel,
+    infrared: InfraredLaw | None = None,
+    taps: TapNoise | None = None,
+    wiggling: Wiggling | None = None,
+) -> dict[str, float]:
+    """Collect the fitted values by name, without those that the recording does not determine.
+
+    model: of the recording's distances; infrared: of its infrared, which is used instead where it
+    is known, with taps, the noise of the base sensor's.
+    """
+    pattern = statistics.pattern
     values = {
         "floor_mm": model.floor_mm,
-        "pixel_mm": statistics.pixel_mm,
-        "column_mm": statistics.column_mm,
-        "row_step_mm": statistics.row_step_mm,
+        "column_mm": pattern.column_mm,
+        "row_mm": pattern.row_mm,
+        "alternation_mm": abs(pattern.alternation_mm),  # its sign is drawn, and in the map
+        "row_step_mm": pattern.row_step_mm,
     }
-    if model.knows_amplitude:
+    if statistics.frames >= LEAST_PATTERN_FRAMES:
+        values["pixel_mm"] = pattern.pixel_mm
+    if infrared is not None and math.isfinite(infrared.gain):
+        values["gain"] = infrared.gain
+        if infrared.knows_noise:
+            base = taps or TapNoise()
+            values["floor_mm"] = infrared.floor_mm
+            values["read_lsb2"] = infrared.tap_scale * base.read_lsb2
+            values["shot_lsb"] = infrared.tap_scale * base.shot_lsb
+    elif model.knows_amplitude:
         values["gain"] = model.amplitude
+    if wiggling is not None:
+        values |= _harmonics(wiggling)
     if statistics.edge_pixels > 0:
         values["edge_invalid"] = statistics.invalid_share
     return values
+
+
+def _harmonics(wiggling: Wiggling) -> dict[str, float]:
+    """Collect sizes and, where one phase serves all frequencies, phases of the known harmonics."""
+    values: dict[str, float] = {}
+    phases: dict[int, float] = {}
+    known = [harmonic for harmonic in wiggling.amplitude if wiggling.known(harmonic)]
+    for harmonic in known:
+        values[f"harmonic_{harmonic}"] = wiggling.amplitude[harmonic]
+        turns = np.exp(1j * wiggling.phase_rad[harmonic])
+        mean = complex(turns.mean())
+        if np.abs(np.angle(turns / mean)).max() < 0.5 * _MOST_APART_RAD:
+            phases[harmonic] = math.degrees(math.atan2(mean.imag, mean.real))
+    if known and set(phases) == set(wiggling.amplitude):
+        values |= {f"harmonic_{h}_phase_deg": phase for h, phase in phases.items()}
+        values["harmonic_phase_spread"] = 0.0
+    return values
+
+
+def unplaced_parameters(tree: Mapping[str, Any], values: Mapping[str, float]) -> list[str]:
+    """List the parameters of fitted values that no stage of the base sensor declares.
+
+    The share without depth at edges does not count: only statistical sensors have it.
+    """
+    return [
+        ".".join((_PLACES[name][0][0], _PLACES[name][1]))
+        for name in values
+        if name != "edge_invalid" and base_value(tree, name) is None
+    ]
 
 
 def sensor_toml(
@@ -75,10 +176,12 @@ def sensor_toml(
     for emitter in rig.get("emitter", []):
         lines += ["", "[[rig.emitter]]", *(f"{k} = {_toml_value(v)}" for k, v in emitter.items())]
     for stage in tree["stage"]:
+        declared = find_stage(stage["use"]).parameters
         changed = {
-            parameter: round(values[name], 4)
-            for (use, parameter), name in _PLACES.items()
-            if use == stage["use"] and name in values
+            parameter: _clipped(value, declared[parameter].low, declared[parameter].high)
+            for name, value in values.items()
+            for stages, parameter in (_PLACES[name],)
+            if stage["use"] in stages and parameter in declared
         }
         lines += [
             "",
@@ -86,6 +189,10 @@ def sensor_toml(
             *(f"{k} = {_toml_value(v)}" for k, v in {**stage, **changed}.items()),
         ]
     return "\n".join(lines) + "\n"
+
+
+def _clipped(value: float, low: float, high: float) -> float:
+    return float(f"{min(max(value, low), high):.5g}")
 
 
 def _toml_value(value: Any) -> str:

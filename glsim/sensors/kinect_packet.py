@@ -65,7 +65,8 @@ def pack_codes(codes: NDArray[np.uint16]) -> bytes:
 def encode_packet(sensor: Sensor, frame: Frame) -> bytes:
     """Encode the packet that decodes to the frame's depth. frame: with REQUIRED_LAYERS.
 
-    The twin of tof_taps computes the taps again, from the frame's light and seed. Raises
+    The twin of tof_taps computes the taps again, from the frame's light and seed. Pixels that see
+    nothing hold read noise, as a device's do; libfreenect2 makes NaN of taps of exactly 0. Raises
     ConfigError for a sensor without taps, for a frame of another size, or for a crop.
     """
     stage = taps_stage(sensor)
@@ -75,18 +76,30 @@ def encode_packet(sensor: Sensor, frame: Frame) -> bytes:
             f"a Kinect V2 packet has {WIDTH}x{HEIGHT} pixels, not {image.width}x{image.height}: "
             "use no crop, and a rig of that size"
         )
-    window: Rect = frame.window
     context = FrameContext.for_frame(
-        rig=sensor.rig, window=window, seed=frame.seed, sequence_seed=0, device_seed=0
+        rig=sensor.rig,
+        window=Rect(0, 0, WIDTH, HEIGHT),
+        seed=frame.seed,
+        sequence_seed=0,
+        device_seed=0,
     )
     values = _values(stage, frame.parameters)
-    taps, read, saturated = taps_of(context.view(stage.name), frame.extra, values)
-    codes = tap_codes(taps.reshape(*read.shape, 9))
+    layers = {name: _whole(frame.extra[name], frame.window) for name in REQUIRED_LAYERS}
+    taps, _, saturated = taps_of(context.view(stage.name), layers, values)
+    codes = tap_codes(taps.reshape(HEIGHT, WIDTH, 9))
     codes[saturated] = SATURATED_CODE
-    codes[~read] = 0
+    if values["dead_border"] > 0:
+        codes[:, [0, -1]] = 0
     full = np.zeros((SUB_IMAGES, HEIGHT, WIDTH), np.uint16)
-    full[:9, window.slices[0], window.slices[1]] = np.moveaxis(codes, -1, 0)
+    full[:9] = np.moveaxis(codes, -1, 0)
     return pack_codes(full)
+
+
+def _whole(layer: NDArray[np.float32], window: Rect) -> NDArray[np.float32]:
+    """A layer of the whole frame, (424, 512, ...), with 0 outside its window."""
+    whole = np.zeros((HEIGHT, WIDTH, *layer.shape[2:]), np.float32)
+    whole[window.slices] = layer
+    return whole
 
 
 def p0_tables() -> bytes:

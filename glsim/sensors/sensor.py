@@ -20,7 +20,7 @@ base_sigma_mm = 1.5       parameters: numbers or distributions
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -32,12 +32,15 @@ from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.noise.chain import check_chain
 from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage
-from glsim.noise.stage import Stage, make_stage
+from glsim.noise.stage import ENABLED, Stage, make_stage
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.schema import Settings
 from glsim.settings.tables import merge_tables, parse_table, read_toml
 
 SENSOR_FOLDER = Path(__file__).parent
+
+#: Stages that do nothing without an emitter.
+_SHADOW_STAGES = ("shadow", "tof_shadow")
 
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 
@@ -189,7 +192,19 @@ def load_sensor(
     rig = table.rig.rig()
     check_light(stages, rig, str(file))
     check_chain(stages, rig.baseline_m, str(file))
+    _check_shadow(stages, rig, str(file))
     return Sensor(file.stem, table.title, rig, tuple(stages), file)
+
+
+def _check_shadow(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
+    """Raise ConfigError if a stage removes shadows, but no emitter casts any."""
+    for stage in stages:
+        can_run = stage.settings[ENABLED].bounds()[1] > 0
+        if stage.spec.name in _SHADOW_STAGES and can_run and not rig.emitters:
+            raise ConfigError(
+                f"{where}: stage {stage.name!r} needs shadows, but the rig has no emitter that "
+                "casts any: give it one under [[rig.emitter]], or leave the stage out"
+            )
 
 
 def _stage(

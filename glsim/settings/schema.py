@@ -50,7 +50,7 @@ _FILE_SOURCES = ("folder", "d3dfacs", "facewarehouse", "biwi")
 _SOURCE_OPTIONS = {
     "unit": _FILE_SOURCES,
     "axes": _FILE_SOURCES,
-    "every": ("d3dfacs", "biwi"),
+    "every": ("d3dfacs", "biwi", "kinect2"),
     "peak_only": ("d3dfacs",),
     "steps": ("facewarehouse",),
     "poses": ("facewarehouse",),
@@ -64,15 +64,17 @@ class _Table(BaseModel):
 class SourceSettings(_Table):
     """A source of faces: a generator or a set of meshes on disk."""
 
-    kind: Literal["procedural", "ict-facekit", "folder", "d3dfacs", "facewarehouse", "biwi"] = (
-        "procedural"
-    )
+    kind: Literal[
+        "procedural", "ict-facekit", "folder", "d3dfacs", "facewarehouse", "biwi", "kinect2"
+    ] = "procedural"
     root: Path | None = Field(None, description="folder of the meshes or of the face model")
     subjects: int | None = Field(None, ge=1, description="number of people; default: all")
     frames_per_subject: int | None = Field(None, ge=1, description="default: all")
     unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
     axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; auto: detected")
-    every: int | None = Field(None, ge=1, description="take every n-th frame (d3dfacs, biwi)")
+    every: int | None = Field(
+        None, ge=1, description="take every n-th frame (d3dfacs, biwi, kinect2)"
+    )
     peak_only: bool | None = Field(None, description="only the peak of each sequence (d3dfacs)")
     steps: int | None = Field(None, ge=1, description="frames per blend shape (facewarehouse)")
     poses: bool | None = Field(None, description="also the training poses (facewarehouse)")

@@ -1,4 +1,4 @@
-"""Draw the noise of a sensor as one figure of nine panels, for a page of a paper."""
+"""Draw the noise of a sensor as one figure of up to nine panels, for a page of a paper."""
 
 from __future__ import annotations
 
@@ -13,12 +13,22 @@ from glsim.errors import ConfigError
 from glsim.validate import measure, published_curves, scenes
 from glsim.validate.captures import Captures
 from glsim.validate.checks import depth, edges, phases
+from glsim.validate.run import sensor_sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Colours for grey printing and for colour-blind readers (Okabe and Ito).
 _BLUE, _ORANGE, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
+
+_COLUMNS = 3
+
+#: Noise of slanted surfaces in real frames, for a white wall at 0.9 m: angles, deg, and sigma, mm
+#: (the ratios of check 6 times the 1.25 mm of spatial noise of a frontal one).
+_REAL_TILT = (
+    (30.0, 45.0, 55.0, 64.0, 66.0, 69.0, 71.0, 74.0),
+    tuple(1.25 * r for r in (1.00, 0.98, 1.0, 1.07, 1.15, 1.23, 1.38, 1.42)),
+)
 
 _SIGMA_MM = r"$\sigma$ (mm)"
 
@@ -40,40 +50,79 @@ def check_matplotlib() -> None:
 
 
 def draw_figure(captures: Captures) -> bytes:
-    """Draw nine panels as a PNG, 180 mm wide, 300 dpi. Raises ConfigError without matplotlib."""
+    """Draw the panels that apply as a PNG, 180 mm wide, 300 dpi.
+
+    Raises ConfigError without matplotlib.
+    """
     check_matplotlib()
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    panels = [panel for panel, applies in _PANELS if applies(captures)]
+    rows = -(-len(panels) // _COLUMNS)
     with mpl.rc_context(_STYLE):
-        drawn = Figure(figsize=(7.1, 7.9), layout="constrained")
+        drawn = Figure(figsize=(7.1, 2.5 * rows + 0.4), layout="constrained")
         FigureCanvasAgg(drawn)
-        axes = drawn.subplots(3, 3).ravel()
-        for axis, letter, panel in zip(axes, "abcdefghi", _PANELS, strict=True):
+        axes = drawn.subplots(rows, _COLUMNS, squeeze=False).ravel()
+        for axis, letter, panel in zip(axes, "abcdefghi", panels, strict=False):
             panel(axis, captures)
             axis.set_title(f"{letter}  {axis.get_title(loc='left')}", loc="left")
+        for axis in axes[len(panels) :]:
+            axis.remove()
         drawn.suptitle(captures.camera.sensor.title, fontsize=9, x=0.01, ha="left")
         file = io.BytesIO()
         drawn.savefig(file, dpi=300, metadata={"Software": "glsim"})
     return file.getvalue()
 
 
-def _reference(captures: Captures) -> tuple[str, Callable[[np.ndarray], np.ndarray]]:
-    """Return name and function of the published noise curve of a sensor: m to mm."""
+def _is_v2(captures: Captures) -> bool:
+    """Whether the sensor is checked as a Kinect V2, so that its published curves belong here."""
+    return sensor_sheet(captures.camera.sensor.name).title == "Kinect V2"
+
+
+def _always(captures: Captures) -> bool:
+    return True
+
+
+def _has_phases(captures: Captures) -> bool:
+    return bool(captures.ablations.phases) and captures.ablations.no_filters is not None
+
+
+def _has_infrared(captures: Captures) -> bool:
+    return _validity_curve(captures) is not None
+
+
+def _has_shadow(captures: Captures) -> bool:
+    return bool(captures.camera.rig.emitters) and _has_infrared(captures)
+
+
+def _validity_curve(captures: Captures) -> tuple[np.ndarray, np.ndarray, float] | None:
+    return captures.cached("validity", lambda: depth.validity_curve(captures))
+
+
+def _reference(captures: Captures) -> tuple[str, Callable[[np.ndarray], np.ndarray]] | None:
+    """Return name and function of the published noise curve of a sensor, m to mm; None without."""
     if captures.camera.sensor.name == "kinect-v1":
         return "Nguyen 2012", published_curves.nguyen_mm
-    return "Fankhauser 2015", published_curves.fankhauser_mm
+    return ("Fankhauser 2015", published_curves.fankhauser_mm) if _is_v2(captures) else None
 
 
 def _distance(axis: Axes, captures: Captures) -> None:
-    z = np.array([510, 700, 900, 1200, 1500, 2000, 2500, 3000, 3500, 4000, 4450], float)
+    z = np.array([700, 900, 1200, 1500, 2000, 2500, 3000, 3500, 4000, 4450], float)
     spatial = [captures.spatial_sigma_mm(float(at)) for at in z]
     temporal = [captures.temporal_sigma_mm(float(at)) for at in z]
-    name, curve = _reference(captures)
-    fine = np.linspace(0.5, 4.5, 100)
-    axis.fill_between(fine, 0.75 * curve(fine), 1.25 * curve(fine), color=_GREY, alpha=0.2, lw=0)
-    axis.plot(fine, curve(fine), color=_GREY, label=f"{name} ± 25 %")
+    reference = _reference(captures)
+    if reference is not None:
+        name, curve = reference
+        fine = np.linspace(0.5, 4.5, 100)
+        low, high = 0.75 * curve(fine), 1.25 * curve(fine)
+        axis.fill_between(fine, low, high, color=_GREY, alpha=0.2, lw=0)
+        axis.plot(fine, curve(fine), color=_GREY, label=f"{name} ± 25 %")
+    if _is_v2(captures):
+        near = np.linspace(0.65, 4.5, 100)
+        law = np.hypot(1.05, 4600 * near**2 / 30_300)
+        axis.plot(near, law, color=_GREY, ls="--", label="real frames, temporal")
     axis.plot(z / 1000, spatial, "o", color=_BLUE, label="spatial")
     axis.plot(z / 1000, temporal, "^", color=_ORANGE, label="temporal", mfc="none")
     if captures.ablations.white is not None:
@@ -96,12 +145,16 @@ def _angle(axis: Axes, captures: Captures) -> None:
             scene=f"tilt {angle:.0f}",
         )
         sigma.append(measure.sigma_spatial(capture.centre(64, 8).residual_mm))
-    fine = np.linspace(0, 81, 100)
-    published = published_curves.fankhauser_mm(0.9, np.radians(fine))
-    axis.plot(fine, published, color=_GREY, label="Fankhauser 2015")
+    highest = np.fmax.reduce(sigma)
+    if _is_v2(captures):
+        fine = np.linspace(0, 81, 100)
+        published = published_curves.fankhauser_mm(0.9, np.radians(fine))
+        axis.plot(fine, published, color=_GREY, label="Fankhauser 2015")
+        axis.plot(*_REAL_TILT, "^", color=_GREY, mfc="none", label="real frames, of 1.25 mm")
+        highest = np.fmax(highest, np.max(published))
     axis.plot(angles, sigma, "o", color=_BLUE, label="spatial")
     axis.set(title="noise over tilt, 0.9 m", xlabel="angle to the axis (deg)", ylabel=_SIGMA_MM)
-    axis.set(ylim=(0, 1.15 * np.fmax(np.max(published), np.fmax.reduce(sigma))))
+    axis.set(ylim=(0, 1.15 * highest))
     axis.legend()
 
 
@@ -111,8 +164,9 @@ def _autocorrelation(axis: Axes, captures: Captures) -> None:
     straight = measure.autocorrelation(part, [(0, int(k)) for k in lags])
     diagonal = measure.autocorrelation(part, [(int(k), int(k)) for k in lags])
     box = np.clip(1 - lags / 3, 0, 1)
-    axis.plot(lags, box, color=_GREY, label="3 x 3 box, along")
-    axis.plot(lags, box**2, color=_GREY, ls="--", label="3 x 3 box, diagonal")
+    if _is_v2(captures):  # whose decoder filters the phases over 3 x 3 pixels
+        axis.plot(lags, box, color=_GREY, label="3 x 3 box, along")
+        axis.plot(lags, box**2, color=_GREY, ls="--", label="3 x 3 box, diagonal")
     axis.plot(lags, straight, "o", color=_BLUE, label="along rows, columns")
     axis.plot(lags, diagonal, "^", color=_ORANGE, label="diagonal", mfc="none")
     axis.set(title="spatial correlation, 0.9 m", xlabel="lag (px)", ylabel="autocorrelation")
@@ -164,12 +218,12 @@ def _wiggle(axis: Axes, captures: Captures) -> None:
 def _phase(axis: Axes, captures: Captures) -> None:
     from matplotlib.ticker import FixedLocator
 
-    axis.set(
-        title="phase noise, unfiltered", xlabel="amplitude (IR units)", ylabel=r"$\sigma$ (rad)"
-    )
+    axis.set(title="phase noise, filtered", xlabel="amplitude (IR units)", ylabel=r"$\sigma$ (rad)")
     amplitudes = np.array([10, 15, 20, 30, 50, 70, 100], float)
     noise = phases.measure_phase_noise(captures, amplitudes)
-    fine = np.geomspace(8, 120, 80)
+    fine = np.geomspace(
+        published_curves.KDE_LEAST_AMPLITUDE, published_curves.KDE_MOST_AMPLITUDE, 80
+    )
     published = published_curves.kde_phase_sigma_rad(fine)
     for k, colour in enumerate((_BLUE, _ORANGE, _GREEN)):
         axis.plot(fine, published[k], color=colour, lw=0.9)
@@ -181,19 +235,18 @@ def _phase(axis: Axes, captures: Captures) -> None:
         scale.set_major_locator(FixedLocator(ticks))
         scale.set_major_formatter("{x:g}")
         scale.set_minor_formatter("")
-    if noise is None:
-        axis.text(0.5, 0.9, "this sensor has no phases", transform=axis.transAxes, ha="center")
-    else:
-        axis.legend(title="lines: Järemo Lawin 2016", title_fontsize=6.5)
+    axis.legend(title="lines: Järemo Lawin 2016", title_fontsize=6.5)
 
 
 def _validity(axis: Axes, captures: Captures) -> None:
-    curve = captures.cached("validity", lambda: depth.validity_curve(captures))
-    axis.axvspan(3, 8, color=_GREY, alpha=0.2, lw=0, label="50 % expected here")
+    curve = _validity_curve(captures)
+    if _is_v2(captures):
+        axis.axvspan(3, 12, color=_GREY, alpha=0.2, lw=0, label="50 % expected here")
     if curve is not None:
         axis.plot(curve[0], 100 * curve[1], "o-", color=_BLUE)
     axis.set(title="validity", xlabel="amplitude (IR units)", ylabel="valid (%)")
-    axis.legend(loc="lower right")
+    if _is_v2(captures):
+        axis.legend(loc="upper left")
 
 
 def _radius(axis: Axes, captures: Captures) -> None:
@@ -208,17 +261,22 @@ def _radius(axis: Axes, captures: Captures) -> None:
     middle = 0.5 * (bins[1:] + bins[:-1])
     curve = np.array([measure.mean_of(sigma[(r >= a) & (r < a + 20)]) for a in bins[:-1]])
     axis.plot(middle, curve / curve[0], "o-", color=_BLUE, label="wall at 1.5 m")
-    axis.plot([50, 130, 185, 230, 265], np.array([1.33, 1.25, 1.34, 1.88, 3.6]) / 1.33, "^",
-              color=_GREY, label="Kinect V2 recording", mfc="none")  # fmt: skip
+    if _is_v2(captures):
+        axis.plot([50, 130, 185, 230, 265], np.array([1.45, 1.35, 1.51, 2.14, 3.9]) / 1.45, "^",
+                  color=_GREY, label="real frames, 1.36 m", mfc="none")  # fmt: skip
     axis.set(
         title="noise over radius",
         xlabel="from the centre (px)",
         ylabel=r"$\sigma$ / $\sigma$(centre)",
     )
+    axis.margins(y=0.15)
     axis.set(ylim=(0, None))
     axis.legend()
 
 
-_PANELS: tuple[Callable[[Axes, Captures], None], ...] = (
-    _distance, _angle, _radius, _autocorrelation, _edge, _shadow, _wiggle, _phase, _validity,
+#: Panels and whether a sensor has what they show.
+_PANELS: tuple[tuple[Callable[[Axes, Captures], None], Callable[[Captures], bool]], ...] = (
+    (_distance, _always), (_angle, _always), (_radius, _always), (_autocorrelation, _always),
+    (_edge, _always), (_shadow, _has_shadow), (_wiggle, _always), (_phase, _has_phases),
+    (_validity, _has_infrared),
 )  # fmt: skip

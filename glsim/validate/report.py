@@ -10,18 +10,24 @@ from typing import Any
 from glsim.errors import ConfigError
 from glsim.files.markdown import markdown_table
 
+#: Kinds of sources. measured: on real devices, published or on our real frames. datasheet: a
+#: manufacturer's document or the decoder's source. derived: computed from these or from physics.
+KINDS = ("measured", "datasheet", "derived")
+
 
 @dataclass(frozen=True)
 class Band:
     """Required interval of one measured number: low <= value <= high, in ``unit``.
 
-    key: name of the number in the measurement.
+    key: name of the number in the measurement. kind: of its source, one of KINDS; empty: that of
+    its check.
     """
 
     key: str
     low: float
     high: float
     unit: str = ""
+    kind: str = ""
 
     def holds(self, value: float) -> bool:
         """Return whether a value lies inside; NaN does not."""
@@ -45,13 +51,35 @@ class Band:
 class Check:
     """One line of a validation sheet.
 
-    description: the checked quantity, as text. source: origin of the bands.
+    description: the checked quantity, as text. source: origin of the bands. kind: of that source,
+    one of KINDS; a band may have another.
     """
 
     number: str
     description: str
     bands: tuple[Band, ...]
     source: str
+    kind: str = "derived"
+
+    def kind_of(self, band: Band) -> str:
+        """Return the kind of source of one band."""
+        return band.kind or self.kind
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of source of all bands, in the order of KINDS."""
+        own = {self.kind_of(band) for band in self.bands}
+        return tuple(kind for kind in KINDS if kind in own)
+
+    @property
+    def kind_text(self) -> str:
+        """The kinds as text; a check of several names the numbers: measured: a; derived: b."""
+        if len(self.kinds) == 1:
+            return self.kinds[0]
+        return "; ".join(
+            f"{kind}: {', '.join(b.key for b in self.bands if self.kind_of(b) == kind)}"
+            for kind in self.kinds
+        )
 
 
 @dataclass(frozen=True)
@@ -127,12 +155,14 @@ class CheckResult:
                     "high": band.high if math.isfinite(band.high) else None,
                     "unit": band.unit,
                     "inside": band.holds(value),
+                    "kind": self.check.kind_of(band),
                 }
             )
         return {
             "number": self.check.number,
             "check": self.check.description,
             "source": self.check.source,
+            "kinds": list(self.check.kinds),
             "state": self.state,
             "note": self.note,
             "numbers": numbers,
@@ -170,6 +200,14 @@ class ValidationReport:
         counts = ", ".join(f"{self.count(s)} {s}" for s in states if self.count(s))
         return f"{self.sensor}: {len(self.results)} checks: {counts} ({self.seconds:.0f} s)"
 
+    @property
+    def sources(self) -> str:
+        """One line: number of checks per kind of source; a check of several kinds is mixed."""
+        kinds = [r.check.kinds for r in self.results]
+        counts = {kind: sum(own == (kind,) for own in kinds) for kind in KINDS}
+        counts["of mixed kind"] = sum(len(own) > 1 for own in kinds)
+        return "sources: " + ", ".join(f"{n} {kind}" for kind, n in counts.items() if n)
+
     def as_json(self) -> dict[str, Any]:
         """Convert to values for a JSON file."""
         return {
@@ -179,6 +217,7 @@ class ValidationReport:
             "seed": self.seed,
             "frames": self.frames,
             "passed": self.passed,
+            "sources": self.sources,
             "checks": [result.as_json() for result in self.results],
         }
 
@@ -192,11 +231,12 @@ class ValidationReport:
                 "<br>".join(measured_texts(result)),
                 "<br>".join(band_texts(result)),
                 result.check.source,
+                result.check.kind_text,
                 result.state,
                 result.note,
             )
             rows.append([cell.replace("|", "\\|") for cell in cells])
-        head = ("#", "check", "measured", "band", "source", "", "note")
+        head = ("#", "check", "measured", "band", "source", "kind", "", "note")
         return "\n".join(markdown_table(head, rows)) + "\n"
 
 

@@ -65,6 +65,6 @@ float along_axis(float distance_m, vec2 ray) {
 float reason_of(int fate, float z, float clean, float lit) {
     float dark = lit < 0.5 ? REASON_SHADOW : REASON_LOW_SIGNAL;
     if (fate == DARK) return clean <= 0.0 ? REASON_NO_SURFACE : dark;
-    if (fate == DISAGREES || z <= 0.0) return REASON_UNWRAP;
+    if (fate == DISAGREES || z <= 0.0) return clean > 0.0 && lit < 0.5 ? REASON_SHADOW : REASON_UNWRAP;
     return clean <= 0.0 ? REASON_GROWN : REASON_VALID;
 }

@@ -1,26 +1,35 @@
 #version 330 core
 // fixed_pattern: adds an error per pixel that is the same in every frame of a device.
-// Defaults: measured on Kinect V2 recordings: 0.72-0.91 mm in total, rows alternate by -0.17 and
-// +0.20 mm, errors are correlated along columns.
+// Defaults: measured on a Kinect V2 (libfreenect2): columns 0.2 to 0.29 mm, single pixels 0.29, which
+// are smooth over 3x3 pixels because the decoder filters them. Neighbouring rows alternate by
+// -0.69 mm and +0.69 mm, with the opposite sign below the middle row: 44 frames show the change of
+// sign within one row. Why is not known; a sensor that is read in two halves would do so.
 //@ sparse
-#include "lib/random.glsl"
+#include "lib/correlated_noise.glsl"
 #include "lib/depth.glsl"
 
-uniform float pixel_sigma_mm = 0.6;   //@ [0, 20] mm standard deviation of the error of a pixel
-uniform float column_sigma_mm = 0.45; //@ [0, 20] mm standard deviation of the error shared by a column
-uniform float row_step_mm = 0.37;     //@ [0, 20] mm difference between odd and even rows
+uniform float pixel_sigma_mm = 0.25;  //@ [0, 20] mm standard deviation of the error of a pixel, smooth over 3x3
+uniform float column_sigma_mm = 0.2;  //@ [0, 20] mm standard deviation of the error shared by a column
+uniform float row_sigma_mm = 0.25;    //@ [0, 20] mm standard deviation of the error shared by a row
+uniform float row_alternation_mm = 0.69; //@ [0, 20] mm error of opposite sign in odd and even rows, and in the two halves of the image; its sign is the device's own
+uniform float row_step_mm = 0.0;      //@ [-20, 20] mm difference between odd and even rows, the same in all of the image and in all devices
 
 uniform sampler2D u_depth;
 uniform uint u_device_seed;
+uniform vec2 u_frame_size_px;
 
 out float depth;
 
 void main() {
     vec2 here = gl_FragCoord.xy / vec2(textureSize(u_depth, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    float own = normal_pair(random_bits(pixel, u_device_seed, 0u).xy).x;
+    float own = correlated_noise(pixel, u_device_seed);
     float column = normal_pair(random_bits(ivec2(pixel.x, 0), u_device_seed, 1u).xy).x;
-    float row = (pixel.y & 1) == 1 ? 0.5 : -0.5;
-    float error = pixel_sigma_mm * own + column_sigma_mm * column + row_step_mm * row;
+    float row = normal_pair(random_bits(ivec2(0, pixel.y), u_device_seed, 2u).xy).x;
+    bool first_half = 2 * pixel.y < int(u_frame_size_px.y);
+    float half_sign = first_half == ((pcg_word(u_device_seed) & 1u) == 1u) ? 1.0 : -1.0;
+    float odd = (pixel.y & 1) == 1 ? 1.0 : -1.0;
+    float error = pixel_sigma_mm * own + column_sigma_mm * column + row_sigma_mm * row
+        + odd * (row_alternation_mm * half_sign + 0.5 * row_step_mm);
     depth = moved_by_mm(textureLod(u_depth, here, 0.0).r, error);
 }

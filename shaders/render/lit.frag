@@ -22,7 +22,8 @@ const float CONSTANT_BIAS_M = 0.0003;
 const float SLOPE_TEXELS = 1.0;
 const float MAX_SLOPE = 10.0;
 // The z-buffer holds front surfaces only. A line that passes behind one by more than this passes
-// behind the object: half a head is 0.1 m.
+// behind the object: half a head is 0.1 m. From one texel to the next a line may get deeper by more
+// than that; a front that it crosses in between hides it too.
 const float THICKNESS_M = 0.1;
 const int MAX_WALK = 64; // texels: 15 mm of spread from 0.5 m to any distance are 16
 
@@ -45,13 +46,15 @@ vec2 reached(vec2 tangent, float z, float spread, vec2 direction, float bias) {
     float longest = spread * (1.0 / u_map_range.x - 1.0 / z);
     vec2 free = vec2(1.0), middle = tangent * u_map.xy + u_map.zw;
     vec2 texel = u_texel * direction * u_map.xy;
-    for (int k = 1; k <= MAX_WALK && (float(k) - 0.5) * u_texel < longest && free.x + free.y > 0.0; k++) {
-        float far = float(k) - 0.5, line = 1.0 / z + far * u_texel / spread;
+    float gain = u_texel / spread; // of inverse depth along the line, per texel
+    for (int k = 0; k <= MAX_WALK && (float(k) - 0.5) * u_texel < longest && free.x + free.y > 0.0; k++) {
+        float far = max(float(k) - 0.5, 0.0), line = 1.0 / z + far * gain;
         vec2 there = vec2(
             inverse_of_stored(textureLod(u_projector_depth, middle + far * texel, 0.0).r),
             inverse_of_stored(textureLod(u_projector_depth, middle - far * texel, 0.0).r));
         vec2 behind = there - line, scale = there * line; // m, times both inverse depths
-        free *= 1.0 - step(bias * scale, behind) * (1.0 - step(THICKNESS_M * scale, behind));
+        vec2 deepest = max(THICKNESS_M * scale, bias * scale + gain);
+        free *= 1.0 - step(bias * scale, behind) * (1.0 - step(deepest, behind));
     }
     return free;
 }

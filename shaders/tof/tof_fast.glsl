@@ -2,7 +2,7 @@
 // tof_fast: simulates the time-of-flight sensor in one step, for very large data sets.
 // On even surfaces the noise is drawn with the statistics of the chain tof_light to tof_floor. Only
 // beside depth steps phasors are summed up, filtered and unwrapped. One sample per pixel and no taps:
-// no companding, no saturation.
+// no companding, no halo, no haze.
 //@ sparse
 #include "lib/surface_light.glsl"
 #include "lib/unwrap.glsl"
@@ -11,8 +11,9 @@
 #include "lib/depth.glsl"
 
 uniform float step_mm = 20.0;         //@ [0, 1000] mm  range of depth in 3x3 beyond which phasors are summed up
-uniform float read_variance = 1.755;  //@ [0, 1e4]  LSB^2 variance of a tap without light, as in tof_taps
+uniform float read_variance = 16.5;   //@ [0, 1e4]  LSB^2 variance of a tap without light, as in tof_taps
 uniform float shot_variance = 0.0166; //@ [0, 10]   LSB variance of a tap for one LSB of light, as in tof_taps
+uniform float saturation_lsb = 4350.0;//@ [1, 16320] LSB amplitudes beyond this saturate; tof_taps loses white surfaces at the same distance
 uniform float sharpness = 5.0;        //@ [0, 100]  1   decay of the bilateral filter's weight, as in tof_bilateral
 uniform float max_edge = 2.5;         //@ [0, 8]    1   sum of the neighbours' phase distances that marks a pixel, as in tof_bilateral
 
@@ -28,11 +29,11 @@ out float infrared;
 out vec2 decoded; // as in tof_unwrap
 
 // Amplitude and phasors of a pixel that sees one surface.
-float seen(ivec2 pixel, out vec3 real, out vec3 imaginary) {
+float seen(ivec2 pixel, Harmonics harmonics, out vec3 real, out vec3 imaginary) {
     ivec2 at = clamp(pixel, ivec2(0), textureSize(u_clean, 0) - 1);
     vec2 light = surface_light(texelFetch(u_clean, at, 0).r, texelFetch(u_normal, at, 0),
         texelFetch(u_rays, at, 0).rg, texelFetch(u_lit, at, 0).r);
-    correlate(light.y, real, imaginary);
+    correlate(light.y, harmonics, real, imaginary);
     real = light.x > 0.0 ? real : vec3(0.0);
     imaginary = light.x > 0.0 ? imaginary : vec3(0.0);
     return light.x;
@@ -58,20 +59,21 @@ void main() {
         }
     }
     bool beside_step = high - low > 0.001 * step_mm;
-    // Nine iterations compute the blur of lens and pixel area (variance 1/3 px^2, weights 1/6, 2/3,
-    // 1/6), eight more the bilateral filter, in which each neighbour sees one surface. On an even
+    // Nine iterations compute the blur of lens and pixel area (variance 1/5 px^2, weights 1/10, 4/5,
+    // 1/10), eight more the bilateral filter, in which each neighbour sees one surface. On an even
     // surface a single iteration computes the pixel's own light.
     vec3 mixed_real = vec3(0.0), mixed_imaginary = vec3(0.0), unit = vec3(0.0);
     vec3 sum_real = vec3(0.0), sum_imaginary = vec3(0.0), total = vec3(1e-6), apart = vec3(0.0);
     float mixed_amplitude = 0.0;
+    Harmonics harmonics = device_harmonics();
     int k = beside_step ? 0 : 4;
     do {
         bool blurs = k < 9;
         int place = blurs ? k : k - 9 + int(k > 12); // the second time without the centre
         ivec2 offset = ivec2(place % 3, place / 3) - 1;
         vec3 r, i;
-        float a = seen(pixel + offset, r, i);
-        float weight = (offset.x == 0 ? 2.0 / 3.0 : 1.0 / 6.0) * (offset.y == 0 ? 2.0 / 3.0 : 1.0 / 6.0);
+        float a = seen(pixel + offset, harmonics, r, i);
+        float weight = (offset.x == 0 ? 0.8 : 0.1) * (offset.y == 0 ? 0.8 : 0.1);
         float light = blurs ? a * (beside_step ? weight : 1.0) : 0.0;
         mixed_real += light * r;
         mixed_imaginary += light * i;
@@ -117,6 +119,7 @@ void main() {
     float z = along_axis(distance_m, ray);
     bool nothing = mixed_amplitude <= 0.0 && clean <= 0.0;
     reason = nothing ? REASON_NO_SURFACE : reason_of(fate, z, clean, lit);
+    if (amplitude > saturation_lsb) reason = REASON_SATURATED;
     bool valid = reason == REASON_VALID || reason == REASON_GROWN;
 
     vec3 phase_sigma = sigma / max(amplitude, 1.0); // rad

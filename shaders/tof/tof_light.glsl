@@ -30,6 +30,7 @@ void main() {
     int side = u_supersample, samples = mixed ? side * side : 1;
     float share = 1.0 / float(samples), width = 1.0 / float(side); // of a sample; width in pixels
     vec2 ray = textureLod(u_rays, at, 0.0).rg;
+    Harmonics harmonics = device_harmonics();
     int k = 0;
     do { // an even pixel has one sample, the central one
         ivec2 place = mixed ? ivec2(k % side, k / side) : ivec2(side / 2);
@@ -55,9 +56,10 @@ void main() {
         lit = nearest < 1e5 ? lit : 1.0;
         shape.w = mixed ? seen.g : shape.w;
         vec2 aside = (within - 0.5) / u_focal_px;
-        vec2 light = surface_light(seen.r, shape, ray + aside, share * lit);
+        vec2 light = surface_light(seen.r, shape, ray + aside, lit);
+        light.x *= share;
         vec3 real, imaginary;
-        correlate(light.y, real, imaginary);
+        correlate(light.y, harmonics, real, imaginary);
         sum_a += light.x * vec4(real.x, imaginary.x, real.y, imaginary.y);
         sum_b += vec4(light.x * real.z, light.x * imaginary.z, light.x, 0.0);
     } while (++k < samples);

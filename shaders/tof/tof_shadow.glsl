@@ -2,8 +2,9 @@
 // tof_shadow: computes the share of three emitters that lights a pixel, by ray marching in the image.
 // The line from a point to an emitter beside the camera runs through the image along the baseline;
 // after k pixels its depth is 1 / (1 / z + k / F), F the focal length times the baseline (the width
-// of shadows, F (1 / z_near - 1 / z_far), follows from it). A surface at that depth or shortly in
-// front of it hides the point. It needs one image instead of a z-buffer per emitter.
+// of shadows, F (1 / z_near - 1 / z_far), follows from it). A surface at that depth or in front of it,
+// by no more than the thickness of objects or the line's step from pixel to pixel, hides the point.
+// It needs one image instead of a z-buffer per emitter.
 //@ sparse
 uniform float spread_mm = 15.0;     //@ [0, 100]  mm distance of the outer emitters from the middle one; not published
 uniform float thickness_mm = 250.0; //@ [1, 5000] mm assumed thickness of objects; the depth of a head
@@ -43,7 +44,8 @@ void main() {
         float surface = 1.0 / max(there, 1e-3);
         // How far the surface is in front of the line, times both inverse depths.
         vec3 before = surface - line, scale = surface * line;
-        vec3 hides = step(bias * scale, before) * (1.0 - step(thickness * scale, before));
+        vec3 deepest = max(thickness * scale, bias * scale + step_per_px);
+        vec3 hides = step(bias * scale, before) * (1.0 - step(deepest, before));
         hidden = max(hidden, there > 0.0 ? hides : vec3(0.0));
         walking = walking && inside && min(line.x, min(line.y, line.z)) < nearest;
     } while (walking && ++k <= FARTHEST_PX);

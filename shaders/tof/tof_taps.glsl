@@ -1,18 +1,26 @@
 #version 330 core
 // tof_taps: measures three taps per frequency, with noise, saturation and companding.
-// It combines the taps into one phasor per frequency. Noise: Var = 1.755 + 0.0166 A, A the tap's
-// amplitude; this fits the phase noise that Jaremo Lawin, Forssen and Ovren (ECCV 2016) measured on a
-// Kinect V2 within 7 % rms.
+// It combines the taps into one phasor per frequency.
+// Noise: real frames have sigma^2 = 1.05^2 + (4600 / infrared)^2 mm^2 after the decoder's 3x3 filter.
+// A tap's sigma moves the filtered depth by 1132 / infrared mm per LSB, so that a tap has 4.06 LSB.
+// Jaremo Lawin, Forssen and Ovren (ECCV 2016) measured phase noise at amplitudes of 20 to 100; read
+// as unfiltered phases it gives a variance of 1.755 + 0.0166 A. It was measured after the filter,
+// which divides the variance by 9: 15.8 + 0.15 A. Both agree on the variance without light; the
+// growth with light is smaller here, because the real frames show none.
+// Optics: a narrow core, a halo, and haze: light that the lens scatters over a neighbourhood. Measured
+// at edges of real frames: sigma 0.22 px, 15 % in a halo of 1.2 px; 1 to 2 % of haze in shadows.
 //@ sparse
 #include "lib/random.glsl"
 #include "lib/tof.glsl"
 #include "lib/taps.glsl"
 
-uniform float psf_sigma_px = 0.5;       //@ [0, 0.8]   px  standard deviation of the optical blur, without the pixel's area
-uniform float read_variance = 1.755;    //@ [0, 1e4]   LSB^2 variance of a tap without light
-uniform float shot_variance = 0.0166;   //@ [0, 10]    LSB  variance of a tap for one LSB of light
+uniform float psf_sigma_px = 0.22;      //@ [0, 0.8]   px  standard deviation of the optical blur's core, without the pixel's area
+uniform float halo = 0.10;              //@ [0, 0.5]   1   share of the light in a halo of 1.2 px; measured: 0.15, or none and a core of 0.33 px
+uniform float haze = 0.01;              //@ [0, 0.2]   1   share of the light scattered to 4 to 7 px, which stands for scattering to all distances; measured 0.01 to 0.02
+uniform float read_variance = 16.5;     //@ [0, 1e4]   LSB^2 variance of a tap without light; measured, see above
+uniform float shot_variance = 0.0166;   //@ [0, 10]    LSB  variance of a tap for one LSB of light; chosen: the law above within 5 %
 uniform float ambient_lsb = 0.0;        //@ [0, 1e5]   LSB ambient light: it cancels, except for its noise
-uniform float saturation_lsb = 16320.0; //@ [1, 16320] LSB taps beyond this saturate; 16320 is the largest code
+uniform float saturation_lsb = 4000.0;  //@ [1, 16320] LSB taps beyond this saturate; measured: white surfaces are lost nearer than 0.65 m, at 65,535 counts of infrared
 uniform bool companding = true;         //@            1   whether taps are rounded to 11 bits
 uniform bool dead_border = true;        //@            1   whether the first and last columns are not read out
 
@@ -24,26 +32,41 @@ uniform vec2 u_frame_size_px;
 
 const float COUNTS_PER_AMPLITUDE = 16.0; // libfreenect2's ab_output_multiplier
 
+// Weights per axis of a Gaussian of 1.2 px within 3x3; four pixels at a distance of 2 have the rest.
+const float HALO_MIDDLE = 0.332485, HALO_SIDE = 0.234939, HALO_OUTER = 0.0891;
+
 out vec4 phasor_a; // as light_a
 out vec4 phasor_b; // third frequency; infrared counts; flags, 2: saturated
 
 void main() {
     vec2 here = gl_FragCoord.xy / vec2(textureSize(u_light_a, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    // Blur: three weights per axis with the variance of the Gaussian, clamped at the frame.
+    // Core: three weights per axis with the variance of the Gaussian. Clamped at the frame.
     float side = 0.5 * psf_sigma_px * psf_sigma_px, middle = 1.0 - 2.0 * side;
+    float core = 1.0 - halo - haze;
     vec2 texel = 1.0 / vec2(textureSize(u_light_a, 0));
     vec4 a = vec4(0.0), b = vec4(0.0);
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
             vec2 at = (gl_FragCoord.xy + vec2(x, y)) * texel;
-            float weight = (x == 0 ? middle : side) * (y == 0 ? middle : side);
+            float weight = core * (x == 0 ? middle : side) * (y == 0 ? middle : side)
+                + halo * (x == 0 ? HALO_MIDDLE : HALO_SIDE) * (y == 0 ? HALO_MIDDLE : HALO_SIDE);
             a += weight * textureLod(u_light_a, at, 0.0);
             b += weight * textureLod(u_light_b, at, 0.0);
         }
     }
-    // Pixels without surface and light get no noise: it would depend on the frame's window.
-    bool seen = b.z > 0.0 || textureLod(u_clean, here, 0.0).r > 0.0;
+    bool beside_light = b.z > 0.0;
+    for (int k = 0; k < 4; k++) {
+        float s = float(k & 2) - 1.0, t = float((k & 1) * 2) - 1.0;
+        vec2 near = (gl_FragCoord.xy + 2.0 * s * vec2(1 - (k & 1), k & 1)) * texel;
+        vec2 away = (gl_FragCoord.xy + 4.0 * vec2(s, t)) * texel;
+        a += HALO_OUTER * halo * textureLod(u_light_a, near, 0.0)
+            + 0.25 * haze * textureLod(u_light_a, away, 0.0);
+        b += HALO_OUTER * halo * textureLod(u_light_b, near, 0.0)
+            + 0.25 * haze * textureLod(u_light_b, away, 0.0);
+    }
+    // Pixels without surface and light measure nothing: noise must not depend on a frame's window.
+    bool seen = beside_light || textureLod(u_clean, here, 0.0).r > 0.0;
     bool dead = dead_border && (pixel.x == 0 || pixel.x == int(u_frame_size_px.x) - 1);
     vec3 light_real = vec3(a.xz, b.x) / CONTRAST_MULTIPLIER;
     vec3 light_imaginary = vec3(a.yw, b.y) / CONTRAST_MULTIPLIER;

@@ -254,6 +254,17 @@ def test_other_settings_are_refused(tmp_path: Path, changes: dict, message: str)
     assert contents(tmp_path) == before
 
 
+def test_a_set_of_another_version_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its sensors may have been others: a set must not consist of two halves."""
+    monkeypatch.setattr("glsim.dataset.driver.version", lambda package: "0.1.0")
+    make(tmp_path)
+    monkeypatch.undo()
+    with pytest.raises(ConfigError, match=r"begun with glsim 0\.1\.0, whose frames of a seed may"):
+        make(tmp_path)
+
+
 def test_another_plan_or_renderer_is_refused(tmp_path: Path) -> None:
     make(tmp_path)
     with pytest.raises(ConfigError, match="planned_frames = 160, not 140"):

@@ -46,7 +46,16 @@ NEUTRAL: list[tuple[str, dict[str, float]]] = [
     ("axial", {"base_sigma_mm": 0, "linear_mm_per_m": 0, "quadratic_mm_per_m2": 0, "angle_mm": 0}),
     ("axial", {"max_sigma_mm": 0}),
     ("edge_dropout", {"probability": 0}),
-    ("fixed_pattern", {"pixel_sigma_mm": 0, "column_sigma_mm": 0, "row_step_mm": 0}),
+    (
+        "fixed_pattern",
+        {
+            "pixel_sigma_mm": 0,
+            "column_sigma_mm": 0,
+            "row_sigma_mm": 0,
+            "row_alternation_mm": 0,
+            "row_step_mm": 0,
+        },
+    ),
     ("gaussian", {"sigma_mm": 0, "sigma_px": 0}),
     ("lateral", {"sigma_px": 0, "angle_px": 0}),
     ("low_signal", {"min_counts": 0, "spread_counts": 0}),

@@ -13,9 +13,11 @@ from tests.support.stage_harness import (
     HEIGHT,
     WIDTH,
     Z_MAX,
+    Image,
     flat,
     frame,
     run_shader,
+    run_twin,
     z_correlation,
     z_mean,
     z_sd,
@@ -106,24 +108,57 @@ def test_fixed_pattern_belongs_to_the_device(context: moderngl.Context) -> None:
         for at in (frame(1), frame(2, time_s=5.0), frame(1, device_seed=4243))
     )
     assert first.tobytes() == next_frame.tobytes()
-    rows = np.array([-0.5, 0.5])[np.arange(HEIGHT) % 2][:, None] * 0.37e-3
-    a, b = ((part - np.float32(0.9) - rows).astype(np.float64) for part in (first, other))
-    columns = a.mean(axis=0), b.mean(axis=0)
+    a, b = ((1000 * (part - np.float32(0.9))).astype(np.float64) for part in (first, other))
+    columns = [part.mean(axis=0) for part in (a, b)]
     assert abs(z_correlation(*columns)) < Z_MAX
-    assert abs(z_correlation(a - columns[0], b - columns[1])) < Z_MAX
+    # Every third pixel of every third row: neighbours are alike. A row's own part is taken away.
+    rest = [
+        (part - part.mean(axis=1, keepdims=True) - part.mean(axis=0))[::3, ::3] for part in (a, b)
+    ]
+    assert abs(z_correlation(*rest)) < Z_MAX
 
 
-def test_fixed_pattern_has_the_parts_it_says(context: moderngl.Context) -> None:
-    error = error_mm(context, "fixed_pattern", 0.9)
-    odd_minus_even = error[1::2] - error[::2]  # a column's own part cancels
-    assert abs(z_mean(odd_minus_even, 0.37)) < Z_MAX
-    error -= np.where(np.arange(HEIGHT) % 2, 0.185, -0.185)[:, None]
-    column = error.mean(axis=0)
-    assert abs(z_sd(column, np.sqrt(0.45**2 + 0.6**2 / HEIGHT))) < Z_MAX
-    assert abs(z_mean(column)) < Z_MAX
-    # A column's mean takes one of its HEIGHT degrees of freedom.
-    own = (error - column) * np.sqrt(HEIGHT / (HEIGHT - 1))
-    assert abs(z_sd(own, 0.6)) < Z_MAX
+#: One part of the fixed pattern at a time.
+NO_PATTERN = dict.fromkeys(
+    ("pixel_sigma_mm", "column_sigma_mm", "row_sigma_mm", "row_alternation_mm", "row_step_mm"), 0.0
+)
+
+
+def pattern_mm(context: moderngl.Context, **part: float) -> Image:
+    layers = flat(0.9)
+    drawn = run_shader(context, "fixed_pattern", layers, **(NO_PATTERN | part))["depth"]
+    twin = run_twin("fixed_pattern", layers, **(NO_PATTERN | part))["depth"]
+    assert np.abs(drawn - twin).max() < 2e-6
+    return (1000 * (drawn.astype(np.float64) - np.float32(0.9))).astype(np.float64)
+
+
+def test_fixed_pattern_of_pixels_is_smooth_and_has_its_sigma(context: moderngl.Context) -> None:
+    error = pattern_mm(context, pixel_sigma_mm=0.25)
+    assert abs(z_sd(error[::3, ::3], 0.25)) < Z_MAX
+    beside = [
+        np.corrcoef(error[:, k:].ravel(), error[:, : WIDTH - k].ravel())[0, 1] for k in (1, 2, 3)
+    ]
+    np.testing.assert_allclose(beside, [0.667, 0.333, 0.0], atol=0.03)
+
+
+def test_fixed_pattern_of_columns_and_rows(context: moderngl.Context) -> None:
+    column = pattern_mm(context, column_sigma_mm=0.2)
+    assert np.ptp(column, axis=0).max() < 1e-3
+    assert abs(z_sd(column[0], 0.2)) < Z_MAX
+    row = pattern_mm(context, row_sigma_mm=0.25)
+    assert np.ptp(row, axis=1).max() < 1e-3
+    assert abs(z_sd(row[:, 0], 0.25)) < Z_MAX
+
+
+def test_rows_alternate_with_another_sign_in_the_lower_half(context: moderngl.Context) -> None:
+    error = pattern_mm(context, row_alternation_mm=0.69)
+    assert np.ptp(error, axis=1).max() < 1e-3
+    size = error[:, 0] * np.where(np.arange(HEIGHT) % 2, 1, -1)
+    np.testing.assert_allclose(np.abs(size), 0.69, atol=1e-3)
+    assert (np.sign(size[: HEIGHT // 2]) == np.sign(size[0])).all()
+    assert (np.sign(size[HEIGHT // 2 :]) == -np.sign(size[0])).all()
+    step = pattern_mm(context, row_step_mm=0.37)[:, 0]
+    np.testing.assert_allclose(step[1::2] - step[::2], 0.37, atol=1e-3)
 
 
 def test_disparity_is_rounded_to_steps(context: moderngl.Context) -> None:

@@ -71,8 +71,8 @@ def test_taking_the_centre_for_all_samples_costs_less_than_it_may(
         one, other = quick["depth"] > 0, exact["depth"] > 0
         assert (one == other).mean() > 0.9995
         error_mm = 1000 * np.abs(quick["depth"] - exact["depth"])[one & other]
-        assert np.quantile(error_mm, 0.99) < 0.1
-        assert np.quantile(error_mm, 0.999) < 1.0  # at rims
+        assert np.quantile(error_mm, 0.99) < 0.15  # optics of 0.22 px blur less of it away
+        assert np.quantile(error_mm, 0.999) < 2.0  # at rims
         assert error_mm.mean() < 0.02
 
 

@@ -9,7 +9,7 @@ import pytest
 from glsim.geometry.rect import Rect
 from glsim.noise.numpy_twins.tof_decode import unwrapped
 from glsim.reason import Reason
-from tests.support.tof_harness import QUIET, Camera, Image, merged, quad, residual_mm
+from tests.support.tof_harness import QUIET, Camera, Image, merged, quad
 
 CROP = Rect(215, 165, 80, 80)
 #: Only the noise of the light; exact depth.
@@ -34,9 +34,9 @@ def test_fusion_and_filter_gain(context: moderngl.Context) -> None:
     for z_mm in (1500.0, 3000.0):
         raw = depths(cam, z_mm, merged(LIGHT, UNFILTERED), 10)
         filtered = depths(cam, z_mm, LIGHT, 10)
-        amplitude = 391 / (z_mm / 1000) ** 2
+        amplitude = 1894 / (z_mm / 1000) ** 2
         m = np.array([1.322581, 1.0, 1.612903])
-        sigma_phase = m * np.sqrt(2 / 3 * (1.755 + 0.0166 * amplitude / m)) / amplitude
+        sigma_phase = m * np.sqrt(2 / 3 * (16.5 + 0.0166 * amplitude / m)) / amplitude
         expected = 110.5 * np.linalg.norm(sigma_phase)
         sigma = np.sqrt(raw.var(axis=0, ddof=1).mean())
         assert 0.95 < sigma / expected < 1.05
@@ -76,7 +76,7 @@ def test_any_distance_is_unwrapped() -> None:
 def test_no_gross_errors_in_the_measuring_range(context: moderngl.Context) -> None:
     cam = Camera.open(context)
     for z_mm in np.linspace(520, 4450, 15):
-        found = depths(cam, float(z_mm), {}, 1)
+        found = depths(cam, float(z_mm), {}, 1, albedo=0.5)  # white saturates below 0.65 m
         wrong = (found > 0) & (np.abs(found - z_mm) > 300)
         assert not wrong.any(), z_mm
         assert (found > 0).mean() > 0.999
@@ -86,7 +86,10 @@ def test_no_gross_errors_in_the_measuring_range(context: moderngl.Context) -> No
 def test_geometry_of_the_emitter_is_undone(context: moderngl.Context, z_mm: float) -> None:
     """A wall stays flat to the corners: the path over the emitter is 45 mm off centre."""
     cam = Camera.open(context)
-    bright = {"tof_light": {"vignetting": 0.0, "gain": 4000.0}}
+    bright = {
+        "tof_light": {"tail": 1.0, "gain": 1000.0},
+        "tof_taps": {"psf_sigma_px": 0.0, "halo": 0.0, "haze": 0.0},  # they mix directions
+    }
     layers = cam.shoot([quad(z_mm)], merged(QUIET, bright))
     error = 1000 * layers["depth"][2:-2, 2:-2] - z_mm  # filters end at the border
     assert np.abs(error).max() < 0.02 + 2e-5 * z_mm
@@ -103,19 +106,18 @@ def test_tilted_walls_come_back(context: moderngl.Context) -> None:
         assert np.abs(1000 * (found - clean)[inner]).max() < 0.1
 
 
-@pytest.mark.parametrize(("amplitude", "low", "high"), [(2.0, 0.0, 0.2), (11.0, 0.99, 1.0)])
+@pytest.mark.parametrize(("amplitude", "low", "high"), [(2.0, 0.0, 0.2), (40.0, 0.99, 1.0)])
 def test_validity_depends_on_the_amplitude(
     context: moderngl.Context, amplitude: float, low: float, high: float
 ) -> None:
     cam = Camera.open(context)
-    albedo = amplitude / 391
-    found = [
-        cam.shoot([quad(1000.0, albedo=albedo)], UNFILTERED, seed=s, crop=CROP) for s in range(4)
-    ]
+    albedo = amplitude / 1894
+    found = [cam.shoot([quad(1000.0, albedo=albedo)], seed=s, crop=CROP) for s in range(4)]
     valid = np.mean([shot["depth"][12:-12, 12:-12] > 0 for shot in found])
     assert low <= valid <= high
     codes = np.unique([shot["reason"][12:-12, 12:-12] for shot in found])
-    assert set(codes) <= {Reason.VALID, Reason.LOW_SIGNAL, Reason.UNWRAP, Reason.OUT_OF_RANGE}
+    assert set(codes) <= {Reason.VALID, Reason.LOW_SIGNAL, Reason.UNWRAP, Reason.OUT_OF_RANGE,
+                          Reason.MIXED, Reason.EDGE}  # fmt: skip
 
 
 def test_every_stage_may_be_left_out(context: moderngl.Context) -> None:
@@ -135,16 +137,17 @@ def test_every_stage_may_be_left_out(context: moderngl.Context) -> None:
 def test_ranges_are_the_decoders(context: moderngl.Context) -> None:
     cam = Camera.open(context)
     for z_mm, kept in ((480.0, False), (520.0, True), (4450.0, True), (4550.0, False)):
-        layers = cam.shoot([quad(z_mm)], crop=CROP)
+        layers = cam.shoot([quad(z_mm, albedo=0.4)], crop=CROP)
         inner = layers["depth"][12:-12, 12:-12]
         assert ((inner > 0).mean() > 0.99) if kept else not inner.any()
         if not kept:
             assert (layers["reason"][12:-12, 12:-12] == Reason.OUT_OF_RANGE).all()
 
 
-def test_sigma_follows_fankhauser(context: moderngl.Context) -> None:
-    cam = Camera.open(context)
-    for z_m in (0.9, 2.0, 3.0, 4.0):
-        found = depths(cam, 1000 * z_m, {}, 3)
-        sigma = np.mean([residual_mm(shot / 1000).std() for shot in found])
-        assert sigma == pytest.approx(1.5 - 0.5 * z_m + 0.3 * z_m**2, rel=0.25)
+@pytest.mark.parametrize(("z_mm", "expected"), [(790.0, 1.26), (1360.0, 1.40), (2800.0, 2.1)])
+def test_temporal_sigma_is_that_of_real_frames(
+    context: moderngl.Context, z_mm: float, expected: float
+) -> None:
+    """Walls in the middle of the image; the devices differ by this much. Fankhauser's has more."""
+    found = depths(Camera.open(context), z_mm, {}, 10, albedo=0.8)
+    assert np.sqrt(found.var(axis=0, ddof=1).mean()) == pytest.approx(expected, rel=0.15)

@@ -6,8 +6,10 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.geometry.mesh import Mesh
+from glsim.geometry.pose import pose_matrix
 from glsim.reason import Reason
-from tests.support.tof_harness import QUIET, Camera, Image, merged, quad
+from tests.support.tof_harness import QUIET, Camera, Image, Placed, merged, quad
 
 OFF = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}
 ROWS = slice(120, 300)
@@ -39,7 +41,7 @@ def counts(layers: dict[str, Image], near: float, far: float) -> tuple[float, fl
     [
         (950.0, False, (0.05, 1.5), (0, 0), (0, 0.02)),
         (950.0, True, (0.1, 1.5), (0, 0), (0, 0.02)),
-        (1500.0, False, (0.6, 2.1), (0, 0.1), (0, 0.2)),
+        (1500.0, False, (0.6, 2.1), (0, 0.1), (0, 0.5)),
         (1500.0, True, (0, 0.7), (0, 0.1), (1.2, 2.4)),
         (2000.0, False, (0, 0.1), (0.2, 1.1), (0, 1.7)),
     ],
@@ -82,7 +84,7 @@ def test_silhouettes_before_nothing_grow_and_stay_in_place(context: moderngl.Con
     assert (layers["reason"][grown] == Reason.GROWN).all()
     rim = 2 * (clean.any(axis=0).sum() + clean.any(axis=1).sum())
     assert 0.3 < grown.sum() / rim < 2.3
-    assert np.abs(1000 * depth[depth > 0] - 900).max() < 1
+    assert np.abs(1000 * depth[depth > 0] - 900).max() < 2  # the halo's light comes from aside
     noisy = cam.shoot(scene)
     assert (noisy["depth"] > 0)[clean].mean() > 0.995
     assert 0.3 < ((noisy["depth"] > 0) & ~clean).sum() / rim < 2.3
@@ -107,7 +109,8 @@ def test_shadows_are_as_wide_as_geometry_says(
     assert (1 - right).sum() < 0.1
     column = lit[:, int(CENTRE)][~near[:, int(CENTRE)]]
     assert (1 - column).sum() < 1.0, "at most the pixel that the edge itself runs through"
-    assert ((left > 0.2) & (left < 0.8)).any(), "a penumbra"
+    if far > 1500:  # the emitter's 10 mm are less than a pixel before nearer walls
+        assert ((left > 0.2) & (left < 0.8)).any(), "a penumbra"
     middle = lit[205] == 0
     assert np.isin(layers["reason"][205][middle & (layers["depth"][205] == 0)],
                    [Reason.SHADOW, Reason.MIXED, Reason.EDGE, Reason.UNWRAP]).all()  # fmt: skip
@@ -128,3 +131,53 @@ def test_an_edge_is_where_it_is(context: moderngl.Context) -> None:
     rows = np.arange(len(place))
     place -= np.polyval(np.polyfit(rows, place, 1), rows)
     assert 0.2 < place.std() < 0.8
+
+
+def round_head(z_mm: float, half_mm: float) -> Placed:
+    """An upright elliptic cylinder of skin, 190 mm deep, with its axis at ``z_mm``."""
+    angle = np.radians(np.linspace(-110, 110, 111))
+    ends = [
+        np.stack([half_mm * np.sin(angle), np.full(111, y), 95 * np.cos(angle)], axis=-1)
+        for y in (-150.0, 150.0)
+    ]
+    low = np.arange(110)
+    high = low + 111
+    faces = np.concatenate([
+        np.stack([low, low + 1, high + 1], axis=-1), np.stack([low, high + 1, high], axis=-1)
+    ])  # fmt: skip
+    mesh = Mesh(
+        np.concatenate(ends).astype(np.float32),
+        faces.astype(np.int32),
+        np.full(222, 0.55, np.float32),
+    )
+    return mesh, pose_matrix({"distance_mm": z_mm})
+
+
+@pytest.mark.parametrize(("near_m", "wall_m"), [(0.9, 1.5), (1.1, 2.0), (1.2, 1.8), (1.0, 2.2)])
+def test_silhouettes_before_walls_are_those_of_real_frames(
+    context: moderngl.Context, near_m: float, wall_m: float
+) -> None:
+    """Width without depth of wall or head: 1.1 px + 35 mm S in the shadow, 2.2 px on the lit side.
+
+    S = f (1 / near - 1 / wall). In real frames 35 to 50 % of the 8 px on each side are invalid, and
+    4 to 10 % lie behind the wall.
+    """
+    cam = Camera.open(context)
+    shadow, bright, behind, invalid, band = [], [], 0, 0, 0
+    for seed in range(3):
+        head = round_head(1000 * near_m, 75 + seed)  # edges in all phases of a pixel
+        depth = cam.shoot([head, quad(1000 * wall_m, albedo=0.8)], seed=seed)["depth"]
+        seen, wall = np.abs(depth - near_m) < 0.12, np.abs(depth - wall_m) < 0.03
+        for row in range(165, 245):
+            columns = np.flatnonzero(seen[row])
+            left, right = int(columns.min()), int(columns.max())
+            shadow.append(left - np.flatnonzero(wall[row, :left]).max() - 1)
+            bright.append(np.flatnonzero(wall[row, right:]).min() - 1)
+            sides = np.r_[depth[row, left - 8 : left], depth[row, right + 1 : right + 9]]
+            behind, band = behind + (sides > wall_m + 0.03).sum(), band + len(sides)
+            invalid += (sides == 0).sum()
+    expected = 1.1 + 0.035 * FOCAL * (1 / near_m - 1 / wall_m)
+    assert np.mean(shadow) == pytest.approx(expected, abs=1.0)
+    assert np.mean(bright) == pytest.approx(2.2, abs=1.0)
+    assert 0.01 < behind / band < 0.15  # both depend on the wall's light
+    assert 0.3 < invalid / band < 0.55

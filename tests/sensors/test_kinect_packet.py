@@ -93,8 +93,8 @@ def test_without_noise_the_distance_comes_back(context: moderngl.Context, z_mm: 
     clean, frame = cam.clean([quad(z_mm)])
     values = cam.values({
         "tof_light": {"gain": 9000.0 * (z_mm / 1000) ** 2, "harmonic_2": 0.0, "harmonic_5": 0.0,
-                      "vignetting": 0.0},
-        "tof_taps": {"read_variance": 0.0, "shot_variance": 0.0},
+                      "tail": 1.0},
+        "tof_taps": {"read_variance": 0.0, "shot_variance": 0.0, "saturation_lsb": 16320.0},
     })  # fmt: skip
     layers = {**clean, "lit": np.ones_like(clean["clean"])}
     layers |= TWINS["tof_light"](frame.view("tof_light"), layers, values["tof_light"])

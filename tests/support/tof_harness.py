@@ -32,7 +32,7 @@ FRAMED = ("clean", "depth", "reason", "infrared", "lit", "decoded", "phasor_a", 
 #: Settings without the noise that differs between frames, or that moves depths off the scene.
 QUIET = {
     "tof_taps": {"read_variance": 0.0, "shot_variance": 0.0, "companding": 0.0},
-    "tof_light": {"harmonic_2": 0.0, "harmonic_5": 0.0},
+    "tof_light": {"harmonic_2": 0.0, "harmonic_5": 0.0, "indirect": 0.0},
     "tof_floor": {"enabled": 0.0},
     "fixed_pattern": {"enabled": 0.0},
     "millimetre_quantise": {"enabled": 0.0},

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from glsim.dataset import Dataset, Split
 from glsim.dataset.disk_format import MANIFEST
+from glsim.dataset.reader import no_clean
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum, wrap_read_errors
 from glsim.settings.schema import SPLIT_NAMES
@@ -36,6 +37,8 @@ def checked_split(dataset: Dataset, name: str, crop: int | None, cut: Cut) -> Sp
         )
     for layer in PAIR_LAYERS:
         if layer not in dataset.layers:
+            if layer == "clean":
+                raise DatasetError(no_clean(dataset.path))
             raise DatasetError(
                 f"{dataset.path}: has no layer {layer!r}: generate it with --layers clean,noisy"
             )

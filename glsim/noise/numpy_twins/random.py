@@ -1,11 +1,20 @@
-"""Twin of shaders/lib/random.glsl, bit for bit: random numbers from (pixel, seed, draw)."""
+"""Twins of shaders/lib/random.glsl, bit for bit, kernel.glsl and correlated_noise.glsl.
+
+Random numbers from (pixel, seed, draw).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glsim.geometry.rect import Rect
+
 Words = NDArray[np.uint32]
+
+#: libfreenect2's 3x3 Gaussian: |dx| + |dy| of a neighbour -> weight.
+KERNEL = {0: np.float32(0.1195716), 1: np.float32(0.1131098), 2: np.float32(0.1069973)}
+KERNEL_UNIT = np.float32(2.99791)
 
 
 def random_bits(
@@ -53,3 +62,17 @@ def normal_pair(first: Words, second: Words) -> tuple[NDArray[np.float32], NDArr
     radius = np.sqrt(np.float32(-2.0) * np.log(uniform01(first)))
     angle = np.float32(6.28318530718) * uniform01(second)
     return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def correlated_noise(window: Rect, seed: int) -> NDArray[np.float32]:
+    """(h, w) white noise after the decoder's 3x3 filter, scaled to variance 1."""
+    x = np.arange(window.left, window.left + window.width)[None, :]
+    y = np.arange(window.top, window.top + window.height)[:, None]
+    noise = np.zeros((window.height, window.width), np.float32)
+    for dy in (-1, 0, 1):
+        row = pcg_word(np.uint32(seed) ^ pcg_word((y + dy).astype(np.uint32)))
+        for dx in (-1, 0, 1):
+            bits = pcg_word(row + (x + dx).astype(np.uint32))
+            halves = (bits >> np.uint32(16)).astype(np.int64) + (bits & np.uint32(0xFFFF))
+            noise += KERNEL[abs(dx) + abs(dy)] * (halves - 0xFFFF).astype(np.float32)
+    return KERNEL_UNIT * np.float32(3.73772e-5) * noise

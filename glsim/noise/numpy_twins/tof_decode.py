@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.depth import moved_by_mm
 from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
-from glsim.noise.numpy_twins.random import pcg_word
+from glsim.noise.numpy_twins.random import KERNEL, correlated_noise
 from glsim.noise.numpy_twins.tof_light import TWO_PI, frequencies, half_wave_m_mhz
 from glsim.reason import Reason
 
-#: libfreenect2's 3x3 Gaussian: |dx| + |dy| of a neighbour -> weight.
-KERNEL = {0: np.float32(0.1195716), 1: np.float32(0.1131098), 2: np.float32(0.1069973)}
-KERNEL_UNIT = np.float32(2.99791)
 _STEEPEST = np.float32(12.0)
 LOG2_E = np.float32(1.442695)
 _LOG10_2, _LOG2_10 = np.float32(0.301030), np.float32(3.321928)
@@ -99,7 +96,7 @@ def decoded(
         [dark, (disagreement > allowed * allowed) | (z <= 0), clean <= 0],
         [
             np.where(clean <= 0, Reason.NO_SURFACE, why_dark),
-            np.full(dark.shape, Reason.UNWRAP),
+            np.where((clean > 0) & (layers["lit"] < _HALF), Reason.SHADOW, Reason.UNWRAP),
             np.full(dark.shape, Reason.GROWN),
         ],
         default=Reason.VALID,
@@ -166,20 +163,7 @@ def tof_floor(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image
     """Adds noise that does not depend on the light and is correlated between neighbours."""
     depth = layers["depth"]
     sigma = np.sqrt(floor_variance(view, layers, p, depth))
-    return {"depth": moved_by_mm(depth, sigma * correlated_noise(view))}
-
-
-def correlated_noise(view: StageView) -> Image:
-    """White noise after the decoder's 3x3 filter, scaled to variance 1."""
-    x, y = (np.asarray(part, np.int64).astype(np.uint32) for part in pixels(view.window))
-    noise = np.zeros((view.window.height, view.window.width), np.float32)
-    for dy in (-1, 0, 1):
-        row = pcg_word(np.uint32(view.seed) ^ pcg_word(y + np.int32(dy).astype(np.uint32)))
-        for dx in (-1, 0, 1):
-            bits = pcg_word(row + x + np.int32(dx).astype(np.uint32))
-            halves = (bits >> np.uint32(16)).astype(np.int64) + (bits & np.uint32(0xFFFF))
-            noise += KERNEL[abs(dx) + abs(dy)] * (halves - 0xFFFF).astype(np.float32)
-    return KERNEL_UNIT * np.float32(3.73772e-5) * noise
+    return {"depth": moved_by_mm(depth, sigma * correlated_noise(view.window, view.seed))}
 
 
 def floor_variance(view: StageView, layers: Layers, p: Parameters, depth_m: Image) -> Image:

@@ -10,21 +10,20 @@ from numpy.typing import NDArray
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.depth import moved_by_mm
 from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
-from glsim.noise.numpy_twins.random import normal_pair, random_bits
-from glsim.noise.numpy_twins.tof_decode import (
+from glsim.noise.numpy_twins.random import (
     KERNEL,
     KERNEL_UNIT,
-    LOG2_E,
     correlated_noise,
-    decoded,
-    floor_variance,
+    normal_pair,
+    random_bits,
 )
+from glsim.noise.numpy_twins.tof_decode import LOG2_E, decoded, floor_variance
 from glsim.noise.numpy_twins.tof_light import TWO_PI, frequencies, half_wave_m_mhz, phasors
 from glsim.noise.numpy_twins.tof_taps import CONTRAST_MULTIPLIER
 from glsim.reason import Reason
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-_BLUR = {0: np.float32(2 / 3), 1: np.float32(1 / 6)}
+_BLUR = {0: np.float32(0.8), 1: np.float32(0.1)}
 
 
 def tof_fast(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -54,6 +53,7 @@ def tof_fast(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]
     imaginary = np.where(beside[..., None], imaginary, kept * mixed[..., 1:6:2])
     z, reason, sums = decoded(view, layers, p, real, imaginary)
     reason = np.where((amplitude <= 0) & (clean <= 0), np.float32(Reason.NO_SURFACE), reason)
+    reason = np.where(amplitude > p["saturation_lsb"], np.float32(Reason.SATURATED), reason)
     valid = (reason == Reason.VALID) | (reason == Reason.GROWN)
     turns = np.sqrt((sigma * sigma).sum(axis=-1)) / np.maximum(amplitude, _ONE) / TWO_PI
     light_mm = np.float32(1000.0) * turns * half_wave_m_mhz() / frequencies(view).sum()
@@ -62,7 +62,9 @@ def tof_fast(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]
     light_mm = np.where(beside, _ZERO, light_mm)
     spread = np.sqrt(floor_variance(view, layers, p, z) + light_mm * light_mm)
     z = np.where(valid, z, _ZERO)
-    depth = moved_by_mm(z, np.where(valid, spread, _ZERO) * correlated_noise(view))
+    depth = moved_by_mm(
+        z, np.where(valid, spread, _ZERO) * correlated_noise(view.window, view.seed)
+    )
     usable = np.where(beside & marked, _ZERO, depth)
     return {
         "depth": depth,

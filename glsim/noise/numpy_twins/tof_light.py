@@ -9,6 +9,7 @@ from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.light import SPEED_OF_LIGHT
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
+from glsim.noise.numpy_twins.random import pcg_word, uniform01
 
 TWO_PI = np.float32(6.28318530718)
 _MM = np.float32(0.001)
@@ -49,7 +50,9 @@ def tof_shadow(view: StageView, layers: Layers, p: Parameters) -> dict[str, Imag
         there = fetch(z, view.window, column, row)
         surface = (np.float32(1.0) / np.maximum(there, np.float32(1e-3)))[..., None]
         before, scale = surface - line, surface * line
-        hides = (before >= _MM * p["bias_mm"] * scale) & (before < _MM * p["thickness_mm"] * scale)
+        least = _MM * p["bias_mm"] * scale
+        deepest = np.maximum(_MM * p["thickness_mm"] * scale, least + step)
+        hides = (before >= least) & (before < deepest)
         hidden |= hides & ((there > 0) & looking)[..., None]
         inside = (column >= 0) & (column < whole.width) & (row >= 0) & (row < whole.height)
         walking = walking & inside & (line.min(axis=-1) < nearest)
@@ -76,7 +79,7 @@ def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image
         lit, shape = _alike(seen, *around)
         place = np.array([k % side, k // side], np.float32) - np.float32(side // 2)
         aside = place / (np.float32(side) * np.float32(view.optics.focal_px))
-        total += phasors(view, p, seen[:, 0], shape, rays[row, column] + aside, share * lit)
+        total += share * phasors(view, p, seen[:, 0], shape, rays[row, column] + aside, lit)
     light[mixed] = total
     empty = np.zeros((*z.shape, 1), np.float32)
     return {"light_a": light[..., :4], "light_b": np.concatenate([light[..., 4:], empty], -1)}
@@ -109,7 +112,7 @@ def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Ima
 
 
 def surface_light(
-    view: StageView, p: Parameters, z: Image, shape: Image, ray: Image, light: Image
+    view: StageView, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
 ) -> tuple[Image, Image]:
     """Amplitude of surface elements, and half the path emitter, surface, camera, m."""
     emitter = np.asarray(view.optics.emitter_m, np.float32)
@@ -124,29 +127,54 @@ def surface_light(
     )
     safe = np.where(z > 0, way, np.float32(1.0))
     facing = np.maximum(cosine / safe, np.float32(0.0))
-    dimmed = light * facing / (safe * safe) * np.power(stretch, -p["vignetting"])
+    beyond = np.minimum(p["flat_to"] - np.sqrt(x * x + y * y), np.float32(0.0))
+    profile = p["tail"] + (np.float32(1.0) - p["tail"]) * np.exp(beyond / p["fall_off"])
+    around = p["indirect"] * (np.float32(1.0) - lit)
+    light = lit + around
+    detour = p["indirect_mm"] * around / np.maximum(light, np.float32(1e-6))
+    dimmed = light * facing / (safe * safe) * profile * np.power(stretch, -p["vignetting"])
     amplitude = np.where(z > 0, p["gain"] * shape[..., 3] * dimmed, np.float32(0.0))
-    delay = _MM * (p["offset_mm"] + p["subsurface_mm"])
+    delay = _MM * (p["offset_mm"] + p["subsurface_mm"] + detour)
     return amplitude, np.float32(0.5) * (z * stretch + way) + delay
+
+
+def device_harmonics(view: StageView, p: Parameters) -> tuple[Image, Image, Image, Image]:
+    """Four times (3,): real and imaginary part of the second harmonic per frequency; of the fifth.
+
+    Sizes are the parameters'; phases are the device's own, drawn around the parameters'.
+    """
+    key = pcg_word(np.array([view.device_seed], np.uint32))
+    turns = uniform01(pcg_word((key + np.arange(6)).astype(np.uint32)))
+    drawn = p["harmonic_phase_spread"] * (turns - np.float32(0.5))
+    second = TWO_PI * (p["harmonic_2_phase_deg"] / np.float32(360.0) + drawn[:3])
+    fifth = TWO_PI * (p["harmonic_5_phase_deg"] / np.float32(360.0) + drawn[3:])
+    return (
+        p["harmonic_2"] * np.cos(second),
+        p["harmonic_2"] * np.sin(second),
+        p["harmonic_5"] * np.cos(fifth),
+        p["harmonic_5"] * np.sin(fifth),
+    )
 
 
 def correlate(view: StageView, p: Parameters, distance_m: Image) -> tuple[Image, Image]:
     """(..., 3) real and imaginary parts of light of amplitude 1 from distances (...), m."""
     turns = distance_m[..., None] * frequencies(view) / half_wave_m_mhz()
     angle = TWO_PI * (turns - np.floor(turns))
+    real_2, imaginary_2, real_5, imaginary_5 = device_harmonics(view, p)
     c, s = np.cos(angle), np.sin(angle)
     c2, s2 = c * c - s * s, np.float32(2.0) * s * c
     c4, s4 = c2 * c2 - s2 * s2, np.float32(2.0) * s2 * c2
     c5, s5 = c4 * c - s4 * s, s4 * c + c4 * s
-    real = c + p["harmonic_2"] * c2 + p["harmonic_5"] * c5
-    return real, s - p["harmonic_2"] * s2 - p["harmonic_5"] * s5
+    real = c + real_2 * c2 + imaginary_2 * s2 + real_5 * c5 + imaginary_5 * s5
+    imaginary = s - real_2 * s2 + imaginary_2 * c2 - real_5 * s5 + imaginary_5 * c5
+    return real, imaginary
 
 
 def phasors(
-    view: StageView, p: Parameters, z: Image, shape: Image, ray: Image, light: Image
+    view: StageView, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
 ) -> Image:
     """(..., 7) of surface elements: real and imaginary part per frequency, and amplitude."""
-    amplitude, distance = surface_light(view, p, z, shape, ray, light)
+    amplitude, distance = surface_light(view, p, z, shape, ray, lit)
     real, imaginary = correlate(view, p, distance)
     both = np.stack([real, imaginary], axis=-1).reshape(*amplitude.shape, 6)
     together: Image = np.concatenate([amplitude[..., None] * both, amplitude[..., None]], axis=-1)

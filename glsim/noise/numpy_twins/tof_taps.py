@@ -17,6 +17,10 @@ TAP_SIN = np.array([0.0, 0.86602540378, -0.86602540378], np.float32)
 LARGEST_TAP = np.float32(16320.0)
 _COUNTS_PER_AMPLITUDE = np.float32(16.0)
 _LIMIT = np.float32(65535.0)
+#: The halo: weights per axis within 3x3, of the four pixels at a distance of 2; the haze's reach.
+_HALO = {0: np.float32(0.332485), 1: np.float32(0.234939)}
+_HALO_OUTER = np.float32(0.0891)
+_REACH_PX = 4
 
 
 def companded(taps: Image) -> Image:
@@ -33,10 +37,11 @@ def taps_of(
     view: StageView, layers: Layers, p: Parameters
 ) -> tuple[Image, NDArray[np.bool_], NDArray[np.bool_]]:
     """(h, w, 3, 3) taps by frequency and phase, and (h, w) masks of read and saturated pixels."""
-    light = _blurred(view, np.concatenate([layers["light_a"], layers["light_b"]], -1), p)
+    both = np.concatenate([layers["light_a"], layers["light_b"]], -1)
+    light, beside_light = _blurred(view, both, p)
     shot = light[..., 6:7] / CONTRAST_MULTIPLIER + p["ambient_lsb"]
     sigma = np.sqrt(p["read_variance"] + p["shot_variance"] * shot)
-    seen = (light[..., 6] > 0) | (layers["clean"] > 0)
+    seen = beside_light | (layers["clean"] > 0)
     x, y = pixels(view.window)
     taps = np.zeros((*seen.shape, 3, 3), np.float32)
     for k in range(3):
@@ -74,19 +79,35 @@ def tof_taps(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]
     return {"phasor_a": both[..., :4], "phasor_b": b}
 
 
-def _blurred(view: StageView, light: Image, p: Parameters) -> Image:
-    """Blur the light by the lens: 0 outside the window, clamped at the frame."""
+def _blurred(view: StageView, light: Image, p: Parameters) -> tuple[Image, NDArray[np.bool_]]:
+    """Light after the optics, and whether a pixel or one of its 8 neighbours has light.
+
+    0 outside the window, clamped at the frame.
+    """
+    one = np.float32(1.0)
     side = np.float32(0.5) * p["psf_sigma_px"] * p["psf_sigma_px"]
-    weight = {-1: side, 0: np.float32(1.0) - np.float32(2.0) * side, 1: side}
+    weight = {0: one - np.float32(2.0) * side, 1: side}
+    core = one - p["halo"] - p["haze"]
     left, top, width, height = view.window
-    x = np.clip(np.arange(left - 1, left + width + 1), 0, view.width - 1) - left
-    y = np.clip(np.arange(top - 1, top + height + 1), 0, view.height - 1) - top
+    x = np.clip(np.arange(left - _REACH_PX, left + width + _REACH_PX), 0, view.width - 1) - left
+    y = np.clip(np.arange(top - _REACH_PX, top + height + _REACH_PX), 0, view.height - 1) - top
     padded = light[np.clip(y, 0, height - 1)][:, np.clip(x, 0, width - 1)]
     padded[(y < 0) | (y >= height)] = 0.0
     padded[:, (x < 0) | (x >= width)] = 0.0
+
+    def beside(dx: int, dy: int) -> Image:
+        row, column = _REACH_PX + dy, _REACH_PX + dx
+        part: Image = padded[row : row + height, column : column + width]
+        return part
+
     total = np.zeros_like(light)
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
-            part = padded[1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
-            total += weight[dx] * weight[dy] * part
-    return total
+            sharp, soft = weight[abs(dx)] * weight[abs(dy)], _HALO[abs(dx)] * _HALO[abs(dy)]
+            total += (core * sharp + p["halo"] * soft) * beside(dx, dy)
+    beside_light = total[..., 6] > 0
+    for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2)):
+        total += _HALO_OUTER * p["halo"] * beside(dx, dy)
+    for dx, dy in ((-4, -4), (4, -4), (-4, 4), (4, 4)):
+        total += np.float32(0.25) * p["haze"] * beside(dx, dy)
+    return total, beside_light

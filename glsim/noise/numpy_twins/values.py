@@ -12,7 +12,12 @@ from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins import fields
 from glsim.noise.numpy_twins.depth import disparity_px, displaced, moved_by_mm
 from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
-from glsim.noise.numpy_twins.random import normal_pair, random_bits
+from glsim.noise.numpy_twins.random import (
+    correlated_noise,
+    normal_pair,
+    pcg_word,
+    random_bits,
+)
 
 #: pi/2 - a is at least _FROM_POLE, rad: the angle term has a pole at 90 degrees.
 _HALF_PI, _FROM_POLE = np.float32(1.57079632679), np.float32(1e-3)
@@ -55,12 +60,17 @@ def gaussian(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]
 def fixed_pattern(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds an error per pixel that is the same in every frame of a device."""
     x, y = pixels(view.window)
-    first, second, _, _ = random_bits(x, y, view.device_seed, 0)
-    own = normal_pair(first, second)[0]
+    own = correlated_noise(view.window, view.device_seed)
     first, second, _, _ = random_bits(x, 0, view.device_seed, 1)
     column = normal_pair(first, second)[0]
-    row = np.where(y % 2 == 1, np.float32(0.5), np.float32(-0.5))
-    error = p["pixel_sigma_mm"] * own + p["column_sigma_mm"] * column + p["row_step_mm"] * row
+    first, second, _, _ = random_bits(0, y, view.device_seed, 2)
+    row = normal_pair(first, second)[0]
+    plus_first = pcg_word(np.array([view.device_seed], np.uint32)) & np.uint32(1) == 1
+    half_sign = np.where((2 * y < view.height) == plus_first, np.float32(1.0), np.float32(-1.0))
+    odd = np.where(y % 2 == 1, np.float32(1.0), np.float32(-1.0))
+    step = p["row_alternation_mm"] * half_sign + np.float32(0.5) * p["row_step_mm"]
+    error = p["pixel_sigma_mm"] * own + p["column_sigma_mm"] * column
+    error = error + p["row_sigma_mm"] * row + odd * step
     return {"depth": moved_by_mm(layers["depth"], error)}
 
 

@@ -18,6 +18,9 @@ FOUR_TAP_PERIOD_MM = 468.0
 _WIGGLE_FRAMES = 6
 _WIGGLE_PX = 40
 
+#: Albedo of skin relative to white.
+_SKIN = 0.6
+
 #: Infrared counts per unit of the mean amplitude, as in libfreenect2.
 COUNTS_PER_AMPLITUDE = 16.0
 
@@ -93,12 +96,13 @@ def validity(captures: Captures) -> dict[str, Measurement]:
 def ranges(captures: Captures) -> dict[str, Measurement]:
     """Measure check 25 on walls on both sides of both range gates.
 
-    The walls are at least 30 mm away from the gates, so that noise has no effect.
+    The walls are at least 30 mm away from the gates, so that noise has no effect. Their albedo is
+    that of skin: a white wall saturates nearer than 0.65 m.
     """
 
     def valid(z: float) -> float:
         capture = captures.camera.capture(
-            scenes.wall(z), 8, 24, at_mm=(0, 0, z), scene=f"range {z}"
+            scenes.wall(z, _SKIN), 8, 24, at_mm=(0, 0, z), scene=f"range {z}"
         )
         return 100.0 * float(np.isfinite(capture.frames_mm).mean())
 
@@ -108,12 +112,12 @@ def ranges(captures: Captures) -> dict[str, Measurement]:
 
 
 def wiggle_curve(captures: Captures) -> tuple[Array, Array]:
-    """Measure the mean error of walls from 0.6 to 3 m every 20 mm: distances and errors, mm."""
+    """Measure the mean error of skin-like walls, 0.6 to 3 m every 20 mm: distances, errors, mm."""
     distances = np.arange(600.0, 3001.0, 20.0)
     errors = []
     for z in distances:
         capture = captures.camera.capture(
-            scenes.wall(float(z)),
+            scenes.wall(float(z), _SKIN),
             _WIGGLE_FRAMES,
             _WIGGLE_PX,
             at_mm=(0, 0, float(z)),
@@ -156,7 +160,8 @@ def unwrapping(captures: Captures) -> dict[str, Measurement]:
     """Measure check 28 on walls over the whole range, each so dark that its amplitude is 15."""
     gross = total = 0
     for z in (520, 750, 1000, 1250, 1500, 1750, 2000, 2500, 3000, 3500, 4000, 4450):
-        bright = float(captures.wall(900).infrared.mean()) / COUNTS_PER_AMPLITUDE * (900 / z) ** 2
+        near = captures.wall(900, _SKIN).infrared.mean() / _SKIN
+        bright = float(near) / COUNTS_PER_AMPLITUDE * (900 / z) ** 2
         capture = captures.camera.capture(
             scenes.wall(z, min(1.0, 15.0 / max(bright, 15.0))), captures.scene_frames,
             at_mm=(0, 0, z), scene=f"dark {z}",

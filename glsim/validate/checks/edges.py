@@ -177,7 +177,9 @@ def _penumbra(captures: Captures) -> Measurement:
                 levels.append(float(profile[column]))
             columns.append(int(column))
     if not columns:
-        return Measurement({"levels": 0.0}, "light falls from full to none within a pixel or two")
+        return Measurement(
+            {"levels": 0.0, "sigma": None}, "light falls from full to none within a pixel or two"
+        )
     middle = slice(_SHADOW_PX // 2 - 10, _SHADOW_PX // 2 + 10)
     sigma = measure.sigma_temporal_map(capture.frames_mm[:, middle])
     lit = measure.mean_of(sigma[:, place > 40])

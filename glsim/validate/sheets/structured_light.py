@@ -40,12 +40,12 @@ def _shadows(focal_px: float) -> tuple[Band, ...]:
 KINECT_V1: tuple[Check, ...] = (
     Check("1", "frontal wall: spatial sigma over distance",
           tuple(_around(f"{z / 1000:g} m", float(nguyen_mm(z / 1000)), 0.25, "mm")
-                for z in V1_DISTANCES_MM), f"{NGUYEN} +-25 %"),
+                for z in V1_DISTANCES_MM), f"{NGUYEN} +-25 %", "measured"),
     Check("2", "shape: sigma(4 m) / sigma(2 m)",
           (_around("ratio", float(nguyen_mm(4.0) / nguyen_mm(2.0)), 0.25, ""),),
-          f"{NGUYEN} +-25 %"),
+          f"{NGUYEN} +-25 %", "measured"),
     Check("3", "lateral: jitter of a straight edge, 0.9 before 1.5 m",
-          (_around("std", 0.8, 0.25, "px"),), f"{NGUYEN} +-25 %"),
+          (_around("std", 0.8, 0.25, "px"),), f"{NGUYEN} +-25 %", "measured"),
     Check("4", "disparities that are multiples of 1/8 px, within the rounding to mm",
           (Band("share", 99.9, 100.0, "%"),), ANCESTORS),
     Check("5", "depth steps: z^2 / (f b) / 8",

@@ -1,0 +1,91 @@
+"""``glsim compare``: measure two sets of depth frames and tell them apart."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from glsim.cli.common import Debug, Quiet, Verbose, options, print_message, print_written
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim compare recording data
+
+glsim compare kinect_cal_data simulated -o table.md --figure compare.png --json compare.json
+
+glsim compare monday tuesday --frames 200
+"""
+
+
+def compare(
+    first: Annotated[
+        Path,
+        typer.Argument(
+            metavar="REAL",
+            help="A data set of glsim, or a folder of depth frames as glsim import kinect2 reads.",
+        ),
+    ],
+    second: Annotated[
+        Path, typer.Argument(metavar="SIMULATED", help="The same, real or simulated.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="FILE.md", help="Write the table as Markdown."),
+    ] = None,
+    figure_file: Annotated[
+        Path | None, typer.Option("--figure", metavar="FILE.png", help="Draw nine panels.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write all numbers as JSON.")
+    ] = None,
+    frames: Annotated[
+        int, typer.Option(min=1, max=2000, help="Frames of each set; larger sets are thinned.")
+    ] = 60,
+    depth_unit_mm: Annotated[
+        float, typer.Option(help="Step of integer depth files, mm; data sets state their own.")
+    ] = 1.0,
+    focal_px: Annotated[
+        float | None,
+        typer.Option(
+            min=1, help="Focal length of both, pixels. Default: stated, or a Kinect V2's."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Measure two sets of depth frames and tell them apart.
+
+    Noise over distance, radius and infrared, correlation, fixed pattern, silhouettes, light, and
+    the AUC of a classifier of patches. The table goes to stdout unless -o is given.
+    """
+    from glsim.compare import compare as run
+    from glsim.compare import draw_comparison, read_frame_set
+    from glsim.errors import ConfigError
+    from glsim.files.atomic import write_atomic
+    from glsim.validate.figure import check_matplotlib
+
+    if figure_file is not None and figure_file.suffix.lower() != ".png":
+        raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
+    if figure_file is not None:
+        check_matplotlib()
+    sets = [read_frame_set(path, depth_unit_mm, focal_px, frames) for path in (first, second)]
+    comparison = run(sets[0], sets[1], progress=print_message)
+    table = comparison.as_markdown()
+    written = []
+    if json_file is not None:
+        write_atomic((json.dumps(comparison.as_json(), indent=1) + "\n").encode(), json_file)
+        written.append(json_file)
+    if figure_file is not None:
+        write_atomic(draw_comparison(comparison), figure_file)
+        written.append(figure_file)
+    if out is not None:
+        write_atomic(table.encode(), out)
+        written.append(out)
+    elif not options.quiet:
+        typer.echo(table, nl=False)
+    print_written(written)

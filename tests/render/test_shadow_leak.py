@@ -1,0 +1,106 @@
+"""No light reaches the umbra behind a strip, at any distance, gap and spread of the emitter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.geometry import depth_map
+from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
+from glsim.geometry.mesh import Mesh
+from glsim.geometry.pose import pose_matrix
+from glsim.geometry.rect import Rect
+from glsim.gl.targets import Readback
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.numpy_twins import TWINS
+from glsim.noise.registry import find_stage
+from glsim.render.renderer import Renderer
+
+Image = NDArray[np.float32]
+
+#: The Kinect V2's columns; a few rows are enough.
+IMAGE = Intrinsics(512, 12, 365.456, 365.456, 254.878, 6.0)
+BASELINE_M, WIDTH_M = 0.045, 0.2
+GAPS_M = (0.3, 0.6, 1.0, 1.5, 2.0)
+DISTANCES_M = np.arange(0.5, 3.001, 0.05)
+
+
+def rectangle(left_mm: float, right_mm: float) -> Mesh:
+    corners = [[left_mm, -900], [right_mm, -900], [right_mm, 900], [left_mm, 900]]
+    vertices = np.column_stack([np.array(corners), np.zeros(4)]).astype(np.float32)
+    return Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+
+
+def umbra(front_m: float, wall_m: float, spread_m: float, rays: Image) -> NDArray[np.bool_]:
+    """(h, w) pixels of the wall that no point of the emitter reaches, without a rim of 1 px."""
+    at = rays[..., 0].astype(np.float64) * wall_m
+    pixel_m = front_m / IMAGE.fx  # in the plane of the strip
+    dark = rays[..., 0] * front_m < -pixel_m  # left of the strip in the image
+    for emitter_m in (BASELINE_M - spread_m, BASELINE_M, BASELINE_M + spread_m):
+        crossing = emitter_m + (at - emitter_m) * front_m / wall_m
+        dark &= (crossing > pixel_m) & (crossing < WIDTH_M - pixel_m)
+    return dark
+
+
+def drawn(context: moderngl.Context, rig: SensorRig) -> Callable[[float, float], dict[str, Image]]:
+    renderer, readback = Renderer(context, rig), Readback(context)
+    strip, wall = rectangle(0.0, 1000 * WIDTH_M), rectangle(-9000.0, 9000.0)
+
+    def draw(front_m: float, wall_m: float) -> dict[str, Image]:
+        meshes = [
+            (strip, pose_matrix({"distance_mm": 1000 * front_m})),
+            (wall, pose_matrix({"distance_mm": 1000 * wall_m})),
+        ]
+        with renderer.render(meshes) as rendered:
+            layers = {name: rendered.layers[name] for name in ("clean", "lit")}
+            readback.request(rendered.pool, layers, rendered.window)
+        return {name: array.copy() for name, array in readback.arrays().items()}
+
+    return draw
+
+
+@pytest.mark.parametrize("spread_m", [0.0, 0.005, 0.015])
+def test_no_light_leaks_into_the_umbra(context: moderngl.Context, spread_m: float) -> None:
+    """By the shader, and by its oracle, which marches in the image."""
+    rig = SensorRig(IMAGE, (Emitter((BASELINE_M, 0.0, 0.0), spread_m),))
+    draw, rays, looked_at = drawn(context, rig), rig.rays(), 0
+    for front_m in DISTANCES_M:
+        for gap_m in GAPS_M:
+            layers = draw(front_m, front_m + gap_m)
+            dark = umbra(front_m, front_m + gap_m, spread_m, rays)
+            looked_at += dark.sum()
+            place = f"strip at {front_m:.2f} m, wall {gap_m} m behind"
+            assert not layers["lit"][dark].any(), f"the shader lights the umbra: {place}"
+            marched = depth_map.lit_by_marching(layers["clean"], rig)
+            assert not marched[dark].any(), f"marching lights the umbra: {place}"
+            lit = (layers["clean"] > front_m + 0.1) & (rays[..., 0] > WIDTH_M / front_m + 0.01)
+            assert (layers["lit"][lit] > 0.99).all(), f"the lit side is dark: {place}"
+    assert looked_at > 4_000
+
+
+def test_no_light_leaks_in_the_walk_of_the_fast_sensor(context: moderngl.Context) -> None:
+    """tof_shadow's twin, which the shader agrees with."""
+    rig = SensorRig(IMAGE, (Emitter((BASELINE_M, 0.0, 0.0)),))
+    draw, rays, looked_at = drawn(context, rig), rig.rays(), 0
+    declared = find_stage("tof_shadow").parameters
+    values = {name: parameter.default for name, parameter in declared.items()}
+    for front_m in DISTANCES_M[::2]:
+        for gap_m in GAPS_M:
+            clean = draw(front_m, front_m + gap_m)["clean"]
+            frame = FrameContext.for_frame(
+                rig=rig,
+                window=Rect(0, 0, IMAGE.width, IMAGE.height),
+                seed=1,
+                sequence_seed=1,
+                device_seed=1,
+                nearest_m=0.95 * front_m,
+            )
+            lit = TWINS["tof_shadow"](frame.view("tof_shadow"), {"clean": clean}, values)["lit"]
+            dark = umbra(front_m, front_m + gap_m, 0.001 * values["spread_mm"], rays)
+            looked_at += dark.sum()
+            assert not (lit[dark] > 1e-6).any(), f"strip at {front_m:.2f} m, wall {gap_m} m behind"
+    assert looked_at > 2_000

@@ -1,0 +1,45 @@
+"""Depth frames with planted noise, patterns and shadows, for the tests of glsim.compare."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.sensors.sensor import load_sensor
+
+Array = NDArray[np.float64]
+
+SHAPE = (424, 512)
+CAMERA = load_sensor("kinect-v2").rig.intrinsics
+
+
+def plane(z_mm: float, slope_x: float = 0.0, slope_y: float = 0.0) -> Array:
+    """A plane through z on the axis with slopes dz/dx and dz/dy, (H, W) mm."""
+    rays = CAMERA.rays().astype(np.float64)
+    depth: Array = z_mm / (1.0 - slope_x * rays[..., 0] - slope_y * rays[..., 1])
+    return depth
+
+
+def noisy(clean: Array, sigma_mm: float | Array, seed: int, smooth: int = 1) -> NDArray[np.uint16]:
+    """Add Gaussian noise, a mean over smooth x smooth white pixels, and round to mm; 0 stays 0."""
+    noise = np.random.default_rng(seed).standard_normal(SHAPE)
+    if smooth > 1:
+        shifts = [(r, c) for r in range(smooth) for c in range(smooth)]
+        noise = sum(np.roll(noise, s, (0, 1)) for s in shifts) / smooth  # type: ignore[assignment]
+    depth = np.rint(clean + sigma_mm * noise)
+    return np.where(clean > 0, depth, 0).astype(np.uint16)
+
+
+def shadowed(
+    front_mm: float, back_mm: float, left_px: int, right_px: int, flying_px: int = 0
+) -> Array:
+    """A panel of 160 columns before a wall with gaps of these widths; (H, W) mm, 0 = none.
+
+    flying_px: pixels of the right gap, next to the panel, that have depth halfway instead of none.
+    """
+    depth = np.full(SHAPE, back_mm)
+    depth[60:360, 180:340] = front_mm
+    depth[60:360, 180 - left_px : 180] = 0.0
+    depth[60:360, 340 : 340 + right_px] = 0.0
+    depth[60:360, 340 : 340 + flying_px] = 0.5 * (front_mm + back_mm)
+    return depth
