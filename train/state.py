@@ -82,7 +82,7 @@ class TrainingState:
             self.average.update_parameters(self.network)
 
     def weights_are_finite(self) -> bool:
-        """Whether no weight is nan or infinite."""
+        """Return whether all weights are finite."""
         return all(bool(p.isfinite().all()) for p in self.network.state_dict().values())
 
     def weights(self) -> dict[str, Tensor]:

@@ -1,4 +1,4 @@
-"""Scores per face region: against plain NumPy, in rows, tables and the report."""
+"""Scores per face region agree with plain NumPy, in rows, tables and the report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The procedural head has human measures for every seed."""
+"""Procedural heads have measures within the human range for every seed."""
 
 from __future__ import annotations
 
