@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from glsim.pipeline import simulate
     from glsim.plan.tasks import make_tasks
     from glsim.reason import Reason
+    from glsim.sensors.pattern_map import remove_fixed_pattern
     from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
     from glsim.settings.schema import Settings, load_settings
 
@@ -54,6 +55,7 @@ _HOME = {
     "load_settings": "glsim.settings.schema",
     "make_tasks": "glsim.plan.tasks",
     "open_dataset": "glsim.dataset",
+    "remove_fixed_pattern": "glsim.sensors.pattern_map",
     "sensor_names": "glsim.sensors.sensor",
     "simulate": "glsim.pipeline",
     "verify": "glsim.dataset",
@@ -81,6 +83,7 @@ __all__ = [
     "load_settings",
     "make_tasks",
     "open_dataset",
+    "remove_fixed_pattern",
     "sensor_names",
     "simulate",
     "verify",

@@ -16,10 +16,17 @@ from glsim.geometry.mesh import SKIN_ALBEDO
 from glsim.geometry.rect import Rect
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
-from glsim.noise.chain import ShaderChain, run_array_stages, run_twins
+from glsim.noise.chain import (
+    PATTERN_LAYER,
+    ShaderChain,
+    pattern_layer,
+    run_array_stages,
+    run_twins,
+)
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
 from glsim.render.renderer import Renderer
+from glsim.sensors.pattern_map import check_shape
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import OutputSettings, Settings
@@ -47,11 +54,17 @@ class Corrupter:
         self._settings = settings
         self.sensor = sensor_of(settings)
         self.rig = self.sensor.rig.for_map(shape, focal_px, centre_px)
+        self._pattern_mm = None
+        if self.sensor.pattern_map is not None:
+            self._pattern_mm = self.sensor.pattern_map.error_mm
+            check_shape(self._pattern_mm, shape, str(self.sensor.pattern_map.file))
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
         self._context = None if backend == "numpy" else open_context(backend)
         if self._context is not None:
             self._renderer = Renderer(self._context, self.rig)
-            self._chain = ShaderChain(self._context, self.sensor.stages)
+            self._chain = ShaderChain(
+                self._context, self.sensor.stages, pattern_mm=self._pattern_mm
+            )
             self._readback = Readback(self._context)
 
     def __enter__(self) -> Corrupter:
@@ -129,7 +142,9 @@ class Corrupter:
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
         normal = np.dstack([depth_map.normals(depth_m, rays), albedo])
+        own = {} if self._pattern_mm is None else {PATTERN_LAYER: pattern_layer(self._pattern_mm)}
         return {
+            **own,
             "clean": depth_m,
             "depth": depth_m,
             "reason": np.zeros_like(depth_m),

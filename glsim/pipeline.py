@@ -133,8 +133,13 @@ class Simulator:
         make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
         read_back = (*self._extra, REGION.name) if "regions" in layers else self._extra
+        own = self.sensor.pattern_map
         self._chain = ShaderChain(
-            context, self.sensor.stages, read_back, infrared="infrared" in layers
+            context,
+            self.sensor.stages,
+            read_back,
+            infrared="infrared" in layers,
+            pattern_mm=None if own is None else own.error_mm,
         )
         self._labels = RegionLabels(sources) if "regions" in layers else None
         ring = 1 if is_software(context) else _RING_ON_GPU

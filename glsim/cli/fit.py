@@ -66,7 +66,8 @@ def fit(
     infrared the fit uses distances, and assumes that all surfaces have the albedo --albedo; with
     infrared, that the brightest ones have it. A slanted wall shows the wiggling, a plain one the
     fixed pattern, which is also written as a map: NAME_fixed_pattern.npy, float32 mm, (rows,
-    columns), NaN where it is unknown.
+    columns), NaN where it is unknown. The sensor file names the map, and frames of that sensor have
+    this pattern.
     """
     import io
 
@@ -81,6 +82,7 @@ def fit(
         fit_noise_model,
         fit_wiggling,
         fitted_values,
+        knows_pattern,
         measure_recording,
         read_recording,
         sensor_toml,
@@ -109,17 +111,20 @@ def fit(
     lines = _result_lines(statistics, model, law, wiggling)
     map_file = out.with_name(f"{out.stem}_fixed_pattern.npy")
     missing = unplaced_parameters(tree, values)
+    usable_map = knows_pattern(statistics)
     comments = [
         f"Fitted by glsim fit to {len(recording.depth)} frames of {shape[1]}x{shape[0]}: "
         f"{recording.where}",
         *(f"{title}: {text}" for title, text in lines),
-        f"Map of this device's own fixed pattern: {map_file.name} (float32 mm, NaN = unknown).",
+        f"Map of this device's own fixed pattern: {map_file.name} (float32 mm, NaN = unknown"
+        + (")." if usable_map else "); too noisy to add to frames."),
         f"All other values are those of {name}.",
     ]
     picture = io.BytesIO()
     np.save(picture, statistics.pattern.map_mm)
-    write_atomic(sensor_toml(name, tree, values, image, comments).encode(), out)
+    text = sensor_toml(name, tree, values, image, comments, map_file.name if usable_map else "")
     write_atomic(picture.getvalue(), map_file)
+    write_atomic(text.encode(), out)
     if not options.quiet:
         _print(statistics, lines)
     if missing:
@@ -197,13 +202,13 @@ def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> list[tuple[str, 
 
 
 def _map_text(statistics: RecordingStatistics) -> str:
-    from glsim.fit.sensor_file import LEAST_PATTERN_FRAMES
+    from glsim.fit import LEAST_PATTERN_FRAMES, knows_pattern
 
     text = f"{100 * statistics.pattern.known_share:.0f} % of the pixels, those on flat surfaces"
-    if statistics.frames < LEAST_PATTERN_FRAMES:
+    if not knows_pattern(statistics):
         text += (
-            f"; mostly temporal noise with {statistics.frames} frames, and the part of single "
-            f"pixels is not fitted below {LEAST_PATTERN_FRAMES}"
+            f"; mostly temporal noise with {statistics.frames} frames: below {LEAST_PATTERN_FRAMES} "
+            "the part of single pixels is not fitted, and the sensor does not name the map"
         )
     return text
 

@@ -12,16 +12,19 @@ from glsim.fit.noise_model import (
 from glsim.fit.recording import Recording, read_recording
 from glsim.fit.recording_statistics import RecordingStatistics, measure_recording
 from glsim.fit.sensor_file import (
+    LEAST_PATTERN_FRAMES,
     base_profile,
     base_sensor,
     base_taps,
     fitted_values,
+    knows_pattern,
     sensor_toml,
     unplaced_parameters,
 )
 from glsim.fit.wiggling import Wiggling, fit_wiggling
 
 __all__ = [
+    "LEAST_PATTERN_FRAMES",
     "FixedPattern",
     "InfraredLaw",
     "LightProfile",
@@ -37,6 +40,7 @@ __all__ = [
     "fit_noise_model",
     "fit_wiggling",
     "fitted_values",
+    "knows_pattern",
     "measure_recording",
     "read_recording",
     "sensor_toml",

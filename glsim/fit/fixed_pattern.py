@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.sensors.pattern_map import LARGEST_MM
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -142,7 +144,8 @@ def _alternation(mean_mm: Array, used: Mask) -> tuple[float, float]:
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     """Subtract from each pixel the plane that fits its MAP_WINDOW_PX window best: (H, W), mm.
 
-    NaN where less than a fifth of the window is usable.
+    NaN where less than a fifth of the window is usable, and beyond LARGEST_MM, which no pattern
+    reaches: there the scene is not smooth.
     """
     inverse = np.where(used, 1000.0 / np.where(used, mean_mm, 1.0), 0.0)  # linear on a plane
     weight = used.astype(np.float64)
@@ -169,6 +172,7 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     along, down = (xw * yy - yw * xy) / determinant, (yw * xx - xw * xy) / determinant
     plane = w + along * (columns - x) + down * (rows - y)
     residual = (plane - inverse) * mean_mm**2 / 1000.0
+    enough &= np.abs(residual) <= LARGEST_MM
     return np.where(enough, residual, np.nan).astype(np.float32)
 
 

@@ -48,6 +48,12 @@ LEAST_PATTERN_FRAMES = 10
 _MOST_APART_RAD = 0.7
 
 
+def knows_pattern(statistics: RecordingStatistics) -> bool:
+    """Whether the map holds the pattern of single pixels, not mostly temporal noise."""
+    known = np.isfinite(statistics.pattern.map_mm).any()
+    return bool(known) and statistics.frames >= LEAST_PATTERN_FRAMES
+
+
 def base_sensor(name: str | None = None) -> tuple[str, dict[str, Any]]:
     """Return name and TOML tree of the base sensor. Raises ConfigError if it is not in BASES."""
     chosen = name or next(b for b in BASES if b in sensor_names())
@@ -106,7 +112,7 @@ def fitted_values(
         "alternation_mm": abs(pattern.alternation_mm),  # its sign is drawn, and in the map
         "row_step_mm": pattern.row_step_mm,
     }
-    if statistics.frames >= LEAST_PATTERN_FRAMES:
+    if knows_pattern(statistics):
         values["pixel_mm"] = pattern.pixel_mm
     if infrared is not None and math.isfinite(infrared.gain):
         values["gain"] = infrared.gain
@@ -159,17 +165,21 @@ def sensor_toml(
     values: Mapping[str, float],
     image: Intrinsics,
     comments: Sequence[str],
+    pattern_map: str = "",
 ) -> str:
     """Write the TOML text: rig and stages of the base with fitted values and intrinsics.
 
     values: fitted values by name. image: intrinsics of the recording; the base's distortion is
-    dropped. comments: lines at the top of the file.
+    dropped. comments: lines at the top of the file. pattern_map: file name of the map of the fixed
+    pattern beside the sensor file, or empty.
     """
     rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}
     rig |= {
         "width": image.width, "height": image.height,
         "focal_px": [image.fx, image.fy], "centre_px": [image.cx, image.cy],
     }  # fmt: skip
+    if pattern_map:
+        rig["fixed_pattern_map"] = pattern_map
     lines = [f"# {comment}".rstrip() for comment in comments]
     lines += [f"title = {_toml_value(f'fitted to a recording, from {base}')}", "", "[rig]"]
     lines += [f"{k} = {_toml_value(v)}" for k, v in rig.items() if k != "emitter"]

@@ -33,6 +33,13 @@ INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
 #: not read it. fine_seen: depth and albedo of the samples; uneven: how much these differ.
 FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 
+#: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where it is unknown.
+#: Only chains of sensors with a map have it: their shaders see the constant PATTERN_MAP.
+PATTERN_LAYER, _PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
+
+#: Stands for NaN, which GLSL compilers may assume away: larger than any error.
+NO_PATTERN = np.float32(1e6)
+
 #: The layers that a Frame is made of; a chain without an infrared stage has no ``infrared``.
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 
@@ -62,7 +69,7 @@ def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
 
     where: the sensor file, for messages.
     """
-    layers = {*INITIAL_LAYERS, *FINE_LAYERS}
+    layers = {*INITIAL_LAYERS, *FINE_LAYERS, PATTERN_LAYER}
     seen_array_stage: str | None = None
     for stage in stages:
         source = stage.spec.source
@@ -105,6 +112,7 @@ class ShaderChain:
     """The shader stages of a sensor, linked for one context.
 
     infrared: whether to read the layer infrared back. extra_layers: further layers to read back.
+    pattern_mm: (H, W) map of the device's fixed pattern of the whole frame, NaN = unknown, or None.
     Stages whose layers are neither read back nor read by another stage are left out.
     """
 
@@ -115,6 +123,7 @@ class ShaderChain:
         extra_layers: Sequence[str] = (),
         *,
         infrared: bool = True,
+        pattern_mm: NDArray[np.float32] | None = None,
     ) -> None:
         self._context = context
         # Array stages may read any layer; without them only the layers of a Frame are read back.
@@ -127,8 +136,18 @@ class ShaderChain:
         for stage in reversed(stages):
             source = stage.spec.source
             if source is not None and needed & {layer.name for layer in source.writes}:
-                self._passes.insert(0, StagePass(context, stage.name, source))
                 needed |= set(source.reads)
+                if pattern_mm is not None and PATTERN_LAYER in source.reads:
+                    source = source.with_defines(**{_PATTERN_CONSTANT: 1})
+                self._passes.insert(0, StagePass(context, stage.name, source))
+        self._pattern: dict[str, Target] = {}
+        if pattern_mm is not None:
+            layer = Layer(PATTERN_LAYER, "float")
+            height, width = pattern_mm.shape
+            values = pattern_layer(pattern_mm).tobytes()
+            texture = context.texture((width, height), 1, values, dtype="f4")
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self._pattern = {PATTERN_LAYER: Target(texture, layer)}
 
     def run(
         self,
@@ -153,9 +172,12 @@ class ShaderChain:
                 "depth": rendered.layers["clean"],
                 "reason": own[0],
                 "rays": rendered.rays,
+                **self._pattern,
             }
             layers |= {fine: layers[n] for fine, n in FINE_LAYERS.items() if fine not in layers}
-            blank = set(layers)  # the layers that are blank outside the silhouette
+            # The layers that are blank outside the silhouette. The map is not; where there is no
+            # depth it is added to nothing.
+            blank = {*layers, PATTERN_LAYER}
             for step in self._passes:
                 if not values[step.name][ENABLED]:
                     continue
@@ -227,6 +249,11 @@ class StagePass:
         buffer.viewport = targets[0].drawn
         self._pass.draw()
         return {target.layer.name: target for target in targets}
+
+
+def pattern_layer(pattern_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the layer of a map of the fixed pattern: NO_PATTERN instead of NaN."""
+    return np.where(np.isfinite(pattern_mm), pattern_mm, NO_PATTERN).astype(np.float32)
 
 
 def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:

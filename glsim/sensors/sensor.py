@@ -10,6 +10,7 @@ centre_px = [254.878, 205.395]
 supersample = 3           optional: samples per pixel along each axis (1, 3 or 5)
 modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
 shadow_map = true         false: a stage casts the shadows instead of the renderer
+fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
 [[stage]]
@@ -29,10 +30,11 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
-from glsim.noise.chain import check_chain
+from glsim.noise.chain import PATTERN_LAYER, check_chain
 from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage
 from glsim.noise.stage import ENABLED, Stage, make_stage
+from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.schema import Settings
 from glsim.settings.tables import merge_tables, parse_table, read_toml
@@ -75,6 +77,7 @@ class _RigTable(_Table):
     supersample: int = Field(1, ge=1, le=5)
     modulation_mhz: tuple[float, float, float] | tuple[()] = ()
     shadow_map: bool = True
+    fixed_pattern_map: str = ""
 
     @model_validator(mode="after")
     def _check(self) -> _RigTable:
@@ -112,13 +115,18 @@ class _SensorTable(_Table):
 
 @dataclass(frozen=True)
 class Sensor:
-    """A rig with its chain of noise stages. ``file``: the TOML file it was read from."""
+    """A rig with its chain of noise stages.
+
+    file: the TOML file it was read from. pattern_map: the device's own fixed pattern, which the
+    stage ``fixed_pattern`` adds; None: the stage draws one.
+    """
 
     name: str
     title: str
     rig: SensorRig
     stages: tuple[Stage, ...]
     file: Path
+    pattern_map: PatternMap | None = None
 
     def describe(self) -> dict[str, Any]:
         """The complete sensor as JSON values, for the header of a data set."""
@@ -141,6 +149,7 @@ class Sensor:
                 | {k: v.model_dump(exclude_none=True) for k, v in s.settings.items()}
                 for s in self.stages
             ],
+            **({"fixed_pattern_map": self.pattern_map.digest} if self.pattern_map else {}),
         }
 
 
@@ -193,7 +202,20 @@ def load_sensor(
     check_light(stages, rig, str(file))
     check_chain(stages, rig.baseline_m, str(file))
     _check_shadow(stages, rig, str(file))
-    return Sensor(file.stem, table.title, rig, tuple(stages), file)
+    pattern_map = _pattern_map(table.rig, stages, file)
+    return Sensor(file.stem, table.title, rig, tuple(stages), file, pattern_map)
+
+
+def _pattern_map(rig: _RigTable, stages: Sequence[Stage], file: Path) -> PatternMap | None:
+    """Read the map that the rig names, from the folder of the sensor file. Raises ConfigError."""
+    if not rig.fixed_pattern_map:
+        return None
+    if not any(stage.spec.source and PATTERN_LAYER in stage.spec.source.reads for stage in stages):
+        raise ConfigError(
+            f"{file}: rig.fixed_pattern_map is given, but no stage adds it: add the stage "
+            "'fixed_pattern', or leave the map out"
+        )
+    return read_pattern_map(file.parent / rig.fixed_pattern_map, (rig.height, rig.width))
 
 
 def _check_shadow(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:

@@ -4,6 +4,8 @@
 // are smooth over 3x3 pixels because the decoder filters them. Neighbouring rows alternate by
 // -0.69 mm and +0.69 mm, with the opposite sign below the middle row: 44 frames show the change of
 // sign within one row. Why is not known; a sensor that is read in two halves would do so.
+// A sensor with a map of its own pattern (rig.fixed_pattern_map) has that; pixels that the map does
+// not know are drawn.
 //@ sparse
 #include "lib/correlated_noise.glsl"
 #include "lib/depth.glsl"
@@ -15,6 +17,7 @@ uniform float row_alternation_mm = 0.69; //@ [0, 20] mm error of opposite sign i
 uniform float row_step_mm = 0.0;      //@ [-20, 20] mm difference between odd and even rows, the same in all of the image and in all devices
 
 uniform sampler2D u_depth;
+uniform sampler2D u_pattern_map; // mm; NO_PATTERN (glsim/noise/chain.py), 1e6, where it is unknown
 uniform uint u_device_seed;
 uniform vec2 u_frame_size_px;
 
@@ -31,5 +34,9 @@ void main() {
     float odd = (pixel.y & 1) == 1 ? 1.0 : -1.0;
     float error = pixel_sigma_mm * own + column_sigma_mm * column + row_sigma_mm * row
         + odd * (row_alternation_mm * half_sign + 0.5 * row_step_mm);
+#ifdef PATTERN_MAP
+    float measured = texelFetch(u_pattern_map, pixel, 0).r;
+    error = measured < 1e5 ? measured : error;
+#endif
     depth = moved_by_mm(textureLod(u_depth, here, 0.0).r, error);
 }

@@ -71,6 +71,9 @@ def fixed_pattern(view: StageView, layers: Layers, p: Parameters) -> dict[str, I
     step = p["row_alternation_mm"] * half_sign + np.float32(0.5) * p["row_step_mm"]
     error = p["pixel_sigma_mm"] * own + p["column_sigma_mm"] * column
     error = error + p["row_sigma_mm"] * row + odd * step
+    if "pattern_map" in layers:  # of the whole frame, as on the GPU
+        measured = layers["pattern_map"][view.window.slices]
+        error = np.where(measured < np.float32(1e5), measured, error)
     return {"depth": moved_by_mm(layers["depth"], error)}
 
 
