@@ -56,8 +56,9 @@ def test_a_fitted_sensor_has_the_devices_own_pattern(
     # Rows alternate in every device, so that single pixels decide.
     assert z_correlation(pixels(simulated), pixels(truth)) > 3 * Z_MAX
     assert abs(z_correlation(pixels(stranger), pixels(truth))) < Z_MAX
-    # Of the whole pattern, temporal noise of 0.5 mm (6 frames) leaves 0.8 mm alike.
-    assert np.corrcoef(simulated.ravel(), truth.ravel())[0, 1] > 0.7
+    # The whole pattern of 0.87 mm, beside temporal noise of 0.5 mm in the mean of 6 frames and of
+    # 0.25 mm in the map: at most 0.83. A twentieth of the pixels is unknown and drawn.
+    assert np.corrcoef(simulated.ravel(), truth.ravel())[0, 1] > 0.6
 
     # What was fitted can be taken from the device's frames.
     own = glsim.load_sensor(str(fitted)).pattern_map
