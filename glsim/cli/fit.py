@@ -103,9 +103,7 @@ def fit(
     )
     law = None
     if recording.infrared is not None:
-        law = fit_infrared(
-            statistics, recording.infrared, image, albedo, depth_unit_mm, emitter, taps
-        )
+        law = fit_infrared(statistics, recording, image, albedo, taps)
     wiggling = fit_wiggling(statistics, image)
     values = fitted_values(statistics, model, law, taps, wiggling)
     lines = _result_lines(statistics, model, law, wiggling)
@@ -170,8 +168,9 @@ def _result_lines(
          f"{pattern.row_mm:.2f}, columns {pattern.column_mm:.2f}, pixels {pattern.pixel_mm:.2f}, "
          f"these alike at 1 px by {pattern.pixel_correlation:.2f})"),
         ("map of the fixed pattern", _map_text(statistics)),
-        ("correlation of the noise at 1 to 4 px",
-         ", ".join(f"{c:.2f}" for c in statistics.correlation[1:])),
+        ("correlation of the noise at 1 to 3 px along rows; diagonal",
+         ", ".join(f"{c:.2f}" for c in statistics.correlation[:3])
+         + f"; {statistics.correlation[-1]:.2f}"),
         ("wiggling", _wiggling_text(wiggling)),
     ]  # fmt: skip
     if math.isfinite(statistics.invalid_share):
@@ -197,8 +196,13 @@ def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> list[tuple[str, 
     ]
     if not law.knows_noise:
         return [*lines, ("noise over infrared", unknown)]
-    noise = f"sigma^2 = {law.floor_mm:.2f}^2 + ({law.noise_counts_mm:.0f} / infrared)^2 mm^2"
-    return [*lines, ("noise over infrared", noise)]
+    own = law.law
+    noise = f"sigma^2 = {own.floor_mm:.2f}^2 + ({own.slope_mm:.0f} / infrared)^2 mm^2"
+    return [
+        *lines,
+        ("noise over infrared", noise),
+        ("floor beside the noise of taps", f"{law.floor_mm:.2f} mm"),
+    ]
 
 
 def _map_text(statistics: RecordingStatistics) -> str:
@@ -207,8 +211,9 @@ def _map_text(statistics: RecordingStatistics) -> str:
     text = f"{100 * statistics.pattern.known_share:.0f} % of the pixels, those on flat surfaces"
     if not knows_pattern(statistics):
         text += (
-            f"; mostly temporal noise with {statistics.frames} frames: below {LEAST_PATTERN_FRAMES} "
-            "the part of single pixels is not fitted, and the sensor does not name the map"
+            f"; mostly temporal noise with {statistics.frames} frames: below "
+            f"{LEAST_PATTERN_FRAMES} the part of single pixels is not fitted, "
+            "and the sensor does not name the map"
         )
     return text
 
@@ -231,12 +236,11 @@ def _print(statistics: RecordingStatistics, lines: list[tuple[str, str]]) -> Non
     for name, text in lines:
         out.print(f"{name}: {text}", soft_wrap=True)
     radii = sorted({cell.radius_px for cell in statistics.table})
-    names = (f"{a:.0f} to {b:.0f} px" if b < 1000 else f"beyond {a:.0f} px" for a, b in radii)
     table = Table(box=None)
-    for name in ("temporal sigma, mm", *names):
+    for name in ("sigma, mm", *(f"{a:.0f} to {b:.0f} px" for a, b in radii)):
         table.add_column(name, no_wrap=True)
     for distance in sorted({cell.distance_m for cell in statistics.table}):
-        sigma = {c.radius_px: c.sigma_mm for c in statistics.table if c.distance_m == distance}
+        sigma = {c.radius_px: c.value for c in statistics.table if c.distance_m == distance}
         cells = (f"{sigma[r]:.2f}" if r in sigma else "" for r in radii)
         table.add_row(f"{distance[0]:g} to {distance[1]:g} m", *cells)
     out.print(table)

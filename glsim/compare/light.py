@@ -26,7 +26,7 @@ _CLASSES = np.geomspace(100.0, 65_000.0, 34)
 #: Rings in which the light over the image is measured, px.
 RINGS_PX = (0.0, 40.0, 80.0, 120.0, 140.0, 160.0, 180.0, 200.0, 220.0, 240.0, 260.0, 300.0)
 #: The light over distance is measured within this radius, where the lens is even.
-_EVEN_PX = 140.0
+EVEN_PX = 140.0
 _LEAST_PIXELS = 300
 _BRIGHTEST = 90.0
 #: Steeper surfaces than 60 degrees are left out: their cosine is not known well enough.
@@ -67,15 +67,7 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
     lit = [frame for frame in frames if frame.infrared is not None]
     if not lit:
         return None
-    over_time, over_space = _Classes(), _Classes()
-    for first, second in pairs:
-        a, b = frames[first], frames[second]
-        if a.infrared is None or b.infrared is None:
-            continue
-        used = a.lit & b.lit
-        mean = 0.5 * (a.infrared.astype(np.float64) + b.infrared)
-        quantum = (a.quantum_mm**2 + b.quantum_mm**2) / 24.0
-        over_time.add(mean, np.where(used, pair_noise(a, b) ** 2 - quantum, np.nan))
+    over_space = _Classes()
     bright: list[Array] = []
     saturated = []
     for frame in lit:
@@ -83,20 +75,18 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
         s = frame.surfaces
         used = s.smooth & frame.lit
         ir = frame.infrared.astype(np.float64)
+        unit = light_at_one_metre(frame)
         limit = 4.0 * np.nanmedian(s.rough_mm) if used.any() else 0.0
         flat = used & (s.rough_mm < limit) & (s.bend_mm < 2.0)
         quantum = frame.quantum_mm**2 / 12.0
         squares = np.where(flat, s.rough_mm.astype(np.float64) ** 2 - quantum, np.nan)
         over_space.add(ir[::3, ::3], squares[::3, ::3])
-        rays = frame.rays.astype(np.float64)
-        r_m = frame.depth_mm / 1000.0 * np.sqrt(1.0 + (rays**2).sum(axis=-1))
-        unit = ir * r_m**2 / s.cosine
-        keep = (used & (s.cosine > _LEAST_COSINE))[::2, ::2]
+        keep = np.isfinite(unit)[::2, ::2]
         columns = (unit, frame.depth_mm / 1000.0, frame.radius_px)
         bright.append(np.stack([c[::2, ::2][keep] for c in columns]).astype(np.float64))
         saturated.append(float((~frame.lit & (frame.infrared > 0)).mean()))
     unit, depth, radius = np.concatenate(bright, axis=1)
-    even = radius < _EVEN_PX
+    even = radius < EVEN_PX
     by_distance = [
         (near, far, _brightest(unit[even & (depth >= near) & (depth < far)]))
         for near, far in pairwise(DISTANCES_M)
@@ -108,13 +98,37 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
         for inner, outer in pairwise(RINGS_PX)
     ]
     return Light(
-        over_time.law(),
+        measure_noise_law(frames, pairs),
         over_space.law(),
         tuple(by_distance),
         float(np.median(known)) if known else float("nan"),
         tuple(rings),
         float(np.mean(saturated)),
     )
+
+
+def light_at_one_metre(frame: DepthFrame) -> Array:
+    """Return (H, W) IR r^2 / cos, counts m^2: NaN off smooth surfaces and where light saturates."""
+    if frame.infrared is None:
+        return np.full(frame.depth_mm.shape, np.nan)
+    s = frame.surfaces
+    r_m = frame.depth_mm / 1000.0 * np.sqrt(1.0 + (frame.rays.astype(np.float64) ** 2).sum(axis=-1))
+    known = s.smooth & frame.lit & (s.cosine > _LEAST_COSINE)
+    return np.where(known, frame.infrared * r_m**2 / np.where(known, s.cosine, 1.0), np.nan)
+
+
+def measure_noise_law(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> NoiseLaw:
+    """Measure noise over infrared on static pairs; NaN with less than three classes of light."""
+    classes = _Classes()
+    for first, second in pairs:
+        a, b = frames[first], frames[second]
+        if a.infrared is None or b.infrared is None:
+            continue
+        used = a.lit & b.lit
+        mean = 0.5 * (a.infrared.astype(np.float64) + b.infrared)
+        quantum = (a.quantum_mm**2 + b.quantum_mm**2) / 24.0
+        classes.add(mean, np.where(used, pair_noise(a, b) ** 2 - quantum, np.nan))
+    return classes.law()
 
 
 def _brightest(values: Array) -> float:

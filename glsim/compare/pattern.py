@@ -4,7 +4,8 @@ Frames of moving views: the residual of a quadric in 11 x 11 pixels on smooth su
 per pixel over the even and over the odd frames. What both averages share is fixed: the covariance
 of the two is free of temporal noise. Rows are means along rows, columns means along columns, the
 rest is what remains. The quadric swallows a known part of each, which is given back. Frames of one
-static view show the roughness of the scene as pattern too. Source: design/reality.md, section 3.
+static view show the roughness of the scene as pattern too; of a static recording the means of its
+even and of its odd frames do. Source: design/reality.md, section 3.
 """
 
 from __future__ import annotations
@@ -26,7 +27,11 @@ _WEIGHTS = np.array([89, 84, 69, 44, 9, -36]) / 429.0
 #: What the quadric leaves of an alternation of rows, of white rows (variance), of white pixels.
 _LEFT_ALTERNATION = 1.0 - (_WEIGHTS[0] + 2 * (_WEIGHTS[1:] * [-1, 1, -1, 1, -1]).sum())
 _LEFT_ROWS = 1.0 - _WEIGHTS[0]
-_LEFT_PIXELS = 1.0 - 0.0430  # the weight of the centre in 11 x 11
+#: Share of the variance of single pixels that a quadric in 11 x 11 leaves at its centre, and the
+#: correlation at 1 px of what it leaves: of white pixels and of those smooth over 3 x 3. Derived
+#: from the weights h of the centre: 1 - 2 h r + h R h with the pixels' correlations r, R.
+_LEFT_WHITE, _LEFT_SMOOTH = 0.9705, 0.7285
+_CORRELATION_WHITE, _CORRELATION_SMOOTH = -0.032, 0.552
 #: A row (column) is known where it has this many pixels in each half of the frames.
 _LEAST_PIXELS = 30
 _LEAST_ROWS = 60
@@ -41,8 +46,9 @@ class FixedPattern:
     """Standard deviations in mm, NaN if too few pixels are on smooth surfaces.
 
     rows: with the alternation. alternation: (BANDS,) half the step between odd and even rows down
-    the image, signed, odd rows farther positive. rest: single pixels. rest_correlation: of the
-    rest between neighbours along x; 0 for white pixels.
+    the image, signed, odd rows farther positive. rest: single pixels. rest_correlation: of what the
+    quadric leaves of the rest, between neighbours along x; 0 for white pixels, 0.55 for pixels that
+    are smooth over 3 x 3.
     """
 
     frames: int
@@ -89,14 +95,20 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     )
     other = _covariance(own_rows[0], own_rows[1]) - alternating
     rms = np.sqrt(max(alternating, 0.0)) / _LEFT_ALTERNATION
+    likeness = side / total if total > 0 else nan
+    left = np.interp(
+        np.nan_to_num(likeness),
+        (_CORRELATION_WHITE, _CORRELATION_SMOOTH),
+        (_LEFT_WHITE, _LEFT_SMOOTH),
+    )
     return FixedPattern(
         len(frames),
         float(np.sqrt(rms**2 + max(other, 0.0) / _LEFT_ROWS)),
         float(np.sqrt(max(_covariance(own_columns[0], own_columns[1]), 0.0) / _LEFT_ROWS)),
-        float(np.sqrt(max(total, 0.0) / _LEFT_PIXELS)),
+        float(np.sqrt(max(total, 0.0) / left)),
         tuple(float(a) / _LEFT_ALTERNATION for a in alternation),
         float(rms),
-        side / total if total > 0 else nan,
+        likeness,
     )
 
 

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.compare.frames import DepthFrame
+from glsim.compare.pattern import measure_pattern
 from glsim.sensors.pattern_map import LARGEST_MM
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-#: Distance of the pixels in a difference: beyond the reach of two 3 x 3 filters, and even, so that
-#: an alternation of rows cancels.
-LAG_PX = 4
-
-#: Pixels this far apart share the error of their row or column, but no error of single pixels.
-_FAR_PX = range(5, 17)
 
 #: Side of the window whose best plane is subtracted for the map: errors that are smooth over more
 #: pixels (wiggling, the scene's own curvature) are not told from the scene.
@@ -33,9 +29,9 @@ class FixedPattern:
     alternation_mm: half difference of even and odd rows that changes its sign at the middle row,
     above it. row_step_mm: odd minus even rows, the same above and below. row_mm,
     column_mm: standard deviation of the error shared by a row or column beyond that; pixel_mm: of
-    the rest, of single pixels. pixel_correlation: correlation of the rest at 1 px; 0 if it is
-    white, 0.67 if it is smoothed over 3 x 3. map_mm: (H, W) float32, the pattern itself, NaN where
-    the scene is not smooth.
+    the rest, of single pixels. pixel_correlation: correlation of the rest at 1 px, as compare's
+    rest_correlation. A part that the recording does not show is 0. map_mm: (H, W) float32, the
+    pattern itself, NaN where the scene is not smooth.
     """
 
     alternation_mm: float
@@ -64,81 +60,31 @@ class FixedPattern:
         return float(np.linalg.norm(parts))
 
 
-def measure_pattern(mean_mm: Array, halves_mm: tuple[Array, Array], used: Mask) -> FixedPattern:
-    """Measure all parts of the pattern.
+def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -> FixedPattern:
+    """Measure the parts of the pattern as ``glsim compare`` does, and the map.
 
-    mean_mm: (H, W) mean over all frames. halves_mm: the same of two halves of the frames; only
-    what both share is pattern, so that the temporal noise left in a mean does not count. used:
-    (H, W), True on smooth surfaces; all three images are finite there.
+    halves: means of the even and of the odd frames; only what both share is pattern. mean_mm:
+    (H, W) mean of all. used: (H, W), True on smooth surfaces.
     """
-    down = _Products(halves_mm, used, 0)
-    across = _Products(halves_mm, used, 1)
-    # The variance of a second difference of independent pixels is six times theirs.
-    row, column = down.far / 6.0, across.far / 6.0
-    pixel = 0.5 * ((down.here - down.far) + (across.here - across.far)) / 6.0
-    beside = 0.5 * ((down.beside - down.far) + (across.beside - across.far)) / 6.0
-    alternation_mm, row_step_mm = _alternation(mean_mm, used)
+    found = measure_pattern(halves)
+    bands = np.array(found.alternation_mm)  # half steps of odd rows, from the top to the bottom
+    upper, lower = (_mean(part) for part in np.array_split(bands, 2))
+    own_rows = found.rows_mm**2 - found.alternation_rms_mm**2
     return FixedPattern(
-        alternation_mm,
-        row_step_mm,
-        _root(row),
-        _root(column),
-        _root(pixel),
-        float(np.clip(beside / pixel, -1.0, 1.0)) if pixel > 0 else 0.0,
+        0.5 * (lower - upper),
+        upper + lower,
+        float(np.sqrt(max(own_rows, 0.0))) if np.isfinite(own_rows) else 0.0,
+        float(np.nan_to_num(found.columns_mm)),
+        float(np.nan_to_num(found.rest_mm)),
+        float(np.nan_to_num(found.rest_correlation)),
         pattern_map(mean_mm, used),
     )
 
 
-class _Products:
-    """Mean products of the second differences of both halves along an axis, mm^2.
-
-    here: of a pixel; beside, far: of pixels 1 px and _FAR_PX apart across the axis.
-    """
-
-    def __init__(self, halves_mm: tuple[Array, Array], used: Mask, axis: int) -> None:
-        bends = [
-            np.where(used, second_difference(half, axis, LAG_PX), np.nan) for half in halves_mm
-        ]
-        kept = used & np.isfinite(bends[0]) & np.isfinite(bends[1])
-        mean = 0.5 * (bends[0] + bends[1])
-        middle = float(np.median(mean[kept])) if kept.any() else 0.0
-        spread = 1.4826 * float(np.median(np.abs(mean[kept] - middle))) if kept.any() else 0.0
-        kept &= np.abs(mean - middle) <= 5.0 * max(spread, 1e-6)
-        self._first, self._second = (np.where(kept, b - middle, 0.0) for b in bends)
-        self._kept, self._across = kept, 1 - axis
-        self.here = self._product((0,))
-        self.beside = self._product((1,))
-        self.far = self._product(_FAR_PX)
-
-    def _product(self, lags: tuple[int, ...] | range) -> float:
-        total, count = 0.0, 0
-        for lag in lags:
-            a, b, kept = (
-                np.moveaxis(x, self._across, 0) for x in (self._first, self._second, self._kept)
-            )
-            end = len(a) - lag
-            total += float((a[:end] * b[lag:]).sum() + (b[:end] * a[lag:]).sum())
-            count += 2 * int((kept[:end] & kept[lag:]).sum())
-        return total / count if count else 0.0
-
-
-def _alternation(mean_mm: Array, used: Mask) -> tuple[float, float]:
-    """Measure the rows' alternation: the part that changes its sign at the middle, and the step.
-
-    Returns ``alternation_mm`` and ``row_step_mm`` of FixedPattern; 0 where a half shows no surface.
-    """
-    bend = np.where(used, second_difference(mean_mm, 0, 1), np.nan)
-    bend[np.abs(bend) > 20.0] = np.nan  # no pattern, but the end of a surface
-    sign = np.where(np.arange(len(bend)) % 2 == 0, 1.0, -1.0)
-    # An alternation of +-a has second differences of -+4 a.
-    even_minus_mean = -0.25 * sign[:, None] * bend
-    middle = len(bend) // 2
-    halves = [even_minus_mean[: middle - 1], even_minus_mean[middle + 1 :]]  # not across the middle
-    if not all(np.isfinite(half).any() for half in halves):
-        known = float(np.nanmean(even_minus_mean)) if np.isfinite(even_minus_mean).any() else 0.0
-        return 0.0, -2.0 * known
-    upper, lower = (float(np.nanmean(half)) for half in halves)
-    return 0.5 * (upper - lower), -(upper + lower)
+def _mean(values: Array) -> float:
+    """Average the finite values; 0 without any."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else 0.0
 
 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
@@ -174,15 +120,3 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     residual = (plane - inverse) * mean_mm**2 / 1000.0
     enough &= np.abs(residual) <= LARGEST_MM
     return np.where(enough, residual, np.nan).astype(np.float32)
-
-
-def second_difference(image: Array, axis: int, lag: int) -> Array:
-    """Compute image[i - lag] - 2 image[i] + image[i + lag]; NaN at the border."""
-    moved = np.moveaxis(image, axis, 0)
-    out = np.full(moved.shape, np.nan)
-    out[lag:-lag] = moved[: -2 * lag] - 2 * moved[lag:-lag] + moved[2 * lag :]
-    return np.moveaxis(out, 0, axis)
-
-
-def _root(variance: float) -> float:
-    return float(np.sqrt(max(variance, 0.0)))

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.fit.recording_statistics import RecordingStatistics
+from glsim.compare.frames import DepthFrame
+from glsim.compare.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
+from glsim.fit.recording import Recording
+from glsim.fit.recording_statistics import RecordingStatistics, average, single_frame
 from glsim.geometry.camera import Intrinsics
+from glsim.validate.checks.depth import COUNTS_PER_AMPLITUDE
 from glsim.validate.published_curves import TAP_READ_LSB2, TAP_SHOT_LSB, white_sigma_mm
 
 Array = NDArray[np.float64]
@@ -32,15 +36,10 @@ _FILTER_GAIN = 2.99
 _TAP_ROUNDING_LSB2 = 1.0 / 12.0
 
 
-#: Libfreenect2's infrared counts per unit of the mean amplitude; counts at which it saturates.
-COUNTS_PER_AMPLITUDE = 16.0
-_SATURATED = 65_000
-
 #: A bright surface: this share of the smooth pixels is darker.
 _BRIGHT_SHARE = 0.95
-#: Radius within which a Kinect V2's light is even: 150 px at its focal length of 365 px
-#: (measured: flat within 3 % to 160 px).
-_EVEN_RADIUS = 150.0 / 365.0
+#: Pairs of frames in which noise over infrared is measured; more change no printed digit.
+_PAIRS = 12
 
 
 @dataclass(frozen=True)
@@ -73,18 +72,18 @@ class LightProfile:
 
 @dataclass(frozen=True)
 class InfraredLaw:
-    """Light and noise over infrared counts: sigma^2 = floor^2 + (counts / IR)^2.
+    """Light and noise over infrared counts.
 
     gain: amplitude of a white wall at 1 m (libfreenect2's infrared units), NaN without a bright
-    surface near the centre. floor_mm: noise that does not depend on the light. noise_counts_mm:
-    the constant of the second term, mm times counts. noise_error: standard error of the taps'
-    noise as a share, infinite if all surfaces are equally bright. tap_scale: variance of the taps
-    relative to the base sensor's.
+    surface near the centre. law: sigma^2 = a^2 + (b / IR)^2, as ``glsim compare`` measures it.
+    floor_mm: noise that does not depend on the light, beside the noise of taps. noise_error:
+    standard error of the taps' noise as a share, infinite if all surfaces are equally bright.
+    tap_scale: variance of the taps relative to the base sensor's.
     """
 
     gain: float
+    law: NoiseLaw
     floor_mm: float
-    noise_counts_mm: float
     noise_error: float
     tap_scale: float
 
@@ -96,50 +95,61 @@ class InfraredLaw:
 
 def fit_infrared(
     statistics: RecordingStatistics,
-    infrared: NDArray[np.uint16],
+    recording: Recording,
     image: Intrinsics,
     albedo: float,
-    unit_mm: float,
-    emitter_m: tuple[float, float, float],
     taps: TapNoise,
 ) -> InfraredLaw:
-    """Fit gain and noise law to depth and infrared.
+    """Fit gain and noise law to a recording with infrared.
 
-    infrared: (T, H, W) counts. albedo: of the brightest surfaces, relative to white. unit_mm: step
-    of the depth files. taps: of the base sensor.
+    albedo: of the brightest surfaces, relative to white. taps: of the base sensor.
     """
-    counts = infrared.mean(axis=0)
-    usable = statistics.smooth & (counts > 0) & (infrared.max(axis=0) < _SATURATED)
-    light = facing_light(statistics.mean_mm, image, LightProfile(), emitter_m)
-    rays = _rays(image)
-    even = usable & np.isfinite(light) & (np.hypot(rays[..., 0], rays[..., 1]) < _EVEN_RADIUS)
+    assert recording.infrared is not None
+    mean = average(recording, image)
+    assert mean.infrared is not None
+    usable = statistics.smooth & mean.lit
+    bright = light_at_one_metre(mean)[usable & (mean.radius_px < EVEN_PX)]
+    bright = bright[np.isfinite(bright)]
     gain = float("nan")
-    if even.sum() >= _LEAST_CLASS:
-        per_light = counts[even] / light[even]
-        gain = float(np.quantile(per_light, _BRIGHT_SHARE)) / albedo / COUNTS_PER_AMPLITUDE
-    squared = 1.0 / (rays**2).sum(axis=-1)
+    if bright.size >= _LEAST_CLASS:
+        gain = float(np.quantile(bright, _BRIGHT_SHARE)) / albedo / COUNTS_PER_AMPLITUDE
+    law = measure_noise_law(*_some_pairs(recording, image))
+    nothing = InfraredLaw(gain, law, float("nan"), float("inf"), float("nan"))
     if usable.sum() < _LEAST_CLASS:
-        return InfraredLaw(gain, float("nan"), float("nan"), float("inf"), float("nan"))
+        return nothing
+    squared = 1.0 / (_rays(image) ** 2).sum(axis=-1)
     x, cosine2, variance, weight = _classes(
-        counts[usable], squared[usable], statistics.variance_mm2[usable], statistics.frames
+        mean.infrared[usable].astype(np.float64),
+        squared[usable],
+        statistics.variance_mm2[usable],
+        statistics.frames,
     )
     strong = x >= COUNTS_PER_AMPLITUDE * _LEAST_AMPLITUDE
     x, cosine2, variance, weight = (c[strong] for c in (x, cosine2, variance, weight))
     if len(x) < 3:
-        return InfraredLaw(gain, float("nan"), float("nan"), float("inf"), float("nan"))
-    variance = variance - unit_mm**2 / 12.0
+        return nothing
+    variance = variance - recording.unit_mm**2 / 12.0
     amplitude = x / COUNTS_PER_AMPLITUDE
     shape = white_sigma_mm(amplitude, _FILTER_GAIN, 0.0, taps.read_lsb2, taps.shot_lsb) ** 2
     rounding = white_sigma_mm(amplitude, _FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
-    _, scale, error = _line(cosine2 * shape, variance - cosine2 * rounding, weight)
-    floor2, counts2, _ = _line(cosine2 / x**2, variance, weight)
+    floor2, scale, error = _line(cosine2 * shape, variance - cosine2 * rounding, weight)
     return InfraredLaw(
         gain,
+        law,
         float(np.sqrt(max(floor2, 0.0))),
-        float(np.sqrt(max(counts2, 0.0))),
         error / scale if scale > 0 else float("inf"),
         scale,
     )
+
+
+def _some_pairs(
+    recording: Recording, image: Intrinsics
+) -> tuple[list[DepthFrame], list[tuple[int, int]]]:
+    """Choose up to _PAIRS pairs of successive frames, evenly; the frames, and their numbers."""
+    count = len(recording.depth)
+    starts = np.unique(np.linspace(0, count - 2, min(_PAIRS, count // 2)).astype(int))
+    frames = [single_frame(recording, image, k) for start in starts for k in (start, start + 1)]
+    return frames, [(2 * k, 2 * k + 1) for k in range(len(starts))]
 
 
 def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.compare.frames import DepthFrame
+from glsim.compare.temporal import (
+    Cell,
+    Samples,
+    correlation_of,
+    lagged_products,
+    without_local_mean,
+)
 from glsim.errors import DatasetError
-from glsim.fit.fixed_pattern import LAG_PX, FixedPattern, measure_pattern, second_difference
+from glsim.fit.fixed_pattern import FixedPattern, describe_pattern
 from glsim.fit.recording import Recording
 from glsim.geometry.camera import Intrinsics
 
@@ -23,10 +30,9 @@ _LEAST_VALID = 0.9
 EDGE_MM = 100.0
 #: A flying pixel is farther than this from the surfaces on both sides of its edge.
 FLYING_MM = 20.0
-#: Bounds of the cells of the noise table: distances, m, and radii in pixels of a Kinect V2 (focal
-#: length 365 px).
-DISTANCES_M = (0.3, 0.7, 0.9, 1.1, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 8.0)
-RADII_PX = (0.0, 100.0, 160.0, 210.0, 250.0, 1000.0)
+#: Distance of the pixels in a difference: beyond the reach of two 3 x 3 filters, and even, so that
+#: an alternation of rows cancels.
+LAG_PX = 4
 _LEAST_PIXELS = 100
 #: A flat, even surface: its second difference over 2 x 8 px, averaged over 5 x 5, is below this,
 #: and its infrared in 9 x 9 varies by less than this share. Chosen so that an office scene of a
@@ -35,24 +41,14 @@ _MOST_BEND_MM, _MOST_UNEVEN = 1.0, 0.08
 _LEAST_FLAT_PX = 2000
 
 
-@dataclass(frozen=True)
-class NoiseCell:
-    """Temporal noise of the pixels between two distances (m) and two radii (px)."""
-
-    distance_m: tuple[float, float]
-    radius_px: tuple[float, float]
-    sigma_mm: float
-    pixels: int
-
-
 @dataclass(frozen=True, eq=False)
 class RecordingStatistics:
     """Noise statistics of one recording.
 
     mean_mm, variance_mm2: (H, W) over time, NaN where depth is rare. smooth: (H, W), True where
-    the surface is smooth and complete. table: temporal noise by distance and radius. correlation:
-    that of the temporal noise at lags of 0 to 4 px along rows and columns. pattern: the fixed
-    pattern. edge_pixels: number of pixels per frame beside depth edges; invalid_share,
+    the surface is smooth and complete. table: temporal noise by distance and radius, rounding
+    removed. correlation: (len(LAGS),), that of the temporal noise at compare's LAGS. pattern: the
+    fixed pattern. edge_pixels: number of pixels per frame beside depth edges; invalid_share,
     flying_share: the shares of them without depth and between the surfaces, NaN if there are none.
     """
 
@@ -60,7 +56,7 @@ class RecordingStatistics:
     mean_mm: Array
     variance_mm2: Array
     smooth: Mask
-    table: tuple[NoiseCell, ...]
+    table: tuple[Cell, ...]
     correlation: tuple[float, ...]
     pattern: FixedPattern
     edge_pixels: int
@@ -84,14 +80,15 @@ def measure_recording(recording: Recording, image: Intrinsics) -> RecordingStati
     lit = smooth & (noise <= 2.0 * np.median(noise[smooth]))
     flat = lit & _flat_mask(recording, mean, steady)
     used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
-    pattern = measure_pattern(mean, _halves(recording), used)
+    halves = [average(recording, image, slice(start, None, 2)) for start in (0, 1)]
+    pattern = describe_pattern(halves, mean, used)
     edge, invalid, flying = _edges(recording, mean, steady)
     return RecordingStatistics(
         frames=len(depth),
         mean_mm=np.where(steady, mean, np.nan),
         variance_mm2=np.where(steady, variance, np.nan),
         smooth=smooth,
-        table=_noise_table(mean, variance, smooth, image),
+        table=_noise_table(recording, mean, variance, smooth, image),
         correlation=_correlation(recording, smooth),
         pattern=pattern,
         edge_pixels=edge,
@@ -141,59 +138,49 @@ def _flat_mask(recording: Recording, mean: Array, steady: Mask) -> Mask:
     return np.asarray(flat & (spread < _MOST_UNEVEN * level))
 
 
-def _halves(recording: Recording) -> tuple[Array, Array]:
-    """Average the even and the odd frames: two (H, W) means, mm, NaN where a half has no depth."""
-    means = []
-    for start in (0, 1):
-        depth = recording.depth[start::2]
-        count = (depth > 0).sum(axis=0)
-        total = depth.sum(axis=0, dtype=np.float64) * recording.unit_mm
-        means.append(np.where(count > 0, total / np.maximum(count, 1), np.nan))
-    return means[0], means[1]
+def average(recording: Recording, image: Intrinsics, frames: slice = slice(None)) -> DepthFrame:
+    """Average some frames: a DepthFrame, NaN without depth."""
+    depth = recording.depth[frames]
+    count = (depth > 0).sum(axis=0)
+    total = depth.sum(axis=0, dtype=np.float64) * recording.unit_mm
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
+    light = None
+    if recording.infrared is not None:
+        light = recording.infrared[frames].mean(axis=0).astype(np.float32)
+    return DepthFrame("mean", mean, light, image, recording.unit_mm / len(depth) ** 0.5)
+
+
+def single_frame(recording: Recording, image: Intrinsics, number: int) -> DepthFrame:
+    """Return one frame of a recording."""
+    return average(recording, image, slice(number, number + 1))
 
 
 def _noise_table(
-    mean: Array, variance: Array, smooth: Mask, image: Intrinsics
-) -> tuple[NoiseCell, ...]:
-    """Average the temporal noise of smooth surfaces by distance and radius."""
-    rays = image.rays().astype(np.float64)
-    radius = np.hypot(rays[..., 0] * image.fx, rays[..., 1] * image.fy)
-    cells = []
-    for near, far in pairwise(DISTANCES_M):
-        for inner, outer in pairwise(RADII_PX):
-            scale = image.fx / 365.0
-            here = smooth & (mean >= 1000 * near) & (mean < 1000 * far)
-            here &= (radius >= inner * scale) & (radius < outer * scale)
-            if here.sum() >= _LEAST_PIXELS:
-                sigma = float(np.sqrt(variance[here].mean()))
-                cells.append(NoiseCell((near, far), (inner, outer), sigma, int(here.sum())))
-    return tuple(cells)
+    recording: Recording, mean: Array, variance: Array, smooth: Mask, image: Intrinsics
+) -> tuple[Cell, ...]:
+    """Average the temporal noise of smooth surfaces in compare's cells."""
+    samples = Samples()
+    radius = average(recording, image).radius_px
+    samples.add(mean, radius, np.where(smooth, variance - recording.unit_mm**2 / 12.0, np.nan))
+    return samples.root_cells()
 
 
 def _correlation(recording: Recording, smooth: Mask) -> tuple[float, ...]:
-    """Compute the spatial correlation, lags 0 to 4 px, of differences of successive frames.
-
-    These differences contain temporal noise only.
-    """
-    sums = np.zeros((5, 2))
+    """Correlate the differences of successive frames, which hold temporal noise only."""
+    products = []
     for before, after in zip(recording.depth[:-1], recording.depth[1:], strict=True):
         both = smooth & (before > 0) & (after > 0)
-        noise = np.where(both, after.astype(np.float64) - before, 0.0)
-        for lag in range(5):
-            for axis in (0, 1):
-                first, second = _shifted_pair(noise, axis, lag)
-                first_valid, second_valid = _shifted_pair(both, axis, lag)
-                sums[lag] += (first * second).sum(), (first_valid & second_valid).sum()
-    product = sums[:, 0] / np.maximum(sums[:, 1], 1)
-    if product[0] == 0:
-        return (1.0, 0.0, 0.0, 0.0, 0.0)
-    return tuple(float(p) for p in product / product[0])
+        noise = np.where(both, after.astype(np.float64) - before, np.nan)
+        products.append(lagged_products(without_local_mean(noise)))
+    return correlation_of(products)
 
 
-def _shifted_pair(image: NDArray[np.generic], axis: int, lag: int) -> tuple[NDArray, NDArray]:  # type: ignore[type-arg]
-    """Return an image without its last, and without its first, ``lag`` rows or columns."""
+def second_difference(image: Array, axis: int, lag: int) -> Array:
+    """Compute image[i - lag] - 2 image[i] + image[i + lag]; NaN at the border."""
     moved = np.moveaxis(image, axis, 0)
-    return moved[: len(moved) - lag], moved[lag:]
+    out = np.full(moved.shape, np.nan)
+    out[lag:-lag] = moved[: -2 * lag] - 2 * moved[lag:-lag] + moved[2 * lag :]
+    return np.moveaxis(out, 0, axis)
 
 
 def _edges(recording: Recording, mean: Array, steady: Mask) -> tuple[int, float, float]:

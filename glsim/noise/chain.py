@@ -33,7 +33,7 @@ INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
 #: not read it. fine_seen: depth and albedo of the samples; uneven: how much these differ.
 FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 
-#: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where it is unknown.
+#: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where unknown.
 #: Only chains of sensors with a map have it: their shaders see the constant PATTERN_MAP.
 PATTERN_LAYER, _PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
 

@@ -1,4 +1,4 @@
-"""The loop of the fixed pattern: a device is recorded, fitted, and simulated with its own pattern."""
+"""A device is recorded, fitted, and simulated with its own fixed pattern."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map of a device's own fixed pattern: added by shader and twin, subtracted, refused if wrong."""
+"""The map of a device's fixed pattern: added by shader and twin, subtracted, refused if wrong."""
 
 from __future__ import annotations
 
