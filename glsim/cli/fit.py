@@ -64,10 +64,11 @@ def fit(
 
     Record at least 30 frames of walls and furniture at many distances; nothing may move. Without
     infrared the fit uses distances, and assumes that all surfaces have the albedo --albedo; with
-    infrared, that the brightest ones have it. A slanted wall shows the wiggling, a plain one the
-    fixed pattern, which is also written as a map: NAME_fixed_pattern.npy, float32 mm, (rows,
-    columns), NaN where it is unknown. The sensor file names the map, and frames of that sensor have
-    this pattern.
+    infrared, that the brightest ones have it. Wiggling needs undistorted frames of plane walls that
+    cover 0.65 m of distances or more: one at a slant, or several at several distances. A plain wall
+    shows the fixed pattern, which is also written as a map: NAME_fixed_pattern.npy, float32 mm,
+    (rows, columns), NaN where it is unknown. The sensor file names the map, and frames of that
+    sensor have this pattern.
     """
     import io
 
@@ -104,7 +105,7 @@ def fit(
     law = None
     if recording.infrared is not None:
         law = fit_infrared(statistics, recording, image, albedo, taps)
-    wiggling = fit_wiggling(statistics, image)
+    wiggling = fit_wiggling(statistics, image, emitter)
     values = fitted_values(statistics, model, law, taps, wiggling)
     lines = _result_lines(statistics, model, law, wiggling)
     map_file = out.with_name(f"{out.stem}_fixed_pattern.npy")
@@ -220,7 +221,7 @@ def _map_text(statistics: RecordingStatistics) -> str:
 
 def _wiggling_text(wiggling: Wiggling | None) -> str:
     if wiggling is None:
-        return "not determined by this recording (add one wall at a slant, 0.7 m deep or more)"
+        return "not determined by this recording (add walls, one at a slant: 0.65 m of distances)"
     parts = []
     for harmonic, amplitude in wiggling.amplitude.items():
         phases = " and ".join(f"{math.degrees(p):.0f}" for p in wiggling.phase_rad[harmonic])
@@ -237,7 +238,7 @@ def _print(statistics: RecordingStatistics, lines: list[tuple[str, str]]) -> Non
         out.print(f"{name}: {text}", soft_wrap=True)
     radii = sorted({cell.radius_px for cell in statistics.table})
     table = Table(box=None)
-    for name in ("sigma, mm", *(f"{a:.0f} to {b:.0f} px" for a, b in radii)):
+    for name in ("sigma, mm", *(f"{a:.0f}-{b:.0f} px" for a, b in radii)):
         table.add_column(name, no_wrap=True)
     for distance in sorted({cell.distance_m for cell in statistics.table}):
         sigma = {c.radius_px: c.value for c in statistics.table if c.distance_m == distance}

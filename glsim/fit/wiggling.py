@@ -1,7 +1,10 @@
 """Fit the wiggling of a camera: the error of depth that repeats with distance.
 
-It needs distances at which the truth is known up to a few numbers: one large plane seen at a
-slant, or walls at several distances that belong to one plane, such as a floor.
+Frames say nothing about the true distance of a wall, so that one number of it, or a fit over less
+than a period, tells nothing. A plane is known up to three numbers, and what bends it with the
+periods of the harmonics is wiggling. The recording must show planes, undistorted, that cover 0.65 m
+of distance together, along the rays: one wall at a slant, a floor, or several walls at several
+distances, each a few tenths of a metre deep. The more, the smaller the error that is printed.
 """
 
 from __future__ import annotations
@@ -24,11 +27,23 @@ _HALF_WAVE_MM_MHZ = 149_896.229
 _CYCLES = {2: 3, 5: 6}
 
 #: Frequencies, MHz, that are fitted: at 16 MHz a cycle is 3.1 m, which no plane of a room covers.
+#: Those waves are fitted along, held to the usual size, so that they do not pass for others.
 FITTED_MHZ = tuple(f for f in FREQUENCIES_MHZ if f > 16)
 
-#: The plane must span this range of distances, mm: the longest period that is fitted, 625 mm.
+#: Waves that are fitted, and the frequency of each coefficient: cosines, then sines.
+_WAVES = len(_CYCLES) * len(FREQUENCIES_MHZ)
+_MHZ_OF = 2 * len(_CYCLES) * FREQUENCIES_MHZ
+#: Usual size of a wave, mm: 1.2 and 1.4 mm in real frames of a Kinect V2.
+_USUAL_MM = 1.5
+#: Side of the tiles that are left out in turn to find the standard error.
+_TILE_PX = 64
+
+#: The planes must cover this range of distances, mm: the longest period that is fitted, 625 mm.
 _LEAST_SPAN_MM = 650.0
 _LEAST_PIXELS = 5000
+#: More planes than a room shows; each takes a search of 0.1 s.
+_MOST_PLANES = 8
+_STEP_MM = 10.0
 _INLIER_MM = 12.0
 _TRIALS = 200
 
@@ -40,63 +55,145 @@ class Wiggling:
     amplitude: harmonic -> size relative to the fundamental, mean over FITTED_MHZ. phase_rad:
     harmonic -> (len(FITTED_MHZ),) phases: a harmonic of size h and phase p moves depth by
     -110.5 mm h sin(c - p), c = 3 (second) or 6 (fifth) times the phase of the light. error:
-    standard error of the sizes. span_mm: nearest and farthest point of the plane.
+    standard error of the sizes. span_mm: nearest and farthest point of the planes, along the ray.
+    planes: their number.
     """
 
     amplitude: dict[int, float]
     phase_rad: dict[int, Array]
     error: dict[int, float]
     span_mm: tuple[float, float]
+    planes: int
 
     def known(self, harmonic: int) -> bool:
         """Whether the recording shows this harmonic: at least four standard errors."""
         return self.amplitude[harmonic] >= 4.0 * self.error[harmonic]
 
 
-def fit_wiggling(statistics: RecordingStatistics, image: Intrinsics) -> Wiggling | None:
-    """Fit the harmonics to the largest plane; None if it spans too little distance.
+def fit_wiggling(
+    statistics: RecordingStatistics,
+    image: Intrinsics,
+    emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Wiggling | None:
+    """Fit the harmonics to the planes of the scene together; None if these span too little.
 
-    The frames must be free of distortion, which bends a plane by more than harmonics do.
+    Each plane has its own place and slant, all have the same harmonics. The distances that count
+    are along the rays: a wall that faces the camera at 2 m spans 0.4 m, a slanted one more. The
+    frames must be free of distortion, which bends a plane by more than harmonics do.
     """
     flat = image.rays().astype(np.float64)
     usable = statistics.smooth & np.isfinite(statistics.mean_mm)
     depth, x, y = statistics.mean_mm[usable], flat[..., 0][usable], flat[..., 1][usable]
-    if len(depth) < _LEAST_PIXELS:
+    planes = _planes(np.column_stack([np.ones_like(x), x, y]), depth)
+    points = depth[:, None] * np.column_stack([x, y, np.ones_like(x)])
+    back = np.linalg.norm(points, axis=1)
+    # Half the way of the light, from the emitter and back: its phase is what wiggles.
+    distance = 0.5 * (back + np.linalg.norm(points - 1000.0 * np.asarray(emitter_m), axis=1))
+    span = _covered_mm([distance[inside] for inside in planes])
+    if span < _LEAST_SPAN_MM:
         return None
-    design = np.column_stack([np.ones_like(x), x, y])
-    inside = _largest_plane(design, depth)
-    if inside.sum() < _LEAST_PIXELS:
-        return None
-    design, depth, x, y = design[inside], depth[inside], x[inside], y[inside]
-    stretch = np.sqrt(1.0 + x**2 + y**2)
-    near, far = (float(np.quantile(depth * stretch, q)) for q in (0.01, 0.99))
-    if far - near < _LEAST_SPAN_MM:
-        return None
-    # An error e along the ray moves inverse depth by -e / (stretch depth^2).
-    cycles = [n * f for n in _CYCLES.values() for f in FITTED_MHZ]
-    angle = 2 * np.pi * (depth * stretch)[:, None] * np.array(cycles) / _HALF_WAVE_MM_MHZ
-    moved = 1000.0 / (stretch * depth**2)
-    waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1) * moved[:, None]
-    weight = 1.0 / moved[:, None]
-    columns = weight * np.column_stack([design, waves])
-    target = weight[:, 0] * 1000.0 / depth
-    fit = np.linalg.lstsq(columns, target, rcond=None)[0]
-    left = target - columns @ fit
-    # Errors are alike over the filter's 3 x 3 pixels and along rows and columns of the pattern.
-    variance = 9.0 * float((left**2).mean()) * np.linalg.pinv(columns.T @ columns).diagonal()
+    blocks = _Blocks()
+    tile = np.flatnonzero(usable)
+    tile = tile // image.width // _TILE_PX * image.width + tile % image.width // _TILE_PX
+    for inside in planes:
+        design = np.column_stack([np.ones_like(inside), x[inside], y[inside]])
+        lever = depth[inside] * back[inside] / 1000.0
+        blocks.add(design, depth[inside], distance[inside], lever, tile[inside])
+    fit, error_mm = blocks.solve()
     amplitude: dict[int, float] = {}
     phase: dict[int, Array] = {}
     error: dict[int, float] = {}
     for number, harmonic in enumerate(_CYCLES):
-        own = 3 + number * len(FITTED_MHZ) + np.arange(len(FITTED_MHZ))
+        first = number * len(FREQUENCIES_MHZ)
+        own = first + np.array([FREQUENCIES_MHZ.index(f) for f in FITTED_MHZ])
         # Inverse depth falls where depth grows.
-        a, b = -fit[own], -fit[own + len(cycles)]
+        a, b = -fit[own], -fit[own + _WAVES]
         size = np.hypot(a, b)  # mm: a cos c + b sin c = -size sin(c - phase)
         amplitude[harmonic] = float(size.mean()) / FUSION_MM_PER_RAD
         phase[harmonic] = np.arctan2(a, -b)
-        own_error = np.sqrt(0.5 * (variance[own] + variance[own + len(cycles)]))
-        error[harmonic] = float(own_error.mean()) / FUSION_MM_PER_RAD
-    return Wiggling(amplitude, phase, error, (near, far))
+        squares = 0.5 * (error_mm[own] ** 2 + error_mm[own + _WAVES] ** 2)
+        error[harmonic] = float(np.sqrt(squares.mean())) / FUSION_MM_PER_RAD
+    every = np.concatenate([distance[inside] for inside in planes])
+    near, far = (float(np.quantile(every, q)) for q in (0.01, 0.99))
+    return Wiggling(amplitude, phase, error, (near, far), len(planes))
+
+
+class _Blocks:
+    """Normal equations of the harmonics, one block for each tile of each plane."""
+
+    def __init__(self) -> None:
+        self._squares: list[Array] = []
+        self._products: list[Array] = []
+        self._left = self._pixels = 0.0
+
+    def add(
+        self, design: Array, depth_mm: Array, distance_mm: Array, weight: Array, tile: Array
+    ) -> None:
+        """Add a plane. design: (N, 3) 1, x/z, y/z of its pixels; the others: (N,).
+
+        distance_mm: half the way of the light. weight: an error along the ray moves inverse depth,
+        1 / m, by minus the error over the weight. tile: number of the tile.
+        """
+        cycles = np.array([n * f for n in _CYCLES.values() for f in FREQUENCIES_MHZ])
+        angle = 2 * np.pi * distance_mm[:, None] * cycles / _HALF_WAVE_MM_MHZ
+        waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+        target = weight * 1000.0 / depth_mm
+        # The plane's own three numbers are fitted first; what they leave is the harmonics'.
+        basis = np.linalg.qr(weight[:, None] * design)[0]
+        waves = waves - basis @ (basis.T @ waves)
+        target = target - basis @ (basis.T @ target)
+        for number in np.unique(tile):
+            own = tile == number
+            self._squares.append(waves[own].T @ waves[own])
+            self._products.append(waves[own].T @ target[own])
+        self._left += float((target**2).sum())
+        self._pixels += len(target)
+
+    def solve(self) -> tuple[Array, Array]:
+        """Return the coefficients, cosines then sines, mm, and their standard errors.
+
+        The error is the larger of two: that of noise, alike over the filter's 3 x 3 pixels, and
+        that of leaving out one tile after the other (jackknife), which also counts what is not
+        flat.
+        """
+        squares, products = np.sum(self._squares, axis=0), np.sum(self._products, axis=0)
+        noise = 9.0 * self._left / self._pixels
+        # Frequencies that are not fitted are only known to be of the usual size.
+        prior = np.zeros(2 * _WAVES)
+        prior[[k for k in range(2 * _WAVES) if _MHZ_OF[k] not in FITTED_MHZ]] = noise / _USUAL_MM**2
+        whole = squares + np.diag(prior)
+        fit = np.linalg.lstsq(whole, products, rcond=None)[0]
+        by_noise = np.sqrt(noise * np.linalg.pinv(whole).diagonal())
+        parts = [
+            np.linalg.lstsq(whole - s, products - p, rcond=None)[0]
+            for s, p in zip(self._squares, self._products, strict=True)
+        ]
+        count = len(parts)
+        by_tiles = np.sqrt((count - 1) * np.var(parts, axis=0))
+        return np.asarray(fit), np.asarray(np.maximum(by_noise, by_tiles))
+
+
+def _planes(design: Array, depth_mm: Array) -> list[NDArray[np.intp]]:
+    """Find up to _MOST_PLANES planes, the largest first: the numbers of the pixels of each."""
+    rest = np.arange(len(depth_mm))
+    found: list[NDArray[np.intp]] = []
+    while len(found) < _MOST_PLANES and len(rest) >= _LEAST_PIXELS:
+        inside = _largest_plane(design[rest], depth_mm[rest])
+        if inside.sum() < _LEAST_PIXELS:
+            break
+        found.append(rest[inside])
+        rest = rest[~inside]
+    return found
+
+
+def _covered_mm(distances: list[Array]) -> float:
+    """Return the length of distance that the planes cover together, mm, overlaps counted once."""
+    steps = np.arange(0.0, 20_000.0, _STEP_MM)
+    covered = np.zeros(len(steps), np.bool_)
+    for own in distances:
+        near, far = (float(np.quantile(own, q)) for q in (0.01, 0.99))
+        covered |= (steps >= near) & (steps < far)
+    return float(covered.sum()) * _STEP_MM
 
 
 def _largest_plane(design: Array, depth_mm: Array) -> NDArray[np.bool_]:
