@@ -127,7 +127,12 @@ class _Blocks:
         self._left = self._pixels = 0.0
 
     def add(
-        self, design: Array, depth_mm: Array, distance_mm: Array, weight: Array, tile: Array
+        self,
+        design: Array,
+        depth_mm: Array,
+        distance_mm: Array,
+        weight: Array,
+        tile: NDArray[np.intp],
     ) -> None:
         """Add a plane. design: (N, 3) 1, x/z, y/z of its pixels; the others: (N,).
 
