@@ -26,13 +26,12 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
-from glsim.faces.base import BadFace, Face, FaceSource
+from glsim.faces.base import BadFace, Face, FaceSource, Part
 from glsim.faces.regions import RegionLabels
 from glsim.faces.variation import draw_variation, vary
 from glsim.frame import LAYERS, Frame, Skipped
 from glsim.frame_assembly import assemble_frame
 from glsim.geometry.camera import Intrinsics
-from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
 from glsim.gl.context import is_software, make_current, open_context
@@ -43,6 +42,7 @@ from glsim.noise.stage import draw_values
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
 from glsim.render.renderer import Renderer
+from glsim.scene.scenery import Prop, build_scenery
 from glsim.sensors.sensor import Sensor, sensor_of
 from glsim.settings.schema import Settings
 from glsim.settings.seeds import stable_seed
@@ -54,11 +54,6 @@ _FACE_BATCH = 32
 #: Frames in flight between drawing and readback. A GPU draws asynchronously and needs a few; the
 #: software rasteriser draws at once, where more frames only add delay.
 _RING_ON_GPU = 4
-
-#: Half the side of the square wall, mm; it fills any view up to 12 m.
-_WALL_MM = 20_000.0
-
-_WALL_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 
 
 @dataclass(eq=False)
@@ -209,18 +204,20 @@ class Simulator:
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
-        meshes = [(face.mesh, pose_matrix(pose))]
-        if settings.scene.wall_mm is not None:
-            wall_mm = settings.scene.wall_mm.draw(task.seeds, "scene.wall_mm")
-            drawn["scene.wall_mm"] = wall_mm
-            meshes.append(
-                (_wall(settings.scene.wall_albedo), pose_matrix({"distance_mm": wall_mm}))
-            )
+        scenery = build_scenery(settings.scene, task.seeds)
+        drawn |= scenery.drawn
+        head = pose_matrix(pose)
+        worn = [(part.mesh, head) for part in face.parts]
+        props = [(prop.mesh, prop.view) for prop in scenery.props]
+        meshes = [(face.mesh, head), *worn, *props]
         crop = crop_window(rig.intrinsics, pose, settings.output.crop)
         labels: list[NDArray[np.float32] | None] = []
         if self._labels is not None:
-            labels = [self._labels.of(task.source, len(face.mesh.vertices_mm))]
-            labels += [None] * (len(meshes) - 1)  # the wall
+            further: list[Part | Prop] = [*face.parts, *scenery.props]
+            labels = [
+                self._labels.of(task.source, len(face.mesh.vertices_mm)),
+                *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in further),
+            ]
         reach_px = array_reach_px(self.sensor.stages, values)
         with self._renderer.render(meshes, crop, labels, reach_px) as rendered:
             frame = FrameContext.for_frame(
@@ -288,8 +285,3 @@ def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) 
     left = int(np.clip(round(centre[0] - side / 2), 0, image.width - side))
     top = int(np.clip(round(centre[1] - side / 2), 0, image.height - side))
     return Rect(left, top, side, side)
-
-
-def _wall(albedo: float) -> Mesh:
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
-    return Mesh(corners * _WALL_MM, _WALL_FACES, np.full(4, albedo, dtype=np.float32))

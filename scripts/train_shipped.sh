@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the network that the package ships: data, training, glsim/denoise/shipped/face.pt. Resumes.
+# Makes the network that the package ships: data, training, glsim/denoise/shipped/face.onnx. Resumes.
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
 #   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 2 GB of data and the run, default build/shipped.
 # An hour on two cores. The results are in docs/model_card.md.
@@ -41,4 +41,4 @@ done
 # In two parts, like the shipped weights: the second continues its cosine at step 6,000 of 10,000.
 "$glsim" train face "${sets[@]}" --resume --steps 6000 -o "$out/run"
 "$glsim" train face "${sets[@]}" --resume --steps 10000 -o "$out/run"
-cp "$out/run/best.pt" glsim/denoise/shipped/face.pt
+"$glsim" export "$out/run/best.pt" -o glsim/denoise/shipped/face.onnx

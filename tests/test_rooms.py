@@ -22,6 +22,8 @@ ROOMS = (
     "glsim.gl",
     "glsim.render",
     "glsim.faces",
+    "glsim.appearance",
+    "glsim.scene",
     "glsim.plan",
     "glsim.frame",
     "glsim.frame_assembly",

@@ -8,6 +8,7 @@ from glsim.cli import (
     compare,
     corrupt,
     denoise,
+    export,
     fit,
     generate,
     import_,
@@ -50,6 +51,7 @@ app.command("info", epilog=info.EXAMPLES)(info.info)
 app.command("train", epilog=train.EXAMPLES)(train.train)
 app.command("eval", epilog=evaluate.EXAMPLES)(evaluate.evaluate)
 app.command("denoise", epilog=denoise.EXAMPLES)(denoise.denoise)
+app.command("export", epilog=export.EXAMPLES)(export.export)
 app.command("study", epilog=study.EXAMPLES)(study.study)
 
 

@@ -1,4 +1,4 @@
-"""Load denoisers that are not filters: Python callables, checkpoints, and the shipped network."""
+"""Load denoisers that are not filters: Python callables, network files, the shipped network."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from glsim.errors import DenoiserError
 
 #: Package and file of the shipped network; docs/model_card.md describes it.
 _SHIPPED_PACKAGE: ModuleType | str = shipped
-_SHIPPED_FILE = "face.pt"
+_SHIPPED_FILE = "face.onnx"
+#: Suffix of networks that run without PyTorch; other suffixes are checkpoints of PyTorch.
+ONNX_SUFFIX = ".onnx"
 
 
 def from_callable(module: str, name: str, parameters: dict[str, str], label: str) -> Method:
@@ -60,33 +62,44 @@ class NetworkOptions:
     )
 
 
-def from_checkpoint(path: Path, label: str, options: NetworkOptions = NetworkOptions()) -> Method:
-    """Load the network of a checkpoint. Raises DenoiserError without the file or PyTorch."""
+def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()) -> Method:
+    """Load a network from an ONNX file, or from a checkpoint, which needs PyTorch.
+
+    Raises DenoiserError without the file or PyTorch, or for a damaged file.
+    """
     if not path.is_file():
-        raise DenoiserError(f"{path}: no such checkpoint: give the best.pt of a run of glsim train")
-    try:
-        from glsim.denoise.inference import load_network
-    except ImportError as error:
         raise DenoiserError(
-            f"{label}: networks need PyTorch: pip install 'glsim[train]', or choose a filter such "
-            f"as -d quadric:sigma_px=2.5,cleanup=5 ({error})"
-        ) from None
-    network = load_network(path, options.min_probability)
+            f"{path}: no such file: give the best.pt of a run of glsim train, or an ONNX file of "
+            "glsim export"
+        )
+    if path.suffix == ONNX_SUFFIX:
+        from glsim.denoise.onnx_file import load_onnx
+
+        network = load_onnx(path, options.min_probability)
+    else:
+        try:
+            from glsim.denoise.inference import load_network
+        except ImportError as error:
+            raise DenoiserError(
+                f"{label}: checkpoints need PyTorch: pip install 'glsim[train]', or export it "
+                f"where PyTorch is (glsim export {path} -o network.onnx) ({error})"
+            ) from None
+        network = load_network(path, options.min_probability)
     return as_method(label, network, f"{_version(path)} {options}")
 
 
 def from_shipped(label: str, options: NetworkOptions) -> Method:
-    """Load the network shipped with glsim. Raises DenoiserError without its file or PyTorch."""
+    """Load the network shipped with glsim. Raises DenoiserError without its file."""
     try:
         folder = importlib.resources.files(_SHIPPED_PACKAGE)
         with importlib.resources.as_file(folder / _SHIPPED_FILE) as path:
             if path.is_file():
-                return from_checkpoint(path, label, options)
+                return from_file(path, label, options)
     except (ImportError, FileNotFoundError):
         pass
     raise DenoiserError(
         f"{label}: this installation has no {_SHIPPED_FILE}, the weights of the shipped network: "
-        "install glsim again, or choose a checkpoint or filter with -d (glsim eval --list)"
+        "install glsim again, or choose a network or filter with -d (glsim eval --list)"
     )
 
 

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from glsim.denoise.filters import masked, paper, temporal
 from glsim.denoise.loading import (
+    ONNX_SUFFIX,
     NetworkOptions,
     as_method,
     from_callable,
-    from_checkpoint,
+    from_file,
     from_shipped,
 )
 from glsim.denoise.protocol import Denoised, Method, build
@@ -39,7 +40,7 @@ _FILTERS: Final[dict[str, type]] = {
 
 #: Name of the shipped network, the default of ``glsim denoise``.
 SHIPPED: Final = "face"
-_SHIPPED_HELP: Final = "the shipped network for faces before a Kinect V2 (needs PyTorch)"
+_SHIPPED_HELP: Final = "the shipped network for faces before a Kinect V2"
 
 #: The columns of the paper's table 1, in its order.
 PAPER_FILTERS: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
@@ -57,7 +58,7 @@ GRIDS: Final[dict[str, dict[str, Sequence[float]]]] = {
 #: Windows of the mask clean-up that tuning tries, px.
 CLEANUPS: Final = (3, 5, 7)
 
-_SUFFIXES = (".pt", ".pth", ".ckpt")
+_SUFFIXES = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt")
 
 
 def denoiser_names() -> list[str]:
@@ -86,7 +87,9 @@ def tuning_specs(name: str, cleanups: Sequence[int]) -> list[str]:
 
 
 def load(spec: str) -> Method:
-    """Load a denoiser: ``name:key=value,...``, ``module:function:key=value,...`` or ``best.pt``.
+    """Load a denoiser: ``name:key=value,...``, ``module:function:key=value,...`` or a network file.
+
+    Network files are ``best.pt`` (needs PyTorch) and ``face.onnx``.
 
     ``label@spec`` sets its name in tables. Raises ConfigError for an unknown name or parameter,
     DenoiserError if it cannot be imported.
@@ -96,10 +99,10 @@ def load(spec: str) -> Method:
     if not text or (at and not label):
         raise ConfigError(f"--denoiser {spec!r}: give a name, e.g. median:size=5")
     if text.endswith(_SUFFIXES):
-        return from_checkpoint(Path(text), label)
+        return from_file(Path(text), label)
     path, _, assignments = text.rpartition(":")
     if path.endswith(_SUFFIXES):
-        return from_checkpoint(Path(path), label, _network_options(assignments, spec))
+        return from_file(Path(path), label, _network_options(assignments, spec))
     name, _, tail = text.partition(":")
     if name in _FILTERS:
         return as_method(label, build(_FILTERS[name], _assignments(tail, spec), spec))
@@ -110,7 +113,7 @@ def load(spec: str) -> Method:
         return from_callable(name, function, _assignments(parameters, spec), label)
     raise ConfigError(
         f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
-        "or write module:function, or the path of a checkpoint"
+        "or write module:function, or the path of a network (.onnx, .pt)"
     )
 
 

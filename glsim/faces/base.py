@@ -28,8 +28,21 @@ class FaceKey:
 
 
 @dataclass(frozen=True, eq=False)
+class Part:
+    """A further mesh of a person in the frame of the face: hair, glasses, cloth.
+
+    region: the name of all its vertices in the layer of regions.
+    """
+
+    mesh: Mesh
+    region: str
+
+
+@dataclass(frozen=True, eq=False)
 class Face:
     """The geometry and metadata of one frame.
+
+    parts: what the person wears; it is drawn with the mesh.
 
     expression: action unit or blend shape -> intensity in [0, 1], without zeros.
     notes: further metadata for the manifest (JSON values only), such as the detected unit.
@@ -39,6 +52,7 @@ class Face:
     mesh: Mesh
     expression: Mapping[str, float] = field(default_factory=dict)
     notes: Mapping[str, object] = field(default_factory=dict)
+    parts: tuple[Part, ...] = ()
 
 
 @dataclass(frozen=True)

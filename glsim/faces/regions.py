@@ -48,6 +48,7 @@ class RegionLabels:
         self.numbers = region_numbers(sources)
         self._sources = sources
         self._labels: dict[int, NDArray[np.float32] | None] = {}
+        self._uniform: dict[tuple[str, int], NDArray[np.float32]] = {}
 
     def of(self, source: int, vertices: int) -> NDArray[np.float32] | None:
         """Return (V,) float32 labels for the meshes of a source; None if it has no regions.
@@ -63,6 +64,22 @@ class RegionLabels:
                 f"the mesh has {vertices} vertices, the regions of its source are for {len(labels)}"
             )
         return labels
+
+    def uniform(self, name: str, vertices: int) -> NDArray[np.float32] | None:
+        """Return (V,) float32 labels of a mesh that is one region; None for the name "".
+
+        Returns the same array each time. Raises ConfigError for a name outside of KNOWN_REGIONS.
+        """
+        if not name:
+            return None
+        if name not in KNOWN_REGIONS:
+            raise ConfigError(f"{name!r}: no known face region")
+        key = name, vertices
+        if key not in self._uniform:
+            number = KNOWN_REGIONS.index(name) + 1
+            self.numbers.setdefault(name, number)
+            self._uniform[key] = np.full(vertices, number, np.float32)
+        return self._uniform[key]
 
     def _load(self, source: FaceSource) -> NDArray[np.float32] | None:
         names = _region_names_of(source)

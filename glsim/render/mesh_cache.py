@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.gl.draw import index_buffer
 
-#: Number of topologies kept on the GPU; a data set has one per source, or one per file.
-CACHED_TOPOLOGIES = 4
+#: Number of topologies kept on the GPU: those of the sources, of what a person wears and of the
+#: things of a room, or one per file of a folder.
+CACHED_TOPOLOGIES = 32
 
 
 @dataclass(eq=False)
@@ -22,7 +23,8 @@ class GpuMesh:
 
     positions: (V, 3) float32, canonical mm. albedos: (V,) float32.
     surface, projector: the vertex arrays for the camera and for the emitters.
-    albedo: the array whose values ``albedos`` holds; at first an object that is no array.
+    vertices_mm, albedo: the arrays whose values the buffers hold; at first objects that are no
+        arrays. Arrays of a mesh are never changed in place, so the same array is not written again.
     """
 
     faces: NDArray[np.int32]
@@ -31,6 +33,7 @@ class GpuMesh:
     indices: moderngl.Buffer
     surface: moderngl.VertexArray
     projector: moderngl.VertexArray
+    vertices_mm: object = field(default_factory=object)
     albedo: object = field(default_factory=object)
 
 
@@ -54,7 +57,9 @@ class MeshCache:
             if len(self._meshes) > CACHED_TOPOLOGIES:
                 self._meshes.popitem(last=False)
         self._meshes.move_to_end(key)
-        uploaded.positions.write(np.ascontiguousarray(mesh.vertices_mm, dtype=np.float32))
+        if uploaded.vertices_mm is not mesh.vertices_mm:
+            uploaded.positions.write(np.ascontiguousarray(mesh.vertices_mm, dtype=np.float32))
+            uploaded.vertices_mm = mesh.vertices_mm
         if uploaded.albedo is not mesh.albedo:
             skin = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
             uploaded.albedos.write(skin if mesh.albedo is None else mesh.albedo)

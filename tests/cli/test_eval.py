@@ -136,12 +136,12 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     package = tmp_path / "shipped_stand_in"
     write_run(package, 0.2, row=None, sigma_mm=1.234)
     (package / "__init__.py").write_text("")
-    (package / "best.pt").rename(package / "face.pt")
-    monkeypatch.setitem(sys.modules, "glsim.denoise.inference", checkpoint_stand_in)
+    (package / "best.pt").rename(package / "face.onnx")
+    monkeypatch.setattr("glsim.denoise.onnx_file.load_onnx", checkpoint_stand_in.load_network)
     monkeypatch.setattr("glsim.denoise.loading._SHIPPED_PACKAGE", "shipped_stand_in")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "shipped_stand_in", raising=False)
-    return package / "face.pt"
+    return package / "face.onnx"
 
 
 def test_without_a_denoiser_the_shipped_network_is_taken(
@@ -171,7 +171,7 @@ def test_without_a_denoiser_the_shipped_network_is_taken(
     assert "sure must lie in [0, 0.999]" in capsys.readouterr().err
     shipped.unlink()
     assert main(command) == 1
-    assert "no face.pt, the weights of the shipped network" in capsys.readouterr().err
+    assert "no face.onnx, the weights of the shipped network" in capsys.readouterr().err
 
 
 def test_uncertainty_is_a_map_beside_the_depth(

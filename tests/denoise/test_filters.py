@@ -200,7 +200,7 @@ def test_wrong_specifications(spec: str, words: str) -> None:
         ("no_such_module:function", "cannot import"),
         ("math:no_such_function", "has no 'no_such_function'"),
         ("math:pi", "no function"),
-        ("run/none.pt", "no such checkpoint"),
+        ("run/none.pt", "no such file: give the best.pt"),
     ],
 )
 def test_what_cannot_be_loaded(spec: str, words: str) -> None:

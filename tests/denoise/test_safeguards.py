@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 
 from glsim import load_settings, simulate
-from glsim.denoise.inference import NetworkDenoiser
+from glsim.denoise.network import Depth, NetworkDenoiser
 from glsim.denoise.safeguards import (
     CLEAN_MM,
     HOLE_RISK_MM,
@@ -17,7 +16,6 @@ from glsim.denoise.safeguards import (
     trusted_mask,
 )
 from glsim.frame import Frame
-from glsim.train.models.base import DepthModel, Prediction
 
 
 def ball() -> np.ndarray:
@@ -74,21 +72,21 @@ def test_only_pixels_near_measured_depth_and_with_a_low_risk_are_trusted() -> No
     assert not trusted_mask(everywhere, np.full_like(depth, MEASURED_RISK_MM)).any()
 
 
-class Shifts(DepthModel):
-    """Moves depth by 5 mm, predicts depth everywhere, and cannot choose a surface on the left."""
-
-    def forward(self, noisy_mm: torch.Tensor) -> Prediction:
-        log_sigma = torch.full_like(noisy_mm, 2.0).log()
-        moved_mm = noisy_mm + 5
-        candidates_mm = torch.cat([moved_mm, moved_mm, moved_mm + 600], dim=1)
-        logits = torch.zeros(1, 3, *noisy_mm.shape[2:])
-        logits[:, 0, :, 40:] = 9.0
-        logit = torch.full_like(noisy_mm, 9.0)
-        return Prediction(moved_mm, logit, log_sigma, candidates_mm, logits)
+def shifts(noisy_mm: Depth) -> dict[str, Depth]:
+    """A network: moves depth by 5 mm, predicts depth everywhere, cannot choose on the left."""
+    risk_mm = np.full_like(noisy_mm, 0.1)
+    risk_mm[:, :40] = 400.0
+    return {
+        "depth_mm": noisy_mm + 5,
+        "probability": np.full_like(noisy_mm, 0.9998),
+        "sigma_mm": np.full_like(noisy_mm, 2.0),
+        "choice": np.where(risk_mm > 1, np.float32(1 / 3), np.float32(1)),
+        "risk_mm": risk_mm,
+    }
 
 
 def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -> None:
-    denoise = NetworkDenoiser(Shifts(), "shifts", uncertain=True)
+    denoise = NetworkDenoiser(shifts, "shifts", uncertain=True)
     clean = np.rint(ball())
     depth, probability, sigma = denoise.with_uncertainty(clean, clean > 0)
     np.testing.assert_array_equal(depth, clean)
@@ -106,11 +104,11 @@ def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -
 def test_a_minimum_probability_gives_a_mask() -> None:
     noise = np.random.default_rng(0).normal(0, 2, ball().shape).astype(np.float32)
     noisy = np.where(ball() > 0, ball() + noise, 0).astype(np.float32)
-    for probability, kept in ((0.99, True), (0.9999, False)):  # the network's log odds are 9
-        _, valid = NetworkDenoiser(Shifts(), "shifts", True, probability)(noisy, noisy > 0)
+    for probability, kept in ((0.99, True), (0.9999, False)):  # the network's is 0.9998
+        _, valid = NetworkDenoiser(shifts, "shifts", True, probability)(noisy, noisy > 0)
         assert valid.dtype == bool
         assert valid[48, 48] == kept
         assert not valid[:, :40].any()
     clean = np.rint(ball())
-    _, valid = NetworkDenoiser(Shifts(), "shifts", True, 0.9)(clean, clean > 0)
+    _, valid = NetworkDenoiser(shifts, "shifts", True, 0.9)(clean, clean > 0)
     np.testing.assert_array_equal(valid, clean > 0)

@@ -75,23 +75,29 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     Each is a mean of samples: those less than 50 mm behind the nearest one, and those less than
     50 mm before the farthest. Without samples, both are ``fill_mm``.
     """
-    samples = list(_taps(torch.where(noisy_mm > 0, noisy_mm, torch.nan)))
+    measured = noisy_mm > 0
+    samples = list(_taps(torch.where(measured, noisy_mm, torch.inf), torch.inf))
+    nearest_mm = reduce(torch.minimum, samples)
+    farthest_mm = reduce(torch.maximum, _taps(torch.where(measured, noisy_mm, 0.0), 0.0))
     surfaces = []
-    for extreme in (reduce(torch.fmin, samples), reduce(torch.fmax, samples)):  # they ignore nan
+    for extreme in (nearest_mm, farthest_mm):
         total, count = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
         for sample in samples:
-            same_surface = (sample - extreme).abs() < _SURFACE_MM  # false for nan
+            same_surface = (sample - extreme).abs() < _SURFACE_MM  # false for inf, and inf - inf
             total += torch.where(same_surface, sample, 0.0)
             count += same_surface
         surfaces.append(torch.where(count > 0, total / count.clamp_min(1), fill_mm))
     return torch.cat(surfaces, dim=1)
 
 
-def _taps(image: Tensor) -> Iterator[Tensor]:
-    """Yield the image shifted to each of 5x5 samples 3 px apart around a pixel; nan outside."""
+def _taps(image: Tensor, outside: float) -> Iterator[Tensor]:
+    """Yield the image shifted to each of 5x5 samples 3 px apart around a pixel.
+
+    outside: the value beyond the image.
+    """
     height, width = image.shape[-2:]
     reach = _TAPS * _TAP_STEP
-    around = F.pad(image, (reach,) * 4, value=torch.nan)
+    around = F.pad(image, (reach,) * 4, value=outside)
     steps = range(0, 2 * reach + 1, _TAP_STEP)
     for down in steps:
         for right in steps:
@@ -129,8 +135,8 @@ def _own_surface(fill_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> tuple[Tens
     Weights are Tukey's (1 - (d / 50 mm)^2)^2, smooth at the limit: one step of a mean shift.
     """
     offset_sum, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
-    for sample in _taps(torch.where(valid > 0, depth_mm, torch.nan)):
-        offset = (sample - fill_mm).nan_to_num(_SURFACE_MM).clamp(-_SURFACE_MM, _SURFACE_MM)
+    for sample in _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf):
+        offset = (sample - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
         weight = (1.0 - (offset / _SURFACE_MM).square()).square()
         offset_sum += weight * offset
         weight_sum += weight

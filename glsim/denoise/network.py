@@ -1,0 +1,105 @@
+"""A trained network as a denoiser of whole frames, whatever runs it: PyTorch or an ONNX runtime."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.denoise.protocol import MIN_DEPTH_MM
+from glsim.denoise.safeguards import CLEAN_MM, estimate_noise_mm, trusted_mask
+from glsim.errors import DenoiserError
+
+Depth = NDArray[np.float32]
+Validity = NDArray[np.bool_] | NDArray[np.float32]
+
+#: Runs a network: (H, W) float32 millimetres, 0 = no return, to its outputs by name, (H, W) float32
+#: each; the names are those of glsim.train.models.named_outputs.
+Network = Callable[[Depth], Mapping[str, Depth]]
+
+#: Frames are padded with holes, to the right and below, to multiples of this, pixels: the shipped
+#: architectures halve the size three or four times, and an ONNX graph cannot pad by itself.
+SIZE_MULTIPLE_PX: Final = 16
+
+
+class NetworkDenoiser:
+    """Denoises single frames of any size.
+
+    uncertain: whether the network predicts its uncertainty (``with_uncertainty``).
+    """
+
+    def __init__(
+        self, network: Network, name: str, uncertain: bool, min_probability: float = 0.0
+    ) -> None:
+        """name: for messages, such as the path of the file.
+
+        min_probability: keep a pixel if P(depth on the chosen surface) exceeds this; 0: return the
+        probability of depth instead of a mask.
+        """
+        self._network = network
+        self._name = name
+        self._min_probability = min_probability
+        self.uncertain = uncertain
+
+    def __call__(self, noisy_mm: Depth, valid: NDArray[np.bool_]) -> tuple[Depth, Validity]:
+        """Denoise (H, W) float32 millimetres, 0 = no return, with their (H, W) bool mask.
+
+        Returns (H, W) float32 depth in millimetres and the probability of depth, float32; a bool
+        mask if ``min_probability`` is set or if the network codes "no depth" as 0. With a
+        probability, the safeguards apply: frames without noise are returned unchanged, and pixels
+        outside ``trusted_mask`` have probability 0. See ``glsim.denoise.safeguards``. Raises
+        DenoiserError if the network returns NaN or infinity.
+        """
+        depth_mm, validity, _ = self._denoise(noisy_mm, valid)
+        return depth_mm, validity
+
+    def with_uncertainty(
+        self, noisy_mm: Depth, valid: NDArray[np.bool_]
+    ) -> tuple[Depth, Validity, Depth]:
+        """Denoise as a call does; also return the standard deviation, (H, W) float32 millimetres.
+
+        Raises DenoiserError for a network that was not trained to predict it.
+        """
+        depth_mm, validity, sigma_mm = self._denoise(noisy_mm, valid)
+        if sigma_mm is None:
+            raise DenoiserError(
+                f"{self._name}: the network does not predict its uncertainty: train one with "
+                "model.uncertainty = true"
+            )
+        return depth_mm, validity, sigma_mm
+
+    def _denoise(
+        self, noisy_mm: Depth, valid: NDArray[np.bool_]
+    ) -> tuple[Depth, Validity, Depth | None]:
+        frame = np.where(valid, noisy_mm, 0).astype(np.float32)
+        outputs = self._run(frame)
+        depth_mm, sigma_mm = outputs["depth_mm"], outputs.get("sigma_mm")
+        if "probability" not in outputs:
+            return depth_mm, depth_mm >= MIN_DEPTH_MM, sigma_mm
+        noise_mm = estimate_noise_mm(frame)
+        if noise_mm is not None and noise_mm < CLEAN_MM:  # unchanged; sigma is the input's noise
+            input_sigma_mm = None if sigma_mm is None else np.full_like(frame, noise_mm)
+            return frame, self._validity((frame > 0).astype(np.float32)), input_sigma_mm
+        probability = outputs["probability"] * trusted_mask(frame, outputs.get("risk_mm"))
+        if self._min_probability and "choice" in outputs:
+            probability *= outputs["choice"]
+        return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm
+
+    def _run(self, frame_mm: Depth) -> dict[str, Depth]:
+        """Run the network on a padded frame; return its outputs, cut to the frame."""
+        height, width = frame_mm.shape
+        padded = np.pad(frame_mm, [(0, -size % SIZE_MULTIPLE_PX) for size in (height, width)])
+        outputs = {
+            name: np.ascontiguousarray(image[:height, :width])
+            for name, image in self._network(padded).items()
+        }
+        if not all(np.isfinite(image).all() for image in outputs.values()):
+            raise DenoiserError(
+                f"{self._name}: the network returns NaN or infinity: its weights are damaged"
+            )
+        return outputs
+
+    def _validity(self, probability: Depth) -> Validity:
+        return probability > self._min_probability if self._min_probability else probability

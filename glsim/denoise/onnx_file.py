@@ -1,0 +1,98 @@
+"""Run the network of an ONNX file: by onnxruntime if it is installed, else by OpenCV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import cv2
+import numpy as np
+
+from glsim.denoise.network import Depth, NetworkDenoiser
+from glsim.errors import DenoiserError
+
+Runtime = Literal["onnxruntime", "opencv"]
+
+#: Name of the input, (1, 1, H, W) float32 millimetres; H and W are multiples of SIZE_MULTIPLE_PX.
+INPUT: Final = "noisy_mm"
+
+#: Largest file that is read, bytes: four times the float32 weights of the largest shipped recipe
+#: (Restormer, 26 million).
+_MAX_BYTES: Final = 2**29
+
+
+class OpenCvNetwork:
+    """Runs an ONNX graph by OpenCV, whose new engine (OpenCV 5) accepts frames of any size."""
+
+    def __init__(self, data: bytes) -> None:
+        self._net = cv2.dnn.readNetFromONNX(
+            np.frombuffer(data, np.uint8), engine=cv2.dnn.ENGINE_NEW
+        )
+        self.outputs: Sequence[str] = self._net.getUnconnectedOutLayersNames()
+
+    def __call__(self, noisy_mm: Depth) -> Mapping[str, Depth]:
+        """Run the graph on (H, W) millimetres."""
+        self._net.setInput(noisy_mm[None, None], INPUT)
+        images = self._net.forward(self.outputs)
+        return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
+
+
+class OnnxRuntimeNetwork:
+    """Runs an ONNX graph by onnxruntime, on as many threads as OpenCV uses."""
+
+    def __init__(self, data: bytes) -> None:
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = cv2.getNumThreads()
+        options.log_severity_level = 3  # errors; warnings would go to stderr
+        self._session = onnxruntime.InferenceSession(
+            data, options, providers=["CPUExecutionProvider"]
+        )
+        self.outputs: Sequence[str] = [output.name for output in self._session.get_outputs()]
+
+    def __call__(self, noisy_mm: Depth) -> Mapping[str, Depth]:
+        """Run the graph on (H, W) millimetres."""
+        images = self._session.run(self.outputs, {INPUT: noisy_mm[None, None]})
+        return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
+
+
+def load_onnx(
+    path: Path, min_probability: float = 0.0, runtime: Runtime | None = None
+) -> NetworkDenoiser:
+    """Load a network that ``glsim export`` wrote.
+
+    min_probability: see ``NetworkDenoiser``. runtime: default onnxruntime if it is installed, else
+    opencv. Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
+    """
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            limit_mb = _MAX_BYTES // 2**20
+            raise DenoiserError(f"{path}: is larger than {limit_mb} MB: is no network of glsim")
+        data = path.read_bytes()
+    except OSError as error:
+        reason = error.strerror or error
+        raise DenoiserError(f"{path}: cannot be read: {reason}") from None
+    try:
+        network = _open(data, runtime)
+    except Exception as error:  # both runtimes have their own classes of errors
+        reason = " ".join(str(error).split())[:200]
+        raise DenoiserError(f"{path}: is damaged, or is no ONNX network ({reason})") from None
+    if "depth_mm" not in network.outputs:
+        raise DenoiserError(
+            f"{path}: has no output 'depth_mm' (but {', '.join(network.outputs)}): make it with "
+            "glsim export"
+        )
+    return NetworkDenoiser(network, str(path), "sigma_mm" in network.outputs, min_probability)
+
+
+def _open(data: bytes, runtime: Runtime | None) -> Any:
+    if runtime == "opencv":
+        return OpenCvNetwork(data)
+    try:
+        return OnnxRuntimeNetwork(data)
+    except ImportError:
+        if runtime is not None:
+            raise
+        return OpenCvNetwork(data)

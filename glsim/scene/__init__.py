@@ -1,0 +1,1 @@
+"""The scene around a person: what stands behind and beside the face, drawn from the seeds."""
