@@ -199,3 +199,10 @@ def test_silhouettes_before_walls_are_those_of_real_frames(
     assert (width[sides == 1] == 0).any() == resonant
     assert 0.2 < invalid[sides == 0].mean() < 0.6
     assert 0.02 < behind.mean() < 0.2  # both sides; depends on the wall's light
+
+
+def test_paths_start_where_the_decoder_counts_them_from(context: moderngl.Context) -> None:
+    """The middle emitter is 49 mm beside the lens; libfreenect2 decodes with 45 mm."""
+    rig = Camera.open(context).sensor.rig
+    assert rig.baseline_m == pytest.approx(0.049)
+    assert rig.emitter_m == pytest.approx((0.045, 0.0, 0.0))
