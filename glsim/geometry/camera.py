@@ -181,7 +181,7 @@ class SensorRig:
 
     @property
     def emitter_m(self) -> tuple[float, float, float]:
-        """Where paths of light start: the mean of the emitters, camera frame, metres, or the origin."""
+        """Where paths of light start: the mean of the emitters, or the origin; camera frame, m."""
         if not self.emitters:
             return (0.0, 0.0, 0.0)
         x, y, z = np.mean([e.path_from_m or e.position_m for e in self.emitters], axis=0)

@@ -94,7 +94,10 @@ def test_infrared_laws_at_the_centre(context: moderngl.Context) -> None:
 def test_low_signal_is_lost_as_the_normal_law_says(
     context: moderngl.Context, spreads: float
 ) -> None:
-    layers = {**flat(0.9), "infrared": np.full((HEIGHT, WIDTH), 387.468 + 77.494 * spreads, np.float32)}
+    layers = {
+        **flat(0.9),
+        "infrared": np.full((HEIGHT, WIDTH), 387.468 + 77.494 * spreads, np.float32),
+    }
     written = run_shader(context, "low_signal", layers)
     lost = written["depth"] == 0
     assert abs(z_rate(lost, stats.norm.sf(spreads))) < Z_MAX

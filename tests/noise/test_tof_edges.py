@@ -179,7 +179,7 @@ REAL_SHIFTS, REAL_WIDTHS = (121.0, 161.0, 206.0, 246.0), (3.5, 4.0, 4.9, 6.7)
 def test_silhouettes_before_walls_are_those_of_real_frames(
     context: moderngl.Context, near_m: float, wall_m: float
 ) -> None:
-    """On the lit side 1.7 to 2.1 px; 0.9 px before walls half a fast wave behind, 41 % of them 0."""
+    """On the lit side 1.7 to 2.1 px; 0.9 px before walls half a fast wave behind, 41 % are 0."""
     cam = Camera.open(context)
     found = []
     for seed in range(3):
