@@ -37,6 +37,8 @@ SQUARE_MM, MARGIN_MM = 30.0, 20.0
 SQUARES = (6, 8)
 #: Albedos relative to a white wall, chosen: paper, print, a painted chair, doors, walls, floor.
 PAPER, PRINT, CHAIR, DOOR, WALL, FLOOR = 0.95, 0.06, 0.75, 0.55, 0.9, 0.3
+#: iai_kinect2's limits, mm: the real frames hold 103 to 12,000 mm.
+DRIVER = {"range_gate": {"near_mm": 100.0, "far_mm": 12000.0}}
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,12 @@ def in_view(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices_mm[used], place.reshape(-1, 3).astype(np.int32), albedo)
 
 
+def mirrored(mesh: Mesh) -> Mesh:
+    """Swap left and right; the faces still face outwards."""
+    vertices = mesh.vertices_mm * np.array([-1, 1, 1], np.float32)
+    return Mesh(vertices, np.ascontiguousarray(mesh.faces[:, ::-1]), mesh.albedo)
+
+
 def split_long(mesh: Mesh, longest_mm: float = 400.0) -> Mesh:
     """Split triangles until no edge is longer, so that those behind the camera can be left out."""
     vertices, albedo = mesh.vertices_mm.astype(np.float64), np.asarray(mesh.albedo, np.float64)
@@ -224,10 +232,12 @@ def simulate_counterparts(real: Path, out: Path, sensor: str, seed: int) -> None
             if not corners.exists():
                 continue
             pose = board_pose(scene, read_corners(corners))
-            mesh = scene_mesh(pose)
-            shot = camera.capture(mesh, frames=1, crop=None, scene=f"reality {stem}")
-            depth = shot.encoded[0]
-            infrared = np.clip(np.rint(shot.infrared[0]), 0, 65535).astype(np.uint16)
+            mesh = mirrored(scene_mesh(pose))
+            shot = camera.capture(
+                mesh, frames=1, crop=None, scene=f"reality {stem}", changes=DRIVER
+            )
+            depth = np.ascontiguousarray(shot.encoded[0, :, ::-1])
+            infrared = np.rint(shot.infrared[0, :, ::-1]).clip(0, 65535).astype(np.uint16)
             write_atomic(encode_png(depth), out / f"{stem}_depth.png")
             write_atomic(encode_png(infrared), out / f"{stem}_ir.png")
     finally:

@@ -126,10 +126,12 @@ class Emitter:
 
     position_m: its centre, camera frame, metres.
     spread_m: half its length, along the baseline, metres; 0 for a point.
+    path_from_m: where the path of its light starts for the decoder; None: at position_m.
     """
 
     position_m: tuple[float, float, float]
     spread_m: float = 0.0
+    path_from_m: tuple[float, float, float] | None = None
 
     @property
     def end_m(self) -> tuple[float, float]:
@@ -179,10 +181,10 @@ class SensorRig:
 
     @property
     def emitter_m(self) -> tuple[float, float, float]:
-        """The mean position of the emitters, camera frame, metres; the origin without any."""
+        """Where paths of light start: the mean of the emitters, or the origin; camera frame, m."""
         if not self.emitters:
             return (0.0, 0.0, 0.0)
-        x, y, z = np.mean([e.position_m for e in self.emitters], axis=0)
+        x, y, z = np.mean([e.path_from_m or e.position_m for e in self.emitters], axis=0)
         return (float(x), float(y), float(z))
 
     def rays(self) -> FloatArray:

@@ -21,7 +21,7 @@ Layers = Mapping[str, NDArray[np.float32]]
 class Optics:
     """The rig's and the scene's parameters for stages that integrate light.
 
-    emitter_m: the middle of the emitters, camera frame. modulation_mhz: three frequencies.
+    emitter_m: where paths of light start (SensorRig.emitter_m). modulation_mhz: three frequencies.
     supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
     nearest_m: a lower bound of all depths in the scene. focal_px: focal length of the columns.
     """

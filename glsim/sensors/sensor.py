@@ -13,6 +13,8 @@ shadow_map = true         false: a stage casts the shadows instead of the render
 fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
+spread_m = 0.005          optional: three points instead of one, this far apart
+path_from_m = [0.04, 0, 0]   optional: where the decoder counts paths from, if elsewhere
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
 name = "axial"            optional; required if a stage is used twice
@@ -54,6 +56,7 @@ class _Table(BaseModel):
 class _EmitterTable(_Table):
     position_m: tuple[float, float, float]
     spread_m: float = Field(0.0, ge=0, le=0.2)
+    path_from_m: tuple[float, float, float] | None = None
 
 
 class _DistortionTable(_Table):
@@ -96,7 +99,7 @@ class _RigTable(_Table):
     def rig(self) -> SensorRig:
         return SensorRig(
             Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
-            tuple(Emitter(e.position_m, e.spread_m) for e in self.emitter),
+            tuple(Emitter(e.position_m, e.spread_m, e.path_from_m) for e in self.emitter),
             Distortion(**self.distortion.model_dump()),
             self.deliver,
             self.near_m,
@@ -142,6 +145,7 @@ class Sensor:
             "deliver": self.rig.deliver,
             "emitters_m": [list(e.position_m) for e in self.rig.emitters],
             "emitter_spreads_m": [e.spread_m for e in self.rig.emitters],
+            "path_from_m": list(self.rig.emitter_m),
             "modulation_mhz": list(self.rig.modulation_mhz),
             "supersample": self.rig.supersample,
             "stages": [

@@ -3,7 +3,7 @@
 // Constants of the decoder: libfreenect2, depth_packet_processor.cpp (Parameters).
 
 uniform vec3 u_modulation_mhz;
-uniform vec3 u_emitter_m; // mean position of the emitters, camera frame
+uniform vec3 u_emitter_m; // where paths of light start: the mean of the emitters, camera frame
 
 const float TWO_PI = 6.28318530718;
 

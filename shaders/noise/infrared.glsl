@@ -1,7 +1,7 @@
 #version 330 core
 // infrared: computes the returned light: Lambert's law, inverse square of the distance.
 
-uniform float gain_counts = 6256.0;  //@ [0, 65535] counts infrared of a white wall at 1 m, facing the sensor; 16 x 391 of libfreenect2's units
+uniform float gain_counts = 30300.0; //@ [0, 65535] counts infrared of white paper at 1 m, facing the sensor; measured on real frames, as in tof_light
 uniform float ambient_counts = 0.0;  //@ [0, 65535] counts ambient light
 
 uniform sampler2D u_clean;

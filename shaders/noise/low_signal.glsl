@@ -1,12 +1,12 @@
 #version 330 core
 // low_signal: removes pixels that return too little infrared light.
-// Default: half of the pixels are removed at an amplitude of 5 of libfreenect2's units, 16 counts
-// each (its thresholds of 3 per frequency and 10 for the sum, with the read noise of the taps).
+// Default: half of the pixels are removed at 1/78 of white paper's light at 1 m: an albedo of 0.013
+// at 1 m, 0.1 at 2.8 m. Chosen; a Kinect V2 loses pixels at less light (tof_unwrap).
 #include "lib/random.glsl"
 #include "reason.glsl"
 
-uniform float min_counts = 80.0;    //@ [0, 65535] counts infrared at which half of the pixels are removed
-uniform float spread_counts = 16.0; //@ [0, 65535] counts standard deviation of that threshold between pixels
+uniform float min_counts = 387.468;   //@ [0, 65535] counts infrared at which half of the pixels are removed
+uniform float spread_counts = 77.494; //@ [0, 65535] counts standard deviation of that threshold between pixels
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;

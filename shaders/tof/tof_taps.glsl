@@ -8,7 +8,7 @@
 // which divides the variance by 9: 15.8 + 0.15 A. Both agree on the variance without light; the
 // growth with light is smaller here, because the real frames show none.
 // Optics: a narrow core, a halo, and haze: light that the lens scatters over a neighbourhood. Measured
-// at edges of real frames: sigma 0.22 px, 15 % in a halo of 1.2 px; 1 to 2 % of haze in shadows.
+// at edges of real frames: sigma 0.22 px, 15 % in a halo of 1.2 px; 2 % of haze in shadows.
 //@ sparse
 #include "lib/random.glsl"
 #include "lib/tof.glsl"
@@ -16,7 +16,7 @@
 
 uniform float psf_sigma_px = 0.22;      //@ [0, 0.8]   px  standard deviation of the optical blur's core, without the pixel's area
 uniform float halo = 0.10;              //@ [0, 0.5]   1   share of the light in a halo of 1.2 px; measured: 0.15, or none and a core of 0.33 px
-uniform float haze = 0.01;              //@ [0, 0.2]   1   share of the light scattered to 4 to 7 px, which stands for scattering to all distances; measured 0.01 to 0.02
+uniform float haze = 0.02;              //@ [0, 0.2]   1   share of the light scattered to 4 to 7 px, which stands for scattering to all distances; measured: shadows hold half of it, 0.012 to 0.008 of the foreground's light, 2 to 7 px beside it
 uniform float read_variance = 16.5;     //@ [0, 1e4]   LSB^2 variance of a tap without light; measured, see above
 uniform float shot_variance = 0.0166;   //@ [0, 10]    LSB  variance of a tap for one LSB of light; chosen: the law above within 5 %
 uniform float ambient_lsb = 0.0;        //@ [0, 1e5]   LSB ambient light: it cancels, except for its noise

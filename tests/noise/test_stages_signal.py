@@ -71,7 +71,7 @@ def test_infrared_follows_lambert_and_the_inverse_square(
     ray = np.concatenate([rays(), np.ones((HEIGHT, WIDTH, 1))], axis=-1)
     distance = np.linalg.norm(ray * depth[..., None], axis=-1)
     cosine = -(ray @ normal[:3]) / np.linalg.norm(ray, axis=-1)
-    light = 6256 * 0.6 * np.maximum(cosine, 0) / distance**2 * layers["lit"]
+    light = 30_300 * 0.6 * np.maximum(cosine, 0) / distance**2 * layers["lit"]
     counts = run_shader(context, "infrared", layers, ambient_counts=12)["infrared"]
     np.testing.assert_allclose(counts, 12 + np.where(valid, light, 0), rtol=3e-5, atol=1e-4)
 
@@ -82,7 +82,7 @@ def test_infrared_laws_at_the_centre(context: moderngl.Context) -> None:
         layers["albedo"], layers["lit"] = layers["albedo"] / 0.6 * albedo, layers["lit"] * lit
         return float(run_shader(context, "infrared", layers)["infrared"][CENTRE])
 
-    assert counts(1.0) == pytest.approx(6256, rel=1e-4)
+    assert counts(1.0) == pytest.approx(30_300, rel=1e-4)
     assert counts(0.9) / counts(1.8) == pytest.approx(4.0, rel=1e-5)
     for share in (0.1, 0.5):
         assert counts(0.9, albedo=share) == pytest.approx(share * counts(0.9), rel=1e-5)
@@ -94,7 +94,10 @@ def test_infrared_laws_at_the_centre(context: moderngl.Context) -> None:
 def test_low_signal_is_lost_as_the_normal_law_says(
     context: moderngl.Context, spreads: float
 ) -> None:
-    layers = {**flat(0.9), "infrared": np.full((HEIGHT, WIDTH), 80 + 16 * spreads, np.float32)}
+    layers = {
+        **flat(0.9),
+        "infrared": np.full((HEIGHT, WIDTH), 387.468 + 77.494 * spreads, np.float32),
+    }
     written = run_shader(context, "low_signal", layers)
     lost = written["depth"] == 0
     assert abs(z_rate(lost, stats.norm.sf(spreads))) < Z_MAX
@@ -105,7 +108,7 @@ def test_low_signal_is_lost_as_the_normal_law_says(
 
 
 def test_low_signal_without_spread_is_a_threshold(context: moderngl.Context) -> None:
-    counts = strip([0.0, 79.99, 80.0, 80.01, 500.0])
+    counts = strip([0.0, 387.4, 387.468, 387.5, 500.0])
     layers = {**flat(0.9), "infrared": counts}
     depth = run_shader(context, "low_signal", layers, spread_counts=0)["depth"]
     np.testing.assert_array_equal(depth[0, :5] > 0, [0, 0, 1, 1, 1])

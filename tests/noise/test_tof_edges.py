@@ -6,6 +6,8 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.compare.frames import DepthFrame
+from glsim.compare.silhouettes import find_edges
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
 from glsim.reason import Reason
@@ -84,13 +86,13 @@ def test_silhouettes_before_nothing_grow_and_stay_in_place(context: moderngl.Con
     assert (layers["reason"][grown] == Reason.GROWN).all()
     rim = 2 * (clean.any(axis=0).sum() + clean.any(axis=1).sum())
     assert 0.3 < grown.sum() / rim < 2.3
-    assert np.abs(1000 * depth[depth > 0] - 900).max() < 2  # the halo's light comes from aside
+    assert np.abs(1000 * depth[depth > 0] - 900).max() < 2.5  # halo and haze come from aside
     noisy = cam.shoot(scene)
     assert (noisy["depth"] > 0)[clean].mean() > 0.995
     assert 0.3 < ((noisy["depth"] > 0) & ~clean).sum() / rim < 2.3
 
 
-@pytest.mark.parametrize(("far", "width"), [(1100.0, 3.3), (1500.0, 7.3), (2000.0, 10.1)])
+@pytest.mark.parametrize(("far", "width"), [(1100.0, 3.6), (1500.0, 8.0), (2000.0, 10.9)])
 def test_shadows_are_as_wide_as_geometry_says(
     context: moderngl.Context, far: float, width: float
 ) -> None:
@@ -109,8 +111,7 @@ def test_shadows_are_as_wide_as_geometry_says(
     assert (1 - right).sum() < 0.1
     column = lit[:, int(CENTRE)][~near[:, int(CENTRE)]]
     assert (1 - column).sum() < 1.0, "at most the pixel that the edge itself runs through"
-    if far > 1500:  # the emitter's 10 mm are less than a pixel before nearer walls
-        assert ((left > 0.2) & (left < 0.8)).any(), "a penumbra"
+    assert ((left > 0.2) & (left < 0.8)).any(), "a penumbra"
     middle = lit[205] == 0
     assert np.isin(layers["reason"][205][middle & (layers["depth"][205] == 0)],
                    [Reason.SHADOW, Reason.MIXED, Reason.EDGE, Reason.UNWRAP]).all()  # fmt: skip
@@ -153,31 +154,55 @@ def round_head(z_mm: float, half_mm: float) -> Placed:
     return mesh, pose_matrix({"distance_mm": z_mm})
 
 
+@pytest.mark.parametrize(("near_m", "wall_m"), [(0.9, 1.8), (0.6, 1.4), (1.0, 3.0)])
+def test_shadows_grow_in_the_three_steps_of_real_frames(
+    context: moderngl.Context, near_m: float, wall_m: float
+) -> None:
+    """In real infrared images the light steps up at 34.5, 48.7 and 64.1 mm of baseline."""
+    half = 1000 * 60 * near_m / FOCAL
+    layers = Camera.open(context).shoot(
+        [quad(1000 * near_m, (-half, half), (-9000, 9000)), quad(1000 * wall_m)]
+    )
+    row, clean = layers["lit"][205], layers["clean"][205]
+    beyond = row[: np.flatnonzero(clean < near_m + 0.1).min()][::-1]
+    shift = FOCAL * (1 / near_m - 1 / wall_m)
+    for level, baseline_mm in ((1 / 6, 34.5), (1 / 2, 48.7), (5 / 6, 64.1)):
+        assert (beyond < level).sum() == pytest.approx(0.001 * baseline_mm * shift, abs=1.1)
+
+
+#: Real frames, decoded by libfreenect2, of walls that return more than 2500 counts: widths of gaps
+#: on the shadow side, px, over S, px per m (467 to 1173 edges each).
+REAL_SHIFTS, REAL_WIDTHS = (121.0, 161.0, 206.0, 246.0), (3.5, 4.0, 4.9, 6.7)
+
+
 @pytest.mark.parametrize(("near_m", "wall_m"), [(0.9, 1.5), (1.1, 2.0), (1.2, 1.8), (1.0, 2.2)])
 def test_silhouettes_before_walls_are_those_of_real_frames(
     context: moderngl.Context, near_m: float, wall_m: float
 ) -> None:
-    """Width without depth of wall or head: 1.1 px + 35 mm S in the shadow, 2.2 px on the lit side.
-
-    S = f (1 / near - 1 / wall). In real frames 35 to 50 % of the 8 px on each side are invalid, and
-    4 to 10 % lie behind the wall.
-    """
+    """On the lit side 1.7 to 2.1 px; 0.9 px before walls half a fast wave behind, 41 % are 0."""
     cam = Camera.open(context)
-    shadow, bright, behind, invalid, band = [], [], 0, 0, 0
+    found = []
     for seed in range(3):
         head = round_head(1000 * near_m, 75 + seed)  # edges in all phases of a pixel
-        depth = cam.shoot([head, quad(1000 * wall_m, albedo=0.8)], seed=seed)["depth"]
-        seen, wall = np.abs(depth - near_m) < 0.12, np.abs(depth - wall_m) < 0.03
-        for row in range(165, 245):
-            columns = np.flatnonzero(seen[row])
-            left, right = int(columns.min()), int(columns.max())
-            shadow.append(left - np.flatnonzero(wall[row, :left]).max() - 1)
-            bright.append(np.flatnonzero(wall[row, right:]).min() - 1)
-            sides = np.r_[depth[row, left - 8 : left], depth[row, right + 1 : right + 9]]
-            behind, band = behind + (sides > wall_m + 0.03).sum(), band + len(sides)
-            invalid += (sides == 0).sum()
-    expected = 1.1 + 0.035 * FOCAL * (1 / near_m - 1 / wall_m)
-    assert np.mean(shadow) == pytest.approx(expected, abs=1.0)
-    assert np.mean(bright) == pytest.approx(2.2, abs=1.0)
-    assert 0.01 < behind / band < 0.15  # both depend on the wall's light
-    assert 0.3 < invalid / band < 0.55
+        depth = cam.shoot([head, quad(1000 * wall_m, albedo=0.8)], seed=seed)["depth"][165:245]
+        known = np.where(depth > 0, 1000 * depth, np.nan).astype(np.float32)
+        found.append(find_edges(DepthFrame("head", known, None, cam.sensor.rig.intrinsics)))
+    sides = np.concatenate([edges.side for edges in found])
+    width, invalid, behind = (
+        np.concatenate([getattr(edges, name) for edges in found])
+        for name in ("width", "band_invalid", "band_behind")
+    )
+    expected = np.interp(FOCAL * (1 / near_m - 1 / wall_m), REAL_SHIFTS, REAL_WIDTHS)
+    assert width[sides == 0].mean() == pytest.approx(expected, abs=1.25)
+    resonant = abs(wall_m - near_m - 1.25) < 0.1
+    assert width[sides == 1].mean() == pytest.approx(0.9 if resonant else 1.9, abs=0.8)
+    assert (width[sides == 1] == 0).any() == resonant
+    assert 0.2 < invalid[sides == 0].mean() < 0.6
+    assert 0.02 < behind.mean() < 0.2  # both sides; depends on the wall's light
+
+
+def test_paths_start_where_the_decoder_counts_them_from(context: moderngl.Context) -> None:
+    """The middle emitter is 49 mm beside the lens; libfreenect2 decodes with 45 mm."""
+    rig = Camera.open(context).sensor.rig
+    assert rig.baseline_m == pytest.approx(0.049)
+    assert rig.emitter_m == pytest.approx((0.045, 0.0, 0.0))

@@ -185,9 +185,9 @@ def test_ranges_are_those_of_the_device(
 
 
 def test_dark_surfaces_are_lost_by_the_kinect_v2(context: moderngl.Context) -> None:
-    """Half of the pixels at 80 of 6256 counts: an albedo of 80 / 6256 at 1 m, facing."""
+    """Half of the pixels at 387 of 30,300 counts: an albedo of 0.0128 at 1 m, facing."""
     plane = Plane(1.0, 0).mesh(0.02)
-    dark = Mesh(plane.vertices_mm, plane.faces, np.full(4, 80 / 6256, np.float32))
+    dark = Mesh(plane.vertices_mm, plane.faces, np.full(4, 387.468 / 30_300, np.float32))
     off = {"shadow", "lateral", "axial", "fixed_pattern", "edge_dropout"}
     settings = settings_for(
         "kinect-v2-fankhauser", stage={name: {"enabled": False} for name in off}
@@ -205,9 +205,9 @@ def test_dark_surfaces_are_lost_by_the_kinect_v2(context: moderngl.Context) -> N
 def test_infrared_falls_with_the_square_of_the_distance(
     context: moderngl.Context, z_m: float
 ) -> None:
-    """6256 counts from white at 1 m; skin has 0.6 of it."""
+    """30,300 counts from white paper at 1 m, as in real frames; skin has 0.6 of it."""
     frame = on_plane(context, "kinect-v2-fankhauser", z_m, "infrared")
-    assert frame.infrared.max() == pytest.approx(0.6 * 6256 / z_m**2, abs=0.6)
+    assert frame.infrared.max() == pytest.approx(0.6 * 30_300 / z_m**2, rel=1e-4, abs=0.6)
 
 
 @pytest.mark.parametrize(
