@@ -1,7 +1,7 @@
 #version 330 core
 // fixed_pattern: adds an error per pixel that is the same in every frame of a device.
-// Defaults: measured on a Kinect V2 (libfreenect2): columns 0.2 to 0.29 mm, single pixels 0.29, which
-// are smooth over 3x3 pixels because the decoder filters them. Neighbouring rows alternate by
+// Defaults: between those of real Kinect V2s: columns 0.05 mm (44 frames of one) and 0.2 to 0.29 mm
+// (others), single pixels 0.17 and 0.29, smooth over 3x3 pixels because the decoder filters them. Neighbouring rows alternate by
 // -0.69 mm and +0.69 mm, with the opposite sign below the middle row: 44 frames show the change of
 // sign within one row. Why is not known; a sensor that is read in two halves would do so.
 // A sensor with a map of its own pattern (rig.fixed_pattern_map) has that; pixels that the map does
@@ -10,8 +10,8 @@
 #include "lib/correlated_noise.glsl"
 #include "lib/depth.glsl"
 
-uniform float pixel_sigma_mm = 0.25;  //@ [0, 20] mm standard deviation of the error of a pixel, smooth over 3x3
-uniform float column_sigma_mm = 0.2;  //@ [0, 20] mm standard deviation of the error shared by a column
+uniform float pixel_sigma_mm = 0.22;  //@ [0, 20] mm standard deviation of the error of a pixel, smooth over 3x3
+uniform float column_sigma_mm = 0.1;  //@ [0, 20] mm standard deviation of the error shared by a column
 uniform float row_sigma_mm = 0.25;    //@ [0, 20] mm standard deviation of the error shared by a row
 uniform float row_alternation_mm = 0.69; //@ [0, 20] mm error of opposite sign in odd and even rows, and in the two halves of the image; its sign is the device's own
 uniform float row_step_mm = 0.0;      //@ [-20, 20] mm difference between odd and even rows, the same in all of the image and in all devices
