@@ -42,7 +42,7 @@ from glsim.noise.stage import draw_values
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
 from glsim.render.renderer import Renderer
-from glsim.scene.scenery import Prop, build_scenery
+from glsim.scene.scenery import Prop, build_scenery, check_behind
 from glsim.sensors.sensor import Sensor, sensor_of
 from glsim.settings.schema import Settings
 from glsim.settings.seeds import stable_seed
@@ -199,9 +199,14 @@ class Simulator:
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
-        scenery = build_scenery(settings.scene, task.seeds)
+        floor_mm = face.notes.get("floor_mm")
+        scenery = build_scenery(
+            settings.scene, settings.pose, task.seeds, rig,
+            float(floor_mm) if isinstance(floor_mm, int | float) else None,
+        )  # fmt: skip
         drawn |= scenery.drawn
-        head = pose_matrix(pose)
+        head = scenery.stands(pose_matrix(pose))
+        check_behind(scenery, face.mesh, head)
         worn = [(part.mesh, head) for part in face.parts]
         props = [(prop.mesh, prop.view) for prop in scenery.props]
         meshes = [(face.mesh, head), *worn, *props]

@@ -14,13 +14,14 @@ samples its layers on the distorted grid.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.errors import MeshError
 from glsim.geometry.bounds import FieldOfView, bounding_corners, image_window, union
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
@@ -112,7 +113,11 @@ class Renderer:
         margin. Raises MeshError if the first mesh, the face, is not in view.
         """
         boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
-        window = union([image_window(box, self._sight, visible, reach_px) for box in boxes])
+        windows = [image_window(boxes[0], self._sight, visible, reach_px)]
+        for box in boxes[1:]:
+            with suppress(MeshError):  # a chair out of view is no error
+                windows.append(image_window(box, self._sight, visible, reach_px))
+        window = union(windows)
         uploaded = [self._meshes.upload(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
         corners_m = np.concatenate(boxes)
