@@ -42,6 +42,8 @@ from glsim.noise.stage import draw_values
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
 from glsim.render.renderer import Renderer
+from glsim.scene.body import body_of
+from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind
 from glsim.sensors.sensor import Sensor, sensor_of
 from glsim.settings.schema import Settings
@@ -132,6 +134,7 @@ class Simulator:
             context, self.sensor.stages, read_back, infrared="infrared" in layers
         )
         self._labels = RegionLabels(sources) if "regions" in layers else None
+        self._others = OtherPeople(settings, sources, self.sensor.rig)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -167,6 +170,7 @@ class Simulator:
                 yield from ahead.popleft().result()
 
     def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
+        self._others.load(batch)
         loaded = self._sources[batch[0].source].load([task.key for task in batch])
         pairs = zip(batch, loaded, strict=True)
         variation = self._settings.variation
@@ -199,24 +203,23 @@ class Simulator:
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
-        floor_mm = face.notes.get("floor_mm")
-        scenery = build_scenery(
-            settings.scene, settings.pose, task.seeds, rig,
-            float(floor_mm) if isinstance(floor_mm, int | float) else None,
-        )  # fmt: skip
+        body = body_of(face)
+        scenery = build_scenery(settings.scene, settings.pose, task.seeds, rig, body)
         drawn |= scenery.drawn
         head = scenery.stands(pose_matrix(pose))
         check_behind(scenery, face.mesh, head)
         worn = [(part.mesh, head) for part in face.parts]
-        props = [(prop.mesh, prop.view) for prop in scenery.props]
+        others = self._others.props(task, scenery) if body is not None else []
+        further = [*scenery.props, *others]
+        props = [(prop.mesh, prop.view) for prop in further]
         meshes = [(face.mesh, head), *worn, *props]
         crop = crop_window(rig.intrinsics, pose, settings.output.crop)
         labels: list[NDArray[np.float32] | None] = []
         if self._labels is not None:
-            further: list[Part | Prop] = [*face.parts, *scenery.props]
+            named: list[Part | Prop] = [*face.parts, *further]
             labels = [
                 self._labels.of(task.source, len(face.mesh.vertices_mm)),
-                *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in further),
+                *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in named),
             ]
         reach_px = array_reach_px(self.sensor.stages, values)
         with self._renderer.render(meshes, crop, labels, reach_px) as rendered:

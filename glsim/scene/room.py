@@ -9,7 +9,7 @@ import numpy as np
 
 from glsim.scene.layout import FloorPlan, furnish_wall, stand_free
 from glsim.scene.materials import draw_albedo
-from glsim.scene.seating import chair, office_chair
+from glsim.scene.seating import BACKREST_MM, chair, office_chair
 from glsim.scene.shapes import Shape, moved, turned
 from glsim.scene.shell import Wall, build_level, build_wall, draw_openings
 from glsim.settings.seeds import stable_seed
@@ -31,8 +31,8 @@ class RoomNumbers:
 
     behind_mm: from the face to the back wall. turn_deg: the room's turn about the vertical axis.
     camera_mm: (x, z) of the camera before that turn. reach_mm: (left, right) of the person's place
-    and how far it reaches to the back. clutter: 0 to 1. people: other people behind. seat: whether
-    a chair stands behind the person.
+    and how far it reaches to the back. clutter: 0 to 1. people: other people behind. seat_mm: height of
+    the person's seat above the floor and z of its back; None for a person who stands.
     """
 
     kind: str
@@ -43,7 +43,7 @@ class RoomNumbers:
     turn_deg: float
     clutter: float
     people: int
-    seat: bool
+    seat_mm: tuple[float, float] | None
     camera_mm: tuple[float, float]
     reach_mm: tuple[float, float, float]
 
@@ -79,8 +79,8 @@ def build_room(numbers: RoomNumbers) -> Room:
     for wall in walls:
         shapes += furnish_wall(_rng(n, "wall", wall.name), n.kind, wall, plan, n.clutter)
     shapes += stand_free(_rng(n, "free"), n.kind, plan, n.clutter)
-    if n.seat:
-        shapes += _seat(n)
+    if n.seat_mm is not None:
+        shapes += _seat(n, *n.seat_mm)
     world = moved(shapes, turn_deg=n.turn_deg)
     return Room(tuple(world), tuple(_turned_place(p, n.turn_deg) for p in people))
 
@@ -153,9 +153,9 @@ def _turned_place(place: tuple[float, float, float], turn: float) -> tuple[float
     return float(at[0]), float(at[2]), place[2] + turn
 
 
-def _seat(n: RoomNumbers) -> list[Shape]:
-    """The person's chair; its back stands behind the head."""
+def _seat(n: RoomNumbers, height_mm: float, back_z: float) -> list[Shape]:
+    """The person's chair, in the turned room."""
     rng = _rng(n, "seat")
     make = office_chair if n.kind == "office" and rng.random() < 0.8 else chair
-    seat = make(rng)
-    return moved(moved(seat, z=-120.0, turn_deg=rng.uniform(-15, 15)), turn_deg=-n.turn_deg)
+    seat = moved(make(rng, height_mm), z=back_z + BACKREST_MM - 15.0)
+    return moved(seat, turn_deg=-n.turn_deg)

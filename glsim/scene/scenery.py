@@ -17,6 +17,7 @@ from glsim.errors import MeshError
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
+from glsim.scene.body import Body
 from glsim.scene.room import RoomNumbers, build_room
 from glsim.scene.shapes import Shape
 from glsim.scene.view import (
@@ -38,6 +39,9 @@ _WALL_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 #: Eyes below this height, mm, belong to somebody who sits: standing adults have theirs above 1.4 m
 #: (DIN 33402, 5th percentile of women), sitting ones below 1.35 m. Between the two.
 _SITTING_MM = 1380.0
+
+#: Seat and z of its back for a head without a body: EN 12520, and behind the head (chosen).
+_SEAT_MM = (450.0, -330.0)
 
 #: Rooms that stay in memory; neighbouring tasks share one. A room takes half a megabyte.
 _KEPT_ROOMS = 8
@@ -83,15 +87,15 @@ def build_scenery(
     pose: PoseSettings,
     seeds: DrawKeys,
     rig: SensorRig,
-    floor_mm: float | None = None,
+    body: Body | None = None,
 ) -> Scenery:
     """Return the scenery of a frame; a pure function of the arguments.
 
-    floor_mm: y of the floor below the person, canonical mm; None for a head without a body, whose
-    height is ``scene.eye_mm``.
+    body: floor and seat of the person; None for a head without a body, whose height is
+    ``scene.eye_mm``.
     """
     if settings.room != "none":
-        return _room_scenery(settings, pose, seeds, rig, floor_mm)
+        return _room_scenery(settings, pose, seeds, rig, body)
     if settings.wall_mm is None:
         return Scenery()
     wall_mm = settings.wall_mm.draw(seeds, "scene.wall_mm")
@@ -127,7 +131,7 @@ def _room_scenery(
     pose: PoseSettings,
     seeds: DrawKeys,
     rig: SensorRig,
-    floor_mm: float | None,
+    body: Body | None,
 ) -> Scenery:
     """Draw the numbers of a room and place the camera in it; the room itself is kept."""
     key = getattr(seeds, settings.per)
@@ -141,7 +145,13 @@ def _room_scenery(
     face = {name: setting.draw(_held(setting, seeds, settings), f"pose.{name}")
             for name, setting in place.items()}  # fmt: skip
     moves = {name: _moves(setting, settings, face[name]) for name, setting in place.items()}
-    eye_mm = draw("eye_mm") if floor_mm is None else -floor_mm
+    if body is None:
+        eye_mm = draw("eye_mm")
+        seat_mm = _SEAT_MM if eye_mm < _SITTING_MM and settings.room != "empty" else None
+    else:
+        eye_mm, seat_mm = -body.floor_mm, None
+        if body.seat_mm is not None:
+            seat_mm = body.seat_mm[0] - body.floor_mm, body.seat_mm[1]
     wanted = eye_mm if settings.camera_mm is None else draw("camera_mm")
     at = face["x_mm"], face["y_mm"], face["distance_mm"]
     tilt = camera_tilt_deg(at, eye_mm - wanted)
@@ -155,7 +165,7 @@ def _room_scenery(
         turn_deg=draw("turn_deg"),
         clutter=draw("clutter"),
         people=round(draw("people")),
-        seat=settings.room != "empty" and floor_mm is None and eye_mm < _SITTING_MM,
+        seat_mm=seat_mm,
         camera_mm=(float(camera[0]), float(camera[2])),
         reach_mm=(moves["x_mm"][0], moves["x_mm"][1], max(0.0, moves["distance_mm"][1])),
     )
@@ -165,6 +175,7 @@ def _room_scenery(
         for name in ("behind_mm", "width_mm", "height_mm", "turn_deg", "clutter")
     }
     drawn |= {"scene.eye_mm": eye_mm, "scene.camera_mm": float(camera[1]), "scene.tilt_deg": tilt}
+    drawn["scene.people"] = float(len(places)) if body is not None else 0.0
     return Scenery(props, drawn, tilt, places)
 
 

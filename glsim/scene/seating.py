@@ -8,17 +8,25 @@ from __future__ import annotations
 import numpy as np
 
 from glsim.scene.materials import draw_albedo
-from glsim.scene.shapes import Shape, box, moved, rod
+from glsim.scene.shapes import Shape, box, rod
 
 Rng = np.random.Generator
 
 
-def chair(rng: Rng) -> list[Shape]:
-    """A wooden chair: four legs, rails, a seat, and a back with slats."""
+#: From the middle of a chair to the front of its back, mm.
+BACKREST_MM = 205.0
+
+
+def chair(rng: Rng, seat_mm: float | None = None) -> list[Shape]:
+    """A wooden chair: four legs, rails, a seat, and a back with slats.
+
+    seat_mm: height of the seat; default: drawn.
+    """
     wood = draw_albedo(rng, "painted wood" if rng.random() < 0.5 else "wood")
-    seat_mm = rng.uniform(430, 460)  # EN 12520: 400 to 480
+    drawn = rng.uniform(430, 460)  # EN 12520: 400 to 480
+    seat_mm = drawn if seat_mm is None else seat_mm
     width, depth = rng.uniform(390, 450), rng.uniform(390, 430)
-    top_mm, leg = rng.uniform(820, 950), rng.uniform(28, 42)
+    top_mm, leg = seat_mm + rng.uniform(390, 490), rng.uniform(28, 42)
     x, front, back = width / 2 - leg / 2, depth / 2 - leg / 2, -depth / 2 + leg / 2
     lean = rng.uniform(20, 70)  # how far the back leans at its top
     shapes = [box((width, 22, depth), (0, seat_mm - 22, 0), wood, edge_mm=8)]
@@ -32,7 +40,7 @@ def chair(rng: Rng) -> list[Shape]:
     for z in (front, back):
         shapes.append(box((2 * x - leg, 55, leg * 0.5), (0, seat_mm - 80, z), wood))
     shapes += _slats(rng, wood, seat_mm, top_mm, x, back, lean)
-    if rng.random() < 0.3:
+    if rng.random() < 0.3 and seat_mm == drawn:
         cloth = draw_albedo(rng, "cloth")
         pad = box((width - 40, 40, depth - 40), (0, seat_mm, 10), cloth, edge_mm=18, cells=5)
         shapes.append(pad)
@@ -58,11 +66,15 @@ def _slats(
     return [rail, *(rod((b, low, z_at(low)), (b, high, z_at(high)), 8, wood, sides=6) for b in bars)]
 
 
-def office_chair(rng: Rng) -> list[Shape]:
-    """A swivel chair: five feet with castors, a column, a seat, a padded back, armrests."""
+def office_chair(rng: Rng, seat_mm: float | None = None) -> list[Shape]:
+    """A swivel chair: five feet with castors, a column, a seat, a padded back, armrests.
+
+    seat_mm: height of the seat under a person, then without armrests; default: drawn.
+    """
     cloth = draw_albedo(rng, "cloth" if rng.random() < 0.7 else "leather")
     plastic, metal = draw_albedo(rng, "black plastic"), draw_albedo(rng, "metal")
-    seat_mm, width = rng.uniform(430, 510), rng.uniform(470, 520)  # EN 1335: 400 to 510
+    drawn, width = rng.uniform(430, 510), rng.uniform(470, 520)  # EN 1335: 400 to 510
+    seat_mm = drawn if seat_mm is None else seat_mm
     back_mm = rng.uniform(500, 700)
     shapes = [
         rod((0, 90, 0), (0, seat_mm - 60, 0), 26, metal),
@@ -76,13 +88,13 @@ def office_chair(rng: Rng) -> list[Shape]:
         shapes.append(caster)
     back = box((width - 40, back_mm, 65), (0, 0, 0), cloth, edge_mm=30, cells=5, plump_mm=14)
     shapes.append(back.leaned(rng.uniform(4, 14)).moved(0, seat_mm + 100, -235))
-    if rng.random() < 0.7:
+    if rng.random() < 0.7 and seat_mm == drawn:
         for side in (-1, 1):
             x, y = side * (width / 2 + 35), seat_mm + rng.uniform(170, 220)
             shapes.append(rod((x, seat_mm - 30, -60), (x, y, -60), 18, plastic, sides=4))
             shapes.append(box((70, 28, 260), (x, y, -30), plastic, edge_mm=12))
             shapes.append(box((abs(x), 25, 40), (x / 2, seat_mm - 80, -60), plastic))
-    return moved(shapes, turn_deg=0)
+    return shapes
 
 
 def sofa(rng: Rng) -> list[Shape]:
