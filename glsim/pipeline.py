@@ -203,11 +203,11 @@ class Simulator:
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
-        body = body_of(face)
+        body = body_of(face) if settings.scene.room != "none" else None
         scenery = build_scenery(settings.scene, settings.pose, task.seeds, rig, body)
         drawn |= scenery.drawn
         head = scenery.stands(pose_matrix(pose))
-        check_behind(scenery, face.mesh, head)
+        check_behind(scenery, [face.mesh, *(part.mesh for part in face.parts)], head)
         worn = [(part.mesh, head) for part in face.parts]
         others = self._others.props(task, scenery) if body is not None else []
         further = [*scenery.props, *others]

@@ -133,7 +133,7 @@ def image_window(
     if box is None:
         return whole
     exact = field_of_view.window(box)
-    if 0 in exact.intersection(visible or whole)[2:]:
+    if out_of_view(corners_m, field_of_view, visible):
         left, top = box.left * image.fx + image.cx, box.top * image.fy + image.cy
         right, bottom = box.right * image.fx + image.cx, box.bottom * image.fy + image.cy
         seen = f"{image.width}x{image.height}"
@@ -144,6 +144,21 @@ def image_window(
             f"{top:.0f} to {bottom:.0f} of {seen}"
         )
     return _grown(exact, whole, MARGIN_PX)
+
+
+def out_of_view(
+    corners_m: NDArray[np.float64], field_of_view: FieldOfView, visible: Rect | None
+) -> bool:
+    """Whether a mesh in front of the camera lies beside the image, or beside the crop ``visible``.
+
+    corners_m: (8, 3), the mesh's bounding box.
+    """
+    box = bounding_frustum(corners_m, (0.0, 0.0, 0.0), field_of_view.rig.near_m)
+    if box is None:
+        return False
+    image = field_of_view.rig.intrinsics
+    seen = visible or Rect(0, 0, image.width, image.height)
+    return 0 in field_of_view.window(box).intersection(seen)[2:]
 
 
 def emitter_frustum(

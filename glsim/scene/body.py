@@ -34,7 +34,7 @@ def body_of(face: Face) -> Body | None:
     y = face.mesh.vertices_mm[:, 1]
     lowest = float(y.min())
     noted = face.notes.get("floor_mm")
-    if not isinstance(noted, int | float) and lowest > -_BODY_MM:
+    if not isinstance(noted, int | float) and not lowest <= -_BODY_MM:  # NaN: no body
         return None
     floor = float(noted) if isinstance(noted, int | float) else lowest
     floor = round(floor / _STEP_MM) * _STEP_MM

@@ -28,8 +28,7 @@ def plant(rng: Rng, height_mm: float | None = None) -> list[Shape]:
     root = np.array([0, pot_mm - 25, 0])
     if not grassy:
         shapes += [
-            rod(root, tip, 7, green * 0.8, end_radius_mm=3, sides=5, region="plant")
-            for tip in tips
+            rod(root, tip, 7, green * 0.8, end_radius_mm=3, sides=5, region="plant") for tip in tips
         ]
     for n in range(count):
         turn = rng.uniform(0, 2 * np.pi)

@@ -17,6 +17,8 @@ from glsim.scene.shell import Opening, Wall
 
 Rng = np.random.Generator
 Maker = Callable[[Rng, float], list[Shape]]
+#: Left, right and top of what stands at a wall, mm.
+Span = tuple[float, float, float]
 
 #: Kind of room -> (share, maker) of what stands along its walls. Shares chosen.
 ALONG_WALLS: dict[str, tuple[tuple[float, Maker], ...]] = {
@@ -101,7 +103,7 @@ class FloorPlan:
 def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: float) -> list[Shape]:
     """Return what stands along a wall and hangs on it, in room axes."""
     shapes: list[Shape] = []
-    spans: list[tuple[float, float, float]] = []  # left, right, top of what stands there
+    spans: list[Span] = []
     x = rng.uniform(20, 500)
     choices = ALONG_WALLS[kind]
     while choices and x < wall.length - 300:
@@ -155,7 +157,7 @@ def _seat_at(
 
 
 def _at_window(
-    rng: Rng, wall: Wall, window: Opening, plan: FloorPlan, spans: Sequence[tuple[float, float, float]]
+    rng: Rng, wall: Wall, window: Opening, plan: FloorPlan, spans: Sequence[Span]
 ) -> list[Shape]:
     """A radiator below a window where nothing stands, and curtains beside it."""
     shapes: list[Shape] = []
@@ -177,15 +179,13 @@ def _at_window(
     return shapes
 
 
-def _on_wall(
-    rng: Rng, wall: Wall, spans: Sequence[tuple[float, float, float]], clutter: float, kind: str
-) -> list[Shape]:
+def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float, kind: str) -> list[Shape]:
     """Pictures and clothes where the wall is free."""
     if kind == "empty":
         return []
     shapes: list[Shape] = []
     taken = [(o.left - 90, o.right + 90) for o in wall.openings]
-    for _ in range(int(round(rng.uniform(0.5, 1.5) * clutter * wall.length / 1400))):
+    for _ in range(round(rng.uniform(0.5, 1.5) * clutter * wall.length / 1400)):
         coat = rng.random() < 0.2
         thing = decoration.clothes_hook(rng) if coat else decoration.picture(rng)
         low, high = bounds_mm(thing)
@@ -207,7 +207,7 @@ def stand_free(rng: Rng, kind: str, plan: FloorPlan, clutter: float) -> list[Sha
     shapes: list[Shape] = []
     left, back, right, front = plan.extent
     choices = FREE_STANDING[kind]
-    for _ in range(int(round(7 * clutter)) if choices else 0):
+    for _ in range(round(7 * clutter) if choices else 0):
         thing = _choose(rng, choices)(rng, clutter)
         for _ in range(10):
             x, z = rng.uniform(left + 250, right - 250), rng.uniform(back + 250, min(front, 400))

@@ -4,9 +4,8 @@ Sources: "rec" is the infrared of 44 real frames of a Kinect V2, as albedo = inf
 * cos(theta) * V), docs/time_of_flight.md, in areas of one material: white walls 0.9 to 1.1, a
 painted chair 0.85 to 1.0, the front of a chest 0.65 to 0.8, a floor 0.4 to 0.7, clothes on a hook
 0.6 to 0.95, black print 0.04 to 0.2. Green leaves scatter about half of the light in the near
-infrared, whose plateau is at 750 to 1300 nm (Jacquemoud and Baret, PROSPECT, 1990); dark ones of the
-same frames have 0.6. The others are chosen. Dyes absorb little at 860 nm, so that black cloth is
-not black.
+infrared, whose plateau is at 750 to 1300 nm (Jacquemoud and Baret, PROSPECT, 1990). The others are
+chosen. Dyes absorb little at 860 nm, so that black cloth is not black.
 
 Surfaces are matte: the light of tof_light has no gloss. Glass and screens return no light to a
 camera that does not stand in their mirror direction, so their diffuse albedo is small and they have

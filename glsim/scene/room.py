@@ -31,8 +31,8 @@ class RoomNumbers:
 
     behind_mm: from the face to the back wall. turn_deg: the room's turn about the vertical axis.
     camera_mm: (x, z) of the camera before that turn. reach_mm: (left, right) of the person's place
-    and how far it reaches to the back. clutter: 0 to 1. people: other people behind. seat_mm: height of
-    the person's seat above the floor and z of its back; None for a person who stands.
+    and how far it reaches to the back. clutter: 0 to 1. people: other people behind. seat_mm:
+    height of the person's seat above the floor and z of its back; None for a person who stands.
     """
 
     kind: str

@@ -6,7 +6,7 @@ sees, and kept: its arrays are the same objects in every frame, so the GPU gets 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -29,7 +29,8 @@ from glsim.scene.view import (
     visible_part,
 )
 from glsim.settings.distribution import Distribution, DrawKeys
-from glsim.settings.schema import PoseSettings, SceneSettings
+from glsim.settings.scene_settings import SceneSettings
+from glsim.settings.schema import PoseSettings
 
 #: Half the side of the square wall, mm; it fills any view up to 12 m.
 _WALL_MM = 20_000.0
@@ -103,16 +104,16 @@ def build_scenery(
     return Scenery((wall,), {"scene.wall_mm": wall_mm})
 
 
-def check_behind(scenery: Scenery, mesh: Mesh, view: NDArray[np.float32]) -> None:
+def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.float32]) -> None:
     """Raise MeshError if the plain wall does not lie behind all of the face.
 
-    mesh, view: the face and its (4, 4) matrix, canonical mm to camera m.
+    meshes, view: the face and what it wears, and their (4, 4) matrix, canonical mm to camera m.
     """
     wall_mm = scenery.drawn.get("scene.wall_mm")
     if wall_mm is None:
         return
-    depth_mm = 1000.0 * (mesh.vertices_mm @ view[2, :3] + view[2, 3])
-    low, high = float(depth_mm.min()), float(depth_mm.max())
+    depths = [1000.0 * (mesh.vertices_mm @ view[2, :3] + view[2, 3]) for mesh in meshes]
+    low, high = min(float(d.min()) for d in depths), max(float(d.max()) for d in depths)
     if wall_mm <= high:
         where = "in front of" if wall_mm <= low else "inside"
         raise MeshError(

@@ -63,7 +63,10 @@ def _slats(
     count = int(rng.integers(4, 8))
     bars = np.linspace(-x, x, count + 2)[1:-1]
     low, high = seat_mm, top_mm - 60
-    return [rail, *(rod((b, low, z_at(low)), (b, high, z_at(high)), 8, wood, sides=6) for b in bars)]
+    return [
+        rail,
+        *(rod((b, low, z_at(low)), (b, high, z_at(high)), 8, wood, sides=6) for b in bars),
+    ]
 
 
 def office_chair(rng: Rng, seat_mm: float | None = None) -> list[Shape]:

@@ -34,7 +34,7 @@ class Shape:
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, turn_deg: float = 0.0
     ) -> Shape:
         """Return the shape turned about the vertical axis (+z towards +x), then moved, mm."""
-        return replace(self, vertices_mm=turned(self.vertices_mm, turn_deg) + (x, y, z))
+        return replace(self, vertices_mm=turned(self.vertices_mm, turn_deg) + np.array([x, y, z]))
 
     def leaned(self, degrees: float) -> Shape:
         """Return the shape rotated about the x axis: its top goes back, towards -z."""
@@ -105,7 +105,8 @@ def _cube(cells: int) -> tuple[Points, Triangles]:
     steps = np.linspace(-1, 1, cells + 1)
     u, v = (a.ravel() for a in np.meshgrid(steps, steps, indexing="ij"))
     one = np.ones_like(u)
-    points, faces = [], []
+    points: list[Points] = []
+    faces: list[Triangles] = []
     for axis in range(3):
         for sign in (1.0, -1.0):
             side = np.empty((len(u), 3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -46,7 +47,9 @@ class Wall:
         return moved(shapes, self.start[0], 0.0, self.start[1], turn_deg=self.turn_deg)
 
 
-def draw_openings(rng: Rng, length: float, height: float, doors: int, windows: int) -> list[Opening]:
+def draw_openings(
+    rng: Rng, length: float, height: float, doors: int, windows: int
+) -> list[Opening]:
     """Draw doors and windows that fit into a wall without touching each other. Sizes: DIN 18101
     (doors of 735 to 985 by 1985 to 2110 mm); windows chosen.
     """
@@ -73,7 +76,9 @@ def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]
     shapes = _pierced(wall, height, paint)
     trim = draw_albedo(rng, "painted wood")
     for opening in wall.openings:
-        shapes += _door(rng, opening, trim) if opening.kind == "door" else _window(rng, opening, trim)
+        shapes += (
+            _door(rng, opening, trim) if opening.kind == "door" else _window(rng, opening, trim)
+        )
     doors = sorted((o for o in wall.openings if o.kind == "door"), key=lambda o: o.left)
     ends = [0.0, *(x for o in doors for x in (o.left - 70, o.right + 70)), wall.length]
     for left, right in zip(ends[::2], ends[1::2], strict=True):
@@ -88,8 +93,8 @@ def _pierced(wall: Wall, height: float, paint: float) -> list[Shape]:
     columns = sorted({0.0, wall.length, *(x for o in wall.openings for x in (o.left, o.right))})
     rows = sorted({0.0, height, *(y for o in wall.openings for y in (o.low, o.high))})
     shapes = []
-    for a, b in zip(columns, columns[1:], strict=False):
-        for c, d in zip(rows, rows[1:], strict=False):
+    for a, b in itertools.pairwise(columns):
+        for c, d in itertools.pairwise(rows):
             x, y = (a + b) / 2, (c + d) / 2
             if not any(o.left < x < o.right and o.low < y < o.high for o in wall.openings):
                 corners = [(a, c, 0), (b, c, 0), (b, d, 0), (a, d, 0)]
@@ -109,7 +114,9 @@ def _jamb(o: Opening, deep: float, albedo: float) -> list[Shape]:
     return [plate(side, albedo, region="wall") for side in sides]
 
 
-def _frame(o: Opening, bar: float, thick: float, z: float, albedo: float, sill: bool) -> list[Shape]:
+def _frame(
+    o: Opening, bar: float, thick: float, z: float, albedo: float, sill: bool
+) -> list[Shape]:
     """Bars around an opening, on its outside."""
     a, b, c, d = o.left, o.right, o.low, o.high
     shapes = [

@@ -16,7 +16,7 @@ def shelf(rng: Rng, clutter: float) -> list[Shape]:
     wood = draw_albedo(rng, "wood" if rng.random() < 0.6 else "painted wood")
     width, depth = rng.uniform(600, 1000), rng.uniform(250, 380)  # chosen: common shelves
     height, board = rng.uniform(1400, 2100), rng.uniform(16, 24)
-    rows = int(round(height / rng.uniform(320, 400)))
+    rows = round(height / rng.uniform(320, 400))
     shapes = [box((board, height, depth), (s * (width - board) / 2, 0, 0), wood) for s in (-1, 1)]
     inner, pitch = width - 2 * board, (height - board) / rows
     if rng.random() < 0.7:

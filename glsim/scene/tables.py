@@ -48,7 +48,7 @@ def desk(rng: Rng, clutter: float) -> list[Shape]:
     if rng.random() < 0.5:
         things.append(moved(screen(rng), 0.33 * width, z=-depth / 2 + 220, turn_deg=-20))
     things.append([box((440, 18, 140), (0, 0, 60), draw_albedo(rng, "black plastic"), edge_mm=5)])
-    for _ in range(int(round(8 * clutter))):
+    for _ in range(round(8 * clutter)):
         thing = small_thing(rng)
         x, z = rng.uniform(-0.45, 0.45) * width, rng.uniform(-0.3, 0.38) * depth
         things.append(moved(thing, x, z=z, turn_deg=rng.uniform(-40, 40)))
@@ -60,7 +60,7 @@ def low_table(rng: Rng, clutter: float) -> list[Shape]:
     width, depth, height = rng.uniform(700, 1200), rng.uniform(450, 650), rng.uniform(380, 460)
     shapes = table(rng, width, depth, height)
     things = []
-    for _ in range(int(round(6 * clutter))):
+    for _ in range(round(6 * clutter)):
         x, z = rng.uniform(-0.4, 0.4) * width, rng.uniform(-0.4, 0.4) * depth
         things.append(moved(small_thing(rng), x, z=z, turn_deg=rng.uniform(-60, 60)))
     return shapes + _apart(things, width, depth, height)

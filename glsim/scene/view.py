@@ -15,8 +15,8 @@ from glsim.scene.shapes import Shape
 
 Points = NDArray[np.float64]
 
-#: How far the cut lies outside of the view, in tangents: a shadow caster is seen by an emitter up to
-#: 75 mm beside the lens (the shipped sensors), from 0.5 m on.
+#: How far the cut lies outside of the view, in tangents: the emitters of the shipped sensors
+#: are up to 75 mm beside the lens; what casts a shadow is seen by them, and is 0.5 m away or more.
 _MARGIN = 0.16
 #: Nothing is drawn nearer than this, metres: the emitter's z-buffer starts there.
 _NEAREST_M = 0.3
@@ -30,8 +30,10 @@ def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
     if tilt_deg == 0.0:
         return view
     c, s = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
+    turn = np.eye(4)
+    turn[1:3, 1:3] = [[c, s], [-s, c]]
     matrix = view.astype(np.float64)
-    matrix[:3, :3] = np.array([[1, 0, 0], [0, c, s], [0, -s, c]]) @ matrix[:3, :3]
+    matrix[:3, :3] = turn[:3, :3] @ matrix[:3, :3]
     return matrix.astype(np.float32)
 
 
@@ -71,8 +73,7 @@ def room_view(camera_mm: Points, tilt_deg: float) -> NDArray[np.float64]:
 def _rotation(tilt_deg: float) -> Points:
     """Room axes (y up, z towards the camera) to camera axes (y down, z forward)."""
     facing = tilted(pose_matrix({}) * np.float32(1000.0), tilt_deg)
-    rotation: Points = np.round(facing[:3, :3].astype(np.float64), 7)
-    return rotation
+    return np.asarray(np.round(facing[:3, :3].astype(np.float64), 7))
 
 
 def visible_mesh(
@@ -126,7 +127,8 @@ def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
     towards = np.zeros(len(triangles), bool)
     for eye in ((0.0, 0.0, 0.0), *(e.position_m for e in rig.emitters)):
         towards |= np.einsum("ij,ij->i", normal, triangles[:, 0] - np.asarray(eye)) < 0
-    return towards & (np.linalg.norm(normal, axis=1) > 1e-9)  # m^2: a square of 0.03 mm
+    real = np.linalg.norm(normal, axis=1) > 1e-9  # m^2: a square of 0.03 mm
+    return np.asarray(towards & real)
 
 
 def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
@@ -143,9 +145,7 @@ def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
     ]
 
 
-def _cut(
-    triangles: Points, albedo: Points, plane: tuple[Points, float]
-) -> tuple[Points, Points]:
+def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tuple[Points, Points]:
     """Cut (T, 3, 3) triangles at a plane; returns those inside, and (T,) albedos."""
     normal, offset = plane
     side = triangles @ normal - offset

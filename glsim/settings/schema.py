@@ -34,7 +34,9 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from glsim.errors import ConfigError
-from glsim.settings.distribution import Distribution, NumberSetting, Scope, constant
+from glsim.settings.distribution import NumberSetting, Scope, constant
+from glsim.settings.presets import read_preset
+from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
 
 LayerName = Literal["clean", "noisy", "infrared", "reason", "regions"]
@@ -136,68 +138,6 @@ class VariationSettings(_Table):
         return self
 
 
-def _uniform(low: float, high: float) -> Distribution:
-    return Distribution(uniform=(low, high))
-
-
-#: Limits of the numbers of a room. Chosen: homes and offices.
-_SCENE_LIMITS = {
-    "behind_mm": (400, 8000),
-    "width_mm": (1500, 10_000),
-    "height_mm": (2000, 5000),
-    "turn_deg": (-180, 180),
-    "eye_mm": (300, 2300),
-    "camera_mm": (100, 2400),
-    "clutter": (0, 1),
-    "people": (0, 6),
-    "albedo": (0.1, 1.5),
-}
-
-
-class SceneSettings(_Table):
-    """The scene around the face: nothing, a plain wall, or a room."""
-
-    wall_mm: NumberSetting | None = Field(
-        None, description="distance of a wall behind; default: no wall"
-    )
-    wall_albedo: float = Field(0.85, ge=0, le=1, description="relative to a white wall")
-    room: Literal["none", "empty", "office", "living-room"] = Field(
-        "none", description="floor, walls, doors, windows and, unless empty, furniture"
-    )
-    per: Scope = Field("subject", description="one room per frame, sequence or subject")
-    behind_mm: NumberSetting = Field(
-        _uniform(1000.0, 3000.0), description="from the face to the back wall of the room"
-    )
-    width_mm: NumberSetting = Field(_uniform(3000.0, 5500.0), description="width of the room")
-    height_mm: NumberSetting = Field(_uniform(2400.0, 2700.0), description="height of the room")
-    turn_deg: NumberSetting = Field(
-        _uniform(-30.0, 30.0), description="turn of the room about the vertical axis"
-    )
-    eye_mm: NumberSetting = Field(
-        constant(1200.0), description="height of a head without a body above the floor"
-    )
-    camera_mm: NumberSetting | None = Field(
-        None, description="height of the camera, which tilts to the face; default: the face's"
-    )
-    clutter: NumberSetting = Field(constant(0.6), description="amount of furniture, 0 to 1")
-    people: NumberSetting = Field(
-        constant(0.0), description="other people behind, for sources of whole bodies"
-    )
-    albedo: NumberSetting = Field(constant(1.0), description="factor of all albedos of the room")
-
-    @model_validator(mode="after")
-    def _check(self) -> SceneSettings:
-        if self.room != "none" and self.wall_mm is not None:
-            raise ValueError("wall_mm: a room has walls of its own: give a wall or a room")
-        for name, (least, most) in _SCENE_LIMITS.items():
-            setting = getattr(self, name)
-            low, high = (least, most) if setting is None else setting.bounds()
-            if low < least or high > most:
-                wrong = low if low < least else high
-                raise ValueError(f"{name} may be {wrong:g}, but must lie in [{least:g}, {most:g}]")
-        return self
-
-
 class OutputSettings(_Table):
     """Layers, format and size of the frames that are written."""
 
@@ -283,8 +223,11 @@ def load_settings(
     assignments: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
     source: Mapping[str, Any] | None = None,
+    preset: str | None = None,
 ) -> Settings:
-    """Load settings: a TOML file, then ``a.b=value`` assignments, then nested ``overrides``.
+    """Load settings: a preset, a TOML file, ``a.b=value`` assignments, then nested ``overrides``.
+
+    preset: name of a shipped preset. Its [source] counts only for sources of its kind.
 
     source: overrides of the single [source] table. A source that generates faces has 10 subjects
     and 30 frames of each by default.
@@ -301,8 +244,22 @@ def load_settings(
         if isinstance(tree.get("source"), list):
             raise ConfigError(f"{where}: has several [[source]] tables: set them there")
         merge_tables(tree.setdefault("source", {}), source)
+    if preset is not None:
+        tree = _over_preset(read_preset(preset), tree)
     settings = parse_table(Settings, tree, where)
     return settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
+
+
+def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """Return the preset's settings with the ``given`` ones over them."""
+    preset_source, source = tree.get("source", {}), given.get("source", {})
+    kinds = {s.get("kind") for s in (source if isinstance(source, list) else [source])}
+    if kinds - {None, preset_source.get("kind")}:
+        tree.pop("source", None)
+    if "wall_mm" in given.get("scene", {}):
+        tree.get("scene", {}).pop("room", None)
+    merge_tables(tree, given)
+    return tree
 
 
 def _with_counts(source: SourceSettings) -> SourceSettings:
