@@ -44,7 +44,7 @@ from glsim.render.regions import REGION
 from glsim.render.renderer import Renderer
 from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
-from glsim.scene.scenery import Prop, build_scenery, check_behind
+from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
 from glsim.sensors.sensor import Sensor, sensor_of
 from glsim.settings.schema import Settings
 from glsim.settings.seeds import stable_seed
@@ -133,7 +133,8 @@ class Simulator:
         self._chain = ShaderChain(
             context, self.sensor.stages, read_back, infrared="infrared" in layers
         )
-        self._labels = RegionLabels(sources) if "regions" in layers else None
+        scene = scene_regions(settings.scene)
+        self._labels = RegionLabels(sources, scene) if "regions" in layers else None
         self._others = OtherPeople(settings, sources, self.sensor.rig)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]

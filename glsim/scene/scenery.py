@@ -47,6 +47,11 @@ _SEAT_MM = (450.0, -330.0)
 #: Rooms that stay in memory; neighbouring tasks share one. A room takes half a megabyte.
 _KEPT_ROOMS = 8
 
+#: Regions of a room, other people in it included.
+ROOM_REGIONS = (
+    "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
+)  # fmt: skip
+
 #: Where the shapes of a room are: canonical axes around the camera, mm.
 _AROUND_CAMERA = pose_matrix({})
 
@@ -81,6 +86,13 @@ class Scenery:
     def stands(self, view: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the view matrix of a person who is upright in this scenery."""
         return tilted(view, self.tilt_deg)
+
+
+def scene_regions(settings: SceneSettings) -> tuple[str, ...]:
+    """Names of the regions that the scenery may have."""
+    if settings.room != "none":
+        return ROOM_REGIONS
+    return () if settings.wall_mm is None else ("wall",)
 
 
 def build_scenery(

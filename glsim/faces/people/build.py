@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,8 +15,9 @@ from glsim.faces.people.facs import ACTIONS, UNSIDED
 from glsim.faces.people.files import BaseMesh, Target, read_base_mesh, read_json, read_target
 from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
 from glsim.faces.people.phenotype import phenotype_targets, phenotype_weights
-from glsim.faces.people.regions import label_regions, read_masks
+from glsim.faces.people.regions import MASKS, label_regions, read_masks
 from glsim.faces.people.subdivision import LinearMap, subdivide
+from glsim.faces.people.visible import find_visible_faces
 from glsim.faces.performance import smootherstep
 
 #: The body, and from the helper geometry what a camera can see of a person.
@@ -33,7 +35,7 @@ _RIG: Final = "mpfb2/rigs/standard"
 #: neck, and of the body; chosen so that the head's mean edge is below 3.5 mm and the facets of a
 #: torso at 1 m are below 3 pixels of a Kinect. Hands, feet and teeth are fine enough as they are.
 _FACE_MM: Final = 4.2
-_SCALP_MM: Final = 6.5
+_SCALP_MM: Final = 6.0
 _BODY_MM: Final = 14.0
 _LEG_MM: Final = 28.0
 _EYE_MM: Final = 2.4
@@ -61,21 +63,24 @@ def build_model(folder: Path) -> BodyModel:
     targets.add(reference, phenotype_weights(_MEAN))
     coarse = reference[: len(kept)].astype(np.float64)
     head = weights[kept, skeleton.names.index("head")]
-    fine, faces, part = _refine(quads, part, coarse, head, weights[kept], skeleton)
+    masks = read_masks(folder, base.texture[kept])
+    inside = masks[:, MASKS.index("inside-mouth")] > 0.5
+    fine, faces = _refine(quads, part, coarse, head, weights[kept], skeleton, inside)
     skin = fine.apply(weights[kept])
     skin[skin < _WEIGHT_FLOOR] = 0.0
     skin /= skin.sum(axis=1, keepdims=True)
-    masks = fine.apply(read_masks(folder, base.texture[kept]))
     group = fine.apply(_membership(base, kept))
     positions = fine.apply(coarse)
-    regions, landmarks = label_regions(positions, skin, skeleton.names, masks, group, GROUPS)
+    regions, landmarks = label_regions(
+        positions, skin, skeleton.names, fine.apply(masks), group, GROUPS
+    )
     # Vertices that move with the head alone come first: they need no blending of bones.
     rigid = skin[:, skeleton.names.index("head")] > 1.0 - _WEIGHT_FLOOR
     order = np.argsort(~rigid, kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
     sources, shares = _padded(fine, order)
-    return BodyModel(
+    model = BodyModel(
         template_mm=template.astype(np.float32),
         targets=targets,
         actions=_read_actions(folder, kept, fine, place, base.vertices_mm[kept, 0]),
@@ -87,6 +92,34 @@ def build_model(folder: Path) -> BodyModel:
         rigid=int(rigid.sum()),
         skeleton=skeleton,
         landmarks={name: int(place[vertex]) for name, vertex in landmarks.items()},
+    )
+    return _visible_part(model)
+
+
+def _visible_part(model: BodyModel) -> BodyModel:
+    """Return the model without triangles that are never visible, and without unused vertices."""
+    faces = model.faces[find_visible_faces(model)]
+    used, compact = np.unique(faces, return_inverse=True)
+    new = np.full(len(model.regions), -1)
+    new[used] = np.arange(len(used))
+    actions = model.actions
+    there = new[actions.points] >= 0
+    ends = np.concatenate([[0], np.cumsum(there)])
+    return replace(
+        model,
+        actions=SparseShapes(
+            actions.names,
+            ends[actions.starts],
+            new[actions.points[there]].astype(np.int32),
+            actions.offsets_mm[there],
+        ),
+        sources=model.sources[used],
+        shares=model.shares[used],
+        faces=compact.reshape(-1, 3).astype(np.int32),
+        regions=model.regions[used],
+        skin=model.skin[used],
+        rigid=int((used < model.rigid).sum()),
+        landmarks={name: int(new[vertex]) for name, vertex in model.landmarks.items()},
     )
 
 
@@ -118,9 +151,14 @@ def _refine(
     head: NDArray[np.float64],
     weights: NDArray[np.float64],
     skeleton: Skeleton,
-) -> tuple[LinearMap, NDArray[np.int64], NDArray[np.int64]]:
-    """Divide large quads. Returns the map to the fine vertices and the (F, 3) triangles."""
+    inside: NDArray[np.bool_],
+) -> tuple[LinearMap, NDArray[np.int64]]:
+    """Divide large quads, but none at the vertices ``inside`` the mouth.
+
+    Returns the map to the fine vertices and the (F, 3) triangles.
+    """
     limit = _length_limits(coarse, head, weights, skeleton, quads, part)
+    limit[inside] = np.inf
     whole = LinearMap.identity(len(coarse))
     triangles: list[NDArray[np.int64]] = []
     fixed = np.zeros(len(coarse), dtype=bool)
@@ -138,7 +176,7 @@ def _refine(
         fixed = np.zeros(step.map.height, dtype=bool)
         for fan in triangles:
             fixed[fan.ravel()] = True
-    return whole, np.concatenate([*triangles, _triangles(quads, whole.apply(coarse))]), part
+    return whole, np.concatenate([*triangles, _triangles(quads, whole.apply(coarse))])
 
 
 def _length_limits(
