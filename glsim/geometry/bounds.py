@@ -23,6 +23,11 @@ MARGIN_PX = 8
 _ALIGN_PX = 12
 
 
+#: What stands beside the view by less than this, in tangents, may still cast a shadow into it: the
+#: emitters of the shipped sensors are up to 75 mm beside the lens, and faces 0.5 m away or more.
+BESIDE = 0.16
+
+
 class Frustum(NamedTuple):
     """A view frustum: bounds of the directions x/z and y/z, and of the depth z in metres."""
 
@@ -178,6 +183,18 @@ def out_of_view(
     image = field_of_view.rig.intrinsics
     seen = visible or Rect(0, 0, image.width, image.height)
     return 0 in field_of_view.window(box).intersection(seen)[2:]
+
+
+def may_see(field_of_view: FieldOfView, points_m: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Mark the (N, 3) camera-frame points that lie in the directions of the image, near or far.
+
+    The directions are widened by BESIDE, for the emitters and for triangles that reach into view.
+    """
+    x, y, z = points_m.T
+    columns, rows = field_of_view.columns, field_of_view.rows
+    inside = (x >= (columns.min() - BESIDE) * z) & (x <= (columns.max() + BESIDE) * z)
+    inside &= (y >= (rows.min() - BESIDE) * z) & (y <= (rows.max() + BESIDE) * z)
+    return np.asarray(inside & (z > 0))
 
 
 def emitter_frustum(

@@ -25,6 +25,7 @@ from glsim.geometry.bounds import (
     FieldOfView,
     bounding_corners,
     image_window,
+    may_see,
     out_of_view,
     union,
     vertex_frustum,
@@ -182,16 +183,21 @@ class Renderer:
             yield Rendered(layers, window, nearest_m, everywhere, self._rays, self._pool)
 
     def _box(self, mesh: Mesh, view: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Corners of a mesh's bounding box, (8, 3) camera m.
+        """Corners of a mesh's bounding box, (8, 3) camera m, along the mesh's axes.
 
-        The box lies along the mesh's axes; where that one reaches the camera, as that of a sitting
-        person under a tilted camera may, along the camera's, which is tighter and slower to find.
+        Where that box reaches the camera, it is along the camera's axes; and where only vertices
+        out of view do, as the feet of a person who sits close may, it ends at the near plane.
         """
         box = bounding_corners(mesh.vertices_mm, view)
         if box[:, 2].min() > self.rig.near_m:
             return box
         seen = mesh.vertices_mm @ view[:3, :3].T + view[:3, 3]
-        return bounding_corners(seen, np.eye(4, dtype=np.float32))
+        near = seen[:, 2] <= self.rig.near_m
+        if near.all() or may_see(self._sight, seen[near]).any():
+            return box
+        box = bounding_corners(seen, np.eye(4, dtype=np.float32))
+        box[:, 2] = np.maximum(box[:, 2], self.rig.near_m)
+        return box
 
     def _draw_surface(
         self,

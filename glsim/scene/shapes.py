@@ -6,6 +6,7 @@ the camera. All triangles are counter-clockwise seen from outside.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -34,7 +35,8 @@ class Shape:
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, turn_deg: float = 0.0
     ) -> Shape:
         """Return the shape turned about the vertical axis (+z towards +x), then moved, mm."""
-        return replace(self, vertices_mm=turned(self.vertices_mm, turn_deg) + np.array([x, y, z]))
+        points = turned(self.vertices_mm, turn_deg) + np.array([x, y, z])
+        return Shape(points, self.faces, self.albedo, self.region)
 
     def leaned(self, degrees: float) -> Shape:
         """Return the shape rotated about the x axis: its top goes back, towards -z."""
@@ -45,9 +47,10 @@ class Shape:
 
 def turned(points_mm: Points, degrees: float) -> Points:
     """Rotate (N, 3) points about the vertical axis; positive angles turn +z towards +x."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    x, y, z = points_mm.T
-    return np.stack([c * x + s * z, y, c * z - s * x], axis=1)
+    if degrees == 0.0:
+        return points_mm
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return np.asarray(points_mm @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]))
 
 
 def moved(
@@ -150,10 +153,16 @@ def turned_body(
         ],
         axis=-1,
     )
-    closed = np.concatenate([points, points[:, :1]], axis=1)
-    faces = _grid(len(radius), segments + 1)[:, ::-1]
-    welded, index = _welded(closed.reshape(-1, 3), faces)
-    return Shape(welded, without_slivers(index), albedo, region)
+    return Shape(points.reshape(-1, 3), _turned_faces(tuple(radius), segments), albedo, region)
+
+
+@lru_cache(maxsize=64)
+def _turned_faces(radius: tuple[float, ...], segments: int) -> Triangles:
+    """Triangles of a body of revolution; a row of radius 0 is one point."""
+    index = np.arange(len(radius) * segments, dtype=np.int32).reshape(len(radius), segments)
+    index[np.array(radius) == 0] = index[np.array(radius) == 0, :1]
+    ring = np.concatenate([index, index[:, :1]], axis=1).ravel()
+    return without_slivers(ring[_grid(len(radius), segments + 1)[:, ::-1]])
 
 
 def without_slivers(faces: Triangles) -> Triangles:

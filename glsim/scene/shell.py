@@ -106,10 +106,10 @@ def _jamb(o: Opening, deep: float, albedo: float) -> list[Shape]:
     """The four inner sides of a recess ``deep`` mm into the wall."""
     a, b, c, d = o.left, o.right, o.low, o.high
     sides = [
-        [(a, c, 0), (a, d, 0), (a, d, -deep), (a, c, -deep)],
-        [(b, c, 0), (b, c, -deep), (b, d, -deep), (b, d, 0)],
-        [(a, d, 0), (b, d, 0), (b, d, -deep), (a, d, -deep)],
-        [(a, c, 0), (a, c, -deep), (b, c, -deep), (b, c, 0)],
+        [(a, c, -deep), (a, d, -deep), (a, d, 0), (a, c, 0)],
+        [(b, d, 0), (b, d, -deep), (b, c, -deep), (b, c, 0)],
+        [(a, d, -deep), (b, d, -deep), (b, d, 0), (a, d, 0)],
+        [(b, c, 0), (b, c, -deep), (a, c, -deep), (a, c, 0)],
     ]
     return [plate(side, albedo, region="wall") for side in sides]
 

@@ -94,7 +94,7 @@ def sideboard(rng: Rng, clutter: float, *, with_television: bool = False) -> lis
     for sx in (-1, 1):
         for sz in (-1, 1):
             x, z = sx * (width / 2 - 80), sz * (depth / 2 - 50)
-            shapes.append(rod((x, 0, z), (0.97 * x, 122, 0.95 * z), 16, wood, end_radius_mm=24))
+            shapes.append(rod((x, 4, z), (0.97 * x, 122, 0.95 * z), 16, wood, end_radius_mm=24))
     w = width / doors
     for n in range(doors):
         x = -width / 2 + (n + 0.5) * w
