@@ -3,6 +3,7 @@
 simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
     source.load          -> a face (mesh in canonical axes, mm), in batches
     vary                 -> the face with another shape and albedo, if the settings vary it
+    Dresser.dress        -> the face with hair, glasses and cloth, if the settings dress it
     pose, draw_values    -> pose and stage parameters, drawn from the task's seeds
     crop_window          -> the delivered part of the image
     Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
@@ -24,6 +25,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.appearance.dress import Dresser
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
@@ -132,6 +134,7 @@ class Simulator:
             context, self.sensor.stages, read_back, infrared="infrared" in layers
         )
         self._labels = RegionLabels(sources) if "regions" in layers else None
+        self._dressers = [Dresser(source, settings.appearance) for source in sources]
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -169,11 +172,15 @@ class Simulator:
     def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
         loaded = self._sources[batch[0].source].load([task.key for task in batch])
         pairs = zip(batch, loaded, strict=True)
-        variation = self._settings.variation
         return [
-            (task, face if isinstance(face, BadFace) else vary(face, variation, task.seeds))
+            (task, face if isinstance(face, BadFace) else self._change(task, face))
             for task, face in pairs
         ]
+
+    def _change(self, task: Task, face: Face) -> Face:
+        """Vary a face, then dress it: what is worn follows the varied mesh."""
+        varied = vary(face, self._settings.variation, task.seeds)
+        return self._dressers[task.source].dress(varied, task.seeds)
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue the drawing of one frame, or return the record of a bad face."""
@@ -199,6 +206,7 @@ class Simulator:
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
+        drawn |= self._dressers[task.source].drawn(task.seeds)
         scenery = build_scenery(settings.scene, task.seeds)
         drawn |= scenery.drawn
         head = pose_matrix(pose)

@@ -11,6 +11,9 @@
     yaw_deg = { uniform = [-30, 30] }
     [variation]
     shape_mm = 4
+    [appearance]
+    wear = "always"
+    glasses = 0.5
     [scene]
     wall_mm = 1500
     [rig]                             overrides [rig] of the sensor's file
@@ -125,6 +128,20 @@ class VariationSettings(_Table):
         return self
 
 
+class AppearanceSettings(_Table):
+    """What people wear, drawn once per subject. A share of 0 switches a thing off."""
+
+    wear: Literal["auto", "always", "never"] = Field(
+        "auto", description="auto: people are dressed, procedural and ict-facekit heads are not"
+    )
+    hair: float = Field(0.96, ge=0, le=1, description="share of subjects with hair, also shaven")
+    beard: float = Field(0.25, ge=0, le=1, description="share with a beard, moustache or stubble")
+    brows: float = Field(1.0, ge=0, le=1, description="share with brows in relief")
+    # 64 % of adults have glasses (The Vision Council), 54 % of these wear them most of the time.
+    glasses: float = Field(0.35, ge=0, le=1, description="share with glasses")
+    cloth: float = Field(1.0, ge=0, le=1, description="share with cloth over neck and body")
+
+
 class SceneSettings(_Table):
     """The scene around the face."""
 
@@ -184,6 +201,7 @@ class Settings(_Table):
     source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
     pose: PoseSettings = PoseSettings()
     variation: VariationSettings = VariationSettings()
+    appearance: AppearanceSettings = AppearanceSettings()
     scene: SceneSettings = SceneSettings()
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
     stage: dict[str, dict[str, NumberSetting]] = Field(default_factory=dict)
