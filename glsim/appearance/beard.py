@@ -84,13 +84,15 @@ def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
     # An ellipse around the lips keeps the beard off them.
     high = 0.5 * float(np.ptp(lips[:, 1])) / size
     off_lips = (np.hypot(x / (half + 2.0), y / (high + 1.5)) - 1) * high
-    upper = np.interp(z, _CHEEK_Z, _CHEEK_Y) - y
+    cheek = np.interp(z, _CHEEK_Z, _CHEEK_Y)
+    # Below the nose the outline rises to it: a moustache narrows towards the corners of the mouth.
+    beside = np.clip((x - 12.0) / 16.0, 0, 1)
+    rise = nose_base - 1.5 + (cheek - nose_base + 1.5) * beside
+    upper = np.where(z > -34, np.maximum(cheek, rise), cheek) - y
     lower = y - np.interp(z, _CHEEK_Z, _LOW_Y)
     ear_front = float(anatomy.ears[:, 2].mean() - anatomy.mouth[2]) / size + 14
     outline = np.minimum.reduce([upper, lower, z - ear_front])
-    under_nose = np.where(x < 20, nose_base - 1.0 - y, outline)
-    outline = np.minimum(outline, np.where(y > 0, under_nose, outline))
-    lip = np.minimum.reduce([off_lips, np.full_like(x, 30.0) - x, y + 14, nose_base + 2 - y])
+    lip = np.minimum(half + 7.0 - x, y + 13 - 0.25 * np.abs(x - half))
     chin = np.minimum(26.0 - x - 0.1 * np.abs(y), -y - 2)
     return np.minimum(outline, off_lips) * size, lip * size, chin * size
 

@@ -15,6 +15,8 @@ from glsim.appearance.shell import Shell, SkinGrid, make_grid
 _EDGE_MM: Final = {"head": 4.5, "body": 15.0}
 #: The collar's plane falls forward: the back of the neck is covered higher; chosen.
 _SLOPE: Final = 0.42
+#: Cloth is seen from both sides this far from its edges, mm: the width of a collar; chosen.
+_OPEN_MM: Final = {"plain": 10.0, "v": 10.0, "band": 28.0, "roll": 30.0, "hood": 58.0}
 #: Base of the neck of a mean adult: mm under the mouth; chosen on the procedural mean head.
 _NECK_BASE_MM: Final = 92.0
 
@@ -144,7 +146,10 @@ def make_cloth(
         return None
     kept, used = grid.taken(keep)
     height = _height(cloth, garment, inside, scale, seed)[used]
-    return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(kept.faces, np.int32)
+    # Hoods and collars stand open: their inner side shows near the edge.
+    edge = kept.faces[(inside[used] < _OPEN_MM[garment.collar] * scale)[kept.faces].any(axis=1)]
+    faces = np.concatenate([kept.faces, edge[:, ::-1]])
+    return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(faces, np.int32)
 
 
 def _height(

@@ -38,7 +38,7 @@ class Comb:
             side = np.tanh(beside / 6.0)
             wanted[:, 0] = side * np.clip(out[:, 1] + 0.2, 0, 1)
             wanted[:, 1] = -np.clip(1.0 - out[:, 1], 0.15, 1)
-            wanted[:, 2] = -0.25 * np.clip(out[:, 1], 0, 1)
+            wanted[:, 2] = -0.25 * np.clip(out[:, 1], 0, 1) - 0.6 * np.clip(out[:, 2], 0, 1)
         else:
             wanted[:] = out
             wanted[:, 1] -= 0.3

@@ -68,13 +68,24 @@ def hanging_hair(
     sheet = sheet + height[..., None] * out
     end = fall * (1 + 0.10 * smooth_noise(np.stack([arc / 16, 0 * arc, 0 * arc], 1), seed + 3))
     end += 12 * smooth_noise(np.stack([arc / 7, 0 * arc, 0 * arc], 1), seed + 4)
-    kept = down[:, None] < end[None, :]
+    sheet = _stretched(sheet, end / down[-1])
     # Gaps open towards the tips and at the two edges beside the face.
     torn = smooth_noise((where * (1 / 9, 1 / 60, 1)).reshape(-1, 3), seed + 5).reshape(rows, -1)
     rim = np.minimum(np.arange(_COLUMNS), np.arange(_COLUMNS)[::-1])
-    kept &= torn < 1.15 - 0.75 * (down / fall)[:, None] ** 3
+    kept = torn < 1.15 - 0.75 * (down / fall)[:, None] ** 3
     kept &= torn < 0.1 + rim[None, :] * 0.35
     return _two_sided(sheet, kept, root)
+
+
+def _stretched(sheet: Array, share: Array) -> Array:
+    """Shorten each column of (rows, columns, 3) to its (columns,) share of the length."""
+    rows = len(sheet)
+    at = np.arange(rows)[:, None] * np.minimum(share, 1.0)[None, :]
+    low = np.minimum(at.astype(int), rows - 2)
+    part = (at - low)[..., None]
+    lower = np.take_along_axis(sheet, low[..., None], axis=0)
+    upper = np.take_along_axis(sheet, low[..., None] + 1, axis=0)
+    return np.asarray(lower + part * (upper - lower))
 
 
 def _smoothed(sheet: Array) -> Array:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy
 from glsim.appearance.beard import make_beard, make_beard_grid, make_brow_grid, make_brows
-from glsim.appearance.binding import Motion, Points, Rigid, skull_motion
+from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motion
 from glsim.appearance.cloth import make_cloth, make_cloth_grid, make_trousers
 from glsim.appearance.glasses import make_glasses
 from glsim.appearance.hair import make_hair
@@ -54,18 +54,30 @@ class DressableSource(FaceSource, Protocol):
         ...
 
 
-class _Binding(Protocol):
-    def place(self, vertices_mm: Points, motion: Motion) -> Points: ...
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Worn:
-    """A thing that a subject wears. albedo: (N,)."""
+    """A thing that a subject wears. albedo: (N,).
+
+    last: the skin and the motion that the part was placed on last. Much of a head does not move
+    from frame to frame: the same part is delivered then, and is on the GPU already.
+    """
 
     region: str
-    binding: _Binding
+    binding: Binding
     faces: NDArray[np.int32]
     albedo: NDArray[np.float32]
+    last: tuple[Points, Motion, Part] | None = None
+
+    def place(self, vertices_mm: Points, motion: Motion) -> Part:
+        """Return the part over the (V, 3) vertices of a frame."""
+        skin = vertices_mm[self.binding.used]
+        if self.last is not None:
+            before, moved, part = self.last
+            if np.array_equal(skin, before) and (moved == motion):
+                return part
+        mesh = Mesh(self.binding.place(vertices_mm, motion), self.faces, self.albedo)
+        self.last = skin, motion, Part(mesh, self.region)
+        return self.last[2]
 
 
 @dataclass(eq=False)
@@ -105,8 +117,7 @@ class Dresser:
         mesh = face.mesh
         motion = skull_motion(wardrobe.skull, mesh.vertices_mm[self._skull])
         parts = tuple(
-            Part(Mesh(w.binding.place(mesh.vertices_mm, motion), w.faces, w.albedo), w.region)
-            for w in wardrobe.worn
+            thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn
         )
         return replace(
             face,
@@ -165,7 +176,7 @@ class Dresser:
         rest = skull_motion(vertices[:3], vertices[:3])
         worn: list[_Worn] = []
 
-        def wear(region: str, binding: _Binding, faces: NDArray[np.int32], albedo: float) -> None:
+        def wear(region: str, binding: Binding, faces: NDArray[np.int32], albedo: float) -> None:
             if len(faces):
                 points = binding.place(vertices, rest)
                 patches = smooth_noise(points / _PATCH_MM, outfit.seed + len(worn))

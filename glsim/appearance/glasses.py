@@ -60,6 +60,7 @@ def make_glasses(
     rng = np.random.Generator(np.random.Philox(key=np.array([seed, 0x61A5], np.uint64)))
     scale = anatomy.scale
     skin = skin_mm[anatomy.outside & ~anatomy.body & ~anatomy.is_in("ear")].astype(np.float64)
+    skin = skin[np.abs(skin[:, 1] - anatomy.eye[1]) < 60 * scale]
     balls = skin_mm[anatomy.is_in("sclera", "iris", "pupil", "eyes")].astype(np.float64)
     middle = 0.5 * (balls.min(axis=0) + balls.max(axis=0))
     apart = float(np.abs(balls[:, 0] - middle[0]).mean())
@@ -107,13 +108,11 @@ def make_glasses(
 
 def _overlap(points: Array, skin: Array) -> float:
     """Return by how many mm the skin stands in front of the points, at most."""
-    worst = -np.inf
-    for point in points:
-        near = np.hypot(skin[:, 0] - point[0], skin[:, 1] - point[1]) < 4.0
-        near &= skin[:, 2] > point[2] - 40.0
-        if near.any():
-            worst = max(worst, float(skin[near, 2].max() - point[2]))
-    return worst if np.isfinite(worst) else 0.0
+    skin = skin[skin[:, 2] > points[:, 2].min() - 40.0]
+    beside = skin[:, None, :2] - points[None, :, :2]
+    ahead = skin[:, None, 2] - points[None, :, 2]
+    near = (beside * beside).sum(axis=2) < 16.0  # within 4 mm, as seen from the front
+    return float(ahead[near].max()) if near.any() else 0.0
 
 
 def _bridge(outline: Array, place: Array, skin: Array) -> Array:
@@ -134,15 +133,14 @@ def _temple(anatomy: Anatomy, skin: Array, hinge: Array, side: float) -> Array:
     top = np.array([ear[0], ear[1] + 22 * anatomy.scale, ear[2] + 2.0])
     share = np.linspace(0, 1, 9)[:, None]
     line = hinge + share * (top - hinge)
-    line[:, 0] = hinge[0] + share[:, 0] * (top[0] - hinge[0])
     tip = top + np.array([[0, -5, -12], [-2 * side, -16, -20], [-4 * side, -30, -24]])
     line = np.concatenate([line, tip])
+    skin = skin[side * (skin[:, 0] - anatomy.eye[0]) > 20]
     for point in line[1:]:  # outside of the skin at every place
         near = np.hypot(skin[:, 1] - point[1], skin[:, 2] - point[2]) < 6.0
-        near &= side * (skin[:, 0] - anatomy.eye[0]) > 0
         if near.any():
             half = float((side * skin[near, 0]).max())
-            point[0] = side * max(side * point[0] if point is line[0] else 0.0, half + 2.5)
+            point[0] = side * (half + 2.5)
     line[1:, 0] = np.convolve(np.pad(line[1:, 0], 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
     return line
 

@@ -13,14 +13,14 @@ from glsim.appearance.comb import Comb
 from glsim.appearance.curtain import hanging_hair
 from glsim.appearance.locks import Locks, Obstacle, grow_locks
 from glsim.appearance.noise import ridges, smooth_noise
-from glsim.appearance.scalp import Anchors, Scalp
+from glsim.appearance.scalp import Scalp
 from glsim.appearance.styles import HairStyle
 from glsim.appearance.tied import tied_locks
 
 #: Wavelengths of the relief across strands: locks of hair are 5 to 15 mm wide; chosen.
 _RIDGE_MM, _FINE_MM, _CLUMP_MM = 15.0, 8.0, 45.0
 #: Hair begins with this thickness at its rim, mm, and is full after _RIM_MM.
-_RIM_THICKNESS_MM, _RIM_MM = 2.5, 22.0
+_RIM_THICKNESS_MM, _RIM_MM = 1.2, 24.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,9 +123,8 @@ def _joined(
         shifts.append(part.points_mm - base[part.roots])
         triangles.append(part.faces + count)
         count += len(part.roots)
-    every = np.concatenate(roots)
-    anchors: Anchors = scalp.anchors.taken(every)
+    own, root_of = np.unique(np.concatenate(roots), return_inverse=True)
     return Hair(
-        Rooted(anchors, np.concatenate(shifts).astype(np.float32)),
+        Rooted(scalp.anchors.taken(own), root_of, np.concatenate(shifts)),
         np.ascontiguousarray(np.concatenate(triangles), np.int32),
     )

@@ -16,6 +16,8 @@ from glsim.appearance.styles import HairStyle
 #: Sharpness of the weights by which the radius of a head is read off the coarse sphere; chosen:
 #: neighbours are 0.15 rad apart.
 _SHARPNESS = 160.0
+#: Largest move out of the skin at once, mm; chosen.
+_PUSH_MM = 12.0
 #: A lock has a ring of vertices every so many mm, at least 5 and at most 14 rings.
 _STEP_MM, _RINGS = 18.0, (5, 14)
 
@@ -36,7 +38,8 @@ class Obstacle:
         """skin_mm: (V, 3) the subject's reference head."""
         self.centre = anatomy.centre
         self._units = np.asarray(trimesh.creation.icosphere(3).vertices, np.float32)
-        out = skin_mm[anatomy.outside & ~anatomy.body] - self.centre
+        # Every third vertex: still about eight per direction.
+        out = skin_mm[anatomy.outside & ~anatomy.body][::3] - self.centre
         length = np.linalg.norm(out, axis=1)
         cell = np.argmax((out / length[:, None]).astype(np.float32) @ self._units.T, axis=1)
         radius = np.full(len(self._units), -1.0)
@@ -59,7 +62,8 @@ class Obstacle:
         if most_mm is not None:
             lying = np.clip(2.0 + 5.0 * unit[:, 1], 0, 1)
             length = length + lying * (np.minimum(length, radius + most_mm) - length)
-        length = np.maximum(length, radius + least_mm)
+        # A ray down the neck leaves the skin far away: never move by more than a step.
+        length = np.clip(radius + least_mm, length, length + _PUSH_MM)
         return np.asarray(self.centre + unit * length[:, None])
 
 
@@ -94,7 +98,7 @@ def grow_locks(
         length = np.where(brow & (style.comb in ("crown", "curls")), 0.5 * length, length)
     rings = int(np.clip(style.lock[1] / _STEP_MM, *_RINGS))
     path = _paths(anatomy, base, thickness, root, length, brow, comb, obstacle, style, rings, rng)
-    width = style.width * scale * rng.uniform(0.6, 1.25, style.locks)
+    width = style.width * scale * rng.uniform(0.8, 1.7, style.locks)
     long = style.lock[1] > 100
     return make_ribbons(path, width, root, anatomy.centre, closed=long)
 
@@ -144,7 +148,7 @@ def _paths(
         least = np.maximum(height * (1 - 0.5 * share), 2.0)
         place = obstacle.push_out(place, least, height + 3.0 + 16.0 * style.lift * share)
         path.append(place)
-    lines = np.stack(path)
+    lines = _off_the_face(anatomy, np.stack(path), style)
     travelled = np.linspace(0, 1, rings)[:, None] * length
     swing = wave * np.minimum(travelled / 25.0, 1.0)
     turn = 2 * np.pi * travelled / pitch + phase
@@ -155,6 +159,16 @@ def _paths(
     across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-6)
     lines = lines + (swing * np.sin(turn))[..., None] * across
     return np.asarray(lines + (0.6 * swing * (1 + np.cos(turn)))[..., None] * level)
+
+
+def _off_the_face(anatomy: Anatomy, lines: Array, style: HairStyle) -> Array:
+    """End (rings, N, 3) lines where they reach the face; a fringe ends over the eyes."""
+    local = (lines - anatomy.eye) / anatomy.scale
+    low = 16.0 if style.fringe else 50.0
+    before = (np.abs(local[..., 0]) < 58) & (local[..., 2] > -48) & (local[..., 1] < low)
+    ends = np.where(before.any(axis=0), np.argmax(before, axis=0) - 1, len(lines) - 1)
+    ring = np.minimum(np.arange(len(lines))[:, None], np.maximum(ends, 0)[None, :])
+    return np.asarray(np.take_along_axis(lines, ring[..., None], axis=0))
 
 
 def make_ribbons(
@@ -174,9 +188,9 @@ def make_ribbons(
     across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-6)
     out = np.cross(across, along)
     share = np.linspace(0, 1, rings)
-    taper = np.sqrt(np.clip(1.08 - share, 0, 1)) * np.clip(0.5 + 3 * share, 0, 1)
+    taper = np.clip(1.6 * (1.04 - share), 0, 1) ** 0.8 * np.clip(0.5 + 3 * share, 0, 1)
     half = 0.5 * taper[:, None, None] * width[None, :, None]
-    ridge = lines + 0.35 * half * out
+    ridge = lines + 0.26 * half * out
     points = np.stack([lines - half * across, ridge, lines + half * across], axis=2)
     index = np.arange(rings * count * 3).reshape(rings, count, 3)
     pairs = ((0, 1), (1, 2), (2, 0)) if closed else ((0, 1), (1, 2))

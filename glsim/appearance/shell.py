@@ -107,6 +107,7 @@ class Shell:
         self, grid: SkinGrid, height_mm: NDArray[np.float32], drop_mm: Points | None = None
     ) -> None:
         """height_mm: (N,) along the normals. drop_mm: (N, 3) besides, in the skull's frame."""
+        self.used = grid.base
         self._grid, self._height, self._drop = grid, height_mm[:, None], drop_mm
         corners = grid.triangles.ravel()
         self._order = np.argsort(corners, kind="stable") // 3
@@ -123,7 +124,7 @@ class Shell:
         normal /= np.maximum(np.sqrt((normal * normal).sum(axis=1, keepdims=True)), 1e-9)
         points = grid.anchors.place(skin) + grid.anchors.place(normal) * self._height
         if self._drop is not None:
-            points += self._drop @ motion.rotation.T
+            points += self._drop if motion.is_rest else self._drop @ motion.rotation.T
         return points
 
 
