@@ -25,7 +25,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.appearance.dress import Dresser
+from glsim.appearance.dress import Dresser, worn_regions
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
@@ -133,7 +133,8 @@ class Simulator:
         self._chain = ShaderChain(
             context, self.sensor.stages, read_back, infrared="infrared" in layers
         )
-        self._labels = RegionLabels(sources) if "regions" in layers else None
+        worn = worn_regions(settings.appearance, sources)
+        self._labels = RegionLabels(sources, worn) if "regions" in layers else None
         self._dressers = [Dresser(source, settings.appearance) for source in sources]
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]

@@ -112,7 +112,8 @@ class Anatomy:
         near = self.vertices_mm[self.outside & ~self.body]
         near = near[np.abs(near - at)[:, 1:].max(axis=1) < 25 * self.scale]
         half = float(np.percentile(np.abs(near[:, 0] - self.eye[0]), 90))
-        return np.stack([at + (half, 0, 0), at - (half, 0, 0)])
+        aside = np.array([half, 0.0, 0.0])
+        return np.stack([at + aside, at - aside])
 
     @cached_property
     def centre(self) -> Array:
@@ -121,7 +122,7 @@ class Anatomy:
         return np.array([self.eye[0], self.eye[1] + 10 * self.scale, behind])
 
     def above_hairline_mm(self, points: Array) -> Array:
-        """Return (N,) mm inside the hairline of (N, 3) points of the reference; negative outside."""
+        """Return (N,) mm inside of the hairline for (N, 3) points; negative outside."""
         local = (points - self.eye) / self.scale
         line = np.interp(local[:, 2], _LINE_Z, _LINE_Y)
         step = np.interp(local[:, 2] + 1, _LINE_Z, _LINE_Y) - line

@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.appearance.anatomy import Anatomy, Array
+from glsim.appearance.anatomy import Anatomy, Array, Mask
 from glsim.appearance.noise import ridges, smooth_noise
 from glsim.appearance.shell import Shell, SkinGrid, make_grid
 
 #: From the eyes to the mouth of a mean adult, mm (Farkas 1994: 67 from sellion region to stomion).
 _EYE_TO_MOUTH_MM: Final = 66.0
-#: Upper edge of a full beard: mm over the mouth, by mm behind the mouth; and its lower edge; chosen.
+#: Upper edge of a full beard: mm over the mouth, by depth behind the mouth; and its lower
+#: edge; chosen.
 _CHEEK_Z: Final = (-110.0, -88.0, -70.0, -50.0, -30.0, -10.0, 10.0)
 _CHEEK_Y: Final = (62.0, 58.0, 28.0, 12.0, 6.0, 8.0, 12.0)
 _LOW_Y: Final = (-6.0, -12.0, -38.0, -58.0, -66.0, -66.0, -66.0)
@@ -66,7 +67,7 @@ def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
     points = anatomy.vertices_mm.astype(np.float64)
     skin = anatomy.outside & ~anatomy.body & ~anatomy.is_in("ear", "lips", "lids")
     inside = _outline(anatomy, points)[0]
-    chosen = skin[anatomy.faces].all(axis=1) & (inside[anatomy.faces] > -6.0).any(axis=1)
+    chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(inside[anatomy.faces] > -6.0, axis=1)
     grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM)
     own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
     return BeardGrid(grid, own, *_outline(anatomy, own))
@@ -115,7 +116,7 @@ def make_beard(
     elif not style.lip:
         inside = np.minimum(inside, -beard.lip)
     ragged = inside + 2.5 * smooth_noise(beard.points / 6.0, seed)
-    keep = (ragged[beard.grid.faces] > 0).all(axis=1)
+    keep: Mask = np.all(ragged[beard.grid.faces] > 0, axis=1)
     grid, used = beard.grid.taken(keep)
     points = beard.points[used]
     rim = np.clip(inside[used] / (4.0 + 0.8 * length_mm), 0.12, 1)
@@ -137,7 +138,7 @@ def make_brow_grid(anatomy: Anatomy) -> tuple[SkinGrid, Array, Array]:
     """Return the grid of the brows, its points (N, 3) and how far each is inside a brow (N,)."""
     brow = _brows(anatomy)
     skin = anatomy.outside & ~anatomy.body
-    chosen = skin[anatomy.faces].all(axis=1) & (brow[anatomy.faces] > 0.3).any(axis=1)
+    chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(brow[anatomy.faces] > 0.3, axis=1)
     grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 2.2)
     own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
     columns = np.repeat(brow[grid.base].astype(np.float32)[:, None], 3, axis=1)
@@ -163,7 +164,8 @@ def make_brows(
     """Return the shell and the triangles of a subject's brows, height_mm high."""
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
-    kept, used = grid.taken((ragged[grid.faces] > 0.3).all(axis=1))
+    keep: Mask = np.all(ragged[grid.faces] > 0.3, axis=1)
+    kept, used = grid.taken(keep)
     relief = 1 + 0.45 * smooth_noise(points[used] * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
     height = height_mm * np.clip(weight[used], 0.15, 1) * relief
     return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(kept.faces, np.int32)

@@ -46,7 +46,7 @@ def skull_motion(reference: Points, moved: Points) -> Motion:
 
 
 class Binding(Protocol):
-    """A mesh that follows the mesh of a source. used: the vertices of the source that it follows."""
+    """A mesh that follows the mesh of a source. used: the vertices that it follows."""
 
     used: NDArray[np.int64]
 

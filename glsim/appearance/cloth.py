@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.appearance.anatomy import Anatomy, Array
+from glsim.appearance.anatomy import Anatomy, Array, Mask
 from glsim.appearance.noise import ridges, smooth_noise
 from glsim.appearance.shell import Shell, SkinGrid, make_grid
 
@@ -183,7 +183,7 @@ def make_trousers(
     top = np.nanmax(np.where(on_leg, cloth.points[:, 1], np.nan))
     inside = np.where(on_leg, 800 * (length - np.nan_to_num(leg)), top + 90 - cloth.points[:, 1])
     inside = np.where(np.isfinite(cloth.arm), -1.0, inside)
-    keep = (inside[cloth.grid.faces] > 0).all(axis=1)
+    keep: Mask = np.all(inside[cloth.grid.faces] > 0, axis=1)
     kept, used = cloth.grid.taken(keep)
     points = cloth.points[used]
     folds = 0.6 * ridges(points / (60.0, 42.0, 60.0), seed)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from glsim.appearance.anatomy import Anatomy, Array
+from glsim.appearance.anatomy import Anatomy, Array, Mask
 from glsim.appearance.locks import Locks, Obstacle
 from glsim.appearance.noise import ridges, smooth_noise
 from glsim.appearance.scalp import Scalp
@@ -98,7 +99,7 @@ def _smoothed(sheet: Array) -> Array:
     return sheet
 
 
-def _two_sided(sheet: Array, kept: Array, root: Array) -> Locks:
+def _two_sided(sheet: Array, kept: Mask, root: NDArray[np.int64]) -> Locks:
     rows, columns = kept.shape
     index = np.arange(rows * columns).reshape(rows, columns)
     whole = kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:]

@@ -36,6 +36,17 @@ _SKULL_POINTS: Final = 96
 _PATCHES, _PATCH_MM = 0.10, 30.0
 
 
+def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) -> list[str]:
+    """Return the regions of what the people of the sources can wear; [] if all stay as they are."""
+    if not any(Dresser(source, settings).is_on for source in sources):
+        return []
+    shares = {
+        "hair": settings.hair, "beard": settings.beard, "brow": settings.brows,
+        "glasses": settings.glasses, "cloth": settings.cloth,
+    }  # fmt: skip
+    return [name for name, share in shares.items() if share > 0]
+
+
 class DressableSource(FaceSource, Protocol):
     """A source that knows its regions and its subjects' neutral shape."""
 
@@ -82,7 +93,10 @@ class _Worn:
 
 @dataclass(eq=False)
 class _Wardrobe:
-    """All that a subject wears. skull: (K, 3) mm at rest. skin: the last albedo and its dressed one."""
+    """All that a subject wears.
+
+    skull: (K, 3) mm at rest. skin: the last albedo of a mesh, and what was made of it.
+    """
 
     outfit: Outfit
     worn: list[_Worn]
@@ -116,9 +130,7 @@ class Dresser:
         wardrobe = self._wardrobe(face.key.subject, seeds)
         mesh = face.mesh
         motion = skull_motion(wardrobe.skull, mesh.vertices_mm[self._skull])
-        parts = tuple(
-            thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn
-        )
+        parts = tuple(thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn)
         return replace(
             face,
             mesh=replace(mesh, albedo=self._skin(wardrobe, mesh)),
@@ -143,7 +155,10 @@ class Dresser:
         at = self._reference
         inside = at.above_hairline_mm(at.vertices_mm) > 5
         found = np.flatnonzero(inside & at.outside & ~at.body & ~at.is_in("ear"))
-        return found[np.linspace(0, len(found) - 1, min(_SKULL_POINTS, len(found))).astype(int)]
+        chosen: NDArray[np.int64] = found[
+            np.linspace(0, len(found) - 1, min(_SKULL_POINTS, len(found))).astype(int)
+        ]
+        return chosen
 
     @cached_property
     def _scalp(self) -> Any:
@@ -193,16 +208,17 @@ class Dresser:
                 outfit.hair_albedo,
             )
         if outfit.brow_mm:
-            wear(
-                "brow", *make_brows(self._brows, outfit.brow_mm, outfit.seed), outfit.hair_albedo
-            )
+            wear("brow", *make_brows(self._brows, outfit.brow_mm, outfit.seed), outfit.hair_albedo)
         if outfit.glasses is not None:
             glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
             worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
         if outfit.garment is not None and self._cloth is not None:
             for made, albedo in (
-                (make_cloth(self._cloth, outfit.garment, own.scale, outfit.seed), outfit.cloth_albedo),
+                (
+                    make_cloth(self._cloth, outfit.garment, own.scale, outfit.seed),
+                    outfit.cloth_albedo,
+                ),
                 (make_trousers(self._cloth, outfit.trousers, outfit.seed), outfit.trousers_albedo),
             ):
                 if made is not None:

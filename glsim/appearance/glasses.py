@@ -54,8 +54,8 @@ def make_glasses(
 ) -> Glasses:
     """Fit glasses to a subject.
 
-    skin_mm: (V, 3) reference head. lens: "clear" has no surface, "dark" fills the rims, "glint" is a
-    bright spot in each.
+    skin_mm: (V, 3) reference head. lens: "clear" has no surface, "dark" fills the rims, "glint" is
+    a bright spot in each.
     """
     rng = np.random.Generator(np.random.Philox(key=np.array([seed, 0x61A5], np.uint64)))
     scale = anatomy.scale
@@ -92,16 +92,16 @@ def make_glasses(
         if lens != "clear":
             lenses.append(_lens(ring, side, 1.0 if lens == "dark" else 0.2, rng))
     parts.append(_tube(_bridge(outline, place, skin), style.rim, style.rim, closed=False))
-    points, faces, is_lens, count = [], [], [], 0
+    points, triangles, is_lens, count = [], [], [], 0
     for group, flag in ((parts, False), (lenses, True)):
-        for vertices, triangles in group:
+        for vertices, corners in group:
             points.append(vertices)
-            faces.append(triangles + count)
+            triangles.append(corners + count)
             is_lens.append(np.full(len(vertices), flag))
             count += len(vertices)
     return Glasses(
         np.concatenate(points).astype(np.float32),
-        np.ascontiguousarray(np.concatenate(faces), np.int32),
+        np.ascontiguousarray(np.concatenate(triangles), np.int32),
         np.concatenate(is_lens),
     )
 
@@ -177,9 +177,7 @@ def _tube(line: Array, wide: float, deep: float, *, closed: bool) -> tuple[Array
     return rings.reshape(-1, 3), np.concatenate(faces)
 
 
-def _lens(
-    ring: Array, side: float, share: float, rng: np.random.Generator
-) -> tuple[Array, Array]:
+def _lens(ring: Array, side: float, share: float, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return a disc inside a rim, or a spot of a share of its size at a random place."""
     middle = ring.mean(axis=0)
     if share < 1:

@@ -49,8 +49,10 @@ def make_hair(
     rough = np.minimum(style.relief, 0.8 * thickness)
     height = np.maximum(thickness + rough * relief, 0.6)
     inside = bare_line_mm(anatomy, scalp, style, base)
-    ragged = inside + 5.0 * smooth_noise(base / 9.0, seed + 2) + 2.5 * smooth_noise(
-        strands / 5.0, seed + 3
+    ragged = (
+        inside
+        + 5.0 * smooth_noise(base / 9.0, seed + 2)
+        + 2.5 * smooth_noise(strands / 5.0, seed + 3)
     )
     faces = scalp.faces[(ragged > 0)[scalp.faces].all(axis=1)]
     out = outward(scalp.directions)
@@ -67,7 +69,7 @@ def outward(directions: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return (N, 3) the way hair stands: away from the middle, level below the middle."""
     out = directions.copy()
     out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])
-    return out / np.linalg.norm(out, axis=1, keepdims=True)
+    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
 
 
 def bare_line_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) -> Array:
@@ -90,9 +92,7 @@ def bare_line_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) 
     return np.asarray(inside)
 
 
-def thickness_mm(
-    anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array, seed: int
-) -> Array:
+def thickness_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array, seed: int) -> Array:
     """Return (N,) mm of hair over the skull, thin at the rim, without the relief of strands."""
     up = scalp.directions[:, 1].astype(np.float64)
     to_top = np.clip((up - 0.1) / 0.6, 0, 1)

@@ -1,4 +1,4 @@
-"""Grow locks of hair over a head: ribbons with a ridge, pushed out of the skin, pulled by gravity."""
+"""Grow locks of hair over a head: ribbons with a ridge, off the skin, pulled by gravity."""
 
 from __future__ import annotations
 
@@ -125,11 +125,11 @@ def _paths(
     out = base[root] - obstacle.centre
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     height = thickness[root] * rng.uniform(0.55, 1.0, count)
-    place = base[root] + out * height[:, None]
+    place: Array = base[root] + out * height[:, None]
     stray = rng.normal(0, 0.05 + 0.12 * style.lift, (count, 3))
     phase, pitch = rng.uniform(0, 2 * np.pi, count), rng.uniform(28, 48, count) * anatomy.scale
     wave = style.wave * anatomy.scale * rng.uniform(0.4, 1.3, count)
-    fall = np.where(brow & (style.fringe > 0), np.maximum(style.fall, 0.5), style.fall)
+    fall: Array = np.where(brow & (style.fringe > 0), np.maximum(style.fall, 0.5), style.fall)
     path = [place]
     step = length / (rings - 1)
     down = np.array([0.0, -1.0, 0.0])

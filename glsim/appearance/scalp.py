@@ -1,8 +1,8 @@
 """The scalp as a grid of even density, bound to the triangles of a source's heads.
 
 Meshes have 3 to 8 mm between vertices on the scalp, too few for the relief of hair. Rays from the
-middle of the skull through the vertices of a geodesic sphere hit the scalp; a grid point follows the
-triangle that its ray hit, so that one grid fits every person and every frame of the source.
+middle of the skull through the vertices of a geodesic sphere hit the scalp; a grid point follows
+the triangle that its ray hit, so that one grid fits every person and every frame of the source.
 """
 
 from __future__ import annotations

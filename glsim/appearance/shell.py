@@ -45,22 +45,22 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: fl
     faces: (T, 3) of the source. chosen: (T,). points: (V, 3) mm of its reference head.
     """
     base, inverse = np.unique(faces[chosen], return_inverse=True)
-    triangles = inverse.reshape(-1, 3)
+    triangles = inverse.reshape(-1, 3).astype(np.int64)
     corners = np.repeat(np.arange(len(base))[:, None], 3, axis=1)
     weights = np.zeros((len(base), 3), np.float32)
     weights[:, 0] = 1.0
     divided, parts = triangles, [(corners, weights)]
-    places = points[base].astype(np.float64)
+    places: Array = points[base].astype(np.float64)
     # After a division of an edge that was divided before, points have up to three corners.
     owner = np.arange(len(triangles))
-    local = np.broadcast_to(np.eye(3), (len(triangles), 3, 3))
+    local: Array = np.broadcast_to(np.eye(3), (len(triangles), 3, 3))
     while len(divided) and _mean_edge(places[divided]) > edge_mm:
         divided, local, owner, places, (corners, weights) = _halved(
             triangles, divided, local, owner, points[base].astype(np.float64)
         )
         parts = [(corners, weights)]
     anchors = Anchors(parts[0][0].astype(np.int64), parts[0][1].astype(np.float32))
-    return SkinGrid(base, triangles, anchors, divided)
+    return SkinGrid(base.astype(np.int64), triangles, anchors, divided)
 
 
 def _halved(
@@ -70,7 +70,11 @@ def _halved(
     owner: NDArray[np.int64],
     places: Array,
 ) -> tuple[
-    NDArray[np.int64], Array, NDArray[np.int64], Array, tuple[NDArray[np.int64], NDArray[np.float32]]
+    NDArray[np.int64],
+    Array,
+    NDArray[np.int64],
+    Array,
+    tuple[NDArray[np.int64], NDArray[np.float32]],
 ]:
     """Divide every triangle into four; points of neighbours coincide.
 

@@ -22,9 +22,10 @@ KNOWN_REGIONS: Final = (
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
 
 
-def region_numbers(sources: Sequence[FaceSource]) -> dict[str, int]:
+def region_numbers(sources: Sequence[FaceSource], worn: Sequence[str] = ()) -> dict[str, int]:
     """Return region name -> number for all regions of the sources, sorted by number.
 
+    worn: further regions, of what people wear.
     A source has regions if it has ``region_names`` and ``regions``, (V,) indices into these names
     for the vertices of each of its meshes. Raises ConfigError for no region or more than 255.
     """
@@ -35,7 +36,7 @@ def region_numbers(sources: Sequence[FaceSource]) -> dict[str, int]:
     table = (*KNOWN_REGIONS, *sorted(named - set(KNOWN_REGIONS)))
     if len(table) > _MAX_REGIONS:
         raise ConfigError(f"{len(table)} names of face regions: the limit is {_MAX_REGIONS}")
-    return {name: number for number, name in enumerate(table, start=1) if name in named}
+    return {name: number for number, name in enumerate(table, start=1) if name in named | set(worn)}
 
 
 def _region_names_of(source: FaceSource) -> tuple[str, ...]:
@@ -45,8 +46,9 @@ def _region_names_of(source: FaceSource) -> tuple[str, ...]:
 class RegionLabels:
     """Vertex labels of the sources, as numbers of their common table."""
 
-    def __init__(self, sources: Sequence[FaceSource]) -> None:
-        self.numbers = region_numbers(sources)
+    def __init__(self, sources: Sequence[FaceSource], worn: Sequence[str] = ()) -> None:
+        """worn: regions of what people wear, besides those of the sources."""
+        self.numbers = region_numbers(sources, worn)
         self._sources = sources
         self._labels: dict[int, NDArray[np.float32] | None] = {}
         self._uniform: dict[tuple[str, int], NDArray[np.float32]] = {}
