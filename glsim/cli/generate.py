@@ -35,6 +35,8 @@ glsim generate -o data --subjects 10 --frames-per-subject 30
 
 glsim generate -o data --source ict-facekit --root FaceXModel --subjects 100 --crop 128
 
+glsim generate -o data --source people --framing body --set pose.distance_mm=3000
+
 glsim generate -o data --source folder --root scans --format webdataset --workers 4
 
 glsim generate -o data --source d3dfacs --root d3dfacs_alignments --every 5 --split paper --plan
@@ -52,7 +54,8 @@ def generate(
     source: Annotated[
         str | None,
         typer.Option(
-            help="Source of faces: procedural, ict-facekit, folder, d3dfacs, facewarehouse or biwi."
+            help="Source of faces: procedural, ict-facekit, people, folder, d3dfacs, "
+            "facewarehouse or biwi."
         ),
     ] = None,
     root: Annotated[
@@ -77,6 +80,9 @@ def generate(
     ] = False,
     steps: Annotated[
         int | None, typer.Option(help="Number of frames between two shapes (facewarehouse).")
+    ] = None,
+    framing: Annotated[
+        str | None, typer.Option(help="What the camera looks at: face, bust or body (people).")
     ] = None,
     sensor: SensorOption = None,
     crop: Annotated[int | None, typer.Option(help="Side of the centre crop, pixels.")] = None,
@@ -138,6 +144,7 @@ def generate(
         every=every,
         peak_only=peak_only or None,
         steps=steps,
+        framing=framing,
     )
     settings = load_settings(config, assignments or [], tree, face_options)
     if plan:

@@ -17,6 +17,7 @@ KNOWN_REGIONS: Final = (
     "skin", "brow", "hair", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose",
     "lids", "forehead", "cheek", "chin", "mouth", "teeth",
     "face", "head", "eye socket", "mouth socket", "gums",
+    "scalp", "torso", "arm", "hand", "leg", "foot",
     "beard", "glasses", "cloth",
 )  # fmt: skip
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region

@@ -95,6 +95,23 @@ def bounding_corners(
     return moved
 
 
+def vertex_frustum(
+    vertices_mm: NDArray[np.float32], view: NDArray[np.float32], near_m: float
+) -> Frustum | None:
+    """The frustum of the vertices themselves; None if any is not beyond ``near_m``.
+
+    It is smaller than that of their bounding box for a body whose hands reach forward: the box has
+    its widest parts there too. vertices_mm: (V, 3); view: (4, 4), canonical mm to camera m.
+    """
+    x, y, z = view[:3, :3] @ vertices_mm.T + view[:3, 3:]
+    nearest = float(z.min())
+    if nearest <= near_m:
+        return None
+    x, y = x / z, y / z
+    seen = (x.min(), y.min(), x.max(), y.max(), nearest, z.max())
+    return Frustum(*(float(value) for value in seen))
+
+
 def bounding_frustum(
     corners_m: NDArray[np.float64], origin_m: tuple[float, float, float], near_m: float
 ) -> Frustum | None:
@@ -112,12 +129,14 @@ def image_window(
     field_of_view: FieldOfView,
     visible: Rect | None,
     reach_px: int = 0,
+    around: Frustum | None = None,
 ) -> Rect:
     """The window of the image that a mesh can touch, with margin.
 
     It is the whole image if the mesh crosses the near plane. corners_m: (8, 3), the mesh's bounding
     box. visible: the crop that is delivered, or None. reach_px: how far around the crop stages
-    look, besides the margin. Raises MeshError if the mesh is out of view.
+    look, besides the margin. around: a smaller frustum around the mesh than that of its box, or
+    None. Raises MeshError if the mesh is out of view.
     """
     image, near_m = field_of_view.rig.intrinsics, field_of_view.rig.near_m
     whole = Rect(0, 0, image.width, image.height)
@@ -129,7 +148,7 @@ def image_window(
             f"the mesh lies behind the camera or nearer than {near_m * 1000:.0f} mm "
             f"(z {z.min() * 1000:.0f} to {z.max() * 1000:.0f} mm): check units, axes and distance"
         )
-    box = bounding_frustum(corners_m, (0.0, 0.0, 0.0), near_m)
+    box = around or bounding_frustum(corners_m, (0.0, 0.0, 0.0), near_m)
     if box is None:
         return whole
     exact = field_of_view.window(box)

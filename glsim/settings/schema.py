@@ -47,7 +47,7 @@ DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.plan.paper_split."""
-GENERATORS = ("procedural", "ict-facekit")
+GENERATORS = ("procedural", "ict-facekit", "people")
 """Sources that generate faces; the others are finite."""
 _FILE_SOURCES = ("folder", "d3dfacs", "facewarehouse", "biwi")
 _SOURCE_OPTIONS = {
@@ -57,6 +57,7 @@ _SOURCE_OPTIONS = {
     "peak_only": ("d3dfacs",),
     "steps": ("facewarehouse",),
     "poses": ("facewarehouse",),
+    "framing": ("people",),
 }
 
 
@@ -68,7 +69,14 @@ class SourceSettings(_Table):
     """A source of faces: a generator or a set of meshes on disk."""
 
     kind: Literal[
-        "procedural", "ict-facekit", "folder", "d3dfacs", "facewarehouse", "biwi", "kinect2"
+        "procedural",
+        "ict-facekit",
+        "people",
+        "folder",
+        "d3dfacs",
+        "facewarehouse",
+        "biwi",
+        "kinect2",
     ] = "procedural"
     root: Path | None = Field(None, description="folder of the meshes or of the face model")
     subjects: int | None = Field(None, ge=1, description="number of people; default: all")
@@ -81,6 +89,9 @@ class SourceSettings(_Table):
     peak_only: bool | None = Field(None, description="only the peak of each sequence (d3dfacs)")
     steps: int | None = Field(None, ge=1, description="frames per blend shape (facewarehouse)")
     poses: bool | None = Field(None, description="also the training poses (facewarehouse)")
+    framing: Literal["face", "bust", "body"] | None = Field(
+        None, description="what lies at the pose's distance (people); default: face"
+    )
     weight: float | None = Field(None, gt=0, lt=1e9, description="share relative to other sources")
     count: int | None = Field(None, ge=1, description="number of images from this source")
 

@@ -15,6 +15,7 @@ from glsim.dataset.reader import Dataset
 from glsim.errors import ConfigError, DatasetError
 from glsim.faces.ict_facekit.topology import REGION_NAMES
 from glsim.faces.one_mesh import OneMesh
+from glsim.faces.people.regions import REGIONS as PEOPLE_REGIONS
 from glsim.faces.procedural import REGIONS, ProceduralFaces
 from glsim.faces.regions import KNOWN_REGIONS, region_numbers
 from glsim.frame import Frame
@@ -45,7 +46,7 @@ def frame(context: moderngl.Context, source: object, **more: object) -> Frame:
 
 
 def test_names_have_one_number_in_every_data_set() -> None:
-    assert set(REGIONS) | set(REGION_NAMES) == set(KNOWN_REGIONS)
+    assert set(REGIONS) | set(REGION_NAMES) | set(PEOPLE_REGIONS) == set(KNOWN_REGIONS)
     assert region_numbers([ProceduralFaces()])["nose"] == KNOWN_REGIONS.index("nose") + 1
     mixed = region_numbers([Board(), ProceduralFaces()])
     assert mixed["nose"] == KNOWN_REGIONS.index("nose") + 1
