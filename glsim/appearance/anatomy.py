@@ -66,7 +66,7 @@ class Anatomy:
     def eyes(self) -> Array:
         """(2, 3): centres of the subject's left and right eyeball."""
         points = self._of(*_EYES)
-        left = points[:, 0] > np.median(points[:, 0])
+        left = points[:, 0] > _middle(points)[0]
         return np.stack([_middle(points[left]), _middle(points[~left])])
 
     @cached_property

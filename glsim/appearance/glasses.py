@@ -92,7 +92,10 @@ def make_glasses(
         if lens != "clear":
             lenses.append(_lens(ring, side, 1.0 if lens == "dark" else 0.2, rng))
     parts.append(_tube(_bridge(outline, place, skin), style.rim, style.rim, closed=False))
-    points, triangles, is_lens, count = [], [], [], 0
+    points: list[Array] = []
+    triangles: list[Array] = []
+    is_lens: list[NDArray[np.bool_]] = []
+    count = 0
     for group, flag in ((parts, False), (lenses, True)):
         for vertices, corners in group:
             points.append(vertices)
@@ -153,14 +156,14 @@ def _tube(line: Array, wide: float, deep: float, *, closed: bool) -> tuple[Array
     else:
         along = np.gradient(line, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    first = np.cross(along, np.array([0.0, 0.0, 1.0]))
+    first: Array = np.cross(along, np.array([0.0, 0.0, 1.0]))
     level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # a temple: along the view
     first = np.where(level, np.array([0.0, 1.0, 0.0]), first)
     first -= (first * along).sum(axis=1, keepdims=True) * along
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(along, first)
     corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    rings = np.stack(
+    rings: Array = np.stack(
         [line + 0.5 * (u * wide * first + v * deep * second) for u, v in corners], axis=1
     )
     index = np.arange(count * 4).reshape(count, 4)
