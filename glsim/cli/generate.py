@@ -11,6 +11,7 @@ from glsim.cli.common import (
     BackendOption,
     ConfigOption,
     Debug,
+    PresetOption,
     Quiet,
     SeedOption,
     SensorOption,
@@ -42,6 +43,8 @@ glsim generate -o data --source folder --root scans --format webdataset --worker
 glsim generate -o data --source d3dfacs --root d3dfacs_alignments --every 5 --split paper --plan
 
 glsim generate -o data --set pose.yaw_deg={uniform=[-30,30]} --sensor kinect-v2-paper
+
+glsim generate -o data --preset office --subjects 200 --frames-per-subject 10
 
 Repeat the same command to resume an interrupted run or to check a finished one.
 """
@@ -105,6 +108,7 @@ def generate(
     workers: WorkersOption = "auto",
     seed: SeedOption = None,
     assignments: SetOption = None,
+    preset: PresetOption = None,
     config: ConfigOption = None,
     plan: Annotated[
         bool,
@@ -146,7 +150,7 @@ def generate(
         steps=steps,
         framing=framing,
     )
-    settings = load_settings(config, assignments or [], tree, face_options)
+    settings = load_settings(config, assignments or [], tree, face_options, preset)
     if plan:
         from glsim.cli.generate_plan import print_plan
 

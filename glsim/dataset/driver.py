@@ -127,6 +127,7 @@ def generate(
     from glsim.faces.regions import region_numbers
     from glsim.gl.context import describe, open_context
     from glsim.pipeline import open_sources, simulate
+    from glsim.scene.scenery import scene_regions
     from glsim.sensors.sensor import sensor_of
 
     sensor = sensor_of(settings)
@@ -143,7 +144,11 @@ def generate(
         partial(simulate, sources=sources, backend=backend, layers=settings.output.layers),
         sensor=sensor.describe(),
         renderer=renderer,
-        regions=region_numbers(sources, worn) if "regions" in settings.output.layers else {},
+        regions=(
+            region_numbers(sources, [*scene_regions(settings.scene), *worn])
+            if "regions" in settings.output.layers
+            else {}
+        ),
         workers=workers,
         progress=progress,
     )

@@ -165,6 +165,21 @@ def image_window(
     return _grown(exact, whole, MARGIN_PX)
 
 
+def out_of_view(
+    corners_m: NDArray[np.float64], field_of_view: FieldOfView, visible: Rect | None
+) -> bool:
+    """Whether a mesh in front of the camera lies beside the image, or beside the crop ``visible``.
+
+    corners_m: (8, 3), the mesh's bounding box.
+    """
+    box = bounding_frustum(corners_m, (0.0, 0.0, 0.0), field_of_view.rig.near_m)
+    if box is None:
+        return False
+    image = field_of_view.rig.intrinsics
+    seen = visible or Rect(0, 0, image.width, image.height)
+    return 0 in field_of_view.window(box).intersection(seen)[2:]
+
+
 def emitter_frustum(
     corners_m: NDArray[np.float64], field_of_view: FieldOfView, origin_m: tuple[float, float, float]
 ) -> Frustum:

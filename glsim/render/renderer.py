@@ -21,7 +21,14 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.bounds import FieldOfView, bounding_corners, image_window, union, vertex_frustum
+from glsim.geometry.bounds import (
+    FieldOfView,
+    bounding_corners,
+    image_window,
+    out_of_view,
+    union,
+    vertex_frustum,
+)
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.geometry.pose import pose_matrix
@@ -111,11 +118,13 @@ class Renderer:
         layer region is not drawn. reach_px: how far around the crop stages read, besides the
         margin. Raises MeshError if the first mesh, the face, is not in view.
         """
-        boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
+        boxes = [self._box(mesh, view) for mesh, view in meshes]
         face, view = meshes[0]
         around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
         windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
-        windows += [image_window(box, self._sight, visible, reach_px) for box in boxes[1:]]
+        for box in boxes[1:]:
+            if not out_of_view(box, self._sight, visible):
+                windows.append(image_window(box, self._sight, visible, reach_px))
         window = union(windows)
         uploaded = [self._meshes.upload(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
@@ -171,6 +180,18 @@ class Renderer:
             held.append(layers[LIT.name])
             nearest_m = float(clean_m[clean_m > 0].min(initial=np.inf))
             yield Rendered(layers, window, nearest_m, everywhere, self._rays, self._pool)
+
+    def _box(self, mesh: Mesh, view: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Corners of a mesh's bounding box, (8, 3) camera m.
+
+        The box lies along the mesh's axes; where that one reaches the camera, as that of a sitting
+        person under a tilted camera may, along the camera's, which is tighter and slower to find.
+        """
+        box = bounding_corners(mesh.vertices_mm, view)
+        if box[:, 2].min() > self.rig.near_m:
+            return box
+        seen = mesh.vertices_mm @ view[:3, :3].T + view[:3, 3]
+        return bounding_corners(seen, np.eye(4, dtype=np.float32))
 
     def _draw_surface(
         self,

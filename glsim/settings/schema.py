@@ -38,6 +38,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from glsim.errors import ConfigError
 from glsim.settings.distribution import NumberSetting, Scope, constant
+from glsim.settings.presets import read_preset
+from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
 
 LayerName = Literal["clean", "noisy", "infrared", "reason", "regions"]
@@ -228,6 +230,18 @@ class Settings(_Table):
             raise ValueError(f"split {list(self.split)}: the shares must be >= 0 and add up to 1")
         if not self.source:
             raise ValueError("source: at least one is needed")
+        heads = [s.kind for s in self.source if s.kind == "people" and s.framing in (None, "face")]
+        if heads and self.scene.room != "none":
+            raise ValueError(
+                "source.framing: in a room people stand upright: set it to bust or body "
+                "(framing face holds the head still and turns the body under it)"
+            )
+        wall, face = self.scene.wall_mm, self.pose.distance_mm
+        if wall is not None and wall.bounds()[1] <= face.bounds()[0]:
+            raise ValueError(
+                f"scene.wall_mm: the wall, at {wall.bounds()[1]:g} mm at most, always stands in "
+                f"front of the face, at {face.bounds()[0]:g} mm at least"
+            )
         return self
 
 
@@ -236,8 +250,11 @@ def load_settings(
     assignments: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
     source: Mapping[str, Any] | None = None,
+    preset: str | None = None,
 ) -> Settings:
-    """Load settings: a TOML file, then ``a.b=value`` assignments, then nested ``overrides``.
+    """Load settings: a preset, a TOML file, ``a.b=value`` assignments, then nested ``overrides``.
+
+    preset: name of a shipped preset. Its [source] counts only for sources of its kind.
 
     source: overrides of the single [source] table. A source that generates faces has 10 subjects
     and 30 frames of each by default.
@@ -254,8 +271,22 @@ def load_settings(
         if isinstance(tree.get("source"), list):
             raise ConfigError(f"{where}: has several [[source]] tables: set them there")
         merge_tables(tree.setdefault("source", {}), source)
+    if preset is not None:
+        tree = _over_preset(read_preset(preset), tree)
     settings = parse_table(Settings, tree, where)
     return settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
+
+
+def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """Return the preset's settings with the ``given`` ones over them."""
+    preset_source, source = tree.get("source", {}), given.get("source", {})
+    kinds = {s.get("kind") for s in (source if isinstance(source, list) else [source])}
+    if kinds - {None, preset_source.get("kind")}:
+        tree.pop("source", None)
+    if "wall_mm" in given.get("scene", {}):
+        tree.get("scene", {}).pop("room", None)
+    merge_tables(tree, given)
+    return tree
 
 
 def _with_counts(source: SourceSettings) -> SourceSettings:
