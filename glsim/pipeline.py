@@ -138,7 +138,7 @@ class Simulator:
         further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
         self._labels = RegionLabels(sources, further) if "regions" in layers else None
         self._dressers = [Dresser(source, settings.appearance) for source in sources]
-        self._others = OtherPeople(settings, sources, self.sensor.rig)
+        self._others = OtherPeople(settings, sources, self._dressers, self.sensor.rig)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -211,7 +211,7 @@ class Simulator:
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
-        drawn |= self._dressers[task.source].drawn(task.seeds)
+        drawn |= self._dressers[task.source].drawn(face, task.seeds)
         body = body_of(face) if settings.scene.room != "none" else None
         scenery = build_scenery(settings.scene, settings.pose, task.seeds, rig, body)
         drawn |= scenery.drawn

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array, Mask
+from glsim.appearance.binding import Motion
 from glsim.appearance.noise import ridges, smooth_noise
 from glsim.appearance.shell import Shell, SkinGrid, make_grid
 
 _EDGE_MM: Final = {"head": 4.5, "body": 15.0}
+#: Passes of smoothing that find hollows, about 90 mm wide on a grid of 9 mm, and the deepest, mm.
+_SMOOTHING: Final = 60
+_DEEPEST_MM: Final = 45.0
 #: The collar's plane falls forward: the back of the neck is covered higher; chosen.
 _SLOPE: Final = 0.42
 #: Cloth is seen from both sides this far from its edges, mm: the width of a collar; chosen.
@@ -59,7 +63,8 @@ class ClothGrid:
     """Where cloth can be on a source. points: (N, 3) mm on the reference.
 
     above_neck: (N,) mm over the base of the neck along the collar's plane. arm, leg: (N,) share of
-    the limb from its root, NaN elsewhere. front: (N,) in [-1, 1], 1 in front.
+    the limb from its root, NaN elsewhere. foot: (N,). front: (N,) in [-1, 1], 1 in front. Of a
+    subject: hollow: (N,) mm that cloth spans over hollows, normal: (N, 3).
     """
 
     grid: SkinGrid
@@ -67,7 +72,10 @@ class ClothGrid:
     above_neck: Array
     arm: Array
     leg: Array
+    foot: Mask
     front: Array
+    hollow: Array | None = None
+    normal: Array | None = None
 
 
 def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
@@ -76,7 +84,7 @@ def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
     has_body = bool(anatomy.body.any())
     base = _neck_base(anatomy)
     above = _above_neck(points, base)
-    skin = anatomy.outside & ~anatomy.is_in("hand", "ear", "lips", "nose", "foot")
+    skin = anatomy.outside & ~anatomy.is_in("hand", "ear", "lips", "nose")
     chosen = skin[anatomy.faces].all(axis=1) & (above[anatomy.faces] < 60).all(axis=1)
     jaw = anatomy.mouth[1] - 52 * anatomy.scale
     chosen &= (points[:, 1] < jaw)[anatomy.faces].all(axis=1) | (
@@ -96,9 +104,33 @@ def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
                 share[limb] = _along(points[limb], base)
         spread = np.repeat(share[grid.base].astype(np.float32)[:, None], 3, axis=1)
         limbs.append(grid.anchors.place(spread)[:, 0])
+    feet = np.repeat(anatomy.is_in("foot")[grid.base].astype(np.float32)[:, None], 3, axis=1)
+    on_foot = grid.anchors.place(feet)[:, 0] > 0.5
     out = own - base
     front = out[:, 2] / np.maximum(np.hypot(out[:, 0], out[:, 2]), 1.0)
-    return ClothGrid(grid, own, _above_neck(own, base), limbs[0], limbs[1], front)
+    return ClothGrid(grid, own, _above_neck(own, base), limbs[0], limbs[1], on_foot, front)
+
+
+def fit_cloth(cloth: ClothGrid, vertices_mm: NDArray[np.float32]) -> ClothGrid:
+    """Return the grid of a subject, (V, 3) mm at rest: with its hollows on a source with bodies.
+
+    Cloth hangs from shoulders and hips and spans what lies between: where a smoothed surface is
+    outside of the skin, the cloth follows it.
+    """
+    if not np.isfinite(cloth.arm).any():
+        return cloth
+    count = len(cloth.points)
+    still = Motion(np.eye(3, dtype=np.float32), np.zeros(3, np.float32), is_rest=True)
+    skin = Shell(cloth.grid, np.zeros(count, np.float32)).place(vertices_mm, still)
+    normal = Shell(cloth.grid, np.ones(count, np.float32)).place(vertices_mm, still) - skin
+    edges = cloth.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    degree = np.maximum(np.bincount(edges[:, 0], minlength=count), 1)
+    smooth = skin.astype(np.float64)
+    for _ in range(_SMOOTHING):
+        columns = [np.bincount(edges[:, 0], smooth[edges[:, 1], k], count) for k in range(3)]
+        smooth = 0.3 * smooth + 0.7 * np.stack(columns, axis=1) / degree[:, None]
+    hollow = np.clip(((smooth - skin) * normal).sum(axis=1), 0.0, _DEEPEST_MM)
+    return replace(cloth, hollow=hollow, normal=normal)
 
 
 def _neck_base(anatomy: Anatomy) -> Array:
@@ -141,7 +173,8 @@ def make_cloth(
     inside = np.minimum(inside, 400 * (garment.sleeve - arm))
     leg = np.nan_to_num(cloth.leg, nan=0.0)
     inside = np.minimum(inside, 600 * (0.12 - leg))
-    keep = (inside[grid.faces] > 0).all(axis=1)
+    inside = np.where(cloth.foot, -1.0, inside)
+    keep: Mask = np.all(inside[grid.faces] > 0, axis=1)
     if keep.sum() < 20:
         return None
     kept, used = grid.taken(keep)
@@ -163,6 +196,9 @@ def _height(
     folds += 0.5 * smooth_noise(points / (45.0, 20.0, 45.0), seed + 1)
     folds += 0.3 * smooth_noise(points / 16.0, seed + 2)
     height = garment.ease + garment.fold * folds
+    if cloth.hollow is not None:
+        drape = 1 + 0.5 * smooth_noise(points / 110.0, seed + 3)
+        height = height + 0.35 * garment.ease * drape + cloth.hollow
     if garment.rise:
         width = {"hood": 58.0, "roll": 34.0}.get(garment.collar, 30.0) * scale
         edge = np.clip(inside / width, 0, 1)
@@ -182,11 +218,26 @@ def make_trousers(
     on_leg = np.isfinite(leg)
     top = np.nanmax(np.where(on_leg, cloth.points[:, 1], np.nan))
     inside = np.where(on_leg, 800 * (length - np.nan_to_num(leg)), top + 90 - cloth.points[:, 1])
-    inside = np.where(np.isfinite(cloth.arm), -1.0, inside)
+    inside = np.where(np.isfinite(cloth.arm) | cloth.foot, -1.0, inside)
     keep: Mask = np.all(inside[cloth.grid.faces] > 0, axis=1)
     kept, used = cloth.grid.taken(keep)
     points = cloth.points[used]
     folds = 0.6 * ridges(points / (60.0, 42.0, 60.0), seed)
     folds += 0.5 * smooth_noise(points / (45, 20, 45), seed + 1)
-    height = np.maximum(7.0 + 3.5 * folds, 2.5)
+    # The waist is under the garment; legs are wider towards the hem.
+    ease = np.where(on_leg, 7.0 + 9.0 * np.nan_to_num(leg), 2.0)[used]
+    hollow = 0.0 if cloth.hollow is None else cloth.hollow[used]
+    height = np.maximum(ease + np.where(on_leg[used], 4.0, 1.0) * folds, 1.5) + hollow
+    return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(kept.faces, np.int32)
+
+
+def make_shoes(cloth: ClothGrid, seed: int) -> tuple[Shell, NDArray[np.int32]] | None:
+    """Return shoes; None for a source without feet. Their soles stay on the floor."""
+    if cloth.hollow is None or cloth.normal is None or not cloth.foot.any():
+        return None
+    keep: Mask = np.all(cloth.foot[cloth.grid.faces], axis=1)
+    kept, used = cloth.grid.taken(keep)
+    up = np.clip(cloth.normal[used, 1] + 0.8, 0.0, 1.0)
+    seams = smooth_noise(cloth.points[used] / 18.0, seed + 5)
+    height = (6.0 + 1.0 * seams + np.minimum(cloth.hollow[used], 18.0)) * up
     return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(kept.faces, np.int32)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from glsim.appearance.anatomy import Anatomy
 from glsim.appearance.beard import make_beard, make_beard_grid, make_brow_grid, make_brows
 from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motion
-from glsim.appearance.cloth import make_cloth, make_cloth_grid, make_trousers
+from glsim.appearance.cloth import fit_cloth, make_cloth, make_cloth_grid, make_shoes, make_trousers
 from glsim.appearance.glasses import make_glasses
 from glsim.appearance.hair import make_hair
 from glsim.appearance.noise import smooth_noise
@@ -23,8 +23,8 @@ from glsim.appearance.scalp import make_scalp
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceSource, Part
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
+from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import AppearanceSettings
 
 #: Sources whose people are dressed with wear = "auto": the others are faces of the paper's kind.
 DRESSED_SOURCES: Final = ("people",)
@@ -127,7 +127,7 @@ class Dresser:
         """Return the face with what its subject wears; a pure function of face and seeds."""
         if not self.is_on:
             return face
-        wardrobe = self._wardrobe(face.key.subject, seeds)
+        wardrobe = self._wardrobe(face, seeds)
         mesh = face.mesh
         motion = skull_motion(wardrobe.skull, mesh.vertices_mm[self._skull])
         parts = tuple(thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn)
@@ -138,9 +138,11 @@ class Dresser:
             parts=(*face.parts, *parts),
         )
 
-    def drawn(self, seeds: DrawKeys) -> dict[str, float]:
+    def drawn(self, face: Face, seeds: DrawKeys) -> dict[str, float]:
         """Return the numbers of an outfit for the manifest: "appearance.name" -> value."""
-        return dict(draw_outfit(self._settings, seeds).numbers) if self.is_on else {}
+        if not self.is_on:
+            return {}
+        return dict(draw_outfit(self._settings, seeds, face.notes).numbers)
 
     @cached_property
     def _reference(self) -> Anatomy:
@@ -151,9 +153,11 @@ class Dresser:
 
     @cached_property
     def _skull(self) -> NDArray[np.int64]:
-        """Indices of vertices that move with the skull only: over the brows, behind the face."""
+        """Indices of vertices that move with the skull only: the back of the scalp."""
         at = self._reference
         inside = at.above_hairline_mm(at.vertices_mm) > 5
+        # Raised brows move the scalp down to the ears.
+        inside &= at.vertices_mm[:, 2] < at.centre[2] - 25 * at.scale
         found = np.flatnonzero(inside & at.outside & ~at.body & ~at.is_in("ear"))
         chosen: NDArray[np.int64] = found[
             np.linspace(0, len(found) - 1, min(_SKULL_POINTS, len(found))).astype(int)
@@ -176,10 +180,11 @@ class Dresser:
     def _cloth(self) -> Any:
         return make_cloth_grid(self._reference)
 
-    def _wardrobe(self, subject: str, seeds: DrawKeys) -> _Wardrobe:
-        key = subject, seeds.subject
+    def _wardrobe(self, face: Face, seeds: DrawKeys) -> _Wardrobe:
+        key = face.key.subject, seeds.subject
         if key not in self._wardrobes:
-            self._wardrobes[key] = self._make(subject, draw_outfit(self._settings, seeds))
+            outfit = draw_outfit(self._settings, seeds, face.notes)
+            self._wardrobes[key] = self._make(face.key.subject, outfit)
             while len(self._wardrobes) > _CACHED_SUBJECTS:
                 self._wardrobes.popitem(last=False)
         self._wardrobes.move_to_end(key)
@@ -214,12 +219,11 @@ class Dresser:
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
             worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
         if outfit.garment is not None and self._cloth is not None:
+            cloth = fit_cloth(self._cloth, vertices)
             for made, albedo in (
-                (
-                    make_cloth(self._cloth, outfit.garment, own.scale, outfit.seed),
-                    outfit.cloth_albedo,
-                ),
-                (make_trousers(self._cloth, outfit.trousers, outfit.seed), outfit.trousers_albedo),
+                (make_cloth(cloth, outfit.garment, own.scale, outfit.seed), outfit.cloth_albedo),
+                (make_trousers(cloth, outfit.trousers, outfit.seed), outfit.trousers_albedo),
+                (make_shoes(cloth, outfit.seed), outfit.shoes_albedo),
             ):
                 if made is not None:
                     wear("cloth", *made, albedo)

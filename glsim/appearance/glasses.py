@@ -66,8 +66,8 @@ def make_glasses(
     apart = float(np.abs(balls[:, 0] - middle[0]).mean())
     half_width = 0.5 * style.width * min(scale, 1.05)
     half_height = 0.5 * style.height * min(scale, 1.05)
-    # The lens' middle is a little outside of the pupil for wide lenses, never nearer than 8 mm.
-    centre_x = max(apart + 1.0, half_width + 8.5)
+    # The lens' middle is a little outside of the pupil for wide lenses, and the rims are 19 mm apart.
+    centre_x = max(apart + 1.0, half_width + 9.5)
     turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     cosine, sine = np.cos(turn), np.sin(turn)
     corner = (np.abs(cosine) ** style.power + np.abs(sine) ** style.power) ** (-1 / style.power)
@@ -92,18 +92,18 @@ def make_glasses(
         if lens != "clear":
             lenses.append(_lens(ring, side, 1.0 if lens == "dark" else 0.2, rng))
     parts.append(_tube(_bridge(outline, place, skin), style.rim, style.rim, closed=False))
-    points: list[Array] = []
+    every: list[Array] = []
     triangles: list[Array] = []
     is_lens: list[NDArray[np.bool_]] = []
     count = 0
     for group, flag in ((parts, False), (lenses, True)):
         for vertices, corners in group:
-            points.append(vertices)
+            every.append(vertices)
             triangles.append(corners + count)
             is_lens.append(np.full(len(vertices), flag))
             count += len(vertices)
     return Glasses(
-        np.concatenate(points).astype(np.float32),
+        np.concatenate(every).astype(np.float32),
         np.ascontiguousarray(np.concatenate(triangles), np.int32),
         np.concatenate(is_lens),
     )
@@ -151,10 +151,8 @@ def _temple(anatomy: Anatomy, skin: Array, hinge: Array, side: float) -> Array:
 def _tube(line: Array, wide: float, deep: float, *, closed: bool) -> tuple[Array, Array]:
     """Return vertices and triangles of a four-sided tube: wide across, deep along the view."""
     count = len(line)
-    if closed:
-        along = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
-    else:
-        along = np.gradient(line, axis=0)
+    around = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
+    along = around if closed else np.asarray(np.gradient(line, axis=0))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     first: Array = np.cross(along, np.array([0.0, 0.0, 1.0]))
     level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # a temple: along the view

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Protocol, TypeVar
 
 import numpy as np
@@ -13,8 +13,8 @@ from glsim.appearance.cloth import GARMENTS, Garment
 from glsim.appearance.glasses import GLASSES, GlassesStyle
 from glsim.appearance.styles import STYLES, HairStyle
 from glsim.faces.performance import rng_for
+from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import AppearanceSettings
 
 # Diffuse reflectivity at 860 nm relative to a white wall (0.87 absolute). Melanin absorbs less and
 # less towards the infrared, as the power -3.5 of the wavelength (S. L. Jacques, Phys. Med. Biol.
@@ -33,6 +33,7 @@ HAIR_COLOURS: Final = (
 #: has the reflectance of undyed fibre there, 0.5 to 0.8; carbon-black pigments stay dark. Shares
 #: chosen.
 BRIGHT_CLOTH, DARK_CLOTH, DARK_CLOTH_SHARE = (0.42, 0.85), (0.06, 0.22), 0.18
+BEARD_FROM_YEARS: Final = 18.0  # chosen
 #: Rims: black plastic to metal; chosen.
 RIM_ALBEDO: Final = (0.06, 0.55)
 #: Uncoated lenses pass 92 % of 860 nm and reflect the rest in one direction: mostly no depth of
@@ -70,16 +71,21 @@ class Outfit:
     cloth_albedo: float = 0.0
     trousers_albedo: float = 0.0
     trousers: float = 1.0
+    shoes_albedo: float = 0.0
     seed: int = 0
     words: Mapping[str, str] = field(default_factory=dict)
     numbers: Mapping[str, float] = field(default_factory=dict)
 
 
-def draw_outfit(settings: AppearanceSettings, seeds: DrawKeys) -> Outfit:
-    """Draw the outfit of a subject; a pure function of the settings and the subject's seed.
+def draw_outfit(
+    settings: AppearanceSettings, seeds: DrawKeys, notes: Mapping[str, object] | None = None
+) -> Outfit:
+    """Draw the outfit of a subject; a pure function of the arguments.
 
-    Each choice has its own generator: switching one thing off changes no other.
+    notes: of a face; "age_years" and "woman" decide on beards, bald heads and grey hair where they
+    are known. Each choice has its own generator: switching one thing off changes no other.
     """
+    age, woman = _person(notes or {})
     words: dict[str, str] = {}
     numbers: dict[str, float] = {}
 
@@ -94,15 +100,20 @@ def draw_outfit(settings: AppearanceSettings, seeds: DrawKeys) -> Outfit:
         return numbers[f"appearance.{name}"]
 
     colour = rng("colour")
-    name, _, (low, high) = HAIR_COLOURS[_choose([c[1] for c in HAIR_COLOURS], colour)]
+    name, _, (low, high) = HAIR_COLOURS[_choose(_colour_weights(age), colour)]
     hair_albedo = float(colour.uniform(low, high))
-    bearded, has_hair = worn("beard"), worn("hair")
+    has_hair = worn("hair")
+    # The share is of all subjects: where the men are known, twice as many of these have a beard.
+    of_men = rng("share of beard").random() < settings.beard * (1 if woman is None else 2)
+    bearded = bool(of_men and not woman and age >= BEARD_FROM_YEARS)
     hair = beard = glasses = garment = None
-    beard_mm = brow_mm = rim_albedo = lens_albedo = cloth_albedo = trousers_albedo = 0.0
+    beard_mm = brow_mm = rim_albedo = lens_albedo = cloth_albedo = trousers_albedo = (
+        shoes_albedo
+    ) = 0.0
     trousers, lens = 1.0, "clear"
     if has_hair:
         draw = rng("hair")
-        weights = [s.bearded if bearded else s.weight for s in STYLES]
+        weights = _hair_weights(age, woman if woman is not None or not bearded else False)
         hair = _varied(STYLES[_choose(weights, draw)], draw)
         words["appearance.hair"] = hair.name
         note("hair_length_mm", max(hair.hang, hair.lock[1], hair.top), 1)
@@ -130,12 +141,38 @@ def draw_outfit(settings: AppearanceSettings, seeds: DrawKeys) -> Outfit:
         words["appearance.cloth"] = garment.name
         cloth_albedo = note("cloth_albedo", _cloth_albedo(draw), 3)
         trousers_albedo = note("trousers_albedo", _cloth_albedo(draw), 3)
+        shoes_albedo = note("shoes_albedo", _cloth_albedo(draw), 3)
         trousers = 0.96 if draw.random() < 0.85 else 0.45
     return Outfit(
         hair, beard, beard_mm, brow_mm, hair_albedo, glasses, lens, rim_albedo, lens_albedo,
-        garment, cloth_albedo, trousers_albedo, trousers,
+        garment, cloth_albedo, trousers_albedo, trousers, shoes_albedo,
         int(rng("relief").integers(1 << 31)), words, numbers,
     )  # fmt: skip
+
+
+def _person(notes: Mapping[str, object]) -> tuple[float, bool | None]:
+    """Return age in years, 35 if unknown, and whether it is a woman, None if unknown."""
+    age, woman = notes.get("age_years"), notes.get("woman")
+    return (
+        float(age) if isinstance(age, int | float) else 35.0,
+        woman if isinstance(woman, bool) else None,
+    )
+
+
+def _colour_weights(age: float) -> list[float]:
+    """Weights of HAIR_COLOURS: grey is rare below 35 years and frequent beyond 60; chosen."""
+    grey = float(np.interp(age, (25, 35, 60, 75), (0.02, 0.5, 5.0, 30.0)))
+    return [w * (grey if name == "grey" else 1.0) for name, w, _ in HAIR_COLOURS]
+
+
+def _hair_weights(age: float, woman: bool | None) -> list[float]:
+    """Weights of STYLES; of people of unknown sex the mean of women and men."""
+    share = 0.5 if woman is None else float(woman)
+    weights = [share * s.women + (1 - share) * s.men for s in STYLES]
+    bald = [bool(s.bald or s.recede) for s in STYLES]
+    old = float(np.interp(age, (22, 30, 60), (0.0, 0.6, 2.0)))
+    can_be_bald = old * (0.1 if woman else 1.0)
+    return [w * (can_be_bald if b else 1.0) for w, b in zip(weights, bald, strict=True)]
 
 
 def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
@@ -154,8 +191,6 @@ def _cloth_albedo(rng: np.random.Generator) -> float:
 
 def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
     """Return a subject's own version of a style: volume, length, and the side of the parting."""
-    from dataclasses import replace
-
     volume, length = rng.uniform(0.8, 1.25), rng.uniform(0.8, 1.2)
     return replace(
         style,

@@ -12,7 +12,7 @@ Comb = Literal["crown", "back", "parting", "curls"]
 class HairStyle:
     """One style; lengths in mm on a mean adult head.
 
-    weight, bearded: relative frequency among people without and with a beard.
+    women, men: relative frequencies.
     comb: which way strands lie: away from the crown, backwards, away from a parting, or curled.
     top, side, back: thickness of the hair over the skull.
     lock: (shortest, longest) length of the locks that lie on it. locks: their number.
@@ -26,8 +26,8 @@ class HairStyle:
     """
 
     name: str
-    weight: float
-    bearded: float
+    women: float
+    men: float
     comb: Comb
     top: float
     side: float

@@ -37,6 +37,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from glsim.errors import ConfigError
+from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
 from glsim.settings.scene_settings import SceneSettings
@@ -139,29 +140,6 @@ class VariationSettings(_Table):
                 wrong = low if low < 0 else high
                 raise ValueError(f"{name} may be {wrong:g}, but must lie in [0, {limit:g}]")
         return self
-
-
-class AppearanceSettings(_Table):
-    """What people wear, drawn once per subject. A share of 0 switches a thing off."""
-
-    wear: Literal["auto", "always", "never"] = Field(
-        "auto", description="auto: people are dressed, procedural and ict-facekit heads are not"
-    )
-    hair: float = Field(0.96, ge=0, le=1, description="share of subjects with hair, also shaven")
-    beard: float = Field(0.25, ge=0, le=1, description="share with a beard, moustache or stubble")
-    brows: float = Field(1.0, ge=0, le=1, description="share with brows in relief")
-    # 64 % of adults have glasses (The Vision Council), 54 % of these wear them most of the time.
-    glasses: float = Field(0.35, ge=0, le=1, description="share with glasses")
-    cloth: float = Field(1.0, ge=0, le=1, description="share with cloth over neck and body")
-
-
-class SceneSettings(_Table):
-    """The scene around the face."""
-
-    wall_mm: NumberSetting | None = Field(
-        None, description="distance of a wall behind; default: no wall"
-    )
-    wall_albedo: float = Field(0.85, ge=0, le=1, description="relative to a white wall")
 
 
 class OutputSettings(_Table):

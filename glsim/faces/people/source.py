@@ -88,6 +88,7 @@ class People:
             posture = subject.stance(key.sequence, self.framing).posture
             notes = {
                 "age_years": round(subject.identity.age_years, 1),
+                "woman": subject.identity.woman,
                 "sitting": posture.sitting,
                 "arms": list(posture.arms),
                 "framing": self.framing,
