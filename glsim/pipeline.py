@@ -3,6 +3,7 @@
 simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
     source.load          -> a face (mesh in canonical axes, mm), in batches
     vary                 -> the face with another shape and albedo, if the settings vary it
+    Dresser.dress        -> the face with hair, glasses and cloth, if the settings dress it
     pose, draw_values    -> pose and stage parameters, drawn from the task's seeds
     crop_window          -> the delivered part of the image
     Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
@@ -24,6 +25,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.appearance.dress import Dresser, worn_regions
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
@@ -133,9 +135,10 @@ class Simulator:
         self._chain = ShaderChain(
             context, self.sensor.stages, read_back, infrared="infrared" in layers
         )
-        scene = scene_regions(settings.scene)
-        self._labels = RegionLabels(sources, scene) if "regions" in layers else None
-        self._others = OtherPeople(settings, sources, self.sensor.rig)
+        further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
+        self._labels = RegionLabels(sources, further) if "regions" in layers else None
+        self._dressers = [Dresser(source, settings.appearance) for source in sources]
+        self._others = OtherPeople(settings, sources, self._dressers, self.sensor.rig)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -174,11 +177,15 @@ class Simulator:
         self._others.load(batch)
         loaded = self._sources[batch[0].source].load([task.key for task in batch])
         pairs = zip(batch, loaded, strict=True)
-        variation = self._settings.variation
         return [
-            (task, face if isinstance(face, BadFace) else vary(face, variation, task.seeds))
+            (task, face if isinstance(face, BadFace) else self._change(task, face))
             for task, face in pairs
         ]
+
+    def _change(self, task: Task, face: Face) -> Face:
+        """Vary a face, then dress it: what is worn follows the varied mesh."""
+        varied = vary(face, self._settings.variation, task.seeds)
+        return self._dressers[task.source].dress(varied, task.seeds)
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue the drawing of one frame, or return the record of a bad face."""
@@ -204,6 +211,7 @@ class Simulator:
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
+        drawn |= self._dressers[task.source].drawn(face, task.seeds)
         body = body_of(face) if settings.scene.room != "none" else None
         scenery = build_scenery(settings.scene, settings.pose, task.seeds, rig, body)
         drawn |= scenery.drawn

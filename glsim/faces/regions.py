@@ -20,15 +20,16 @@ KNOWN_REGIONS: Final = (
     "face", "head", "eye socket", "mouth socket", "gums",
     "scalp", "torso", "arm", "hand", "leg", "foot",
     "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
+    "beard", "glasses", "cloth",
 )  # fmt: skip
 _KEPT_LABELS: Final = 64  # arrays; a room has ten, one for each of its meshes
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
 
 
-def region_numbers(sources: Sequence[FaceSource], scene: Sequence[str] = ()) -> dict[str, int]:
+def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -> dict[str, int]:
     """Return region name -> number for all regions of the sources, sorted by number.
 
-    scene: names of KNOWN_REGIONS that may stand around the faces.
+    further: names of KNOWN_REGIONS that people may wear, or that may stand around them.
 
     A source has regions if it has ``region_names`` and ``regions``, (V,) indices into these names
     for the vertices of each of its meshes. Raises ConfigError for no region or more than 255.
@@ -40,7 +41,9 @@ def region_numbers(sources: Sequence[FaceSource], scene: Sequence[str] = ()) -> 
     table = (*KNOWN_REGIONS, *sorted(named - set(KNOWN_REGIONS)))
     if len(table) > _MAX_REGIONS:
         raise ConfigError(f"{len(table)} names of face regions: the limit is {_MAX_REGIONS}")
-    return {name: number for number, name in enumerate(table, start=1) if name in named | {*scene}}
+    return {
+        name: number for number, name in enumerate(table, start=1) if name in named | {*further}
+    }
 
 
 def _region_names_of(source: FaceSource) -> tuple[str, ...]:
@@ -50,8 +53,8 @@ def _region_names_of(source: FaceSource) -> tuple[str, ...]:
 class RegionLabels:
     """Vertex labels of the sources, as numbers of their common table."""
 
-    def __init__(self, sources: Sequence[FaceSource], scene: Sequence[str] = ()) -> None:
-        self.numbers = region_numbers(sources, scene)
+    def __init__(self, sources: Sequence[FaceSource], further: Sequence[str] = ()) -> None:
+        self.numbers = region_numbers(sources, further)
         self._sources = sources
         self._labels: dict[int, NDArray[np.float32] | None] = {}
         self._uniform: OrderedDict[tuple[str, int], NDArray[np.float32]] = OrderedDict()

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.appearance.dress import Dresser
 from glsim.faces.base import Face, FaceKey, FaceSource
 from glsim.faces.variation import vary
 from glsim.geometry.camera import SensorRig
@@ -43,13 +44,21 @@ class Planned(Protocol):
 class OtherPeople:
     """Loads the people who stand behind, and places them."""
 
-    def __init__(self, settings: Settings, sources: Sequence[FaceSource], rig: SensorRig) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        sources: Sequence[FaceSource],
+        dressers: Sequence[Dresser],
+        rig: SensorRig,
+    ) -> None:
+        """dressers: one per source."""
         self._settings, self._sources, self._rig = settings, sources, rig
+        self._dressers = dressers
         self._most = round(settings.scene.people.bounds()[1])
         if settings.scene.room == "none":
             self._most = 0
         self._faces: dict[tuple[int, int], tuple[Face, float] | None] = {}
-        self._props: OrderedDict[tuple[object, ...], Prop | None] = OrderedDict()
+        self._props: OrderedDict[tuple[object, ...], list[Prop]] = OrderedDict()
 
     def load(self, tasks: Sequence[Planned]) -> None:
         """Load the people of these tasks' rooms; called where the source may be used."""
@@ -63,7 +72,7 @@ class OtherPeople:
 
     def props(self, task: Planned, scenery: Scenery) -> list[Prop]:
         """Return the people on the places of a scenery, the same arrays in every frame of it."""
-        found = []
+        found: list[Prop] = []
         for number, place in zip(
             self._numbers(task, len(scenery.places)), scenery.places, strict=True
         ):
@@ -73,9 +82,7 @@ class OtherPeople:
                 if len(self._props) > _KEPT:
                     self._props.popitem(last=False)
             self._props.move_to_end(key)
-            prop = self._props[key]
-            if prop is not None:
-                found.append(prop)
+            found += self._props[key]
         return found
 
     def _numbers(self, task: Planned, count: int) -> list[int]:
@@ -96,7 +103,8 @@ class OtherPeople:
                 if isinstance(face, Face) and body is not None and not face.notes.get("sitting"):
                     words = "other people", self._settings.seed, source, name
                     seeds = DrawKeys(*(stable_seed(*words, scope) for scope in DrawKeys._fields))
-                    return vary(face, self._settings.variation, seeds), body.floor_mm
+                    varied = vary(face, self._settings.variation, seeds)
+                    return self._dressers[source].dress(varied, seeds), body.floor_mm
                 if body is None:
                     return None
         return None
@@ -108,9 +116,11 @@ class OtherPeople:
             firsts.setdefault(key.sequence, key)
         return list(firsts.values())[:_TRIES]
 
-    def _place(self, source: int, number: int, place: NDArray[np.float32]) -> Prop | None:
+    def _place(self, source: int, number: int, place: NDArray[np.float32]) -> list[Prop]:
         loaded = self._faces.get((source, number))
         if loaded is None:
-            return None
+            return []
         face, floor_mm = loaded
-        return standing_prop(face.mesh, floor_mm, place, self._rig)
+        meshes = [face.mesh, *(part.mesh for part in face.parts)]
+        props = [standing_prop(mesh, floor_mm, place, self._rig) for mesh in meshes]
+        return [prop for prop in props if prop is not None]

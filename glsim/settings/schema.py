@@ -11,6 +11,9 @@
     yaw_deg = { uniform = [-30, 30] }
     [variation]
     shape_mm = 4
+    [appearance]
+    wear = "always"
+    glasses = 0.5
     [scene]
     wall_mm = 1500
     [rig]                             overrides [rig] of the sensor's file
@@ -34,6 +37,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from glsim.errors import ConfigError
+from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
 from glsim.settings.scene_settings import SceneSettings
@@ -188,6 +192,7 @@ class Settings(_Table):
     source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
     pose: PoseSettings = PoseSettings()
     variation: VariationSettings = VariationSettings()
+    appearance: AppearanceSettings = AppearanceSettings()
     scene: SceneSettings = SceneSettings()
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
     stage: dict[str, dict[str, NumberSetting]] = Field(default_factory=dict)

@@ -72,6 +72,13 @@ class People:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
         return performance_frames(self.seed, subject, count, self.frames_per_sequence)
 
+    def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles.
+
+        At rest a person stands upright with a closed mouth and the arms apart, in the body's axes.
+        """
+        return self._subject(subject).rest_mm, self._model.faces
+
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one face per key, in order."""
         for key in keys:
@@ -81,6 +88,7 @@ class People:
             posture = subject.stance(key.sequence, self.framing).posture
             notes = {
                 "age_years": round(subject.identity.age_years, 1),
+                "woman": subject.identity.woman,
                 "sitting": posture.sitting,
                 "arms": list(posture.arms),
                 "framing": self.framing,
