@@ -168,7 +168,7 @@ def _arm(
     elif kind == "crossed":
         target = np.array(
             [
-                -sign * 0.55 * body.half_width,
+                -sign * 0.2 * body.half_width,
                 shoulder[1] - 0.72 * upper + 20.0 * sign,
                 body.front + 62.0 + 24.0 * sign,
             ]
