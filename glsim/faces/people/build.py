@@ -35,8 +35,8 @@ _RIG: Final = "mpfb2/rigs/standard"
 #: Quads with longer mean edges are divided, mm: those of the face, of the rest of the head and
 #: neck, and of the body; chosen so that the head's mean edge is below 3.5 mm and the facets of a
 #: torso at 1 m are below 3 pixels of a Kinect. Hands, feet and teeth are fine enough as they are.
-_FACE_MM: Final = 4.2
-_SCALP_MM: Final = 6.0
+_FACE_MM: Final = 3.4
+_SCALP_MM: Final = 7.0
 _BODY_MM: Final = 14.0
 _LEG_MM: Final = 28.0
 _EYE_MM: Final = 2.4

