@@ -23,11 +23,6 @@ MARGIN_PX = 8
 _ALIGN_PX = 12
 
 
-#: What stands beside the view by less than this, in tangents, may still cast a shadow into it: the
-#: emitters of the shipped sensors are up to 75 mm beside the lens, and faces 0.5 m away or more.
-BESIDE = 0.16
-
-
 class Frustum(NamedTuple):
     """A view frustum: bounds of the directions x/z and y/z, and of the depth z in metres."""
 
@@ -185,18 +180,6 @@ def out_of_view(
     return 0 in field_of_view.window(box).intersection(seen)[2:]
 
 
-def may_see(field_of_view: FieldOfView, points_m: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Mark the (N, 3) camera-frame points that lie in the directions of the image, near or far.
-
-    The directions are widened by BESIDE, for the emitters and for triangles that reach into view.
-    """
-    x, y, z = points_m.T
-    columns, rows = field_of_view.columns, field_of_view.rows
-    inside = (x >= (columns.min() - BESIDE) * z) & (x <= (columns.max() + BESIDE) * z)
-    inside &= (y >= (rows.min() - BESIDE) * z) & (y <= (rows.max() + BESIDE) * z)
-    return np.asarray(inside & (z > 0))
-
-
 def emitter_frustum(
     corners_m: NDArray[np.float64], field_of_view: FieldOfView, origin_m: tuple[float, float, float]
 ) -> Frustum:
@@ -204,11 +187,14 @@ def emitter_frustum(
 
     A surface that casts a shadow into the image lies, seen from the emitter, in the direction of a
     point that the camera sees. The frustum is not cut to a crop: that would change the grid of the
-    shadow map, and with it the edges of shadows. Raises MeshError if the emitter is inside
-    the scene.
+    shadow map, and with it the edges of shadows. A mesh that reaches past the camera, as the legs of
+    a person who looks up do, has the emitter in its box: what the camera sees is then lit from the
+    camera's near plane on. Raises MeshError if the emitter is inside a scene before the camera.
     """
     near_m = field_of_view.rig.near_m / 2  # an emitter may stand before the camera
     whole = bounding_frustum(corners_m, origin_m, near_m)
+    if whole is None and corners_m[:, 2].min() <= 0.0:
+        return _seen_from(origin_m, field_of_view, float(corners_m[:, 2].max()))
     if whole is None:
         raise MeshError(
             f"the mesh reaches behind the emitter at {origin_m} m or nearer than "
@@ -225,6 +211,19 @@ def emitter_frustum(
         min(lit.right, whole.right), min(lit.bottom, whole.bottom),
         whole.near_m, whole.far_m,
     )  # fmt: skip
+
+
+def _seen_from(
+    origin_m: tuple[float, float, float], field_of_view: FieldOfView, far_m: float
+) -> Frustum:
+    """The frustum, from ``origin_m``, of all that the camera sees between near plane and far_m."""
+    near_m = field_of_view.rig.near_m
+    x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
+    far_m = max(far_m, 2 * near_m)
+    points = [(a * d, b * d, d) for d in (near_m, far_m) for a, b in itertools.product(x, y)]
+    seen = bounding_frustum(np.array(points), origin_m, 0.0)
+    assert seen is not None  # an emitter behind the near plane
+    return seen
 
 
 def union(windows: list[Rect]) -> Rect:

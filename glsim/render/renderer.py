@@ -25,7 +25,6 @@ from glsim.geometry.bounds import (
     FieldOfView,
     bounding_corners,
     image_window,
-    may_see,
     out_of_view,
     union,
     vertex_frustum,
@@ -119,7 +118,7 @@ class Renderer:
         layer region is not drawn. reach_px: how far around the crop stages read, besides the
         margin. Raises MeshError if the first mesh, the face, is not in view.
         """
-        boxes = [self._box(mesh, view) for mesh, view in meshes]
+        boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
         face, view = meshes[0]
         around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
         windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
@@ -181,23 +180,6 @@ class Renderer:
             held.append(layers[LIT.name])
             nearest_m = float(clean_m[clean_m > 0].min(initial=np.inf))
             yield Rendered(layers, window, nearest_m, everywhere, self._rays, self._pool)
-
-    def _box(self, mesh: Mesh, view: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Corners of a mesh's bounding box, (8, 3) camera m, along the mesh's axes.
-
-        Where that box reaches the camera, it is along the camera's axes; and where only vertices
-        out of view do, as the feet of a person who sits close may, it ends at the near plane.
-        """
-        box = bounding_corners(mesh.vertices_mm, view)
-        if box[:, 2].min() > self.rig.near_m:
-            return box
-        seen = mesh.vertices_mm @ view[:3, :3].T + view[:3, 3]
-        near = seen[:, 2] <= self.rig.near_m
-        if near.all() or may_see(self._sight, seen[near]).any():
-            return box
-        box = bounding_corners(seen, np.eye(4, dtype=np.float32))
-        box[:, 2] = np.maximum(box[:, 2], self.rig.near_m)
-        return box
 
     def _draw_surface(
         self,

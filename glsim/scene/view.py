@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.bounds import BESIDE, FieldOfView
+from glsim.geometry.bounds import FieldOfView
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
@@ -15,6 +15,9 @@ from glsim.scene.shapes import Shape
 
 Points = NDArray[np.float64]
 
+#: What stands beside the view by less than this, in tangents, is kept, because it may cast a shadow
+#: into it: the emitters of the shipped sensors are up to 75 mm beside the lens.
+_BESIDE = 0.16
 #: Nothing is drawn nearer than this, metres: the emitter's z-buffer starts there.
 _NEAREST_M = 0.3
 
@@ -130,8 +133,8 @@ def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
 
 def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
     """(normal, offset) of the planes that bound the view; inside is normal . p >= offset."""
-    left, right = sight.columns.min() - BESIDE, sight.columns.max() + BESIDE
-    top, bottom = sight.rows.min() - BESIDE, sight.rows.max() + BESIDE
+    left, right = sight.columns.min() - _BESIDE, sight.columns.max() + _BESIDE
+    top, bottom = sight.rows.min() - _BESIDE, sight.rows.max() + _BESIDE
     return [
         (np.array([0.0, 0.0, 1.0]), _NEAREST_M),
         (np.array([1.0, 0.0, -left]), 0.0),

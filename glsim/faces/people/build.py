@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from glsim.faces.people.details import DETAILS
 from glsim.faces.people.facs import ACTIONS, UNSIDED
 from glsim.faces.people.files import BaseMesh, Target, read_base_mesh, read_json, read_target
+from glsim.faces.people.membrane import membrane
 from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
 from glsim.faces.people.phenotype import phenotype_targets, phenotype_weights
 from glsim.faces.people.regions import MASKS, label_regions, read_masks
@@ -34,8 +35,8 @@ _RIG: Final = "mpfb2/rigs/standard"
 #: Quads with longer mean edges are divided, mm: those of the face, of the rest of the head and
 #: neck, and of the body; chosen so that the head's mean edge is below 3.5 mm and the facets of a
 #: torso at 1 m are below 3 pixels of a Kinect. Hands, feet and teeth are fine enough as they are.
-_FACE_MM: Final = 4.2
-_SCALP_MM: Final = 6.0
+_FACE_MM: Final = 3.4
+_SCALP_MM: Final = 7.0
 _BODY_MM: Final = 14.0
 _LEG_MM: Final = 28.0
 _EYE_MM: Final = 2.4
@@ -65,7 +66,8 @@ def build_model(folder: Path) -> BodyModel:
     head = weights[kept, skeleton.names.index("head")]
     masks = read_masks(folder, base.texture[kept])
     inside = masks[:, MASKS.index("inside-mouth")] > 0.5
-    fine, faces = _refine(quads, part, coarse, head, weights[kept], skeleton, inside)
+    bare = np.any(masks[:, [MASKS.index(name) for name in ("aureolae", "crotch")]] > 0.3, axis=1)
+    fine, faces = _refine(quads, part, coarse, head, weights[kept], skeleton, inside, bare)
     skin = fine.apply(weights[kept])
     skin[skin < _WEIGHT_FLOOR] = 0.0
     skin /= skin.sum(axis=1, keepdims=True)
@@ -79,11 +81,12 @@ def build_model(folder: Path) -> BodyModel:
     order = np.argsort(~rigid, kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    sources, shares = _padded(fine, order)
+    starts, sources, shares = _by_row(fine, order)
     model = BodyModel(
         template_mm=template.astype(np.float32),
         targets=targets,
         actions=_read_actions(folder, kept, fine, place, base.vertices_mm[kept, 0]),
+        starts=starts,
         sources=sources,
         shares=shares,
         faces=place[faces].astype(np.int32),
@@ -102,6 +105,9 @@ def _visible_part(model: BodyModel) -> BodyModel:
     used, compact = np.unique(faces, return_inverse=True)
     new = np.full(len(model.regions), -1)
     new[used] = np.arange(len(used))
+    ends_of = np.append(model.starts[1:], len(model.sources))[used]
+    count = ends_of - model.starts[used]
+    entry = np.repeat(ends_of - np.cumsum(count), count) + np.arange(count.sum())
     actions = model.actions
     there = new[actions.points] >= 0
     ends = np.concatenate([[0], np.cumsum(there)])
@@ -113,8 +119,9 @@ def _visible_part(model: BodyModel) -> BodyModel:
             new[actions.points[there]].astype(np.int32),
             actions.offsets_mm[there],
         ),
-        sources=model.sources[used],
-        shares=model.shares[used],
+        starts=np.cumsum(count) - count,
+        sources=model.sources[entry],
+        shares=model.shares[entry],
         faces=compact.reshape(-1, 3).astype(np.int32),
         regions=model.regions[used],
         skin=model.skin[used],
@@ -152,14 +159,15 @@ def _refine(
     weights: NDArray[np.float64],
     skeleton: Skeleton,
     inside: NDArray[np.bool_],
+    bare: NDArray[np.bool_],
 ) -> tuple[LinearMap, NDArray[np.int64]]:
-    """Divide large quads, but none at the vertices ``inside`` the mouth.
+    """Divide large quads, but none at the vertices ``inside`` the mouth; smooth ``bare`` ones.
 
     Returns the map to the fine vertices and the (F, 3) triangles.
     """
     limit = _length_limits(coarse, head, weights, skeleton, quads, part)
     limit[inside] = np.inf
-    whole = LinearMap.identity(len(coarse))
+    whole = membrane(quads, bare)
     triangles: list[NDArray[np.int64]] = []
     fixed = np.zeros(len(coarse), dtype=bool)
     for _ in range(_STEPS):
@@ -217,19 +225,17 @@ def _triangles(quads: NDArray[np.int64], points: NDArray[np.float64]) -> NDArray
     return np.concatenate([turned[:, [0, 1, 2]], turned[:, [0, 2, 3]]])
 
 
-def _padded(
+def _by_row(
     fine: LinearMap, order: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Return (V, K) coarse vertices and weights of the fine vertices, reordered."""
-    count = np.bincount(fine.rows, minlength=fine.height)
-    by_row = np.argsort(fine.rows, kind="stable")
-    rows = fine.rows[by_row]
-    within = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
-    sources = np.zeros((fine.height, count.max()), dtype=np.int32)
-    shares = np.zeros(sources.shape, dtype=np.float32)
-    sources[rows, within] = fine.columns[by_row]
-    shares[rows, within] = fine.weights[by_row]
-    return sources[order], shares[order]
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
+    """Return the rows of the map, reordered: starts (V,), coarse vertices (N,), weights (N,)."""
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    row = place[fine.rows]
+    by_row = np.argsort(row, kind="stable")
+    starts = np.searchsorted(row[by_row], np.arange(fine.height))
+    sources, shares = fine.columns[by_row], fine.weights[by_row]
+    return starts, sources.astype(np.int32), shares.astype(np.float32)
 
 
 def _read_rig(folder: Path, base: BaseMesh) -> tuple[Skeleton, LinearMap, NDArray[np.float64]]:

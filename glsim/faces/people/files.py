@@ -104,6 +104,8 @@ def read_target(path: Path) -> Target:
     """Read a target, gzipped or not. Raises MeshError for a missing or damaged file."""
     try:
         content = path.read_bytes()
+        if not content:
+            raise ValueError("empty")
         if path.suffix == ".gz":
             content = gzip.decompress(content)
         if b"#" in content:

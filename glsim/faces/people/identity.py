@@ -13,15 +13,18 @@ from glsim.faces.performance import rng_for
 
 #: Age groups: share of the people, and years. People in front of a camera are mostly grown.
 _AGES: Final = ((0.12, 6.0, 15.0), (0.68, 15.0, 60.0), (0.20, 60.0, 85.0))
-#: The model's age at these years: its extremes baby, child, young and old (MakeHuman's own scale).
-_YEARS: Final = (1.0, 10.0, 25.0, 90.0)
-_MODEL_AGES: Final = (0.0, 1 / 3, 2 / 3, 1.0)
-#: Mean, standard deviation, minimum and maximum of the phenotypes; 0.5 is the average body. Chosen
-#: so that heights of the grown are those of adults in Europe and Asia (see tests).
+#: The model's age at these years: its extremes baby, child, young and old on MakeHuman's scale, and
+#: nearly grown at 17.
+_YEARS: Final = (1.0, 10.0, 17.0, 25.0, 90.0)
+_MODEL_AGES: Final = (0.0, 1 / 3, 0.6, 2 / 3, 1.0)
+#: Mean, standard deviation, minimum and maximum of the phenotypes; 0.5 is the average body,
+#: but its average height is tall: at 0.35 +- 0.06 the grown are 1.73 and 1.63 m on average, +- 0.09
+#: (NCD-RisC, eLife 5, 2016: men 1.71, women 1.59 m in the world), and the distance of their pupils
+#: is 62 and 60 mm (N. A. Dodgson, Proc. SPIE 5291, 2004: 63, 52 to 78). The rest is chosen.
 _BUILD: Final = {
     "muscle": (0.50, 0.17, 0.10, 0.90),
     "weight": (0.52, 0.18, 0.15, 0.95),
-    "height": (0.50, 0.13, 0.20, 0.80),
+    "height": (0.35, 0.06, 0.20, 0.52),
     "proportions": (0.50, 0.20, 0.05, 0.95),
     "cupsize": (0.45, 0.18, 0.05, 0.90),
 }

@@ -81,7 +81,8 @@ class BodyModel:
 
     template_mm: (P + B, 3) float32: P coarse vertices, then the joints of the B bones.
     targets: shapes of the template. actions: facial actions, shapes of the V fine vertices.
-    sources, shares: (V, K) int32 and float32: fine vertices as weighted coarse ones.
+    starts, sources, shares: (V,), (N,) and (N,): fine vertex v is the sum of ``shares`` times the
+        coarse vertices ``sources`` from starts[v] to starts[v + 1].
     faces: (F, 3) int32. regions: (V,) uint8 indices into REGIONS (see ``regions``).
     skin: (V, B) float32 weights of the bones. The first ``rigid`` fine vertices move with the bone
         "head" alone.
@@ -91,6 +92,7 @@ class BodyModel:
     template_mm: _Floats
     targets: SparseShapes
     actions: SparseShapes
+    starts: NDArray[np.int64]
     sources: NDArray[np.int32]
     shares: _Floats
     faces: NDArray[np.int32]
@@ -107,9 +109,10 @@ class BodyModel:
         """
         coarse = self.template_mm.copy()
         self.targets.add(coarse, weights)
-        fine = np.einsum("vk,vkx->vx", self.shares, coarse[self.sources])
+        weighted = self.shares[:, None] * coarse[self.sources]
+        fine = np.add.reduceat(weighted, self.starts, axis=0)
         joints = coarse[len(coarse) - len(self.skeleton.names) :].astype(np.float64)
-        return fine.astype(np.float32), joints
+        return fine, joints
 
     def skinned(self, rest_mm: _Floats, transforms: NDArray[np.float64]) -> _Floats:
         """Return (V, 3) float32 vertices moved by (B, 3, 4) transforms of the bones."""

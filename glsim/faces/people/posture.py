@@ -83,9 +83,9 @@ def draw_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Pos
         right = "front" if left == "sides" else "sides"
     arms = (left, right) if rng.random() < 0.5 else (right, left)
     turns = _neck_and_spine(rng, gentle="chin" in arms)
-    if sitting:
-        for side, sign in (("L", 1.0), ("R", -1.0)):
-            turns |= _sitting_leg(rng, body, side, sign)
+    leg = _sitting_leg if sitting else _standing_leg
+    for side, sign in (("L", 1.0), ("R", -1.0)):
+        turns |= leg(rng, body, side, sign)
     for side, sign, kind in (("L", 1.0, arms[0]), ("R", -1.0, arms[1])):
         turns |= _arm(rng, body, side, sign, kind, sitting)
     return Posture(turns, sitting, arms)
@@ -103,6 +103,16 @@ def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, _Array]
     for bone in _SPINE:
         turns[bone] = rotation(share * twist, -share * lean, share * sideways)
     return turns
+
+
+def _standing_leg(
+    rng: np.random.Generator, body: BodyShape, side: str, sign: float
+) -> dict[str, _Array]:
+    """Legs nearer to each other than at rest, one a little before the other, feet on the floor."""
+    hip, ankle = (body.joints[f"{bone}.{side}"] for bone in ("upperleg01", "foot"))
+    apart, step = float(rng.uniform(0.0, 0.07)), float(rng.uniform(-0.03, 0.03))
+    thigh = _between(ankle - hip, np.array([sign * apart, -1.0, (ankle - hip)[2] / 900.0 + step]))
+    return {f"upperleg01.{side}": thigh, f"foot.{side}": thigh.T}
 
 
 def _sitting_leg(
@@ -158,7 +168,7 @@ def _arm(
     elif kind == "crossed":
         target = np.array(
             [
-                -sign * 0.55 * body.half_width,
+                -sign * 0.2 * body.half_width,
                 shoulder[1] - 0.72 * upper + 20.0 * sign,
                 body.front + 62.0 + 24.0 * sign,
             ]

@@ -25,7 +25,7 @@ REGIONS: Final = (
     "mouth", "teeth", "torso", "arm", "hand", "leg", "foot",
 )  # fmt: skip
 
-MASKS: Final = ("lips", "ears", "eyelids", "inside-mouth")
+MASKS: Final = ("lips", "ears", "eyelids", "inside-mouth", "aureolae", "crotch")
 _LIMBS: Final = {  # region -> starts of the names of its bones
     "neck": ("neck",),
     "torso": ("root", "pelvis", "spine", "clavicle", "shoulder"),
@@ -43,7 +43,7 @@ _HAIRLINE_Y: Final = (-62.0, -58.0, -40.0, -10.0, 2.0, 26.0, 44.0, 58.0, 66.0, 7
 
 
 def read_masks(folder: Path, texture: _Array) -> _Array:
-    """Return (V, 4) values in [0, 1] of the MASKS at (V, 2) texture coordinates.
+    """Return (V, M) values in [0, 1] of the MASKS at (V, 2) texture coordinates.
 
     Raises MeshError for a missing or damaged image.
     """
@@ -70,7 +70,7 @@ def label_regions(
 ) -> tuple[NDArray[np.uint8], dict[str, int]]:
     """Return (V,) uint8 indices into REGIONS, and the vertices of landmarks.
 
-    points: (V, 3) mm of the mean grown person. skin: (V, B) weights of bones. masks: (V, 4).
+    points: (V, 3) mm of the mean grown person. skin: (V, B) weights of bones. masks: (V, M).
     member: (V, G) shares of the groups.
     """  # fmt: skip
     label = np.zeros(len(points), dtype=np.uint8)
