@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
+from rich.markup import escape
 from rich.table import Table
 
 from glsim.errors import ConfigError, GlsimError
@@ -87,7 +88,7 @@ PresetOption = Annotated[
     typer.Option(
         "--preset",
         help="Start from shipped settings: "
-        + "; ".join(f"{name}: {preset_title(name)}" for name in preset_names())
+        + escape("; ".join(f"{name}: {preset_title(name)}" for name in preset_names()))
         + ". --config, --set and options change them.",
     ),
 ]
