@@ -3,6 +3,7 @@
 simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
     source.load          -> a face (mesh in canonical axes, mm), in batches
     vary                 -> the face with another shape and albedo, if the settings vary it
+    Dresser.dress        -> the face with hair, glasses and cloth, if the settings dress it
     pose, draw_values    -> pose and stage parameters, drawn from the task's seeds
     crop_window          -> the delivered part of the image
     Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
@@ -24,6 +25,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.appearance.dress import Dresser, worn_regions
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
@@ -42,7 +44,9 @@ from glsim.noise.stage import draw_values
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
 from glsim.render.renderer import Renderer
-from glsim.scene.scenery import Prop, build_scenery
+from glsim.scene.body import body_of
+from glsim.scene.other_people import OtherPeople
+from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
 from glsim.sensors.sensor import Sensor, sensor_of
 from glsim.settings.schema import Settings
 from glsim.settings.seeds import stable_seed
@@ -136,7 +140,10 @@ class Simulator:
             infrared="infrared" in layers,
             pattern_mm=None if own is None else own.error_mm,
         )
-        self._labels = RegionLabels(sources) if "regions" in layers else None
+        further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
+        self._labels = RegionLabels(sources, further) if "regions" in layers else None
+        self._dressers = [Dresser(source, settings.appearance) for source in sources]
+        self._others = OtherPeople(settings, sources, self._dressers, self.sensor.rig)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -172,13 +179,18 @@ class Simulator:
                 yield from ahead.popleft().result()
 
     def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
+        self._others.load(batch)
         loaded = self._sources[batch[0].source].load([task.key for task in batch])
         pairs = zip(batch, loaded, strict=True)
-        variation = self._settings.variation
         return [
-            (task, face if isinstance(face, BadFace) else vary(face, variation, task.seeds))
+            (task, face if isinstance(face, BadFace) else self._change(task, face))
             for task, face in pairs
         ]
+
+    def _change(self, task: Task, face: Face) -> Face:
+        """Vary a face, then dress it: what is worn follows the varied mesh."""
+        varied = vary(face, self._settings.variation, task.seeds)
+        return self._dressers[task.source].dress(varied, task.seeds)
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue the drawing of one frame, or return the record of a bad face."""
@@ -204,19 +216,24 @@ class Simulator:
         }
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
-        scenery = build_scenery(settings.scene, task.seeds)
+        drawn |= self._dressers[task.source].drawn(face, task.seeds)
+        body = body_of(face) if settings.scene.room != "none" else None
+        scenery = build_scenery(settings.scene, settings.pose, task.seeds, rig, body)
         drawn |= scenery.drawn
-        head = pose_matrix(pose)
+        head = scenery.stands(pose_matrix(pose))
+        check_behind(scenery, [face.mesh, *(part.mesh for part in face.parts)], head)
         worn = [(part.mesh, head) for part in face.parts]
-        props = [(prop.mesh, prop.view) for prop in scenery.props]
+        others = self._others.props(task, scenery) if body is not None else []
+        further = [*scenery.props, *others]
+        props = [(prop.mesh, prop.view) for prop in further]
         meshes = [(face.mesh, head), *worn, *props]
         crop = crop_window(rig.intrinsics, pose, settings.output.crop)
         labels: list[NDArray[np.float32] | None] = []
         if self._labels is not None:
-            further: list[Part | Prop] = [*face.parts, *scenery.props]
+            named: list[Part | Prop] = [*face.parts, *further]
             labels = [
                 self._labels.of(task.source, len(face.mesh.vertices_mm)),
-                *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in further),
+                *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in named),
             ]
         reach_px = array_reach_px(self.sensor.stages, values)
         with self._renderer.render(meshes, crop, labels, reach_px) as rendered:

@@ -19,9 +19,10 @@ from glsim.reason import Reason
 Picture = NDArray[np.uint8]
 
 #: Directions to the lights in camera axes (y down): the key light is at the upper left behind the
-#: camera, the fill light at the right.
+#: camera, the fill light at the right, and a weak one below, which shows the ceilings of rooms.
 _KEY_LIGHT = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.70])
 _FILL_LIGHT = np.array([0.70, -0.10, -0.70]) / np.linalg.norm([0.70, -0.10, -0.70])
+_LOW_LIGHT = np.array([0.0, 1.0, 0.0])
 
 _BACKGROUND = (38, 32, 28)
 _TEXT = (235, 235, 235)
@@ -48,11 +49,12 @@ _REASON_COLOURS = {
 
 
 def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
-    """Draw a depth map, (H, W) metres, as a matte surface under two lights: (H, W, 3) BGR."""
+    """Draw a depth map, (H, W) metres, as a matte surface under three lights: (H, W, 3) BGR."""
     normal = depth_map.normals(np.asarray(depth_m, dtype=np.float32), intrinsics.rays())
     key = np.clip(normal @ _KEY_LIGHT, 0, 1)
     fill = np.clip(normal @ _FILL_LIGHT, 0, 1)
-    grey = np.clip(20 + 195 * key + 55 * fill, 0, 255).astype(np.uint8)
+    low = np.clip(normal @ _LOW_LIGHT, 0, 1)
+    grey = np.clip(20 + 195 * key + 55 * fill + 60 * low, 0, 255).astype(np.uint8)
     picture = np.repeat(grey[..., None], 3, axis=2)
     picture[depth_m <= 0] = _BACKGROUND
     return picture

@@ -13,9 +13,11 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
+from rich.markup import escape
 from rich.table import Table
 
 from glsim.errors import ConfigError, GlsimError
+from glsim.settings.presets import preset_names, preset_title
 
 #: Messages go to stderr; stdout is for the output that the user asked for.
 console = Console(stderr=True, highlight=False)
@@ -80,6 +82,15 @@ SeedOption = Annotated[
 ]
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Read settings from a TOML file.")
+]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        help="Start from shipped settings: "
+        + escape("; ".join(f"{name}: {preset_title(name)}" for name in preset_names()))
+        + ". --config, --set and options change them.",
+    ),
 ]
 WorkersOption = Annotated[
     str, typer.Option(help="Number of worker processes; auto starts one per core.")

@@ -11,6 +11,7 @@ from glsim.cli.common import (
     BackendOption,
     ConfigOption,
     Debug,
+    PresetOption,
     Quiet,
     SeedOption,
     SensorOption,
@@ -35,11 +36,15 @@ glsim generate -o data --subjects 10 --frames-per-subject 30
 
 glsim generate -o data --source ict-facekit --root FaceXModel --subjects 100 --crop 128
 
+glsim generate -o data --source people --framing body --set pose.distance_mm=3000
+
 glsim generate -o data --source folder --root scans --format webdataset --workers 4
 
 glsim generate -o data --source d3dfacs --root d3dfacs_alignments --every 5 --split paper --plan
 
 glsim generate -o data --set pose.yaw_deg={uniform=[-30,30]} --sensor kinect-v2-paper
+
+glsim generate -o data --preset office --subjects 200 --frames-per-subject 10
 
 Repeat the same command to resume an interrupted run or to check a finished one.
 """
@@ -52,7 +57,8 @@ def generate(
     source: Annotated[
         str | None,
         typer.Option(
-            help="Source of faces: procedural, ict-facekit, folder, d3dfacs, facewarehouse or biwi."
+            help="Source of faces: procedural, ict-facekit, people, folder, d3dfacs, "
+            "facewarehouse or biwi."
         ),
     ] = None,
     root: Annotated[
@@ -78,6 +84,9 @@ def generate(
     steps: Annotated[
         int | None, typer.Option(help="Number of frames between two shapes (facewarehouse).")
     ] = None,
+    framing: Annotated[
+        str | None, typer.Option(help="What the camera looks at: face, bust or body (people).")
+    ] = None,
     sensor: SensorOption = None,
     crop: Annotated[int | None, typer.Option(help="Side of the centre crop, pixels.")] = None,
     format: Annotated[str | None, typer.Option(help="File format: png or webdataset.")] = None,
@@ -99,6 +108,7 @@ def generate(
     workers: WorkersOption = "auto",
     seed: SeedOption = None,
     assignments: SetOption = None,
+    preset: PresetOption = None,
     config: ConfigOption = None,
     plan: Annotated[
         bool,
@@ -138,8 +148,9 @@ def generate(
         every=every,
         peak_only=peak_only or None,
         steps=steps,
+        framing=framing,
     )
-    settings = load_settings(config, assignments or [], tree, face_options)
+    settings = load_settings(config, assignments or [], tree, face_options, preset)
     if plan:
         from glsim.cli.generate_plan import print_plan
 

@@ -10,6 +10,8 @@ from rich.table import Table
 from glsim.cli.common import console
 
 if TYPE_CHECKING:
+    from glsim.settings.distribution import Distribution
+    from glsim.settings.scene_settings import SceneSettings
     from glsim.settings.schema import Settings
 
 
@@ -41,6 +43,7 @@ def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
         share = f"{100 * images / max(1, estimate.frames):.1f} %"
         splits.add_row(split, str(persons), str(images), share, str(paper))
     out.print(splits)
+    out.print(scene_line(settings.scene))
     basis = (
         f"measured on {estimate.measured_frames} frames"
         if estimate.measured_frames
@@ -52,6 +55,27 @@ def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
     )
     for why in dict.fromkeys(estimate.skipped):
         console.print(f"would be skipped: {why}", style="yellow", markup=False)
+
+
+def scene_line(scene: SceneSettings) -> str:
+    """Return what the settings [scene] put around the faces, in a line."""
+    if scene.wall_mm is not None:
+        return f"scene: a wall at {_range(scene.wall_mm)} mm"
+    if scene.room == "none":
+        return "scene: nothing behind the faces"
+    camera = (
+        "as high as the face" if scene.camera_mm is None else f"{_range(scene.camera_mm)} mm high"
+    )
+    return (
+        f"scene: room {scene.room!r}, one per {scene.per}, back wall {_range(scene.behind_mm)} mm "
+        f"behind the face, camera {camera}, clutter {_range(scene.clutter)}, "
+        f"{_range(scene.people)} other people"
+    )
+
+
+def _range(setting: Distribution) -> str:
+    low, high = setting.bounds()
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _bytes(count: int) -> str:

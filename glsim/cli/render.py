@@ -11,6 +11,7 @@ from glsim.cli.common import (
     BackendOption,
     ConfigOption,
     Debug,
+    PresetOption,
     Quiet,
     SeedOption,
     SensorOption,
@@ -25,6 +26,8 @@ EXAMPLES = """
 [bold]Examples[/bold]
 
 glsim render face.obj
+
+glsim render face.obj --set scene.room=office --set scene.camera_mm=1000
 
 glsim render scan.ply -o out --sensor kinect-v2-paper --seed 7
 
@@ -54,6 +57,7 @@ def render(
     raw: Annotated[
         bool, typer.Option("--raw", help="Also write the Kinect V2's raw frame for libfreenect2.")
     ] = False,
+    preset: PresetOption = None,
     config: ConfigOption = None,
     backend: BackendOption = None,
     quiet: Quiet = False,
@@ -81,7 +85,7 @@ def render(
     given = overrides(
         sensor=sensor, seed=seed, output__crop=crop, output__depth_unit_mm=depth_unit_mm
     )
-    settings = load_settings(config, assignments or [], {**given, "strict": True})
+    settings = load_settings(config, assignments or [], {**given, "strict": True}, preset=preset)
     loaded = load_mesh(face, unit=unit, axes=axes)
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
     single = SourceSettings(subjects=1, frames_per_subject=1)

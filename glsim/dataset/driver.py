@@ -123,14 +123,17 @@ def generate(
     Raises the errors of ``write_dataset`` and ``glsim.pipeline.simulate``.
     """
     # Imported here because reading a data set needs no OpenGL.
+    from glsim.appearance.dress import worn_regions
     from glsim.faces.regions import region_numbers
     from glsim.gl.context import describe, open_context
     from glsim.pipeline import open_sources, simulate
+    from glsim.scene.scenery import scene_regions
     from glsim.sensors.sensor import sensor_of
 
     sensor = sensor_of(settings)
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
+    worn = worn_regions(settings.appearance, sources)
     context = open_context(backend)
     renderer = describe(context)["renderer"]
     context.release()
@@ -141,7 +144,11 @@ def generate(
         partial(simulate, sources=sources, backend=backend, layers=settings.output.layers),
         sensor=sensor.describe(),
         renderer=renderer,
-        regions=region_numbers(sources) if "regions" in settings.output.layers else {},
+        regions=(
+            region_numbers(sources, [*scene_regions(settings.scene), *worn])
+            if "regions" in settings.output.layers
+            else {}
+        ),
         workers=workers,
         progress=progress,
     )

@@ -20,6 +20,10 @@ def open_source(settings: SourceSettings, seed: int) -> FaceSource:
         from glsim.faces.procedural import ProceduralFaces
 
         return ProceduralFaces(seed)
+    if settings.kind == "people":
+        from glsim.faces.people import People
+
+        return People(seed, framing=settings.framing or "face")
     if settings.root is None:
         raise ConfigError(f"source {settings.kind!r} needs --root: the folder with its files")
     if settings.kind == "ict-facekit":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Final
 
@@ -17,12 +18,18 @@ KNOWN_REGIONS: Final = (
     "skin", "brow", "hair", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose",
     "lids", "forehead", "cheek", "chin", "mouth", "teeth",
     "face", "head", "eye socket", "mouth socket", "gums",
+    "scalp", "torso", "arm", "hand", "leg", "foot",
+    "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
+    "beard", "glasses", "cloth",
 )  # fmt: skip
+_KEPT_LABELS: Final = 64  # arrays; a room has ten, one for each of its meshes
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
 
 
-def region_numbers(sources: Sequence[FaceSource]) -> dict[str, int]:
+def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -> dict[str, int]:
     """Return region name -> number for all regions of the sources, sorted by number.
+
+    further: names of KNOWN_REGIONS that people may wear, or that may stand around them.
 
     A source has regions if it has ``region_names`` and ``regions``, (V,) indices into these names
     for the vertices of each of its meshes. Raises ConfigError for no region or more than 255.
@@ -34,7 +41,9 @@ def region_numbers(sources: Sequence[FaceSource]) -> dict[str, int]:
     table = (*KNOWN_REGIONS, *sorted(named - set(KNOWN_REGIONS)))
     if len(table) > _MAX_REGIONS:
         raise ConfigError(f"{len(table)} names of face regions: the limit is {_MAX_REGIONS}")
-    return {name: number for number, name in enumerate(table, start=1) if name in named}
+    return {
+        name: number for number, name in enumerate(table, start=1) if name in named | {*further}
+    }
 
 
 def _region_names_of(source: FaceSource) -> tuple[str, ...]:
@@ -44,11 +53,11 @@ def _region_names_of(source: FaceSource) -> tuple[str, ...]:
 class RegionLabels:
     """Vertex labels of the sources, as numbers of their common table."""
 
-    def __init__(self, sources: Sequence[FaceSource]) -> None:
-        self.numbers = region_numbers(sources)
+    def __init__(self, sources: Sequence[FaceSource], further: Sequence[str] = ()) -> None:
+        self.numbers = region_numbers(sources, further)
         self._sources = sources
         self._labels: dict[int, NDArray[np.float32] | None] = {}
-        self._uniform: dict[tuple[str, int], NDArray[np.float32]] = {}
+        self._uniform: OrderedDict[tuple[str, int], NDArray[np.float32]] = OrderedDict()
 
     def of(self, source: int, vertices: int) -> NDArray[np.float32] | None:
         """Return (V,) float32 labels for the meshes of a source; None if it has no regions.
@@ -79,6 +88,9 @@ class RegionLabels:
             number = KNOWN_REGIONS.index(name) + 1
             self.numbers.setdefault(name, number)
             self._uniform[key] = np.full(vertices, number, np.float32)
+            if len(self._uniform) > _KEPT_LABELS:
+                self._uniform.popitem(last=False)
+        self._uniform.move_to_end(key)
         return self._uniform[key]
 
     def _load(self, source: FaceSource) -> NDArray[np.float32] | None:

@@ -95,6 +95,23 @@ def bounding_corners(
     return moved
 
 
+def vertex_frustum(
+    vertices_mm: NDArray[np.float32], view: NDArray[np.float32], near_m: float
+) -> Frustum | None:
+    """The frustum of the vertices themselves; None if any is not beyond ``near_m``.
+
+    It is smaller than that of their bounding box for a body whose hands reach forward: the box has
+    its widest parts there too. vertices_mm: (V, 3); view: (4, 4), canonical mm to camera m.
+    """
+    x, y, z = view[:3, :3] @ vertices_mm.T + view[:3, 3:]
+    nearest = float(z.min())
+    if nearest <= near_m:
+        return None
+    x, y = x / z, y / z
+    seen = (x.min(), y.min(), x.max(), y.max(), nearest, z.max())
+    return Frustum(*(float(value) for value in seen))
+
+
 def bounding_frustum(
     corners_m: NDArray[np.float64], origin_m: tuple[float, float, float], near_m: float
 ) -> Frustum | None:
@@ -112,12 +129,14 @@ def image_window(
     field_of_view: FieldOfView,
     visible: Rect | None,
     reach_px: int = 0,
+    around: Frustum | None = None,
 ) -> Rect:
     """The window of the image that a mesh can touch, with margin.
 
     It is the whole image if the mesh crosses the near plane. corners_m: (8, 3), the mesh's bounding
     box. visible: the crop that is delivered, or None. reach_px: how far around the crop stages
-    look, besides the margin. Raises MeshError if the mesh is out of view.
+    look, besides the margin. around: a smaller frustum around the mesh than that of its box, or
+    None. Raises MeshError if the mesh is out of view.
     """
     image, near_m = field_of_view.rig.intrinsics, field_of_view.rig.near_m
     whole = Rect(0, 0, image.width, image.height)
@@ -129,7 +148,7 @@ def image_window(
             f"the mesh lies behind the camera or nearer than {near_m * 1000:.0f} mm "
             f"(z {z.min() * 1000:.0f} to {z.max() * 1000:.0f} mm): check units, axes and distance"
         )
-    box = bounding_frustum(corners_m, (0.0, 0.0, 0.0), near_m)
+    box = around or bounding_frustum(corners_m, (0.0, 0.0, 0.0), near_m)
     if box is None:
         return whole
     exact = field_of_view.window(box)
@@ -146,6 +165,21 @@ def image_window(
     return _grown(exact, whole, MARGIN_PX)
 
 
+def out_of_view(
+    corners_m: NDArray[np.float64], field_of_view: FieldOfView, visible: Rect | None
+) -> bool:
+    """Whether a mesh in front of the camera lies beside the image, or beside the crop ``visible``.
+
+    corners_m: (8, 3), the mesh's bounding box.
+    """
+    box = bounding_frustum(corners_m, (0.0, 0.0, 0.0), field_of_view.rig.near_m)
+    if box is None:
+        return False
+    image = field_of_view.rig.intrinsics
+    seen = visible or Rect(0, 0, image.width, image.height)
+    return 0 in field_of_view.window(box).intersection(seen)[2:]
+
+
 def emitter_frustum(
     corners_m: NDArray[np.float64], field_of_view: FieldOfView, origin_m: tuple[float, float, float]
 ) -> Frustum:
@@ -153,11 +187,14 @@ def emitter_frustum(
 
     A surface that casts a shadow into the image lies, seen from the emitter, in the direction of a
     point that the camera sees. The frustum is not cut to a crop: that would change the grid of the
-    shadow map, and with it the edges of shadows. Raises MeshError if the emitter is inside
-    the scene.
+    shadow map, and with it the edges of shadows. A mesh that reaches past the camera, as the legs
+    of a person who looks up do, has the emitter in its box: what the camera sees is then lit from
+    the camera's near plane on. Raises MeshError if the emitter is inside a scene before the camera.
     """
     near_m = field_of_view.rig.near_m / 2  # an emitter may stand before the camera
     whole = bounding_frustum(corners_m, origin_m, near_m)
+    if whole is None and corners_m[:, 2].min() <= 0.0:
+        return _seen_from(origin_m, field_of_view, float(corners_m[:, 2].max()))
     if whole is None:
         raise MeshError(
             f"the mesh reaches behind the emitter at {origin_m} m or nearer than "
@@ -174,6 +211,19 @@ def emitter_frustum(
         min(lit.right, whole.right), min(lit.bottom, whole.bottom),
         whole.near_m, whole.far_m,
     )  # fmt: skip
+
+
+def _seen_from(
+    origin_m: tuple[float, float, float], field_of_view: FieldOfView, far_m: float
+) -> Frustum:
+    """The frustum, from ``origin_m``, of all that the camera sees between near plane and far_m."""
+    near_m = field_of_view.rig.near_m
+    x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
+    far_m = max(far_m, 2 * near_m)
+    points = [(a * d, b * d, d) for d in (near_m, far_m) for a, b in itertools.product(x, y)]
+    seen = bounding_frustum(np.array(points), origin_m, 0.0)
+    assert seen is not None  # an emitter behind the near plane
+    return seen
 
 
 def union(windows: list[Rect]) -> Rect:

@@ -21,7 +21,14 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.bounds import FieldOfView, bounding_corners, image_window, union
+from glsim.geometry.bounds import (
+    FieldOfView,
+    bounding_corners,
+    image_window,
+    out_of_view,
+    union,
+    vertex_frustum,
+)
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.geometry.pose import pose_matrix
@@ -112,7 +119,13 @@ class Renderer:
         margin. Raises MeshError if the first mesh, the face, is not in view.
         """
         boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
-        window = union([image_window(box, self._sight, visible, reach_px) for box in boxes])
+        face, view = meshes[0]
+        around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
+        windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
+        for box in boxes[1:]:
+            if not out_of_view(box, self._sight, visible):
+                windows.append(image_window(box, self._sight, visible, reach_px))
+        window = union(windows)
         uploaded = [self._meshes.upload(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
         corners_m = np.concatenate(boxes)

@@ -11,6 +11,9 @@
     yaw_deg = { uniform = [-30, 30] }
     [variation]
     shape_mm = 4
+    [appearance]
+    wear = "always"
+    glasses = 0.5
     [scene]
     wall_mm = 1500
     [rig]                             overrides [rig] of the sensor's file
@@ -34,7 +37,10 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from glsim.errors import ConfigError
+from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import NumberSetting, Scope, constant
+from glsim.settings.presets import read_preset
+from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
 
 LayerName = Literal["clean", "noisy", "infrared", "reason", "regions"]
@@ -44,7 +50,7 @@ DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.plan.paper_split."""
-GENERATORS = ("procedural", "ict-facekit")
+GENERATORS = ("procedural", "ict-facekit", "people")
 """Sources that generate faces; the others are finite."""
 _FILE_SOURCES = ("folder", "d3dfacs", "facewarehouse", "biwi")
 _SOURCE_OPTIONS = {
@@ -54,6 +60,7 @@ _SOURCE_OPTIONS = {
     "peak_only": ("d3dfacs",),
     "steps": ("facewarehouse",),
     "poses": ("facewarehouse",),
+    "framing": ("people",),
 }
 
 
@@ -65,7 +72,14 @@ class SourceSettings(_Table):
     """A source of faces: a generator or a set of meshes on disk."""
 
     kind: Literal[
-        "procedural", "ict-facekit", "folder", "d3dfacs", "facewarehouse", "biwi", "kinect2"
+        "procedural",
+        "ict-facekit",
+        "people",
+        "folder",
+        "d3dfacs",
+        "facewarehouse",
+        "biwi",
+        "kinect2",
     ] = "procedural"
     root: Path | None = Field(None, description="folder of the meshes or of the face model")
     subjects: int | None = Field(None, ge=1, description="number of people; default: all")
@@ -78,6 +92,9 @@ class SourceSettings(_Table):
     peak_only: bool | None = Field(None, description="only the peak of each sequence (d3dfacs)")
     steps: int | None = Field(None, ge=1, description="frames per blend shape (facewarehouse)")
     poses: bool | None = Field(None, description="also the training poses (facewarehouse)")
+    framing: Literal["face", "bust", "body"] | None = Field(
+        None, description="what lies at the pose's distance (people); default: face"
+    )
     weight: float | None = Field(None, gt=0, lt=1e9, description="share relative to other sources")
     count: int | None = Field(None, ge=1, description="number of images from this source")
 
@@ -123,15 +140,6 @@ class VariationSettings(_Table):
                 wrong = low if low < 0 else high
                 raise ValueError(f"{name} may be {wrong:g}, but must lie in [0, {limit:g}]")
         return self
-
-
-class SceneSettings(_Table):
-    """The scene around the face."""
-
-    wall_mm: NumberSetting | None = Field(
-        None, description="distance of a wall behind; default: no wall"
-    )
-    wall_albedo: float = Field(0.85, ge=0, le=1, description="relative to a white wall")
 
 
 class OutputSettings(_Table):
@@ -184,6 +192,7 @@ class Settings(_Table):
     source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
     pose: PoseSettings = PoseSettings()
     variation: VariationSettings = VariationSettings()
+    appearance: AppearanceSettings = AppearanceSettings()
     scene: SceneSettings = SceneSettings()
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
     stage: dict[str, dict[str, NumberSetting]] = Field(default_factory=dict)
@@ -199,6 +208,18 @@ class Settings(_Table):
             raise ValueError(f"split {list(self.split)}: the shares must be >= 0 and add up to 1")
         if not self.source:
             raise ValueError("source: at least one is needed")
+        heads = [s.kind for s in self.source if s.kind == "people" and s.framing in (None, "face")]
+        if heads and self.scene.room != "none":
+            raise ValueError(
+                "source.framing: in a room people stand upright: set it to bust or body "
+                "(framing face holds the head still and turns the body under it)"
+            )
+        wall, face = self.scene.wall_mm, self.pose.distance_mm
+        if wall is not None and wall.bounds()[1] <= face.bounds()[0]:
+            raise ValueError(
+                f"scene.wall_mm: the wall, at {wall.bounds()[1]:g} mm at most, always stands in "
+                f"front of the face, at {face.bounds()[0]:g} mm at least"
+            )
         return self
 
 
@@ -207,8 +228,11 @@ def load_settings(
     assignments: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
     source: Mapping[str, Any] | None = None,
+    preset: str | None = None,
 ) -> Settings:
-    """Load settings: a TOML file, then ``a.b=value`` assignments, then nested ``overrides``.
+    """Load settings: a preset, a TOML file, ``a.b=value`` assignments, then nested ``overrides``.
+
+    preset: name of a shipped preset. Its [source] counts only for sources of its kind.
 
     source: overrides of the single [source] table. A source that generates faces has 10 subjects
     and 30 frames of each by default.
@@ -225,8 +249,22 @@ def load_settings(
         if isinstance(tree.get("source"), list):
             raise ConfigError(f"{where}: has several [[source]] tables: set them there")
         merge_tables(tree.setdefault("source", {}), source)
+    if preset is not None:
+        tree = _over_preset(read_preset(preset), tree)
     settings = parse_table(Settings, tree, where)
     return settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
+
+
+def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """Return the preset's settings with the ``given`` ones over them."""
+    preset_source, source = tree.get("source", {}), given.get("source", {})
+    kinds = {s.get("kind") for s in (source if isinstance(source, list) else [source])}
+    if kinds - {None, preset_source.get("kind")}:
+        tree.pop("source", None)
+    if "wall_mm" in given.get("scene", {}):
+        tree.get("scene", {}).pop("room", None)
+    merge_tables(tree, given)
+    return tree
 
 
 def _with_counts(source: SourceSettings) -> SourceSettings:

@@ -15,6 +15,7 @@ from glsim.dataset.reader import Dataset
 from glsim.errors import ConfigError, DatasetError
 from glsim.faces.ict_facekit.topology import REGION_NAMES
 from glsim.faces.one_mesh import OneMesh
+from glsim.faces.people.regions import REGIONS as PEOPLE_REGIONS
 from glsim.faces.procedural import REGIONS, ProceduralFaces
 from glsim.faces.regions import KNOWN_REGIONS, region_numbers
 from glsim.frame import Frame
@@ -22,6 +23,7 @@ from glsim.geometry.mesh import Mesh
 from glsim.pipeline import simulate
 from glsim.plan.tasks import make_tasks
 from glsim.render.regions import majority_last
+from glsim.scene.scenery import ROOM_REGIONS
 from glsim.settings.schema import Settings, load_settings
 from tests.support.dataset_fakes import contents
 from tests.support.face_models import Board
@@ -45,7 +47,8 @@ def frame(context: moderngl.Context, source: object, **more: object) -> Frame:
 
 
 def test_names_have_one_number_in_every_data_set() -> None:
-    assert set(REGIONS) | set(REGION_NAMES) == set(KNOWN_REGIONS)
+    sources = {*REGIONS, *REGION_NAMES, *PEOPLE_REGIONS}
+    assert sources | set(ROOM_REGIONS) == set(KNOWN_REGIONS)
     assert region_numbers([ProceduralFaces()])["nose"] == KNOWN_REGIONS.index("nose") + 1
     mixed = region_numbers([Board(), ProceduralFaces()])
     assert mixed["nose"] == KNOWN_REGIONS.index("nose") + 1
@@ -58,16 +61,16 @@ def test_names_have_one_number_in_every_data_set() -> None:
 
 def test_each_side_of_a_board_has_its_own_number(context: moderngl.Context) -> None:
     found = frame(context, Board(), scene={"wall_mm": 1200})
-    tail, nose = (found.region_numbers[name] for name in ("tail", "nose"))
+    tail, nose, wall = (found.region_numbers[name] for name in ("tail", "nose", "wall"))
     near = (found.clean_m > 0) & (found.clean_m < 1)
     codes = found.region_codes
     assert codes is not None
-    assert set(np.unique(codes)) == {0, tail, nose}
-    np.testing.assert_array_equal(codes > 0, near)  # the wall is none
+    assert set(np.unique(codes)) == {wall, tail, nose}
+    np.testing.assert_array_equal(codes != wall, near)
     middle = 32 - found.window.left
     assert (codes[:, : middle - 1][near[:, : middle - 1]] == nose).all()
     assert (codes[:, middle + 1 :][near[:, middle + 1 :]] == tail).all()
-    assert found.seen_regions == {"nose": nose, "tail": tail}
+    assert found.seen_regions == {"nose": nose, "tail": tail, "wall": wall}
 
 
 @pytest.mark.parametrize(

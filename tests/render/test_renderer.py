@@ -217,8 +217,19 @@ def test_a_mesh_that_passes_the_camera_is_drawn_where_it_is_in_front(
     assert not clean[:200].any()
     rows = RAYS[300:, 256, 1]
     np.testing.assert_allclose(clean[300:, 256], 0.3 / rows, rtol=1e-5)
-    with pytest.raises(MeshError, match=r"behind the emitter at .*0.045"):
-        layers_of(context, rig((0.045, 0, 0)), [floor])
+    lit = layers_of(context, rig((0.045, 0, 0)), [floor])["lit"]
+    assert (lit[300:, 256] > 0.99).all()  # the emitter stands above the floor: no shadow
+
+
+def test_an_emitter_inside_a_scene_before_the_camera_is_an_error(
+    context: moderngl.Context,
+) -> None:
+    floor = camera_mesh(
+        np.array([[-1, 0.3, 3.0], [1, 0.3, 3.0], [-1, 0.3, 0.2], [1, 0.3, 0.2]]),
+        grid_faces(2, 2),
+    )
+    with pytest.raises(MeshError, match=r"behind the emitter at .*0.5"):
+        layers_of(context, rig((0.0, 0, 0.5)), [floor])
 
 
 def test_large_coordinates_keep_their_precision(context: moderngl.Context) -> None:

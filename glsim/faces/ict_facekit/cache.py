@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
 import shutil
 import tempfile
 import zlib
@@ -13,18 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from glsim.faces.cache_folder import cache_folder
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
 from glsim.faces.ict_facekit.topology import Topology
 
 _CACHE_VERSION: Final = "3"  # raise it when the content of the cache changes
 _LOG = logging.getLogger(__name__)
-
-
-def cache_folder() -> Path:
-    """Return $GLSIM_CACHE, else $XDG_CACHE_HOME/glsim, else ~/.cache/glsim."""
-    if own := os.environ.get("GLSIM_CACHE"):
-        return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "glsim"
 
 
 def cache_path(files: list[Path]) -> Path:

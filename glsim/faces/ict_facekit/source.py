@@ -81,6 +81,14 @@ class IctFaceKit:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
         return performance_frames(self.seed, subject, count, self.frames_per_sequence)
 
+    def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return a subject's (V, 3) float32 vertices without expression, mm, and (F, 3) faces."""
+        model = self._model
+        weights = np.zeros((ROW_MULTIPLE, len(model.basis)), dtype=np.float32)
+        weights[:, 0] = 1.0
+        weights[0, 1 : 1 + IDENTITY_MODES] = self._identity(FaceKey(subject, "neutral", 0))
+        return model.evaluate(weights)[0].copy(), model.topology.faces
+
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one face per key, in order; one matrix product evaluates up to 32 faces."""
         for first in range(0, len(keys), BATCH_FRAMES):

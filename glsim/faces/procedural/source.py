@@ -60,6 +60,11 @@ class ProceduralFaces:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
         return performance_frames(self.seed, subject, count, self.frames_per_sequence)
 
+    def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return a subject's (V, 3) float32 vertices without expression, mm, and (F, 3) faces."""
+        points = self._subject(subject).neutral.astype(np.float32)
+        return points, head_model().template.faces
+
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one face per key, in order; frames of one subject are evaluated together."""
         for subject, group in groupby(keys, key=lambda key: key.subject):

@@ -1,0 +1,253 @@
+"""Dress the faces of a source: hair, beard, brows, glasses and cloth as parts over the mesh."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.appearance.anatomy import Anatomy
+from glsim.appearance.beard import make_beard, make_beard_grid, make_brow_grid, make_brows
+from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motion
+from glsim.appearance.cloth import fit_cloth, make_cloth, make_cloth_grid, make_shoes, make_trousers
+from glsim.appearance.glasses import make_glasses
+from glsim.appearance.hair import make_hair
+from glsim.appearance.noise import smooth_noise
+from glsim.appearance.outfit import Outfit, draw_outfit
+from glsim.appearance.scalp import make_scalp
+from glsim.errors import ConfigError
+from glsim.faces.base import Face, FaceSource, Part
+from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
+from glsim.settings.appearance_settings import AppearanceSettings
+from glsim.settings.distribution import DrawKeys
+
+#: Sources whose people are dressed with wear = "auto": the others are faces of the paper's kind.
+DRESSED_SOURCES: Final = ("people",)
+#: Subjects whose clothes are kept: a batch of frames has few, and one takes about 2 MB.
+_CACHED_SUBJECTS: Final = 8
+#: Points of the skull by which its motion is found.
+_SKULL_POINTS: Final = 96
+#: Albedo differs by this share over a part, in patches of _PATCH_MM; chosen.
+_PATCHES, _PATCH_MM = 0.10, 30.0
+
+
+def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) -> list[str]:
+    """Return the regions of what the people of the sources can wear; [] if all stay as they are."""
+    if not any(Dresser(source, settings).is_on for source in sources):
+        return []
+    shares = {
+        "hair": settings.hair, "beard": settings.beard, "brow": settings.brows,
+        "glasses": settings.glasses, "cloth": settings.cloth,
+    }  # fmt: skip
+    return [name for name, share in shares.items() if share > 0]
+
+
+class DressableSource(FaceSource, Protocol):
+    """A source that knows its regions and its subjects' neutral shape."""
+
+    @property
+    def regions(self) -> NDArray[np.uint8]:
+        """(V,) indices into ``region_names``."""
+        ...
+
+    @property
+    def region_names(self) -> Sequence[str]:
+        """Names of the regions."""
+        ...
+
+    def neutral(self, subject: str) -> tuple[Points, NDArray[np.int32]]:
+        """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles."""
+        ...
+
+
+@dataclass(eq=False)
+class _Worn:
+    """A thing that a subject wears. albedo: (N,).
+
+    last: the skin and the motion that the part was placed on last. Much of a head does not move
+    from frame to frame: the same part is delivered then, and is on the GPU already.
+    """
+
+    region: str
+    binding: Binding
+    faces: NDArray[np.int32]
+    albedo: NDArray[np.float32]
+    last: tuple[Points, Motion, Part] | None = None
+
+    def place(self, vertices_mm: Points, motion: Motion) -> Part:
+        """Return the part over the (V, 3) vertices of a frame."""
+        skin = vertices_mm[self.binding.used]
+        if self.last is not None:
+            before, moved, part = self.last
+            if np.array_equal(skin, before) and (moved == motion):
+                return part
+        mesh = Mesh(self.binding.place(vertices_mm, motion), self.faces, self.albedo)
+        self.last = skin, motion, Part(mesh, self.region)
+        return self.last[2]
+
+
+@dataclass(eq=False)
+class _Wardrobe:
+    """All that a subject wears.
+
+    skull: (K, 3) mm at rest. skin: the last albedo of a mesh, and what was made of it.
+    """
+
+    outfit: Outfit
+    worn: list[_Worn]
+    skull: Points
+    skin: tuple[object, NDArray[np.float32]] | None = None
+
+
+class Dresser:
+    """Dresses the faces of one source. What depends on no frame is made once per subject."""
+
+    def __init__(self, source: FaceSource, settings: AppearanceSettings) -> None:
+        """Raises ConfigError for wear = "always" on a source that cannot be dressed."""
+        wanted = settings.wear == "always" or (
+            settings.wear == "auto" and source.name in DRESSED_SOURCES
+        )
+        can = all(hasattr(source, name) for name in ("regions", "region_names", "neutral"))
+        if wanted and not can:
+            raise ConfigError(
+                f"{source.name}: its meshes have no known regions, so nobody can be dressed: set "
+                "appearance.wear = 'auto'"
+            )
+        self.is_on = wanted
+        self._source: Any = source
+        self._settings = settings
+        self._wardrobes: OrderedDict[tuple[str, int], _Wardrobe] = OrderedDict()
+
+    def dress(self, face: Face, seeds: DrawKeys) -> Face:
+        """Return the face with what its subject wears; a pure function of face and seeds."""
+        if not self.is_on:
+            return face
+        wardrobe = self._wardrobe(face, seeds)
+        mesh = face.mesh
+        motion = skull_motion(wardrobe.skull, mesh.vertices_mm[self._skull])
+        parts = tuple(thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn)
+        return replace(
+            face,
+            mesh=replace(mesh, albedo=self._skin(wardrobe, mesh)),
+            notes={**face.notes, **wardrobe.outfit.words},
+            parts=(*face.parts, *parts),
+        )
+
+    def drawn(self, face: Face, seeds: DrawKeys) -> dict[str, float]:
+        """Return the numbers of an outfit for the manifest: "appearance.name" -> value."""
+        if not self.is_on:
+            return {}
+        return dict(draw_outfit(self._settings, seeds, face.notes).numbers)
+
+    @cached_property
+    def _reference(self) -> Anatomy:
+        subject = self._source.subjects(1)[0]
+        vertices, faces = self._source.neutral(subject)
+        source = self._source
+        return Anatomy(source.name, vertices, faces, source.regions, source.region_names)
+
+    @cached_property
+    def _skull(self) -> NDArray[np.int64]:
+        """Indices of vertices that move with the skull only: the back of the scalp."""
+        at = self._reference
+        inside = at.above_hairline_mm(at.vertices_mm) > 5
+        # Raised brows move the scalp down to the ears.
+        inside &= at.vertices_mm[:, 2] < at.centre[2] - 25 * at.scale
+        found = np.flatnonzero(inside & at.outside & ~at.body & ~at.is_in("ear"))
+        chosen: NDArray[np.int64] = found[
+            np.linspace(0, len(found) - 1, min(_SKULL_POINTS, len(found))).astype(int)
+        ]
+        return chosen
+
+    @cached_property
+    def _scalp(self) -> Any:
+        return make_scalp(self._reference)
+
+    @cached_property
+    def _beard(self) -> Any:
+        return make_beard_grid(self._reference)
+
+    @cached_property
+    def _brows(self) -> Any:
+        return make_brow_grid(self._reference)
+
+    @cached_property
+    def _cloth(self) -> Any:
+        return make_cloth_grid(self._reference)
+
+    def _wardrobe(self, face: Face, seeds: DrawKeys) -> _Wardrobe:
+        key = face.key.subject, seeds.subject
+        if key not in self._wardrobes:
+            outfit = draw_outfit(self._settings, seeds, face.notes)
+            self._wardrobes[key] = self._make(face.key.subject, outfit)
+            while len(self._wardrobes) > _CACHED_SUBJECTS:
+                self._wardrobes.popitem(last=False)
+        self._wardrobes.move_to_end(key)
+        return self._wardrobes[key]
+
+    def _make(self, subject: str, outfit: Outfit) -> _Wardrobe:
+        vertices, _ = self._source.neutral(subject)
+        own = replace(self._reference, vertices_mm=vertices)
+        rest = skull_motion(vertices[:3], vertices[:3])
+        worn: list[_Worn] = []
+
+        def wear(region: str, binding: Binding, faces: NDArray[np.int32], albedo: float) -> None:
+            if len(faces):
+                points = binding.place(vertices, rest)
+                patches = smooth_noise(points / _PATCH_MM, outfit.seed + len(worn))
+                values = np.clip(albedo * (1 + _PATCHES * patches), 0.0, 1.0)
+                worn.append(_Worn(region, binding, faces, values.astype(np.float32)))
+
+        if outfit.hair is not None:
+            hair = make_hair(own, self._scalp, vertices, outfit.hair, outfit.seed)
+            wear("hair", hair.binding, hair.faces, outfit.hair_albedo)
+        if outfit.beard is not None:
+            wear(
+                "beard",
+                *make_beard(self._beard, outfit.beard, outfit.beard_mm, outfit.seed),
+                outfit.hair_albedo,
+            )
+        if outfit.brow_mm:
+            wear("brow", *make_brows(self._brows, outfit.brow_mm, outfit.seed), outfit.hair_albedo)
+        if outfit.glasses is not None:
+            glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
+            wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
+            worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
+        if outfit.garment is not None and self._cloth is not None:
+            cloth = fit_cloth(self._cloth, vertices)
+            for made, albedo in (
+                (make_cloth(cloth, outfit.garment, own.scale, outfit.seed), outfit.cloth_albedo),
+                (make_trousers(cloth, outfit.trousers, outfit.seed), outfit.trousers_albedo),
+                (make_shoes(cloth, outfit.seed), outfit.shoes_albedo),
+            ):
+                if made is not None:
+                    wear("cloth", *made, albedo)
+        return _Wardrobe(outfit, worn, vertices[self._skull])
+
+    def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
+        """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""
+        if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
+            albedo = (
+                np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
+                if mesh.albedo is None
+                else mesh.albedo.copy()
+            )
+            skin = float(np.median(albedo[self._face_skin])) if self._face_skin.any() else 0.6
+            if self._settings.hair:
+                outfit = wardrobe.outfit
+                albedo[self._scalp_skin] = outfit.hair_albedo if outfit.hair is not None else skin
+            wardrobe.skin = (mesh.albedo, albedo)
+        return wardrobe.skin[1]
+
+    @cached_property
+    def _face_skin(self) -> NDArray[np.bool_]:
+        return self._reference.is_in("skin", "face", "cheek")
+
+    @cached_property
+    def _scalp_skin(self) -> NDArray[np.bool_]:
+        return self._reference.is_in("scalp", "hair")

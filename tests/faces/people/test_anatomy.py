@@ -1,0 +1,152 @@
+"""People: sizes as of people, and action units that move what they should."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError
+from glsim.faces.ict_facekit.facs import known_units as ict_units
+from glsim.faces.people.cache import load_model
+from glsim.faces.people.facs import ACTIONS, action_weights, actions_of, known_units
+from glsim.faces.people.identity import sample_identity
+from glsim.faces.people.model import BodyModel
+from glsim.faces.people.regions import REGIONS
+from glsim.faces.people.subject import Subject
+from glsim.faces.performance import CODES
+from tests.support.people import needs_anny
+
+HEAD = ("skin", "brow", "scalp", "lips", "ear", "nose", "lids")
+
+
+@pytest.fixture(scope="module")
+def model() -> BodyModel:
+    return load_model()
+
+
+def inside(model: BodyModel, *names: str) -> NDArray[np.bool_]:
+    return np.isin(model.regions, [REGIONS.index(name) for name in names])
+
+
+def shown(model: BodyModel, name: str, expression: Mapping[str, float]) -> NDArray[np.float32]:
+    """Return the vertices of a subject with an expression; the head keeps its place."""
+    return Subject(model, 0, name).frame("s00_12", "face", 0.0, expression)
+
+
+def test_units_are_those_of_the_other_generator_and_of_all_performances() -> None:
+    assert set(known_units()) == set(ict_units())
+    for code in CODES:
+        for word in code.split("+"):
+            side = f"_{word[-1]}" if word[-1] in "LR" else ""
+            assert actions_of(f"AU{word.rstrip('LR')}{side}")
+    with pytest.raises(ConfigError, match=r"AU99: .* cannot show"):
+        actions_of("AU99")
+
+
+def test_an_action_takes_the_largest_weight_and_lips_are_pushed_out_once() -> None:
+    weights = action_weights({"AU26": 1.0, "AU25": 1.0, "AU18": 1.0, "AU22": 1.0})
+    assert weights["jawOpen"] == 0.5
+    assert weights["mouthPucker"] + weights["mouthFunnel"] == pytest.approx(1.0)
+    assert list(weights) == [action for action in ACTIONS if action in weights]
+    assert set(action_weights({"AU1_L": 0.5})) == {"browInnerUpLeft"}
+
+
+@needs_anny
+def test_grown_people_have_the_sizes_of_people(model: BodyModel) -> None:
+    heights, pupils, breadths = [], [], []
+    eyes, head = inside(model, "sclera", "iris", "pupil"), inside(model, "skin", "scalp")
+    for number in range(40):
+        person = sample_identity(1, f"a{number:04d}")
+        if person.age_years < 18:
+            continue
+        body, _ = model.body(person.weights)
+        eye = body[eyes]
+        pupils.append(eye[eye[:, 0] > 0, 0].mean() - eye[eye[:, 0] < 0, 0].mean())
+        heights.append(np.ptp(body[:, 1]))
+        breadths.append(np.ptp(body[head, 0]))
+    assert 50.0 < min(pupils) < max(pupils) < 75.0
+    assert np.mean(pupils) == pytest.approx(62.0, abs=2.0)  # Dodgson 2004: 63
+    assert 1350.0 < min(heights) < max(heights) < 2050.0
+    assert np.mean(heights) == pytest.approx(1680.0, abs=60.0)  # NCD-RisC 2016: 1.65 m
+    assert np.mean(breadths) == pytest.approx(150.0, abs=8.0)  # ANSUR: 154 men, 147 women
+
+
+@needs_anny
+def test_the_head_is_fine_and_its_surface_closed(model: BodyModel) -> None:
+    on_head = inside(model, *HEAD)[model.faces].all(axis=1)
+    for name in ("a0000", "a0001", "a0002", "a0003"):
+        body, _ = model.body(sample_identity(0, name).weights)
+        corners = body[model.faces[on_head]]
+        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        assert edges.mean() <= 3.5
+    # Skin has no hole: edges with one triangle lie within eyes, mouth, nostrils and teeth only.
+    sides = np.concatenate([model.faces[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    _, first, count = np.unique(
+        np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    assert count.max() == 2
+    open_at = sides[first[count == 1]]
+    assert not inside(model, "scalp", "brow", "torso", "arm", "hand", "leg", "foot", "ear")[
+        open_at
+    ].any()
+
+
+@needs_anny
+def test_faces_are_not_symmetric(model: BodyModel) -> None:
+    rest, _ = model.body({})
+    mirrored = rest * np.array([-1, 1, 1], dtype=np.float32)
+    face = np.flatnonzero(inside(model, "nose", "lips", "lids"))
+    partner = [int(np.argmin(((rest - mirrored[v]) ** 2).sum(axis=1))) for v in face]
+    assert np.abs(rest[partner] - mirrored[face]).max() < 1.0  # the template is
+    for name in ("a0000", "a0001", "a0002"):
+        body, _ = model.body(sample_identity(0, name).weights)
+        other = body[partner] * np.array([-1, 1, 1], dtype=np.float32)
+        off = np.linalg.norm(other - body[face], axis=1)
+        assert 0.4 < off.mean() < 6.0
+
+
+@needs_anny
+def test_action_units_move_what_they_should(model: BodyModel) -> None:
+    lips = np.flatnonzero(inside(model, "lips"))
+    for name in ("a0000", "a0005", "a0012"):
+        neutral = shown(model, name, {})
+        corner = {
+            "L": lips[neutral[lips, 0].argmax()],
+            "R": lips[neutral[lips, 0].argmin()],
+        }
+        smile = shown(model, name, {"AU12": 1.0}) - neutral
+        assert all(smile[v, 1] > 4.0 for v in corner.values())
+        one = shown(model, name, {"AU12_L": 1.0}) - neutral
+        assert one[corner["L"], 1] > 4.0 > 1.0 > abs(one[corner["R"], 1])
+        frown = shown(model, name, {"AU15": 1.0}) - neutral
+        assert all(frown[v, 1] < -2.0 for v in corner.values())
+        jaw = shown(model, name, {"AU26": 1.0}) - neutral
+        assert jaw[model.landmarks["chin"], 1] < -8.0
+        wide = shown(model, name, {"AU27": 1.0}) - neutral
+        assert wide[model.landmarks["chin"], 1] < -18.0
+        brow = inside(model, "brow")
+        assert (shown(model, name, {"AU1": 1.0, "AU2": 1.0}) - neutral)[brow, 1].mean() > 2.0
+        assert (shown(model, name, {"AU4": 1.0}) - neutral)[brow, 1].mean() < -0.5
+
+
+@needs_anny
+def test_closed_lids_cover_the_eyes(model: BodyModel) -> None:
+    """Seen from the front, some lid lies before each pupil when the eyes are closed."""
+    pupil, lids = inside(model, "pupil"), inside(model, "lids", "skin")
+    for name in ("a0000", "a0001", "a0005", "a0009", "a0012"):
+        for expression, covered in (({}, False), ({"AU43": 1.0}, True)):
+            face = shown(model, name, expression)
+            cover = model.faces[lids[model.faces].all(axis=1)]
+            corners = face[cover]
+            for side in (1, -1):
+                eye = face[pupil & (face[:, 0] * side > 0)]
+                x, y, z = eye.mean(axis=0)
+                before = corners[corners[..., 2].min(axis=1) > z - 4.0]
+                turn = [
+                    (b[:, 0] - a[:, 0]) * (y - a[:, 1]) - (b[:, 1] - a[:, 1]) * (x - a[:, 0]) > 0
+                    for a, b in ((before[:, i, :2], before[:, (i + 1) % 3, :2]) for i in range(3))
+                ]
+                assert np.all(turn, axis=0).any() == covered

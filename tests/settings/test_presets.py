@@ -1,0 +1,69 @@
+"""Presets: all load, their order among other settings, unknown names, and their line in --plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from glsim.cli.generate_plan import scene_line
+from glsim.errors import ConfigError
+from glsim.settings.presets import preset_names, preset_title
+from glsim.settings.schema import load_settings
+
+
+def test_the_shipped_presets_load_and_have_a_title() -> None:
+    assert preset_names() == ["living-room", "office", "paper"]
+    for name in preset_names():
+        load_settings(preset=name)
+        assert 20 < len(preset_title(name)) < 90
+    office = load_settings(preset="office")
+    assert office.source[0].kind == "people"
+    assert office.scene.room == "office"
+    assert load_settings(preset="living-room").scene.room == "living-room"
+
+
+def test_the_paper_preset_is_the_papers_set_up() -> None:
+    paper = load_settings(preset="paper")
+    assert paper.sensor == "kinect-v2-paper"
+    assert (paper.split, paper.output.crop) == ("paper", 128)
+    assert paper.pose.distance_mm.constant == 900
+    assert paper.scene.room == "none"
+    assert paper.scene.wall_mm is None
+    assert paper.source[0].kind == "procedural"
+
+
+def test_a_file_then_assignments_then_options_change_a_preset(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text("[scene]\nclutter = 0.1\ncamera_mm = 900\n[output]\ncrop = 64\n")
+    settings = load_settings(
+        file, ["scene.camera_mm=1100"], {"output": {"crop": 32}}, {"subjects": 7}, "office"
+    )
+    assert settings.scene.clutter.constant == 0.1
+    assert settings.scene.camera_mm is not None
+    assert settings.scene.camera_mm.constant == 1100
+    assert settings.output.crop == 32
+    assert (settings.source[0].kind, settings.source[0].subjects) == ("people", 7)
+    assert settings.source[0].framing == "bust"
+
+
+def test_another_source_or_a_wall_takes_the_place_of_the_presets() -> None:
+    heads = load_settings(None, [], {}, {"kind": "procedural"}, "office")
+    assert heads.source[0].framing is None
+    assert heads.scene.room == "office"
+    wall = load_settings(None, ["scene.wall_mm=4000"], {}, None, "office")
+    assert wall.scene.room == "none"
+
+
+def test_an_unknown_preset_names_the_nearest() -> None:
+    with pytest.raises(ConfigError, match=r"no such preset 'ofice' \(did you mean 'office'\?\)"):
+        load_settings(preset="ofice")
+
+
+def test_the_plan_says_what_the_scene_is() -> None:
+    line = scene_line(load_settings(preset="office").scene)
+    assert "room 'office', one per sequence" in line
+    assert "900 to 2400 mm behind" in line
+    assert "0 to 2 other people" in line
+    assert "nothing" in scene_line(load_settings().scene)
+    assert "a wall at 1500 mm" in scene_line(load_settings(None, ["scene.wall_mm=1500"]).scene)

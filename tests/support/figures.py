@@ -1,0 +1,43 @@
+"""A source of simple whole people: a block with a head, standing or sitting by its sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from glsim.faces.base import Face, FaceKey
+from glsim.geometry.mesh import Mesh
+from glsim.scene.shapes import box
+
+#: Height of the face above the floor, mm.
+FACE_MM = 1600.0
+
+
+def figure() -> Mesh:
+    """A person of boxes, origin in the face, 1.7 m tall, 0.2 m deep."""
+    body = box((450, 1440, 200), (0, -FACE_MM, -100))
+    head = box((150, 240, 180), (0, -140, -90))
+    vertices = np.concatenate([body.vertices_mm, head.vertices_mm]).astype(np.float32)
+    return Mesh(vertices, np.concatenate([body.faces, head.faces + len(body.vertices_mm)]))
+
+
+class Figures:
+    """A FaceSource of endless subjects with two sequences of two frames each."""
+
+    name = "figures"
+
+    def __init__(self) -> None:
+        self.loaded: list[FaceKey] = []
+
+    def subjects(self, count: int | None) -> list[str]:
+        return [f"f{n:03d}" for n in range(count or 3)]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        keys = [FaceKey(subject, s, n, n / 30) for s in ("s00", "s01") for n in range(2)]
+        return keys[:count]
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        for key in keys:
+            self.loaded.append(key)
+            yield Face(key, figure(), notes={"sitting": key.sequence == "s00"})

@@ -1,0 +1,55 @@
+"""Dressed heads for tests: a dresser of procedural faces, and pictures of what they wear."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.appearance.dress import Dresser
+from glsim.faces.base import Face, Part
+from glsim.faces.procedural import ProceduralFaces
+from glsim.settings.appearance_settings import AppearanceSettings
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import load_settings
+
+#: Everything on everybody.
+ALL = {"wear": "always", "hair": 1, "beard": 1, "brows": 1, "glasses": 1, "cloth": 1}
+
+
+def appearance(**values: object) -> AppearanceSettings:
+    """The settings [appearance] with some values."""
+    return load_settings(overrides={"appearance": values}).appearance
+
+
+@lru_cache(maxsize=1)
+def heads() -> ProceduralFaces:
+    """The procedural source that these tests share: its model takes a second."""
+    return ProceduralFaces(seed=4)
+
+
+def dresser(**values: object) -> Dresser:
+    """A dresser of the shared source; everything is worn unless ``values`` say otherwise."""
+    return Dresser(heads(), appearance(**{**ALL, **values}))
+
+
+def frames(subject: str, count: int) -> list[Face]:
+    """The first faces of a subject, from neutral on."""
+    loaded = heads().load(heads().frames(subject, count))
+    return [face for face in loaded if isinstance(face, Face)]
+
+
+def keys(subject: int) -> DrawKeys:
+    """Seeds of a subject."""
+    return DrawKeys(frame=1, sequence=2, subject=subject)
+
+
+def part(face: Face, region: str) -> Part:
+    """The first part of a region."""
+    return next(p for p in face.parts if p.region == region)
+
+
+def placed(face: Face) -> list[NDArray[np.float32]]:
+    """The vertices of all parts."""
+    return [p.mesh.vertices_mm for p in face.parts]
