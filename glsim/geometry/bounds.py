@@ -172,9 +172,9 @@ def emitter_frustum(
 
     A surface that casts a shadow into the image lies, seen from the emitter, in the direction of a
     point that the camera sees. The frustum is not cut to a crop: that would change the grid of the
-    shadow map, and with it the edges of shadows. A mesh that reaches past the camera, as the legs of
-    a person who looks up do, has the emitter in its box: what the camera sees is then lit from the
-    camera's near plane on. Raises MeshError if the emitter is inside a scene before the camera.
+    shadow map, and with it the edges of shadows. A mesh that reaches past the camera, as the legs
+    of a person who looks up do, has the emitter in its box: what the camera sees is then lit from
+    the camera's near plane on. Raises MeshError if the emitter is inside a scene before the camera.
     """
     near_m = field_of_view.rig.near_m / 2  # an emitter may stand before the camera
     whole = bounding_frustum(corners_m, origin_m, near_m)
