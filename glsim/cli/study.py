@@ -34,7 +34,7 @@ def study(
         str | None, typer.Option(help="Comma-separated names or .toml files. Default: the Kinects.")
     ] = None,
     source: Annotated[
-        str, typer.Option(help="Source of faces: procedural, ict-facekit or folder.")
+        str, typer.Option(help="Source of faces: procedural, ict-facekit, people or folder.")
     ] = "procedural",
     root: Annotated[
         Path | None, typer.Option(help="Folder of meshes or of the face model.")

