@@ -4,6 +4,7 @@ simulate(settings)       opens the sources and the context; per task of the plan
     source.load          -> a face (mesh in canonical axes, mm), in batches
     vary                 -> the face with another shape and albedo, if the settings vary it
     pose, draw_values    -> pose and stage parameters, drawn from the task's seeds
+    move_pose, bend_neck -> motion of generated heads; shoulders stay upright below a turned head
     crop_window          -> the delivered part of the image
     Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
     ShaderChain.run      -> depth (noisy), reason, infrared: GPU targets, readback queued
@@ -27,6 +28,8 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource
+from glsim.faces.head_motion import head_motion, move_pose
+from glsim.faces.neck import bend_neck
 from glsim.faces.regions import RegionLabels
 from glsim.faces.variation import draw_variation, vary
 from glsim.frame import LAYERS, Frame, Skipped
@@ -44,7 +47,7 @@ from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
 from glsim.render.renderer import Renderer
 from glsim.sensors.sensor import Sensor, sensor_of
-from glsim.settings.schema import Settings
+from glsim.settings.schema import GENERATORS, Settings
 from glsim.settings.seeds import stable_seed
 
 #: Faces per batch: a matrix product of this many rows keeps a core busy, and the vertices of a
@@ -202,16 +205,22 @@ class Simulator:
             name: getattr(settings.pose, name).draw(task.seeds, f"pose.{name}")
             for name in type(settings.pose).model_fields
         }
+        source, motion = self._sources[task.source], pose.pop("motion")
+        still = pose
+        if source.name in GENERATORS:  # recorded faces move by themselves
+            offsets = head_motion(task.seeds.sequence, task.key.time_s)
+            pose = move_pose(pose, {name: motion * offset for name, offset in offsets.items()})
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
-        meshes = [(face.mesh, pose_matrix(pose))]
+        head = bend_neck(face.mesh, pose, getattr(source, "head_share", None))
+        meshes = [(head, pose_matrix(pose))]
         if settings.scene.wall_mm is not None:
             wall_mm = settings.scene.wall_mm.draw(task.seeds, "scene.wall_mm")
             drawn["scene.wall_mm"] = wall_mm
             meshes.append(
                 (_wall(settings.scene.wall_albedo), pose_matrix({"distance_mm": wall_mm}))
             )
-        crop = crop_window(rig.intrinsics, pose, settings.output.crop)
+        crop = crop_window(rig.intrinsics, still, settings.output.crop)
         labels: list[NDArray[np.float32] | None] = []
         if self._labels is not None:
             labels = [self._labels.of(task.source, len(face.mesh.vertices_mm))]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.procedural.neck import head_share
 from glsim.faces.procedural.parameters import sample_identity
 from glsim.faces.procedural.regions import REGIONS
 from glsim.faces.procedural.subject import Subject, head_model, make_subject
@@ -49,6 +50,10 @@ class ProceduralFaces:
     def region_names(self) -> tuple[str, ...]:
         """Names of the regions that ``regions`` refers to."""
         return REGIONS
+
+    def head_share(self, vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the share (N,) of the head's pose that vertices (N, 3) follow, see ``neck``."""
+        return head_share(vertices_mm)
 
     def subjects(self, count: int | None) -> list[str]:
         """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
