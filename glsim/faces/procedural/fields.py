@@ -96,7 +96,9 @@ def upper_weight(template: Template) -> Array:
     above = y - mouth.stomion_line(np.minimum(x, mouth.CORNER_X))
     inside = np.isin(template.part, (PART_MOUTH_LINING, PART_TEETH))
     above = np.where((template.slit == SLIT_MOUTH) | inside, 0.0, above)
-    lips = 0.5 * np.clip(1.0 - (x / mouth.CORNER_X) ** 2, 0.0, 1.0) ** 0.7
+    # the opening is an ellipse at the lips, wider inside, where the jaw carries the whole floor
+    deep = smoothstep(1.0, 5.0, template.ring * (template.slit == SLIT_MOUTH).astype(np.float64))
+    lips = 0.5 * np.clip(1.0 - (x / mouth.CORNER_X) ** (2.0 + 4.0 * deep), 0.0, 1.0) ** 0.7
     spread = (
         6.0 + 1.0 * np.maximum(x - 16.0, 0.0) + 0.35 * np.maximum(0, 10 - template.points[:, 2])
     )

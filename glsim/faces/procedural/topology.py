@@ -17,7 +17,7 @@ from glsim.faces.procedural.grid import COLUMNS, EYE_KNOT, HALF_COLUMNS, MOUTH_K
 EYE_COLUMNS = (11, 26)  # medial and lateral canthus (x = 17.1 and 45.9 mm)
 MOUTH_COLUMN = 17  # the corner of the mouth (x = 26.4 mm)
 EYE_RINGS = 2
-MOUTH_RINGS = 6
+MOUTH_RINGS = 8
 SLIT_NONE, SLIT_EYE, SLIT_MOUTH = 0, 1, 2
 
 
