@@ -51,16 +51,24 @@ def bend_neck(mesh: Mesh, pose: Mapping[str, float], head_share: HeadShare | Non
     if angle == 0.0:
         return mesh
     share = head_share(mesh.vertices_mm)
-    moved = np.flatnonzero(share < 1.0)
-    turn = np.float32(angle) * (1.0 - share[moved, None])
-    away = mesh.vertices_mm[moved] - np.float32(NECK_PIVOT_MM)
-    cos, sin = np.cos(turn), np.sin(turn)
-    along = (away @ axis)[:, None] * axis
     vertices = mesh.vertices_mm.copy()
-    vertices[moved] = np.float32(NECK_PIVOT_MM) + (
-        along + cos * (away - along) + sin * np.cross(axis, away)
-    )
+    for moved, turn in (
+        (np.flatnonzero(share == 0.0), np.float32(angle)),
+        (neck := np.flatnonzero((share > 0.0) & (share < 1.0)), angle * (1.0 - share[neck, None])),
+    ):
+        away = vertices[moved] - np.float32(NECK_PIVOT_MM)
+        vertices[moved] = np.float32(NECK_PIVOT_MM) + _turned(away, axis, turn)
     return replace(mesh, vertices_mm=vertices)
+
+
+def _turned(
+    away: NDArray[np.float32], axis: NDArray[np.float32], angle: NDArray[np.float32] | np.float32
+) -> NDArray[np.float32]:
+    """Return points (N, 3) turned about an axis by angles, (N, 1) or one (Rodrigues' formula)."""
+    x, y, z = axis
+    across = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]], np.float32)  # away @ across: axis x away
+    along = away @ np.outer(axis, axis)
+    return along + np.cos(angle) * (away - along) + np.sin(angle) * (away @ across)
 
 
 def _axis_angle(rotation: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:

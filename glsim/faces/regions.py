@@ -16,7 +16,7 @@ from glsim.faces.base import FaceSource
 KNOWN_REGIONS: Final = (
     "skin", "brow", "hair", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose",
     "lids", "forehead", "cheek", "chin", "mouth", "teeth",
-    "face", "head", "eye socket", "mouth socket", "gums",
+    "face", "head", "eye socket", "mouth socket", "gums", "shoulder",
 )  # fmt: skip
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
 

@@ -28,6 +28,7 @@ from glsim.faces.procedural.topology import SLIT_MOUTH
 from glsim.faces.procedural.volumes import EYE_CENTER
 
 RIGID_EYE_MM = (15.0, 27.0)  # distance from an eye's centre: rigid within, free beyond
+MIDLINE_MM = 4.0  # rounds |x| in Gaussians of both sides
 ANCHORS = 4  # the last points of FieldPoints: left and right eye, left and right ear
 
 
@@ -49,8 +50,12 @@ class FieldPoints:
     upper: Array
 
     def gaussian(self, center: Vec3, radii: Vec3) -> Array:
-        """Return Gaussian weights (N,): exp(-d^2), d = 1 at ``radii``; on both sides."""
-        d = (np.stack([self.x, self.y, self.z], axis=1) - np.asarray(center)) / np.asarray(radii)
+        """Return Gaussian weights (N,): exp(-d^2), d = 1 at ``radii``; on both sides.
+
+        Where the two sides meet, their sum has no edge: the distance from the midline is rounded.
+        """
+        x = np.hypot(self.x, MIDLINE_MM) if center[0] > 0 else self.x
+        d = (np.stack([x, self.y, self.z], axis=1) - np.asarray(center)) / np.asarray(radii)
         return np.asarray(np.exp(-np.einsum("ij,ij->i", d, d)))
 
     def displacement(self, x: Array | float, y: Array | float, z: Array | float) -> Array:

@@ -74,6 +74,12 @@ def face_height(p: FieldPoints) -> Array:
     return p.displacement(0, -share * smoothstep(-150.0, -105.0, p.y) * front_weight(p), 0)
 
 
+def midface_depth(p: FieldPoints) -> Array:
+    """Prominence of nose and upper jaw (mm)."""
+    weight = bump(p.y + 14, 34.0) * smoothstep(62.0, 12.0, p.x) * front_weight(p)
+    return p.displacement(0, 0, weight)
+
+
 def cheekbone(p: FieldPoints) -> Array:
     """Forward prominence of the zygoma (mm)."""
     weight = p.gaussian((45, -8, -8), (19, 15, 28))
@@ -84,6 +90,12 @@ def cheek_fullness(p: FieldPoints) -> Array:
     """Thickness of buccal fat (mm)."""
     weight = p.gaussian((43, -30, -16), (20, 26, 30))
     return p.displacement(0.8 * weight, -0.1 * weight, 0.6 * weight)
+
+
+def jowl(p: FieldPoints) -> Array:
+    """Sag of the cheek over the jaw, beside the chin (mm)."""
+    weight = p.gaussian((35, -74, -12), (14, 13, 20))
+    return p.displacement(0.55 * weight, -0.55 * weight, 0.35 * weight)
 
 
 def nasolabial_fold(p: FieldPoints) -> Array:
@@ -125,10 +137,12 @@ FIELDS: Mapping[str, Field] = {
         temple_hollow,
         face_breadth,
         face_height,
+        midface_depth,
         cheekbone,
         cheek_fullness,
         nasolabial_fold,
         facial_fat,
+        jowl,
         hair_volume,
     )
 }

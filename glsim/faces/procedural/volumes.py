@@ -45,9 +45,9 @@ NECK: tuple[Volume, ...] = (
     Capsule("throat", (0, -104, -64), (0, -160, -72), 20.0, 17.0, 20.0),
     Capsule("sternocleidomastoid", (52, -34, -96), (13, -164, -60), 10.0, 9.0, 9.0),
     Capsule("its clavicular head", (47, -85, -90), (42, -168, -70), 9.0, 8.0, 12.0),
-    Capsule("upper trapezius", (20, -50, -136), (76, -150, -128), 20.0, 24.0, 26.0),
+    Capsule("upper trapezius", (16, -40, -138), (56, -152, -130), 18.0, 24.0, 26.0),
     Capsule("spine", (0, -128, -134), (0, -300, -158), 32.0, 66.0, 40.0),
-    Capsule("trapezius", (58, -150, -128), (166, -210, -116), 25.0, 20.0, 34.0),
+    Capsule("trapezius", (54, -156, -128), (166, -210, -116), 25.0, 20.0, 34.0),
 )
 
 # The bust. ANSUR II (C. C. Gordon et al., NATICK/TR-15/007, 2014), mean of men and women:
@@ -78,8 +78,8 @@ ORBIT: tuple[Volume, ...] = (
 )
 
 NOSE: tuple[Volume, ...] = (
-    Capsule("nasal pyramid", (4, 20, -4), (8.5, -16, 12.5), 8.5, 8.5, 10.0),
-    Capsule("dorsum", (0, 26, 8.2), (0, -15, 31.0), 6.2, 6.4, 9.0),
+    Capsule("nasal pyramid", (4, 20, -4), (8.5, -16, 12.5), 8.5, 8.5, 13.0),
+    Capsule("dorsum", (0, 26, 8.2), (0, -15, 31.0), 6.2, 6.4, 14.0),
     Ellipsoid("tip", (0, -18.5, 32.5), (8.6, 8.2, 9.2), 8.0),
     Ellipsoid("lobule side", (6, -20, 27), (6, 6.5, 8), 6.0, yaw_deg=20),
     Ellipsoid("ala", (12.3, -22.3, 19.5), (5.0, 6.6, 8.0), 3.0, yaw_deg=-22, pitch_deg=8),
