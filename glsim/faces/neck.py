@@ -51,13 +51,12 @@ def bend_neck(mesh: Mesh, pose: Mapping[str, float], head_share: HeadShare | Non
     if angle == 0.0:
         return mesh
     share = head_share(mesh.vertices_mm)
-    vertices = mesh.vertices_mm.copy()
+    vertices, pivot = mesh.vertices_mm.copy(), np.array(NECK_PIVOT_MM, np.float32)
     for moved, turn in (
         (np.flatnonzero(share == 0.0), np.float32(angle)),
         (neck := np.flatnonzero((share > 0.0) & (share < 1.0)), angle * (1.0 - share[neck, None])),
     ):
-        away = vertices[moved] - np.float32(NECK_PIVOT_MM)
-        vertices[moved] = np.float32(NECK_PIVOT_MM) + _turned(away, axis, turn)
+        vertices[moved] = pivot + _turned(vertices[moved] - pivot, axis, turn)
     return replace(mesh, vertices_mm=vertices)
 
 
@@ -66,9 +65,12 @@ def _turned(
 ) -> NDArray[np.float32]:
     """Return points (N, 3) turned about an axis by angles, (N, 1) or one (Rodrigues' formula)."""
     x, y, z = axis
-    across = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]], np.float32)  # away @ across: axis x away
+    across = np.array(
+        [[0, z, -y], [-z, 0, x], [y, -x, 0]], np.float32
+    )  # away @ across: axis x away
     along = away @ np.outer(axis, axis)
-    return along + np.cos(angle) * (away - along) + np.sin(angle) * (away @ across)
+    turned = along + np.cos(angle) * (away - along) + np.sin(angle) * (away @ across)
+    return np.asarray(turned, np.float32)
 
 
 def _axis_angle(rotation: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:

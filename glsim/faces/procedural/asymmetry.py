@@ -12,14 +12,14 @@ from glsim.faces.performance import rng_for
 from glsim.faces.procedural.falloff import Array
 from glsim.faces.procedural.fields import FieldPoints, RigidParts
 
-#: Wavelengths, mm: from the width of a head to that of a cheek; amplitudes are proportional to them.
+#: Wavelengths, mm: from a head's width to a cheek's; amplitudes are proportional to them.
 WAVELENGTHS_MM = (260.0, 150.0, 90.0)
 WAVES = 4  # per wavelength: enough to approximate a Gaussian field
-#: Standard deviation of the field in each direction, mm, and its spread over people. Faces and their
-#: mirror images, registered, differ by 0.63 mm root mean square (sd 0.16) along the normals, over
-#: 350 adults (Cleft Palate Craniofac. J., doi 10.1597/13-353); these fields and the asymmetries in
-#: the table of parameters together give that size (test_asymmetry.py measures it), and left and
-#: right landmarks that differ by 1 to 3 mm.
+#: Standard deviation of the field in each direction, mm, and its spread over people. Faces and
+#: their mirror images, registered, differ by 0.63 mm root mean square (sd 0.16) along the normals,
+#: over 350 adults (Cleft Palate Craniofac. J., doi 10.1597/13-353). These fields and the
+#: asymmetries in the table of parameters together give that size (test_procedural_parts.py
+#: measures it), and landmarks on both sides that differ by 1 to 3 mm.
 FIELD_MM, SPREAD = 0.42, 0.25
 LIMITS_MM = (0.15, 0.8)
 

@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 
 from glsim.faces.performance import rng_for
 
-
 #: Factors of a person, each of mean 0 and sd 1: sex (+1 male, -1 female), size of the body, body
 #: fat, age (-1 about 20 years, +2 about 70), and two axes of differences between populations: broad
 #: low nose with full lips, and flat midface with a low nasal root and full upper lids.

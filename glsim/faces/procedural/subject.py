@@ -39,8 +39,9 @@ from glsim.faces.procedural.volumes import EYE_CENTER
 class HeadModel:
     """Data shared by all subjects; built once per process.
 
-    field_points, rigid: the points at which fields are evaluated. identity: (parameters, V * 3)
-    float32, mm per unit, and the spans of its rows that are not 0. actions: shared expression basis. regions: (V,) uint8 indices into REGIONS.
+    field_points, rigid: where fields are evaluated. identity: (parameters, V * 3) float32, mm per
+    unit; identity_spans: the parts of its rows that are not 0. actions: shared expression basis.
+    regions: (V,) uint8 indices into REGIONS.
     """
 
     template: Template

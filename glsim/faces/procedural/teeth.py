@@ -68,7 +68,8 @@ def _samples(widths: tuple[float, ...], edges: tuple[float, ...]) -> Array:
 def teeth() -> tuple[Array, IntArray, np.ndarray]:
     """Build both rows: vertices (V, 3), triangles (F, 3), and (V,) whether in the lower row."""
     height, behind, grooved = (np.array(column)[:, None] for column in zip(*AROUND, strict=True))
-    points, faces, low = [], [], []
+    points: list[Array] = []
+    faces, low = [], []
     for lower, (widths, edges, line, front) in enumerate(
         (
             (UPPER_WIDTHS, UPPER_EDGES, UPPER_EDGE, FRONT_Z),
@@ -80,7 +81,7 @@ def teeth() -> tuple[Array, IntArray, np.ndarray]:
         back = behind * thick + grooved * groove
         rise = height * CROWN + (edge + rounding * (1.0 - height) ** 4)
         y = line + (-rise if lower else rise)
-        first = sum(len(part) for part in points)
+        first = sum(map(len, points))
         rows = [x - back * normal[:, 0], y + 0 * x, front + z - back * normal[:, 1]]
         points.append(np.stack(rows, axis=-1).reshape(-1, 3))
         index = first + np.arange(y.size).reshape(y.shape)
@@ -89,5 +90,5 @@ def teeth() -> tuple[Array, IntArray, np.ndarray]:
             [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
         )
         faces.append(quads[:, ::-1] if lower else quads)
-        low.append(np.full(y.size, bool(lower)))
+        low.append(np.full(y.size, lower == 1))
     return np.concatenate(points), np.concatenate(faces).astype(np.int32), np.concatenate(low)

@@ -108,9 +108,7 @@ def smooth_grid(points: Array, topology: SkinTopology) -> Array:
     lips = (
         smoothstep(14.0, 9.0, np.abs(y - mouth.STOMION_Y)) * smoothstep(34.0, 28.0, x) * (z > -20)
     )
-    nose = (
-        0.7 * smoothstep(-38.0, -31.0, y) * smoothstep(30.0, 24.0, y) * smoothstep(24.0, 18.0, x)
-    )
+    nose = 0.7 * smoothstep(-38.0, -31.0, y) * smoothstep(30.0, 24.0, y) * smoothstep(24.0, 18.0, x)
     bust = smoothstep(-138.0, -158.0, y) * (0.65 - 0.2 * smoothstep(110.0, 170.0, x))
     rate = 0.5 * (1.0 - np.maximum.reduce([fine, lips, nose * (z > 0), bust]))[..., None]
     for _ in range(SMOOTHING_PASSES):

@@ -65,9 +65,7 @@ BUST: tuple[Volume, ...] = (
     Capsule("clavicle, medial half", (15, -176, -57), (92, -180, -67), 8.0, 6.5, 16.0),
     Capsule("clavicle, lateral half", (92, -180, -67), (172, -196, -104), 6.5, 8.0, 16.0),
     Ellipsoid("jugular notch", (0, -165, -42), (9, 12, 12), 12.0, carve=True),
-    Ellipsoid(
-        "supraclavicular fossa", (80, -160, -62), (34, 13, 18), 16.0, yaw_deg=22, carve=True
-    ),
+    Ellipsoid("supraclavicular fossa", (80, -160, -62), (34, 13, 18), 16.0, yaw_deg=22, carve=True),
 )
 
 ORBIT: tuple[Volume, ...] = (
