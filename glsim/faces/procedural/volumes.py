@@ -62,8 +62,8 @@ BUST: tuple[Volume, ...] = (
     Capsule("upper arm", (184, -266, -112), (178, -540, -104), 48.0, 46.0, 40.0),
     Ellipsoid("pectoral", (72, -292, -66), (74, 50, 46), 36.0, yaw_deg=22),
     Ellipsoid("sternum", (0, -300, -62), (40, 110, 44), 40.0, pitch_deg=-10),
-    Capsule("clavicle, medial half", (15, -176, -57), (92, -180, -67), 8.0, 6.5, 16.0),
-    Capsule("clavicle, lateral half", (92, -180, -67), (172, -196, -104), 6.5, 8.0, 16.0),
+    Capsule("clavicle, medial half", (15, -177, -58), (88, -181, -66), 9.0, 8.5, 22.0),
+    Capsule("clavicle, lateral half", (88, -181, -66), (170, -197, -103), 8.5, 9.0, 22.0),
     Ellipsoid("jugular notch", (0, -165, -42), (9, 12, 12), 12.0, carve=True),
     Ellipsoid("supraclavicular fossa", (80, -160, -62), (34, 13, 18), 16.0, yaw_deg=22, carve=True),
 )
