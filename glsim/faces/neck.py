@@ -51,26 +51,17 @@ def bend_neck(mesh: Mesh, pose: Mapping[str, float], head_share: HeadShare | Non
     if angle == 0.0:
         return mesh
     share = head_share(mesh.vertices_mm)
+    moved = np.flatnonzero(share < 1.0)
+    turn = np.float32(angle) * (1.0 - share[moved])
+    cos, sin = np.cos(turn), np.sin(turn)
     vertices, pivot = mesh.vertices_mm.copy(), np.array(NECK_PIVOT_MM, np.float32)
-    for moved, turn in (
-        (np.flatnonzero(share == 0.0), np.float32(angle)),
-        (neck := np.flatnonzero((share > 0.0) & (share < 1.0)), angle * (1.0 - share[neck, None])),
-    ):
-        vertices[moved] = pivot + _turned(vertices[moved] - pivot, axis, turn)
+    away = [vertices[moved, n] - pivot[n] for n in range(3)]
+    along = (1.0 - cos) * (axis[0] * away[0] + axis[1] * away[1] + axis[2] * away[2])
+    for n in range(3):  # Rodrigues' formula
+        k, m = (n + 1) % 3, (n + 2) % 3
+        across = axis[k] * away[m] - axis[m] * away[k]
+        vertices[moved, n] = pivot[n] + cos * away[n] + sin * across + axis[n] * along
     return replace(mesh, vertices_mm=vertices)
-
-
-def _turned(
-    away: NDArray[np.float32], axis: NDArray[np.float32], angle: NDArray[np.float32] | np.float32
-) -> NDArray[np.float32]:
-    """Return points (N, 3) turned about an axis by angles, (N, 1) or one (Rodrigues' formula)."""
-    x, y, z = axis
-    across = np.array(
-        [[0, z, -y], [-z, 0, x], [y, -x, 0]], np.float32
-    )  # away @ across: axis x away
-    along = away @ np.outer(axis, axis)
-    turned = along + np.cos(angle) * (away - along) + np.sin(angle) * (away @ across)
-    return np.asarray(turned, np.float32)
 
 
 def _axis_angle(rotation: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:

@@ -16,7 +16,7 @@ def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the share (N,) of the head's pose that each vertex (N, 3) follows: 1 head, 0 trunk."""
     share = np.ones(len(vertices_mm), np.float32)
     low = np.flatnonzero(vertices_mm[:, 1] < HEAD_Y[0])
-    top = np.interp(vertices_mm[low, 2], HEAD_Z, HEAD_Y)
-    t = np.clip((vertices_mm[low, 1] - top) / NECK_MM + 1.0, 0.0, 1.0)
+    top = np.interp(vertices_mm[low, 2], HEAD_Z, HEAD_Y).astype(np.float32)
+    t = np.clip((vertices_mm[low, 1] - top) / np.float32(NECK_MM) + np.float32(1.0), 0.0, 1.0)
     share[low] = t * t * (3.0 - 2.0 * t)
     return share
