@@ -34,7 +34,9 @@ def forehead_breadth(p: FieldPoints) -> Array:
 
 def forehead_slope(p: FieldPoints) -> Array:
     """Backwards lean of the forehead (deg)."""
-    lean = np.maximum(p.y - 38.0, 0.0) * smoothstep(-110.0, -10.0, p.z)
+    above = p.y - 38.0
+    above = 0.5 * (above + np.hypot(above, 14.0))  # max(above, 0) without its edge
+    lean = above * smoothstep(-110.0, -10.0, p.z)
     return p.displacement(0, 0, -np.deg2rad(1.0) * lean)
 
 
