@@ -16,8 +16,8 @@ from glsim.faces.procedural.fields import FieldPoints, RigidParts
 WAVELENGTHS_MM = (260.0, 150.0, 90.0)
 WAVES = 4  # per wavelength: enough to approximate a Gaussian field
 #: Standard deviation of the field in each direction, mm, and its spread over people. Faces and
-#: their mirror images, registered, differ by 0.63 mm root mean square (sd 0.16) along the normals,
-#: over 350 adults (Cleft Palate Craniofac. J., doi 10.1597/13-353). These fields and the
+#: their mirror images, registered, differ by 0.63 mm root mean square (sd 0.16) over 350
+#: adults (Cleft Palate Craniofac. J., doi 10.1597/13-353). These fields and the
 #: asymmetries in the table of parameters together give that size (test_procedural_parts.py
 #: measures it), and landmarks on both sides that differ by 1 to 3 mm.
 FIELD_MM, SPREAD = 0.42, 0.25
