@@ -20,9 +20,9 @@ from glsim.geometry.pose import pose_matrix
 #: (0, -25, -85) on these heads) and the last cervical vertebra (near (0, -140, -120)). Chosen.
 NECK_PIVOT_MM: Final = (0.0, -80.0, -95.0)
 
-#: Band of natural head movement, Hz. Sway of the head is slow (0.34-0.39 Hz on average, 20 standing
-#: adults, "Head movement recording and significance"). The limits are chosen: posture drifts slower,
-#: and quick nods of speakers (U. Hadar et al., Human Movement Science 2, 1983) are left out.
+#: Band of the motion, Hz. Sway of the head is slow (0.34-0.39 Hz on average, 20 standing adults,
+#: "Head movement recording and significance"). The limits are chosen: slower drifts of posture and
+#: quick nods of speakers (U. Hadar et al., Human Movement Science 2, 1983) are left out.
 BAND_HZ: Final = (0.1, 1.5)
 
 
