@@ -82,13 +82,15 @@ def run_study(
 ) -> list[SensorResult]:
     """Generate the same faces with each sensor; score the paper's filters and tuned rivals.
 
+    Heads keep still unless ``overrides`` set ``pose.motion``, as in the paper.
+
     out: gets a folder per sensor with its data set and scores; all steps are resumable.
     overrides, source: settings of the data sets, see ``load_settings``. generating, scoring: return
     the progress callback of a sensor.
     """
     results = []
     for sensor in sensors:
-        tree = {"split": _SPLIT} | overrides | {"sensor": sensor}
+        tree = {"split": _SPLIT, "pose": {"motion": 0.0}} | overrides | {"sensor": sensor}
         data, scores = out / sensor / "data", out / sensor / "scores"
         generate(load_settings(None, [], tree, source), data, workers=workers,
                  progress=generating(sensor))  # fmt: skip

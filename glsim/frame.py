@@ -75,7 +75,7 @@ class Frame:
     extra: further float32 layers of the stages, by name.
     depth_unit_mm: millimetres per step of ``clean`` and ``noisy``.
     depth_offset_mm: millimetres subtracted from every depth (0 unless normalised).
-    pose: drawn values of distance_mm, yaw_deg, ...
+    pose: distance_mm, yaw_deg, ... as drawn, plus the motion of generated heads.
     expression: action unit or blend shape -> intensity in [0, 1].
     parameters: "stage.parameter" -> drawn value; constants are left out.
     notes: further JSON values about the face, from its source.

@@ -5,6 +5,7 @@ simulate(settings)       opens the sources and the context; per task of the plan
     vary                 -> the face with another shape and albedo, if the settings vary it
     Dresser.dress        -> the face with hair, glasses and cloth, if the settings dress it
     pose, draw_values    -> pose and stage parameters, drawn from the task's seeds
+    move_pose, bend_neck -> motion of generated heads; shoulders stay upright below a turned head
     crop_window          -> the delivered part of the image
     Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
     ShaderChain.run      -> depth (noisy), reason, infrared: GPU targets, readback queued
@@ -29,6 +30,8 @@ from glsim.appearance.dress import Dresser, worn_regions
 from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
+from glsim.faces.head_motion import head_motion, move_pose
+from glsim.faces.neck import bend_neck
 from glsim.faces.regions import RegionLabels
 from glsim.faces.variation import draw_variation, vary
 from glsim.frame import LAYERS, Frame, Skipped
@@ -48,7 +51,7 @@ from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
 from glsim.sensors.sensor import Sensor, sensor_of
-from glsim.settings.schema import Settings
+from glsim.settings.schema import GENERATORS, Settings
 from glsim.settings.seeds import stable_seed
 
 #: Faces per batch: a matrix product of this many rows keeps a core busy, and the vertices of a
@@ -214,20 +217,27 @@ class Simulator:
             name: getattr(settings.pose, name).draw(task.seeds, f"pose.{name}")
             for name in type(settings.pose).model_fields
         }
+        still, motion = pose, pose.pop("motion")
+        if self._sources[task.source].name in GENERATORS:  # recorded faces move by themselves
+            offsets = head_motion(task.seeds.sequence, task.key.time_s)
+            offsets = {name: motion * offset for name, offset in offsets.items()}
+            pose = move_pose(pose, offsets, face.neck)
         drawn, values = draw_values(self.sensor.stages, task.seeds)
         drawn |= draw_variation(settings.variation, task.seeds)
         drawn |= self._dressers[task.source].drawn(face, task.seeds)
         body = body_of(face) if settings.scene.room != "none" else None
         scenery = build_scenery(settings.scene, settings.pose, task.seeds, rig, body)
         drawn |= scenery.drawn
-        head = scenery.stands(pose_matrix(pose))
-        check_behind(scenery, [face.mesh, *(part.mesh for part in face.parts)], head)
-        worn = [(part.mesh, head) for part in face.parts]
+        person = [
+            bend_neck(mesh, face.neck, pose, still)
+            for mesh in (face.mesh, *(part.mesh for part in face.parts))
+        ]
+        view = scenery.stands(pose_matrix(pose))
+        check_behind(scenery, person, view)
         others = self._others.props(task, scenery) if body is not None else []
         further = [*scenery.props, *others]
-        props = [(prop.mesh, prop.view) for prop in further]
-        meshes = [(face.mesh, head), *worn, *props]
-        crop = crop_window(rig.intrinsics, pose, settings.output.crop)
+        meshes = [(mesh, view) for mesh in person] + [(prop.mesh, prop.view) for prop in further]
+        crop = crop_window(rig.intrinsics, still, settings.output.crop)
         labels: list[NDArray[np.float32] | None] = []
         if self._labels is not None:
             named: list[Part | Prop] = [*face.parts, *further]

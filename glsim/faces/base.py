@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from glsim.errors import MeshError
+from glsim.faces.neck import Neck
 from glsim.geometry.mesh import Mesh
 
 
@@ -43,6 +44,7 @@ class Face:
     """The geometry and metadata of one frame.
 
     parts: what the person wears; it is drawn with the mesh.
+    neck: how the head turns against the shoulders; None for a head that turns as a whole.
 
     expression: action unit or blend shape -> intensity in [0, 1], without zeros.
     notes: further metadata for the manifest (JSON values only), such as the detected unit.
@@ -53,6 +55,7 @@ class Face:
     expression: Mapping[str, float] = field(default_factory=dict)
     notes: Mapping[str, object] = field(default_factory=dict)
     parts: tuple[Part, ...] = ()
+    neck: Neck | None = None
 
 
 @dataclass(frozen=True)

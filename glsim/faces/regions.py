@@ -20,7 +20,7 @@ KNOWN_REGIONS: Final = (
     "face", "head", "eye socket", "mouth socket", "gums",
     "scalp", "torso", "arm", "hand", "leg", "foot",
     "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
-    "beard", "glasses", "cloth",
+    "beard", "glasses", "cloth", "shoulder",
 )  # fmt: skip
 _KEPT_LABELS: Final = 64  # arrays; a room has ten, one for each of its meshes
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region

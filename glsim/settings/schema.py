@@ -52,6 +52,7 @@ PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.plan.paper_split."""
 GENERATORS = ("procedural", "ict-facekit", "people")
 """Sources that generate faces; the others are finite."""
+_MAX_MOTION = 5.0  # chosen: turns of 30 degrees within a sequence
 _FILE_SOURCES = ("folder", "d3dfacs", "facewarehouse", "biwi")
 _SOURCE_OPTIONS = {
     "unit": _FILE_SOURCES,
@@ -119,6 +120,18 @@ class PoseSettings(_Table):
     yaw_deg: NumberSetting = Field(constant(0.0), description="head turned to its own left")
     pitch_deg: NumberSetting = Field(constant(0.0), description="head raised")
     roll_deg: NumberSetting = Field(constant(0.0), description="head tilted to its own left")
+    motion: NumberSetting = Field(
+        constant(1.0),
+        description="sway, nods and turns in sequences of generated faces, times this; 0: still",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> PoseSettings:
+        low, high = self.motion.bounds()
+        if low < 0 or high > _MAX_MOTION:
+            wrong = low if low < 0 else high
+            raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {_MAX_MOTION:g}]")
+        return self
 
 
 class VariationSettings(_Table):

@@ -12,15 +12,30 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.neck import Neck
 from glsim.faces.people.cache import load_model
 from glsim.faces.people.files import data_folder
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.regions import REGIONS
 from glsim.faces.people.subject import FRAMINGS, Subject
+from glsim.faces.procedural.neck import head_share as neck_share
 from glsim.faces.sequences import performance_expression, performance_frames
 from glsim.geometry.mesh import Mesh
+from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
 
 CACHED_SUBJECTS: Final = 4
+#: |x| from which vertices follow the head less, and no more, mm: beside ears and hair. Chosen.
+_ASIDE_MM: Final = (130.0, 190.0)
+
+
+def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the share (N,) of the head's turn that vertices (N, 3), mm from the face, follow.
+
+    As on the embedded heads; raised hands and shoulders, aside of the neck, do not follow.
+    """
+    aside = np.clip((_ASIDE_MM[1] - np.abs(vertices_mm[:, 0])) / np.diff(_ASIDE_MM)[0], 0.0, 1.0)
+    share: NDArray[np.float32] = neck_share(vertices_mm) * aside.astype(np.float32)
+    return share
 
 
 class People:
@@ -93,7 +108,16 @@ class People:
                 "arms": list(posture.arms),
                 "framing": self.framing,
             }
-            yield Face(key, Mesh(vertices, self._model.faces, subject.albedo), expression, notes)
+            mesh = Mesh(vertices, self._model.faces, subject.albedo)
+            yield Face(key, mesh, expression, notes, neck=self._neck(vertices))
+
+    def _neck(self, vertices_mm: NDArray[np.float32]) -> Neck:
+        """The neck of a posed body; ``[pose]`` turns the whole person."""
+        if self.framing == "face":
+            return Neck(head_share, trunk_poses=True)
+        tip = vertices_mm[self._model.landmarks["nose_tip"]].astype(np.float64)
+        face = tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
+        return Neck(head_share, (float(face[0]), float(face[1]), float(face[2])), True)
 
     def _subject(self, name: str) -> Subject:
         """Return a subject from the cache, or make it."""

@@ -26,6 +26,9 @@ SIDE_BLEND_MM = 12.0  # one-sided units fade over this distance at the midline
 SIDEWAYS_MM = 10.0  # sideways pulls fade to 0 within this distance of the midline
 LID_STIFFNESS = 0.85  # the lids take 1 - this of the skin pulls around them
 SIDES = ("L", "R")
+LEAST_PULL_MM = 1e-3  # the tails of Gaussians below are cut, so that a pull moves its region only
+SPAN_BLOCK = 1536  # numbers per block: four rows of the grid
+Spans = list[list[slice]]
 LID_BASIS_ROWS = 8  # (upper, lower) x (linear, square) x (left, right)
 JAW_BASIS_ROWS = 2
 
@@ -34,12 +37,13 @@ JAW_BASIS_ROWS = 2
 class ActionBasis:
     """The part of the expression basis shared by all subjects.
 
-    pulls: (2 * units, V * 3) float32 mm; rows are AU1_L, AU1_R, AU2_L... jaw: (V,) weight of the
-    jaw's rotation in [0, 1].
+    pulls: (2 * units, V * 3) float32 mm; rows are AU1_L, AU1_R, AU2_L... spans: per row, the slices
+    that are not zero. jaw: (V,) weight of the jaw's rotation in [0, 1].
     """
 
     units: tuple[ActionUnit, ...]
     pulls: NDArray[np.float32]
+    spans: Spans
     jaw: Array
 
 
@@ -83,7 +87,19 @@ def make_action_basis(template: Template, field_points: FieldPoints, lids: Lids)
         field += jaw[:, None] * np.asarray(unit.jaw_slide)
         rows += [(field * share[:, None]).ravel() for share in (left, 1.0 - left)]
     assert len(field_points.points) == count + ANCHORS
-    return ActionBasis(ACTION_UNITS, np.array(rows, dtype=np.float32), jaw)
+    pulls = np.array(rows, dtype=np.float32)
+    pulls[np.abs(pulls) < LEAST_PULL_MM] = 0.0
+    return ActionBasis(ACTION_UNITS, pulls, nonzero_spans(pulls), jaw)
+
+
+def nonzero_spans(rows: NDArray[np.float32]) -> Spans:
+    """Return the slices of each row of (R, N) that hold its numbers other than 0, in blocks."""
+    found = []
+    for row in rows:
+        padded = np.pad(row != 0, (0, -len(row) % SPAN_BLOCK)).reshape(-1, SPAN_BLOCK).any(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], padded.astype(np.int8), [0]])))
+        found.append([slice(a * SPAN_BLOCK, b * SPAN_BLOCK) for a, b in edges.reshape(-1, 2)])
+    return found
 
 
 def subject_basis(

@@ -28,6 +28,7 @@ from glsim.faces.procedural.topology import SLIT_MOUTH
 from glsim.faces.procedural.volumes import EYE_CENTER
 
 RIGID_EYE_MM = (15.0, 27.0)  # distance from an eye's centre: rigid within, free beyond
+MIDLINE_MM = 4.0  # rounds |x| in Gaussians of both sides
 ANCHORS = 4  # the last points of FieldPoints: left and right eye, left and right ear
 
 
@@ -49,8 +50,12 @@ class FieldPoints:
     upper: Array
 
     def gaussian(self, center: Vec3, radii: Vec3) -> Array:
-        """Return Gaussian weights (N,): exp(-d^2), d = 1 at ``radii``; on both sides."""
-        d = (np.stack([self.x, self.y, self.z], axis=1) - np.asarray(center)) / np.asarray(radii)
+        """Return Gaussian weights (N,): exp(-d^2), d = 1 at ``radii``; on both sides.
+
+        Where the two sides meet, their sum has no edge: the distance from the midline is rounded.
+        """
+        x = np.hypot(self.x, MIDLINE_MM) if center[0] > 0 else self.x
+        d = (np.stack([x, self.y, self.z], axis=1) - np.asarray(center)) / np.asarray(radii)
         return np.asarray(np.exp(-np.einsum("ij,ij->i", d, d)))
 
     def displacement(self, x: Array | float, y: Array | float, z: Array | float) -> Array:
@@ -96,7 +101,9 @@ def upper_weight(template: Template) -> Array:
     above = y - mouth.stomion_line(np.minimum(x, mouth.CORNER_X))
     inside = np.isin(template.part, (PART_MOUTH_LINING, PART_TEETH))
     above = np.where((template.slit == SLIT_MOUTH) | inside, 0.0, above)
-    lips = 0.5 * np.clip(1.0 - (x / mouth.CORNER_X) ** 2, 0.0, 1.0) ** 0.7
+    # the opening is an ellipse at the lips, wider inside, where the jaw carries the whole floor
+    deep = smoothstep(1.0, 5.0, template.ring * (template.slit == SLIT_MOUTH).astype(np.float64))
+    lips = 0.5 * np.clip(1.0 - (x / mouth.CORNER_X) ** (2.0 + 4.0 * deep), 0.0, 1.0) ** 0.7
     spread = (
         6.0 + 1.0 * np.maximum(x - 16.0, 0.0) + 0.35 * np.maximum(0, 10 - template.points[:, 2])
     )

@@ -24,8 +24,8 @@ ROW_KNOTS: tuple[tuple[int, float, float, float, float, float, float], ...] = (
     (7, 26, -40, -110, 0, -6, 1.0),
     (7, 15, -40, -110, 0, -8, 1.0),  # palpebral fissure
     (7, 4, -40, -110, 0, -10, 1.0),
-    (3, -14, -40, -110, 0, -12, 1.0),
-    (8, -20, -40, -110, 0, -12, 1.0),  # tip of the nose
+    (5, -14, -40, -110, 0, -12, 1.0),
+    (12, -20, -40, -110, 0, -12, 1.0),  # tip of the nose
     (5, -29.5, -40, -110, 0, -12, 1.0),  # subnasale
     (6, -40, -40, -108, 0, -12, 0.97),
     (6, -49, -40, -106, 0, -12, 0.93),  # mouth
@@ -35,11 +35,15 @@ ROW_KNOTS: tuple[tuple[int, float, float, float, float, float, float], ...] = (
     (3, -83, -12, -104, -52, -13, 0.54),  # menton
     (6, -84, -16, -104, -66, -14, 0.52),
     (5, -88, -46, -104, -60, -14, 0.52),  # under the chin
-    (9, -106, -70, -104, -20, -12, 0.56),  # throat
-    (5, -160, -80, -104, -6, -8, 0.62),
-    (0, -182, -84, -104, 0, -4, 0.7),  # shoulders
+    (7, -106, -70, -104, -20, -12, 0.56),  # throat
+    (6, -136, -82, -106, -6, -8, 0.62),  # base of the neck
+    (10, -156, -88, -110, 0, -2, 0.8),  # clavicles
+    (5, -210, -100, -112, 0, 0, 1.7),
+    (9, -258, -108, -115, 0, 0, 2.0),  # chest
+    (3, -450, -100, -112, 0, 0, 2.2),  # rounded off downwards
+    (0, -450, -100, -112, -75, -75, 1.9),
 )
-EYE_KNOT, TIP_KNOT, SUBNASALE_KNOT, MOUTH_KNOT, CHIN_KNOT = 5, 8, 9, 11, 14
+EYE_KNOT, TIP_KNOT, SUBNASALE_KNOT, MOUTH_KNOT, CHIN_KNOT, BUST_KNOT = 5, 8, 9, 11, 14, 19
 CHIN_CURVE = 0.02  # 1/mm: setback of the origins of lateral rays, quadratic in x
 
 FRONT_X = np.concatenate([np.arange(12) * 1.55, 18.6 + np.arange(16) * 1.95])  # mm, cast forwards

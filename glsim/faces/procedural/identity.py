@@ -9,11 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from glsim.faces.procedural import identity_jaw, identity_nose_eyes, identity_skull
+from glsim.faces.procedural import (
+    identity_bust,
+    identity_jaw,
+    identity_nose_eyes,
+    identity_skull,
+)
 from glsim.faces.procedural.fields import Field
 
 FIELDS: Mapping[str, Field] = {
     **identity_skull.FIELDS,
     **identity_nose_eyes.FIELDS,
     **identity_jaw.FIELDS,
+    **identity_bust.FIELDS,
 }

@@ -1,4 +1,4 @@
-"""Identity fields of the mouth, the jaw and the neck (see identity.py)."""
+"""Identity fields of the mouth and the jaw (see identity.py)."""
 
 from __future__ import annotations
 
@@ -104,16 +104,10 @@ def jaw_asymmetry(p: FieldPoints) -> Array:
     return np.stack([weight, 0 * weight, 0 * weight], axis=1)
 
 
-def neck_breadth(p: FieldPoints) -> Array:
-    """Width under the jaw (mm)."""
-    weight = smoothstep(-62.0, -105.0, p.y) * smoothstep(0.0, -45.0, p.z)
-    side = 0.5 * np.minimum(p.x / 55.0, 1.0) * weight
-    return p.displacement(side, 0, 0.35 * weight * smoothstep(-150.0, -90.0, p.z))
-
-
-def adams_apple(p: FieldPoints) -> Array:
-    """Size of the laryngeal prominence (mm)."""
-    return p.displacement(0, 0, p.gaussian((0, -122, -48), (11, 15, 25)))
+def double_chin(p: FieldPoints) -> Array:
+    """Thickness of the fat under the chin (mm)."""
+    weight = p.gaussian((0, -98, -30), (36, 17, 36))
+    return p.displacement(0, -0.85 * weight, 0.5 * weight)
 
 
 FIELDS: Mapping[str, Field] = {
@@ -133,7 +127,6 @@ FIELDS: Mapping[str, Field] = {
         chin_height,
         chin_cleft,
         jaw_asymmetry,
-        neck_breadth,
-        adams_apple,
+        double_chin,
     )
 }

@@ -90,6 +90,11 @@ def tear_trough(p: FieldPoints) -> Array:
     return p.displacement(0, 0, -1.2 * weight)
 
 
+def eye_bag(p: FieldPoints) -> Array:
+    """Bulge under the lower lid (mm)."""
+    return p.displacement(0, -0.2 * (w := p.gaussian((31, 1, 6), (13, 5.0, 18))), 0.9 * w)
+
+
 def eye_level_asymmetry(p: FieldPoints) -> Array:
     """Height of the left eye above the right (mm)."""
     weight = bump(p.y - 17, 20.0) * smoothstep(8.0, 22.0, p.x) * front_weight(p)
@@ -112,6 +117,7 @@ FIELDS: Mapping[str, Field] = {
         eye_depth,
         lid_hood,
         tear_trough,
+        eye_bag,
         eye_level_asymmetry,
     )
 }

@@ -34,7 +34,9 @@ def forehead_breadth(p: FieldPoints) -> Array:
 
 def forehead_slope(p: FieldPoints) -> Array:
     """Backwards lean of the forehead (deg)."""
-    lean = np.maximum(p.y - 38.0, 0.0) * smoothstep(-110.0, -10.0, p.z)
+    above = p.y - 38.0
+    above = 0.5 * (above + np.hypot(above, 14.0))  # max(above, 0) without its edge
+    lean = above * smoothstep(-110.0, -10.0, p.z)
     return p.displacement(0, 0, -np.deg2rad(1.0) * lean)
 
 
@@ -74,6 +76,12 @@ def face_height(p: FieldPoints) -> Array:
     return p.displacement(0, -share * smoothstep(-150.0, -105.0, p.y) * front_weight(p), 0)
 
 
+def midface_depth(p: FieldPoints) -> Array:
+    """Prominence of nose and upper jaw (mm)."""
+    weight = bump(p.y + 14, 34.0) * smoothstep(62.0, 12.0, p.x) * front_weight(p)
+    return p.displacement(0, 0, weight)
+
+
 def cheekbone(p: FieldPoints) -> Array:
     """Forward prominence of the zygoma (mm)."""
     weight = p.gaussian((45, -8, -8), (19, 15, 28))
@@ -84,6 +92,12 @@ def cheek_fullness(p: FieldPoints) -> Array:
     """Thickness of buccal fat (mm)."""
     weight = p.gaussian((43, -30, -16), (20, 26, 30))
     return p.displacement(0.8 * weight, -0.1 * weight, 0.6 * weight)
+
+
+def jowl(p: FieldPoints) -> Array:
+    """Sag of the cheek over the jaw, beside the chin (mm)."""
+    weight = p.gaussian((35, -74, -12), (14, 13, 20))
+    return p.displacement(0.55 * weight, -0.55 * weight, 0.35 * weight)
 
 
 def nasolabial_fold(p: FieldPoints) -> Array:
@@ -125,10 +139,12 @@ FIELDS: Mapping[str, Field] = {
         temple_hollow,
         face_breadth,
         face_height,
+        midface_depth,
         cheekbone,
         cheek_fullness,
         nasolabial_fold,
         facial_fat,
+        jowl,
         hair_volume,
     )
 }

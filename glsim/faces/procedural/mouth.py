@@ -16,8 +16,13 @@ CORNER_X = 26.4
 CUPID_X = 5.5  # peaks of Cupid's bow
 UPPER_LIP, LOWER_LIP = 8.4, 10.4  # vermilion heights at the midline and below it
 SULCUS_Y = -65.5
-RING_DEPTH = (2.0, 5.0, 10.0, 17.0, 25.0, 33.0)  # mm behind the lip's edge, ring by ring
-RING_SPREAD = (0.0, 0.6, 2.0, 3.0, 3.0, 1.5)  # mm up (upper lip) or down (lower lip)
+# Rings of the oral cavity: mm behind the lip's edge, and mm above the upper or below the lower
+# lip's edge. They line the lips, the vestibule in front of the teeth, then the palate above and the
+# tongue below, to a dark back wall; the gums are where the teeth stand out of them. Chosen: an
+# incisor's crown shows 9 mm below the gum, and the back wall is 50 mm behind the lips.
+RING_DEPTH = (2.0, 4.5, 7.0, 12.0, 20.0, 32.0, 44.0, 50.0)
+UPPER_SPREAD = (0.3, 2.0, 9.0, 11.0, 13.0, 13.0, 10.0, 4.0)
+LOWER_SPREAD = (0.3, 2.0, 8.5, 8.0, 4.0, 3.0, 5.0, 4.0)
 
 
 def stomion_line(x: Array) -> Array:
@@ -71,10 +76,11 @@ def lip_weight(x: Array, y: Array) -> Array:
 def mouth_rings(edge: Array, ring: IntArray, low: np.ndarray) -> Array:
     """Return positions (N, 3) of the rings of the oral cavity, from their lip vertices (N, 3)."""
     level = np.clip(ring - 1, 0, len(RING_DEPTH) - 1)
-    depth, spread = np.asarray(RING_DEPTH)[level], np.asarray(RING_SPREAD)[level]
+    depth = np.asarray(RING_DEPTH)[level]
+    spread = np.where(low, -np.asarray(LOWER_SPREAD)[level], np.asarray(UPPER_SPREAD)[level])
     corner = smoothstep(CORNER_X + 0.5, CORNER_X - 8.0, edge[:, 0])
     points = edge.copy()
-    points[:, 0] *= 1.0 - 0.006 * depth
-    points[:, 1] += np.where(low, -1.0, 1.0) * corner * (spread + 0.03)
+    points[:, 0] *= 1.0 - 0.004 * depth
+    points[:, 1] += corner * spread
     points[:, 2] -= depth * (0.35 + 0.65 * corner)
     return points

@@ -30,7 +30,7 @@ from glsim.faces.procedural.volumes import EYE_RADIUS
 
 REGIONS: tuple[str, ...] = (
     "skin", "brow", "hair", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose",
-    "lids", "forehead", "cheek", "chin", "mouth", "teeth",
+    "lids", "forehead", "cheek", "chin", "mouth", "teeth", "shoulder",
 )  # fmt: skip
 
 # Mean, sd, minimum and maximum over people of the reflectivity at 860 nm, relative to a white wall.
@@ -83,6 +83,9 @@ def make_regions(template: Template) -> NDArray[np.uint8]:
     paint("chin", front & (y < -63) & (x < 24))
     jaw_line = np.interp(z, (-92.0, -60.0, -20.0, 5.0, 15.0), (-20.0, -68.0, -88.0, -94.0, -99.0))
     paint("neck", skin & (y < np.where(z < -92, 0.0, jaw_line)))
+    # below the clavicles and on the slope of the shoulders
+    wide = np.hypot(x, z + 104.0) > np.interp(y, (-150.0, -120.0), (64.0, 78.0))
+    paint("shoulder", skin & ((y < -166.0) | ((y < -118.0) & wide)))
     nose_half = np.interp(y, (-30, -15, 5, 25), (17.5, 17.0, 12.0, 8.0))
     paint("nose", front & (y > -29.5) & (y < 26) & (x < nose_half) & (z > 8))
     ball = np.hypot(x - 32, (y - 15) * 1.25)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.neck import Neck
+from glsim.faces.procedural.neck import head_share
 from glsim.faces.procedural.parameters import sample_identity
 from glsim.faces.procedural.regions import REGIONS
 from glsim.faces.procedural.subject import Subject, head_model, make_subject
@@ -19,6 +21,8 @@ from glsim.geometry.mesh import Mesh
 
 CACHED_SUBJECTS = 4
 BATCH_FRAMES = 64  # frames evaluated together: 15 MB of vertices
+
+_NECK = Neck(head_share)
 
 
 class ProceduralFaces:
@@ -78,7 +82,7 @@ class ProceduralFaces:
         faces = head_model().template.faces
         heads = person.frames(expressions)
         for key, head, expression in zip(keys, heads, expressions, strict=True):
-            yield Face(key, Mesh(head, faces, person.albedo), expression)
+            yield Face(key, Mesh(head, faces, person.albedo), expression, neck=_NECK)
 
     def _subject(self, name: str) -> Subject:
         """Return a subject from the cache, or make it."""

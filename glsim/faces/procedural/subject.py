@@ -9,14 +9,23 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.faces.procedural.asymmetry import asymmetry_field
 from glsim.faces.procedural.expression import (
+    LEAST_PULL_MM,
     ActionBasis,
+    Spans,
     coefficients,
     make_action_basis,
+    nonzero_spans,
     subject_basis,
 )
 from glsim.faces.procedural.falloff import Array
-from glsim.faces.procedural.fields import make_field_points, make_rigid_parts
+from glsim.faces.procedural.fields import (
+    FieldPoints,
+    RigidParts,
+    make_field_points,
+    make_rigid_parts,
+)
 from glsim.faces.procedural.identity import FIELDS
 from glsim.faces.procedural.identity_parts import PART_FIELDS
 from glsim.faces.procedural.lids import Lids, make_lids
@@ -30,13 +39,17 @@ from glsim.faces.procedural.volumes import EYE_CENTER
 class HeadModel:
     """Data shared by all subjects; built once per process.
 
-    identity: (parameters, V * 3) float32, mm per unit. actions: shared expression basis.
+    field_points, rigid: where fields are evaluated. identity: (parameters, V * 3) float32, mm per
+    unit; identity_spans: the parts of its rows that are not 0. actions: shared expression basis.
     regions: (V,) uint8 indices into REGIONS.
     """
 
     template: Template
+    field_points: FieldPoints
+    rigid: RigidParts
     lids: Lids
     identity: NDArray[np.float32]
+    identity_spans: Spans
     actions: ActionBasis
     regions: NDArray[np.uint8]
 
@@ -53,18 +66,25 @@ def head_model() -> HeadModel:
         for p in PARAMETERS
     ]
     identity = np.array([row.ravel() for row in rows], dtype=np.float32)
+    identity[np.abs(identity) < LEAST_PULL_MM] = 0.0
     regions = make_regions(head)
     regions.setflags(write=False)
-    return HeadModel(head, lids, identity, make_action_basis(head, field_points, lids), regions)
+    actions = make_action_basis(head, field_points, lids)
+    spans = nonzero_spans(identity)
+    return HeadModel(head, field_points, rigid, lids, identity, spans, actions, regions)
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A person: neutral (V, 3) float64 mm, albedo (V,), and their lid and jaw rows of the basis."""
+    """A person: neutral (V, 3) float64 mm, albedo (V,), and their lid and jaw rows of the basis.
+
+    own_spans: per row, the slices that are not zero.
+    """
 
     neutral: Array
     albedo: NDArray[np.float32]
     own_basis: NDArray[np.float32]
+    own_spans: Spans
 
     def frames(self, expressions: Sequence[Mapping[str, float]]) -> NDArray[np.float32]:
         """Return heads (frames, V, 3) float32 mm for expressions (action unit -> intensity)."""
@@ -72,11 +92,16 @@ class Subject:
         pulls = head_model().actions.pulls
         shared, own = weights[:, : len(pulls)], weights[:, len(pulls) :]
         heads = np.repeat(self.neutral.astype(np.float32).reshape(1, -1), len(weights), axis=0)
-        for part, rows in ((shared, pulls), (own, self.own_basis)):
+        for part, rows, spans in (
+            (shared, pulls, head_model().actions.spans),
+            (own, self.own_basis, self.own_spans),
+        ):
             # one column at a time: the sum is bit-identical whatever else is in the batch
             for column in np.flatnonzero(part.any(axis=0)):
-                used = np.flatnonzero(part[:, column])
-                heads[used] += part[used, column, None] * rows[column]
+                row = rows[column]
+                for moved in spans[column]:
+                    for frame in np.flatnonzero(part[:, column]):
+                        heads[frame, moved] += part[frame, column] * row[moved]
         return heads.reshape(len(weights), -1, 3)
 
 
@@ -84,15 +109,23 @@ def neutral_head(identity: Mapping[str, float]) -> Array:
     """Return the neutral head (V, 3) float64 mm of an identity (parameter -> value)."""
     shared = head_model()
     head = shared.template.points.ravel().copy()
-    for p, field in zip(PARAMETERS, shared.identity, strict=True):
-        head += (identity[p.name] - p.template) * field
+    for p, field, spans in zip(PARAMETERS, shared.identity, shared.identity_spans, strict=True):
+        for moved in spans:
+            head[moved] += (identity[p.name] - p.template) * field[moved]
     return head.reshape(-1, 3)
 
 
 def make_subject(identity: Mapping[str, float], seed: int, name: str) -> Subject:
-    """Make the subject of an identity; ``seed`` and ``name`` determine the albedo."""
+    """Make the subject of an identity; ``seed`` and ``name`` give the asymmetry and the albedo."""
     shared = head_model()
-    neutral = neutral_head(identity)
+    asymmetry = asymmetry_field(shared.field_points, shared.rigid, seed, name)
+    albedo = draw_albedo(shared.template, shared.regions, seed, name, identity["hair_volume"])
+    return subject_of(neutral_head(identity) + asymmetry, albedo)
+
+
+def subject_of(neutral: Array, albedo: NDArray[np.float32]) -> Subject:
+    """Make the subject with a neutral head (V, 3) mm and an albedo (V,)."""
+    shared = head_model()
     ball, left = shared.template.part == PART_EYEBALL, shared.template.points[:, 0] > 0
     moved = neutral - shared.template.points
     globes = np.array(
@@ -101,8 +134,5 @@ def make_subject(identity: Mapping[str, float], seed: int, name: str) -> Subject
             for sign, side in ((1.0, left), (-1.0, ~left))
         ]
     )
-    return Subject(
-        neutral,
-        draw_albedo(shared.template, shared.regions, seed, name, identity["hair_volume"]),
-        subject_basis(shared.actions, shared.lids, neutral, globes),
-    )
+    own = subject_basis(shared.actions, shared.lids, neutral, globes)
+    return Subject(neutral, albedo, own, nonzero_spans(own))

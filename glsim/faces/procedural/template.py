@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from glsim.faces.procedural import ears, eyes, mouth, teeth
 from glsim.faces.procedural.falloff import Array, IntArray, smoothstep
 from glsim.faces.procedural.grid import (
+    BUST_KNOT,
     COLUMNS,
     EYE_KNOT,
     HALF_COLUMNS,
@@ -28,10 +29,12 @@ from glsim.faces.procedural.grid import (
 from glsim.faces.procedural.nose import nose_offset
 from glsim.faces.procedural.signed_distance import cast_to_surface
 from glsim.faces.procedural.topology import SLIT_EYE, SLIT_MOUTH, SkinTopology, build_topology
-from glsim.faces.procedural.volumes import EYE_CENTER, HEAD
+from glsim.faces.procedural.volumes import EYE_CENTER, HEAD, TRUNK
 
 PART_SKIN, PART_EYE_LINING, PART_MOUTH_LINING, PART_EAR, PART_EYEBALL, PART_TEETH = range(6)
 SMOOTHING_PASSES = 8
+# Smoothing of the nose without shrinking (G. Taubin, SIGGRAPH 1995).
+NOSE_PASSES, SMOOTH, UNSHRINK = 8, 0.5, -0.52
 FLIP = np.array([-1.0, 1.0, 1.0])  # mirror at the median plane
 
 
@@ -71,7 +74,12 @@ def skin_points(topology: SkinTopology) -> Array:
     )
     rays = make_rays(topology.row, column, shift)
     rays.directions[topology.ring < 0] = (0.0, 1.0, 0.0)  # the pole
-    points = cast_to_surface(rays.origins, rays.directions, HEAD)
+    bust = topology.row >= knot_row(BUST_KNOT)
+    points = np.empty_like(rays.origins)
+    for chosen, volumes, steps in ((~bust, HEAD, 30), (bust, TRUNK, 60)):
+        points[chosen] = cast_to_surface(
+            rays.origins[chosen], rays.directions[chosen], volumes, steps
+        )
     front = front_of(points, -80.0, -29.0)
     points[front, 2] += mouth.lip_offset(points[front, 0], points[front, 1])
     near_nose = front_of(points, -29.5, 0.0)
@@ -100,19 +108,27 @@ def smooth_grid(points: Array, topology: SkinTopology) -> Array:
     lips = (
         smoothstep(14.0, 9.0, np.abs(y - mouth.STOMION_Y)) * smoothstep(34.0, 28.0, x) * (z > -20)
     )
-    nose = (
-        0.75 * smoothstep(-38.0, -31.0, y) * smoothstep(30.0, 24.0, y) * smoothstep(24.0, 18.0, x)
-    )
-    rate = 0.5 * (1.0 - np.maximum.reduce([fine, lips, nose * (z > 0)]))[..., None]
+    nose = 0.7 * smoothstep(-38.0, -31.0, y) * smoothstep(30.0, 24.0, y) * smoothstep(24.0, 18.0, x)
+    bust = smoothstep(-138.0, -158.0, y) * (0.65 - 0.2 * smoothstep(110.0, 170.0, x))
+    rate = 0.5 * (1.0 - np.maximum.reduce([fine, lips, nose * (z > 0), bust]))[..., None]
     for _ in range(SMOOTHING_PASSES):
-        wide = np.concatenate([half[:, 1:2] * FLIP, half, half[:, -2:-1] * FLIP], axis=1)
-        tall = np.concatenate([half[:1], half, half[-1:]], axis=0)
-        mean = 0.25 * (wide[:, :-2] + wide[:, 2:] + tall[:-2] + tall[2:])
-        mean[0], mean[-1] = half[0], half[-1]
-        half += rate * (mean - half)
+        half += rate * (neighbour_mean(half) - half)
+    ridge = smoothstep(-33.0, -27.0, y) * smoothstep(26.0, 12.0, y) * smoothstep(24.0, 18.0, x)
+    ridge = (ridge * smoothstep(4.0, 14.0, z))[..., None]
+    for step in (SMOOTH, UNSHRINK) * NOSE_PASSES:
+        half += step * ridge * (neighbour_mean(half) - half)
     points = points.copy()
     points[: ROWS * COLUMNS] = half[:, np.abs(topology.column[:COLUMNS])].reshape(-1, 3)
     return points
+
+
+def neighbour_mean(half: Array) -> Array:
+    """Return the mean of the four neighbours of each vertex of a half grid (ROWS, C, 3)."""
+    wide = np.concatenate([half[:, 1:2] * FLIP, half, half[:, -2:-1] * FLIP], axis=1)
+    tall = np.concatenate([half[:1], half, half[-1:]], axis=0)
+    mean = 0.25 * (wide[:, :-2] + wide[:, 2:] + tall[:-2] + tall[2:])
+    mean[0], mean[-1] = half[0], half[-1]
+    return np.asarray(mean)
 
 
 def place_linings(points: Array, topology: SkinTopology) -> None:

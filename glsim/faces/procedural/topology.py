@@ -12,12 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from glsim.faces.procedural.falloff import IntArray
-from glsim.faces.procedural.grid import COLUMNS, EYE_KNOT, HALF_COLUMNS, MOUTH_KNOT, ROWS, knot_row
+from glsim.faces.procedural.grid import (
+    BUST_KNOT,
+    COLUMNS,
+    EYE_KNOT,
+    HALF_COLUMNS,
+    MOUTH_KNOT,
+    ROWS,
+    SUBNASALE_KNOT,
+    TIP_KNOT,
+    knot_row,
+)
 
 EYE_COLUMNS = (11, 26)  # medial and lateral canthus (x = 17.1 and 45.9 mm)
 MOUTH_COLUMN = 17  # the corner of the mouth (x = 26.4 mm)
+SLOPE_COLUMN = 36  # from here outwards the shoulders slope; the clavicles are in front
 EYE_RINGS = 2
-MOUTH_RINGS = 6
+MOUTH_RINGS = 8
 SLIT_NONE, SLIT_EYE, SLIT_MOUTH = 0, 1, 2
 
 
@@ -62,6 +73,19 @@ def signed_column(index: int) -> int:
     return index if index <= HALF_COLUMNS else index - COLUMNS
 
 
+def other_diagonal(row: int, index: int) -> bool:
+    """Return whether the cell right of grid position (row, index) is cut along its other diagonal.
+
+    Left and right are mirrored. Across the furrows under the nose and the slope of the shoulders,
+    the usual diagonal would make saw teeth.
+    """
+    left = index < HALF_COLUMNS
+    steps = index if left else COLUMNS - 1 - index
+    under_nose = knot_row(TIP_KNOT) + 2 <= row < knot_row(SUBNASALE_KNOT)
+    slope = row >= knot_row(BUST_KNOT) and steps > SLOPE_COLUMN
+    return left == (under_nose or slope)
+
+
 def build_topology() -> SkinTopology:
     """Build the topology of the skin."""
     build = _MeshBuilder()
@@ -90,10 +114,11 @@ def build_topology() -> SkinTopology:
     for here, there in ring_of:
         build.quad(pole, upper[0, here], upper[0, there], upper[0, there])
     for row in range(ROWS - 1):
-        for here, there in ring_of:
-            build.quad(
-                lower[row, here], upper[row + 1, here], upper[row + 1, there], lower[row, there]
-            )
+        for index, (here, there) in enumerate(ring_of):
+            corners = [lower[row, here], upper[row + 1, here], upper[row + 1, there]]
+            corners.append(lower[row, there])
+            first = other_diagonal(row, index)
+            build.quad(*corners[first:], *corners[:first])
     for row, spans in slit_spans.items():
         for kind, (start, end) in spans:
             _line_slit(build, upper, lower, row, kind, start, end)

@@ -40,11 +40,32 @@ FACE: tuple[Volume, ...] = (
 )
 
 NECK: tuple[Volume, ...] = (
-    Capsule("neck", (0, -60, -98), (0, -190, -104), 46.0, 51.0, 18.0),
-    Capsule("nape", (0, 20, -128), (0, -110, -124), 36.0, 36.0, 24.0),
-    Capsule("throat", (0, -104, -64), (0, -190, -72), 20.0, 22.0, 24.0),
-    Capsule("sternocleidomastoid", (46, -30, -98), (14, -190, -60), 10.0, 9.0, 16.0),
-    Capsule("trapezius", (20, -75, -135), (85, -205, -122), 22.0, 40.0, 30.0),
+    Capsule("neck", (0, -60, -98), (0, -165, -104), 46.0, 51.0, 18.0),
+    Capsule("nape", (0, 20, -128), (0, -125, -126), 36.0, 36.0, 24.0),
+    Capsule("throat", (0, -104, -64), (0, -160, -72), 20.0, 17.0, 20.0),
+    Capsule("sternocleidomastoid", (52, -34, -96), (13, -164, -60), 10.0, 9.0, 9.0),
+    Capsule("its clavicular head", (47, -85, -90), (42, -168, -70), 9.0, 8.0, 12.0),
+    Capsule("upper trapezius", (16, -40, -138), (56, -152, -130), 18.0, 24.0, 26.0),
+    Capsule("spine", (0, -128, -134), (0, -300, -158), 32.0, 66.0, 40.0),
+    Capsule("trapezius", (54, -156, -128), (166, -210, -116), 25.0, 20.0, 34.0),
+)
+
+# The bust. ANSUR II (C. C. Gordon et al., NATICK/TR-15/007, 2014), mean of men and women:
+# biacromial breadth 390, bideltoid 480, chest depth 250 mm; the jugular notch lies about 80 mm
+# below the chin. Large volumes fill the inside, so that rays from the axis reach the skin.
+BUST: tuple[Volume, ...] = (
+    Capsule("shoulder girdle", (0, -246, -116), (172, -250, -114), 62.0, 44.0, 30.0),
+    Capsule("flank", (40, -275, -118), (34, -430, -112), 97.0, 92.0, 40.0),
+    Ellipsoid("upper back", (0, -285, -140), (118, 116, 80), 50.0),
+    Ellipsoid("scapula", (88, -268, -168), (56, 70, 40), 50.0, yaw_deg=-20),
+    Ellipsoid("deltoid", (186, -246, -113), (48, 56, 48), 26.0),
+    Capsule("upper arm", (184, -266, -112), (178, -540, -104), 48.0, 46.0, 40.0),
+    Ellipsoid("pectoral", (72, -292, -66), (74, 50, 46), 36.0, yaw_deg=22),
+    Ellipsoid("sternum", (0, -300, -62), (40, 110, 44), 40.0, pitch_deg=-10),
+    Capsule("clavicle, medial half", (15, -177, -58), (88, -181, -66), 9.0, 8.5, 22.0),
+    Capsule("clavicle, lateral half", (88, -181, -66), (170, -197, -103), 8.5, 9.0, 22.0),
+    Ellipsoid("jugular notch", (0, -165, -42), (9, 12, 12), 12.0, carve=True),
+    Ellipsoid("supraclavicular fossa", (80, -160, -62), (34, 13, 18), 16.0, yaw_deg=22, carve=True),
 )
 
 ORBIT: tuple[Volume, ...] = (
@@ -55,8 +76,8 @@ ORBIT: tuple[Volume, ...] = (
 )
 
 NOSE: tuple[Volume, ...] = (
-    Capsule("nasal pyramid", (4, 20, -4), (8.5, -16, 12.5), 8.5, 8.5, 10.0),
-    Capsule("dorsum", (0, 26, 8.2), (0, -15, 31.0), 6.2, 6.4, 9.0),
+    Capsule("nasal pyramid", (4, 20, -4), (8.5, -16, 12.5), 8.5, 8.5, 13.0),
+    Capsule("dorsum", (0, 26, 8.2), (0, -15, 31.0), 6.2, 6.4, 14.0),
     Ellipsoid("tip", (0, -18.5, 32.5), (8.6, 8.2, 9.2), 8.0),
     Ellipsoid("lobule side", (6, -20, 27), (6, 6.5, 8), 6.0, yaw_deg=20),
     Ellipsoid("ala", (12.3, -22.3, 19.5), (5.0, 6.6, 8.0), 3.0, yaw_deg=-22, pitch_deg=8),
@@ -67,3 +88,4 @@ NOSE: tuple[Volume, ...] = (
 )
 
 HEAD: tuple[Volume, ...] = SKULL + FACE + NECK + ORBIT + NOSE
+TRUNK: tuple[Volume, ...] = NECK + BUST
