@@ -209,11 +209,15 @@ class Dresser:
         if outfit.beard is not None:
             wear(
                 "beard",
-                *make_beard(self._beard, outfit.beard, outfit.beard_mm, outfit.seed),
+                *make_beard(self._beard, vertices, outfit.beard, outfit.beard_mm, outfit.seed),
                 outfit.hair_albedo,
             )
         if outfit.brow_mm:
-            wear("brow", *make_brows(self._brows, outfit.brow_mm, outfit.seed), outfit.hair_albedo)
+            wear(
+                "brow",
+                *make_brows(self._brows, vertices, outfit.brow_mm, outfit.seed),
+                outfit.hair_albedo,
+            )
         if outfit.glasses is not None:
             glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
