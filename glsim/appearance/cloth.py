@@ -169,12 +169,10 @@ def make_cloth(
     if garment.collar == "v":
         beside = np.abs(points[:, 0] - points[:, 0].mean())
         inside -= np.clip(cloth.front, 0, 1) * np.clip(75 - 1.6 * beside, 0, None) * scale
-    arm = np.nan_to_num(cloth.arm, nan=0.0)
-    if garment.sleeve == 0:
-        inside = np.where(np.isfinite(cloth.arm), -1.0, inside)
-    inside = np.minimum(inside, 400 * (garment.sleeve - arm))
-    leg = np.nan_to_num(cloth.leg, nan=0.0)
-    inside = np.minimum(inside, 600 * (0.12 - leg))
+    sleeve = 400 * (garment.sleeve - np.nan_to_num(cloth.arm))
+    inside = np.where(np.isfinite(cloth.arm), np.minimum(inside, sleeve), inside)
+    hem = 600 * (0.12 - np.nan_to_num(cloth.leg))
+    inside = np.where(np.isfinite(cloth.leg), np.minimum(inside, hem), inside)
     inside = np.where(cloth.foot, -1.0, inside)
     keep: Mask = np.all(inside[grid.faces] > 0, axis=1)
     if keep.sum() < 20:
