@@ -99,10 +99,11 @@ def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
 
 
 def make_beard(
-    beard: BeardGrid, style: BeardStyle, length_mm: float, seed: int
+    beard: BeardGrid, rest_mm: Array, style: BeardStyle, length_mm: float, seed: int
 ) -> tuple[Shell, NDArray[np.int32]]:
     """Return the shell and the triangles of a subject's beard.
 
+    rest_mm: (V, 3) the subject at rest.
     length_mm: of the hair, along the normals. seed: of the relief and the ragged rim.
     """
     inside = beard.inside.copy()
@@ -130,7 +131,7 @@ def make_beard(
         ends = 1 + 0.35 * smooth_noise(points / 7.0, seed + 3)
         drop[:, 1] = -style.hang * share * ends * rim**2
         drop[:, 2] = 0.15 * style.hang * share * rim
-    shell = Shell(grid, height.astype(np.float32), drop if style.hang else None)
+    shell = Shell(grid, rest_mm, height, drop if style.hang else None)
     return shell, np.ascontiguousarray(grid.faces, np.int32)
 
 
@@ -159,13 +160,16 @@ def _brows(anatomy: Anatomy) -> Array:
 
 
 def make_brows(
-    brows: tuple[SkinGrid, Array, Array], height_mm: float, seed: int
+    brows: tuple[SkinGrid, Array, Array], rest_mm: Array, height_mm: float, seed: int
 ) -> tuple[Shell, NDArray[np.int32]]:
-    """Return the shell and the triangles of a subject's brows, height_mm high."""
+    """Return the shell and the triangles of a subject's brows, height_mm high.
+
+    rest_mm: (V, 3) the subject at rest.
+    """
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
     keep: Mask = np.all(ragged[grid.faces] > 0.3, axis=1)
     kept, used = grid.taken(keep)
     relief = 1 + 0.45 * smooth_noise(points[used] * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
     height = height_mm * np.clip(weight[used], 0.15, 1) * relief
-    return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(kept.faces, np.int32)
+    return Shell(kept, rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)

@@ -12,6 +12,9 @@ from glsim.appearance.scalp import Anchors
 
 Points = NDArray[np.float32]
 
+#: A skull whose points move by less than this rests, mm; chosen, far below any sensor's step.
+_REST_MM = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -35,9 +38,12 @@ class Motion:
 
 
 def skull_motion(reference: Points, moved: Points) -> Motion:
-    """Fit the rotation and shift between (N, 3) points by least squares (Kabsch)."""
+    """Fit the rotation and shift between (N, 3) points by least squares (Kabsch).
+
+    A skull at rest, up to the ends of what raised brows move, has no motion at all.
+    """
     first, second = reference.mean(axis=0), moved.mean(axis=0)
-    if np.array_equal(reference, moved):
+    if np.abs(moved - reference).max() < _REST_MM:
         return Motion(np.eye(3, dtype=np.float32), np.zeros(3, np.float32), True)
     u, _, vt = np.linalg.svd((moved - second).astype(np.float64).T @ (reference - first))
     u[:, 2] *= np.sign(np.linalg.det(u @ vt))

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array, Mask
-from glsim.appearance.binding import Motion
 from glsim.appearance.noise import ridges, smooth_noise
-from glsim.appearance.shell import Shell, SkinGrid, make_grid
+from glsim.appearance.shell import Shell, SkinGrid, make_grid, point_normals
 
 _EDGE_MM: Final = {"head": 4.5, "body": 15.0}
 #: Passes of smoothing that find hollows, about 90 mm wide on a grid of 9 mm, and the deepest, mm.
@@ -60,11 +59,12 @@ GARMENTS: Final = (
 
 @dataclass(frozen=True, eq=False)
 class ClothGrid:
-    """Where cloth can be on a source. points: (N, 3) mm on the reference.
+    """Where cloth can be on a source or a subject. points: (N, 3) mm on the reference.
 
     above_neck: (N,) mm over the base of the neck along the collar's plane. arm, leg: (N,) share of
-    the limb from its root, NaN elsewhere. foot: (N,). front: (N,) in [-1, 1], 1 in front. Of a
-    subject: hollow: (N,) mm that cloth spans over hollows, normal: (N, 3).
+    the limb from its root, NaN elsewhere. foot: (N,). front: (N,) in [-1, 1], 1 in front.
+    rest_mm: (V, 3) vertices of the reference or the subject. Of a subject with a body: hollow: (N,)
+    mm that cloth spans over hollows, normal: (N, 3).
     """
 
     grid: SkinGrid
@@ -74,6 +74,7 @@ class ClothGrid:
     leg: Array
     foot: Mask
     front: Array
+    rest_mm: NDArray[np.float32]
     hollow: Array | None = None
     normal: Array | None = None
 
@@ -108,7 +109,9 @@ def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
     on_foot = grid.anchors.place(feet)[:, 0] > 0.5
     out = own - base
     front = out[:, 2] / np.maximum(np.hypot(out[:, 0], out[:, 2]), 1.0)
-    return ClothGrid(grid, own, _above_neck(own, base), limbs[0], limbs[1], on_foot, front)
+    return ClothGrid(
+        grid, own, _above_neck(own, base), limbs[0], limbs[1], on_foot, front, anatomy.vertices_mm
+    )
 
 
 def fit_cloth(cloth: ClothGrid, vertices_mm: NDArray[np.float32]) -> ClothGrid:
@@ -118,11 +121,10 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: NDArray[np.float32]) -> ClothGrid:
     outside of the skin, the cloth follows it.
     """
     if not np.isfinite(cloth.arm).any():
-        return cloth
+        return replace(cloth, rest_mm=vertices_mm)
     count = len(cloth.points)
-    still = Motion(np.eye(3, dtype=np.float32), np.zeros(3, np.float32), is_rest=True)
-    skin = Shell(cloth.grid, np.zeros(count, np.float32)).place(vertices_mm, still)
-    normal = Shell(cloth.grid, np.ones(count, np.float32)).place(vertices_mm, still) - skin
+    skin = cloth.grid.anchors.place(vertices_mm[cloth.grid.base])
+    normal = point_normals(cloth.grid, vertices_mm[cloth.grid.base].astype(np.float64))
     edges = cloth.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     degree = np.maximum(np.bincount(edges[:, 0], minlength=count), 1)
     smooth = skin.astype(np.float64)
@@ -130,7 +132,7 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: NDArray[np.float32]) -> ClothGrid:
         columns = [np.bincount(edges[:, 0], smooth[edges[:, 1], k], count) for k in range(3)]
         smooth = 0.3 * smooth + 0.7 * np.stack(columns, axis=1) / degree[:, None]
     hollow = np.clip(((smooth - skin) * normal).sum(axis=1), 0.0, _DEEPEST_MM)
-    return replace(cloth, hollow=hollow, normal=normal)
+    return replace(cloth, rest_mm=vertices_mm, hollow=hollow, normal=normal)
 
 
 def _neck_base(anatomy: Anatomy) -> Array:
@@ -167,12 +169,10 @@ def make_cloth(
     if garment.collar == "v":
         beside = np.abs(points[:, 0] - points[:, 0].mean())
         inside -= np.clip(cloth.front, 0, 1) * np.clip(75 - 1.6 * beside, 0, None) * scale
-    arm = np.nan_to_num(cloth.arm, nan=0.0)
-    if garment.sleeve == 0:
-        inside = np.where(np.isfinite(cloth.arm), -1.0, inside)
-    inside = np.minimum(inside, 400 * (garment.sleeve - arm))
-    leg = np.nan_to_num(cloth.leg, nan=0.0)
-    inside = np.minimum(inside, 600 * (0.12 - leg))
+    sleeve = 400 * (garment.sleeve - np.nan_to_num(cloth.arm))
+    inside = np.where(np.isfinite(cloth.arm), np.minimum(inside, sleeve), inside)
+    hem = 600 * (0.12 - np.nan_to_num(cloth.leg))
+    inside = np.where(np.isfinite(cloth.leg), np.minimum(inside, hem), inside)
     inside = np.where(cloth.foot, -1.0, inside)
     keep: Mask = np.all(inside[grid.faces] > 0, axis=1)
     if keep.sum() < 20:
@@ -182,7 +182,7 @@ def make_cloth(
     # Hoods and collars stand open: their inner side shows near the edge.
     edge = kept.faces[(inside[used] < _OPEN_MM[garment.collar] * scale)[kept.faces].any(axis=1)]
     faces = np.concatenate([kept.faces, edge[:, ::-1]])
-    return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(faces, np.int32)
+    return Shell(kept, cloth.rest_mm, height), np.ascontiguousarray(faces, np.int32)
 
 
 def _height(
@@ -228,7 +228,7 @@ def make_trousers(
     ease = np.where(on_leg, 7.0 + 9.0 * np.nan_to_num(leg), 2.0)[used]
     hollow = 0.0 if cloth.hollow is None else cloth.hollow[used]
     height = np.maximum(ease + np.where(on_leg[used], 4.0, 1.0) * folds, 1.5) + hollow
-    return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(kept.faces, np.int32)
+    return Shell(kept, cloth.rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)
 
 
 def make_shoes(cloth: ClothGrid, seed: int) -> tuple[Shell, NDArray[np.int32]] | None:
@@ -240,4 +240,4 @@ def make_shoes(cloth: ClothGrid, seed: int) -> tuple[Shell, NDArray[np.int32]] |
     up = np.clip(cloth.normal[used, 1] + 0.8, 0.0, 1.0)
     seams = smooth_noise(cloth.points[used] / 18.0, seed + 5)
     height = (6.0 + 1.0 * seams + np.minimum(cloth.hollow[used], 18.0)) * up
-    return Shell(kept, height.astype(np.float32)), np.ascontiguousarray(kept.faces, np.int32)
+    return Shell(kept, cloth.rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)

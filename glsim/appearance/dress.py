@@ -26,6 +26,8 @@ from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
 
+#: Regions of what people wear, in the order of the settings.
+WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth")
 #: Sources whose people are dressed with wear = "auto": the others are faces of the paper's kind.
 DRESSED_SOURCES: Final = ("people",)
 #: Subjects whose clothes are kept: a batch of frames has few, and one takes about 2 MB.
@@ -40,11 +42,8 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
     """Return the regions of what the people of the sources can wear; [] if all stay as they are."""
     if not any(Dresser(source, settings).is_on for source in sources):
         return []
-    shares = {
-        "hair": settings.hair, "beard": settings.beard, "brow": settings.brows,
-        "glasses": settings.glasses, "cloth": settings.cloth,
-    }  # fmt: skip
-    return [name for name, share in shares.items() if share > 0]
+    shares = (settings.hair, settings.beard, settings.brows, settings.glasses, settings.cloth)
+    return [name for name, share in zip(WORN_REGIONS, shares, strict=True) if share > 0]
 
 
 class DressableSource(FaceSource, Protocol):
@@ -112,8 +111,8 @@ class Dresser:
         wanted = settings.wear == "always" or (
             settings.wear == "auto" and source.name in DRESSED_SOURCES
         )
-        can = all(hasattr(source, name) for name in ("regions", "region_names", "neutral"))
-        if wanted and not can:
+        needed = ("regions", "region_names", "neutral")
+        if wanted and not all(hasattr(source, name) for name in needed):
             raise ConfigError(
                 f"{source.name}: its meshes have no known regions, so nobody can be dressed: set "
                 "appearance.wear = 'auto'"
@@ -209,11 +208,15 @@ class Dresser:
         if outfit.beard is not None:
             wear(
                 "beard",
-                *make_beard(self._beard, outfit.beard, outfit.beard_mm, outfit.seed),
+                *make_beard(self._beard, vertices, outfit.beard, outfit.beard_mm, outfit.seed),
                 outfit.hair_albedo,
             )
         if outfit.brow_mm:
-            wear("brow", *make_brows(self._brows, outfit.brow_mm, outfit.seed), outfit.hair_albedo)
+            wear(
+                "brow",
+                *make_brows(self._brows, vertices, outfit.brow_mm, outfit.seed),
+                outfit.hair_albedo,
+            )
         if outfit.glasses is not None:
             glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)

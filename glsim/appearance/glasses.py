@@ -66,7 +66,7 @@ def make_glasses(
     apart = float(np.abs(balls[:, 0] - middle[0]).mean())
     half_width = 0.5 * style.width * min(scale, 1.05)
     half_height = 0.5 * style.height * min(scale, 1.05)
-    # The lens' middle is a little outside of the pupil for wide lenses, and the rims are 19 mm apart.
+    # The middle of a lens is at the pupil or outside of it; rims are 19 mm apart at least.
     centre_x = max(apart + 1.0, half_width + 9.5)
     turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     cosine, sine = np.cos(turn), np.sin(turn)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.comb import Comb
 from glsim.appearance.scalp import Scalp
+from glsim.appearance.sphere import geodesic_sphere
 from glsim.appearance.styles import HairStyle
 
 #: Sharpness of the weights by which the radius of a head is read off the coarse sphere; chosen:
@@ -37,7 +37,7 @@ class Obstacle:
     def __init__(self, anatomy: Anatomy, skin_mm: Array) -> None:
         """skin_mm: (V, 3) the subject's reference head."""
         self.centre = anatomy.centre
-        self._units = np.asarray(trimesh.creation.icosphere(3).vertices, np.float32)
+        self._units = geodesic_sphere(3)[0].astype(np.float32)
         # Every third vertex: still about eight per direction.
         out = skin_mm[anatomy.outside & ~anatomy.body][::3] - self.centre
         length = np.linalg.norm(out, axis=1)

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array
+from glsim.appearance.sphere import geodesic_sphere
 
 #: 10,242 directions, 3.5 to 4 mm apart on a skull of 95 mm: 1.5 pixels of a Kinect V2 at 0.9 m.
 _SUBDIVISIONS = 5
@@ -55,20 +55,18 @@ class Scalp:
 
 def make_scalp(anatomy: Anatomy) -> Scalp:
     """Lay the grid over the reference head of a source."""
-    sphere = trimesh.creation.icosphere(_SUBDIVISIONS)
+    rays, sphere_faces = geodesic_sphere(_SUBDIVISIONS)
     outside = anatomy.outside & ~anatomy.is_in("ear") & ~anatomy.body
     near = anatomy.above_hairline_mm(anatomy.vertices_mm) > -2 * _MARGIN_MM
     triangles = anatomy.faces[outside[anatomy.faces].all(axis=1)]
     triangles = triangles[near[triangles].any(axis=1)]
-    rays = np.asarray(sphere.vertices)
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     hit, weights = _innermost_hits(rays, anatomy.vertices_mm[triangles] - anatomy.centre)
     anchors = Anchors(triangles[hit].astype(np.int64), weights.astype(np.float32))
     points = anchors.place(anatomy.vertices_mm)
     inside = anatomy.above_hairline_mm(points)
     inside[weights.sum(axis=1) == 0] = -1e3
     kept = inside > -_MARGIN_MM
-    faces = np.asarray(sphere.faces)[kept[sphere.faces].all(axis=1)]
+    faces = sphere_faces[kept[sphere_faces].all(axis=1)]
     used, inverse = np.unique(faces, return_inverse=True)
     return Scalp(
         anchors.taken(used),
@@ -86,7 +84,7 @@ def _innermost_hits(rays: Array, corners: Array) -> tuple[NDArray[np.int64], Arr
     the triangles that reach into the cell.
     """
     units = corners / np.linalg.norm(corners, axis=2, keepdims=True)
-    centres = np.asarray(trimesh.creation.icosphere(2).vertices)
+    centres = geodesic_sphere(2)[0]
     cell = np.argmax(rays @ centres.T, axis=1)
     reach = np.cos(_CELL_RAD)
     chosen = np.zeros(len(rays), np.int64)

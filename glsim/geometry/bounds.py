@@ -166,13 +166,16 @@ def image_window(
 
 
 def out_of_view(
-    corners_m: NDArray[np.float64], field_of_view: FieldOfView, visible: Rect | None
+    corners_m: NDArray[np.float64],
+    field_of_view: FieldOfView,
+    visible: Rect | None,
+    around: Frustum | None = None,
 ) -> bool:
     """Whether a mesh in front of the camera lies beside the image, or beside the crop ``visible``.
 
-    corners_m: (8, 3), the mesh's bounding box.
+    corners_m: (8, 3), the mesh's bounding box. around: a smaller frustum around the mesh, or None.
     """
-    box = bounding_frustum(corners_m, (0.0, 0.0, 0.0), field_of_view.rig.near_m)
+    box = around or bounding_frustum(corners_m, (0.0, 0.0, 0.0), field_of_view.rig.near_m)
     if box is None:
         return False
     image = field_of_view.rig.intrinsics

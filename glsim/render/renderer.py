@@ -122,9 +122,17 @@ class Renderer:
         face, view = meshes[0]
         around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
         windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
-        for box in boxes[1:]:
-            if not out_of_view(box, self._sight, visible):
-                windows.append(image_window(box, self._sight, visible, reach_px))
+        for (mesh, view), box in zip(meshes[1:], boxes[1:], strict=True):
+            if out_of_view(box, self._sight, visible):
+                continue
+            wanted = image_window(box, self._sight, visible, reach_px)
+            if union([windows[0], wanted]) != windows[0]:
+                # Trousers of a sitting person: their box is far wider than they are.
+                around = vertex_frustum(mesh.vertices_mm, view, self.rig.near_m)
+                if out_of_view(box, self._sight, visible, around):
+                    continue
+                wanted = image_window(box, self._sight, visible, reach_px, around)
+            windows.append(wanted)
         window = union(windows)
         uploaded = [self._meshes.upload(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]

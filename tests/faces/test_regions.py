@@ -10,6 +10,7 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.appearance.dress import WORN_REGIONS
 from glsim.dataset import open_dataset, verify, write_dataset
 from glsim.dataset.reader import Dataset
 from glsim.errors import ConfigError, DatasetError
@@ -48,7 +49,7 @@ def frame(context: moderngl.Context, source: object, **more: object) -> Frame:
 
 def test_names_have_one_number_in_every_data_set() -> None:
     sources = {*REGIONS, *REGION_NAMES, *PEOPLE_REGIONS}
-    assert sources | set(ROOM_REGIONS) == set(KNOWN_REGIONS)
+    assert sources | set(ROOM_REGIONS) | set(WORN_REGIONS) == set(KNOWN_REGIONS)
     assert region_numbers([ProceduralFaces()])["nose"] == KNOWN_REGIONS.index("nose") + 1
     mixed = region_numbers([Board(), ProceduralFaces()])
     assert mixed["nose"] == KNOWN_REGIONS.index("nose") + 1
