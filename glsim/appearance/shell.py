@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -170,6 +171,25 @@ class Shell:
         points += columns[:, corners[1]] * weights[1]
         points += columns[:, corners[2]] * weights[2]
         return np.asarray(points)
+
+
+def uncovered(
+    faces: NDArray[np.int32], vertices: int, shells: Sequence[Shell], rings: int = 3
+) -> NDArray[np.int32]:
+    """Return the triangles of a mesh that shells leave visible: ``faces`` itself if all are.
+
+    faces: (F, 3) of a mesh with so many vertices. rings: of triangles that stay along the rims of
+    the shells, where one can look under them; the base of a shell is one ring wider than the shell.
+    """
+    worn = np.zeros(vertices, bool)
+    for shell in shells:
+        worn[shell.used] = True
+    hidden = worn[faces].all(axis=1)
+    for _ in range(rings):
+        seen = np.zeros(vertices, bool)
+        seen[faces[~hidden]] = True
+        hidden &= ~seen[faces].any(axis=1)
+    return np.ascontiguousarray(faces[~hidden]) if hidden.any() else faces
 
 
 def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:
