@@ -238,7 +238,7 @@ class Dresser:
             for thing in worn
             if thing.region == "cloth" and isinstance(thing.binding, Shell)
         ]
-        faces = uncovered(self._reference.faces, len(vertices), cloth)
+        faces = uncovered(own.faces, own.body, cloth)
         return _Wardrobe(outfit, worn, vertices[self._skull], faces)
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
