@@ -20,6 +20,7 @@ from glsim.appearance.hair import make_hair
 from glsim.appearance.noise import smooth_noise
 from glsim.appearance.outfit import Outfit, draw_outfit
 from glsim.appearance.scalp import make_scalp
+from glsim.appearance.shell import Shell, uncovered
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceSource, Part
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
@@ -94,12 +95,14 @@ class _Worn:
 class _Wardrobe:
     """All that a subject wears.
 
-    skull: (K, 3) mm at rest. skin: the last albedo of a mesh, and what was made of it.
+    skull: (K, 3) mm at rest. faces: triangles of skin that no cloth covers.
+    skin: the last albedo of a mesh, and what was made of it.
     """
 
     outfit: Outfit
     worn: list[_Worn]
     skull: Points
+    faces: NDArray[np.int32]
     skin: tuple[object, NDArray[np.float32]] | None = None
 
 
@@ -132,7 +135,7 @@ class Dresser:
         parts = tuple(thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn)
         return replace(
             face,
-            mesh=replace(mesh, albedo=self._skin(wardrobe, mesh)),
+            mesh=replace(mesh, faces=wardrobe.faces, albedo=self._skin(wardrobe, mesh)),
             notes={**face.notes, **wardrobe.outfit.words},
             parts=(*face.parts, *parts),
         )
@@ -222,15 +225,21 @@ class Dresser:
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
             worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
         if outfit.garment is not None and self._cloth is not None:
-            cloth = fit_cloth(self._cloth, vertices)
+            fitted = fit_cloth(self._cloth, vertices)
             for made, albedo in (
-                (make_cloth(cloth, outfit.garment, own.scale, outfit.seed), outfit.cloth_albedo),
-                (make_trousers(cloth, outfit.trousers, outfit.seed), outfit.trousers_albedo),
-                (make_shoes(cloth, outfit.seed), outfit.shoes_albedo),
+                (make_cloth(fitted, outfit.garment, own.scale, outfit.seed), outfit.cloth_albedo),
+                (make_trousers(fitted, outfit.trousers, outfit.seed), outfit.trousers_albedo),
+                (make_shoes(fitted, outfit.seed), outfit.shoes_albedo),
             ):
                 if made is not None:
                     wear("cloth", *made, albedo)
-        return _Wardrobe(outfit, worn, vertices[self._skull])
+        cloth = [
+            thing.binding
+            for thing in worn
+            if thing.region == "cloth" and isinstance(thing.binding, Shell)
+        ]
+        faces = uncovered(own.faces, own.body, cloth)
+        return _Wardrobe(outfit, worn, vertices[self._skull], faces)
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
         """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -170,6 +171,28 @@ class Shell:
         points += columns[:, corners[1]] * weights[1]
         points += columns[:, corners[2]] * weights[2]
         return np.asarray(points)
+
+
+def uncovered(
+    faces: NDArray[np.int32], may_hide: Mask, shells: Sequence[Shell], rings: int = 4
+) -> NDArray[np.int32]:
+    """Return the triangles of a mesh that shells leave visible: ``faces`` itself if all are.
+
+    faces: (F, 3). may_hide: (V,) vertices whose triangles may be left out. rings: of triangles that
+    stay along the rims of each shell, where one can look under it; the base of a shell is one ring
+    wider than the shell.
+    """
+    covered = np.zeros(len(faces), bool)
+    for shell in shells:
+        worn = np.zeros(len(may_hide), bool)
+        worn[shell.used] = True
+        hidden = worn[faces].all(axis=1)
+        for _ in range(rings):
+            seen = np.zeros(len(may_hide), bool)
+            seen[faces[~hidden]] = True
+            hidden &= ~seen[faces].any(axis=1)
+        covered |= hidden & may_hide[faces].all(axis=1)
+    return np.ascontiguousarray(faces[~covered]) if covered.any() else faces
 
 
 def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -79,3 +79,16 @@ def test_cloth_lies_over_the_skin_in_a_posture() -> None:
 def test_people_are_dressed_by_default() -> None:
     assert Dresser(people(), appearance()).is_on
     assert not Dresser(people(), appearance(wear="never")).is_on
+
+
+def test_skin_under_cloth_is_left_out_but_for_the_rims() -> None:
+    source = people()
+    face = next(iter(source.load(source.frames("a0002", 1))))
+    assert isinstance(face, Face)
+    dressed = Dresser(source, appearance(**ALL)).dress(face, keys(2))
+    bare = Dresser(source, appearance(**{**ALL, "cloth": 0})).dress(face, keys(2))
+    assert bare.mesh.faces is face.mesh.faces
+    left = np.zeros(len(face.mesh.vertices_mm), bool)
+    left[dressed.mesh.faces] = True
+    assert left[body().is_in("hand", "ear", "nose", "lips")].all()
+    assert left[body().is_in("torso")].mean() < 0.6
