@@ -16,7 +16,7 @@ demo:
 	@$(VENV)/glsim preview demo/data -o demo --frames 8
 
 test: check
-	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest
+	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto
 
 check:
 	@scripts/setup.sh test

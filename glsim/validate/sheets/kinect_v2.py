@@ -88,10 +88,10 @@ CHECKS: tuple[Check, ...] = (
           (Band("between", 0.0, 0.1, "px"), Band("outside", 0.2, 1.1, "px")),
           f"physics; {LF2}; {OWN}", "derived"),
     # Real frames: median width of the lit side 1.6 px on one device, 2 on two, 2.2 on one; +-0.1
-    # px. kinect-v2's tof_bilateral.max_edge was fitted to these widths.
+    # px.
     Check("18", "edge filter: invalid pixels per row, 0.9 before 0.95 m; before 1.5 m",
           (Band("0.95 m", 0.0, 0.005, "px"), Band("1.5 m", 1.5, 2.3, "px", "measured")),
-          f"{LF2}; {REAL}: 1.6 to 2.2 px on the lit side, to which max_edge is fitted",
+          f"{LF2}; {REAL}: 1.6 to 2.2 px on the lit side",
           "datasheet"),
     Check("19", "silhouette alone, filters off: depth beyond 30 mm of it; growth per side",
           (Band("strays", 0.0, 0.0, "px"), Band("growth", -0.5, 2.3, "px"),
