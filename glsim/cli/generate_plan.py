@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import console
+from glsim.cli.common import console, make_console
 
 if TYPE_CHECKING:
     from glsim.settings.schema import Settings
@@ -23,9 +22,7 @@ def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
     estimate = estimate_dataset(settings, sources, tasks, workers=workers, backend=backend)
-    out = Console(highlight=False)
-    if not out.is_terminal:
-        out = Console(highlight=False, width=120)
+    out = make_console(width=120)
     people = Table("source", "subject", "split", "images", box=None)
     for source, subject, split, count in estimate.rows:
         people.add_row(source, subject, split, str(count))
@@ -51,7 +48,7 @@ def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
         f"{estimate.workers} worker(s) ({basis}); nothing was written"
     )
     for why in dict.fromkeys(estimate.skipped):
-        console.print(f"would be skipped: {why}", style="yellow", markup=False)
+        console.print(f"would be skipped: {why}", style="yellow")
 
 
 def _bytes(count: int) -> str:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, print_table
+from glsim.cli.common import Debug, Quiet, Verbose, make_console, print_table
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -44,8 +43,8 @@ def stages(
         print_table(table)
         return
     spec = find_stage(name)
-    out = Console(highlight=False)
-    out.print(f"[bold]{spec.title}[/bold]")
+    out = make_console()
+    out.print(spec.title, style="bold")
     out.print(f"file: {spec.file}", soft_wrap=True)
     if spec.source is not None:
         out.print(f"reads: {', '.join(spec.source.reads)}")
