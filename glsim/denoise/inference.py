@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from glsim.denoise.protocol import MIN_DEPTH_MM
 from glsim.denoise.safeguards import CLEAN_MM, estimate_noise_mm, trusted_mask
 from glsim.errors import DenoiserError, GlsimError
 from glsim.train.models.base import DepthModel, Prediction
-from glsim.train.models.registry import build_model
+from glsim.train.models.registry import build_model, weight_shapes
 
 Depth = NDArray[np.float32]
 Validity = NDArray[np.bool_] | NDArray[np.float32]
@@ -122,17 +123,26 @@ def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:
     try:
         content: dict[str, Any] = checkpoint.load(path)
         table = content["recipe"]["model"]
+        _check_shapes(weight_shapes(table), content["model"])
         model = build_model(table)
         model.load_state_dict(content["model"])
     except GlsimError as error:
         raise DenoiserError(str(error)) from None
-    except (RuntimeError, KeyError, TypeError) as error:
+    except (RuntimeError, KeyError, TypeError, AttributeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
         raise DenoiserError(
             f"{path}: its weights do not fit its recipe ({reason}): train again"
         ) from None
     uncertain = bool(table.get("uncertainty", False))
     return NetworkDenoiser(model, str(path), uncertain, min_probability)
+
+
+def _check_shapes(expected: Mapping[str, tuple[int, ...]], weights: Mapping[str, Any]) -> None:
+    """Raise ValueError if weights do not fit their model, before the model takes any memory."""
+    found = {name: tuple(value.shape) for name, value in weights.items()}
+    for name in sorted(expected.keys() | found.keys()):
+        if expected.get(name) != found.get(name):
+            raise ValueError(f"{name}: {found.get(name)}, not {expected.get(name)}")
 
 
 def load_denoiser(path: Path, sure: float = 0.0) -> NetworkDenoiser:
