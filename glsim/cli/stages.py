@@ -29,7 +29,7 @@ def stages(
     debug: Debug = False,
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file."""
-    from glsim.noise.registry import find_stage, shipped_stages
+    from glsim.noise.registry import describe_stage, shipped_stages
 
     if name is None:
         table = Table("stage", "parameter", "type", "default", "range", "unit", box=None)
@@ -42,7 +42,7 @@ def stages(
                 table.add_row(spec.name, "(none)")
         print_table(table)
         return
-    spec = find_stage(name)
+    spec = describe_stage(name)
     out = make_console()
     out.print(spec.title, style="bold")
     out.print(f"file: {spec.file}", soft_wrap=True)
