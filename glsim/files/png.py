@@ -27,9 +27,9 @@ from glsim.files.regular import read_regular
 MAX_SIDE_PX = 8192
 #: Largest image file, bytes: 16 bits of every pixel, uncompressed, and some more for its header.
 MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
-#: Largest map of a user's own, pixels (2896 x 2896): depth cameras reach 5 million. Noise stages
-#: and networks need some hundred bytes a pixel.
-MAX_MAP_PX = 1 << 23
+#: Largest map of a user's own, pixels (2048 x 2048): time-of-flight cameras reach 1 million. By
+#: measurement the shipped network takes 1 kB a pixel, a chain of noise stages half of that.
+MAX_MAP_PX = 1 << 22
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY = 0
