@@ -19,6 +19,7 @@ import numpy as np
 from glsim.files.atomic import file_checksum
 from tests.support import mutations
 from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
+from tests.support.face_sets import obj_bytes, ply_bytes
 
 #: Values that take the place of a value in a JSON tree.
 _VALUES: tuple[Any, ...] = (
@@ -163,9 +164,9 @@ def write_mesh(path: Path, *, ascii: bool = False) -> None:
     if suffix == ".obj":
         material = b"mtllib face.mtl\nusemtl skin\n"
         path.with_suffix(".mtl").write_text("newmtl skin\nKd 0.8 0.6 0.5\n")
-        path.write_bytes(material + mutations.obj_bytes(points, quads, "/1/1"))
+        path.write_bytes(material + obj_bytes(points, quads, "/1/1"))
     elif suffix == ".ply":
-        write = mutations._ascii_ply if ascii else mutations.ply_bytes
+        write = mutations._ascii_ply if ascii else ply_bytes
         path.write_bytes(write(points, triangles))
     elif suffix == ".off":
         lines = [f"OFF\n{len(points)} {len(triangles)} 0"]

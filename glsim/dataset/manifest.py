@@ -14,7 +14,7 @@ from glsim.dataset.disk_format import MANIFEST
 from glsim.dataset.schema import MAX_LINE_BYTES, parse_frame
 from glsim.errors import DatasetError
 from glsim.files.atomic import wrap_read_errors
-from glsim.files.regular import open_regular, path_inside
+from glsim.files.regular import open_regular
 
 _BLOCK_BYTES = 1 << 24
 #: The end of messages about damage.
@@ -78,4 +78,4 @@ class Manifest:
         return f"{self.path}: line {number + 1}"
 
     def _open(self) -> IO[bytes]:
-        return open_regular(path_inside(self._root, MANIFEST))
+        return open_regular(self.path, inside=self._root)

@@ -23,7 +23,7 @@ from glsim.dataset.schema import parse_checksum, parse_header, read_object
 from glsim.errors import DatasetError, did_you_mean
 from glsim.files.atomic import checksum, wrap_read_errors
 from glsim.files.png import MAX_IMAGE_BYTES
-from glsim.files.regular import open_regular, path_inside, read_regular
+from glsim.files.regular import open_regular, read_regular
 from glsim.frame import WRITABLE, to_mm
 from glsim.geometry.camera import Intrinsics
 from glsim.reason import Reason
@@ -159,8 +159,8 @@ def _read(root: Path, file: Mapping[str, Any]) -> bytes:
     path = root / file["name"]
     with wrap_read_errors(path):
         if "offset" not in file:
-            return read_regular(path_inside(root, file["name"]), MAX_IMAGE_BYTES)
-        with open_regular(path_inside(root, file["name"])) as stream:
+            return read_regular(path, MAX_IMAGE_BYTES, inside=root)
+        with open_regular(path, inside=root) as stream:
             stream.seek(file["offset"])
             return stream.read(int(file["size"]))
 

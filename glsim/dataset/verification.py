@@ -16,7 +16,7 @@ from glsim.dataset.reader import header_problem, manifest_problem, read_header
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum, file_checksum
 from glsim.files.png import MAX_IMAGE_BYTES
-from glsim.files.regular import open_regular, path_inside, read_regular
+from glsim.files.regular import open_regular, read_regular
 from glsim.settings.schema import SPLIT_NAMES
 
 _Record = Mapping[str, Any]
@@ -100,7 +100,7 @@ class _Verification:
     def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
         """Compare a file with its recorded size and, if ``whole``, its CRC32."""
         try:
-            with open_regular(path_inside(self._root, name)) as file:
+            with open_regular(self._root / name, inside=self._root) as file:
                 size = os.fstat(file.fileno()).st_size
         except FileNotFoundError:
             yield f"{name} is missing"
@@ -159,7 +159,7 @@ class _Verification:
     def _image_problems(self, name: str, layer: str, record: _Record) -> Iterator[str]:
         """Decode an image and compare its type and size with the record."""
         try:
-            data = read_regular(path_inside(self._root, name), MAX_IMAGE_BYTES)
+            data = read_regular(self._root / name, MAX_IMAGE_BYTES, inside=self._root)
             yield from _picture_problems(data, name, layer, record)
         except OSError as error:
             yield f"{name}: {error.strerror}"
@@ -168,7 +168,7 @@ class _Verification:
         """Compare the members of each shard with the records: names, places, kinds, CRC32."""
         for shard in self._members.keys() - self._bad_files:
             try:
-                with open_regular(path_inside(self._root, shard)) as file:
+                with open_regular(self._root / shard, inside=self._root) as file:
                     yield from self._shard_problems(shard, file)
             except OSError as error:
                 yield f"{shard}: {error.strerror}"

@@ -18,7 +18,7 @@ from typing import Any, Final
 from urllib.parse import unquote
 
 from glsim.errors import MeshError
-from glsim.files.regular import path_inside, read_regular
+from glsim.files.regular import read_regular
 from glsim.meshio.limits import MAX_BYTES, MAX_TRIANGLES, check_count
 
 #: Most nodes of a scene, and most nodes above one: far more than one person's head needs; the
@@ -92,7 +92,7 @@ def _named_buffers(path: Path, tree: Mapping[str, Any]) -> dict[str, bytes]:
             if "://" in name or name.startswith("/"):
                 raise OSError(0, f"is no file in the folder {path.parent}")
             left = MAX_BYTES - sum(map(len, files.values()))
-            files[uri] = read_regular(path_inside(path.parent, name), left)
+            files[uri] = read_regular(path.parent / name, left, inside=path.parent)
         except OSError as error:
             raise MeshError(
                 f"{path}: its buffer {name!a:.80} cannot be read: {error.strerror}"

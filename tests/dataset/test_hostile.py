@@ -105,7 +105,7 @@ def test_links_pipes_and_folders_in_the_place_of_images_are_refused(tree: Path) 
         assert [p for p in verify(tree) if problem in p and p.startswith(PNG)]
     (tree / PNG).rmdir()
     (tree / PNG).symlink_to("/dev/zero")
-    assert "leads out of" in problem_of(tree)
+    assert "or a device" in problem_of(tree)
     (tree / PNG).unlink()
     shutil.copy(outside, tree / PNG)
     assert problem_of(tree) == ""

@@ -6,6 +6,7 @@ import os
 import resource
 import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -17,7 +18,7 @@ from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.recordings import RecordedFrame
 from glsim.errors import DatasetError
 from glsim.files.png import decode_png, encode_png, image_size, read_depth_png, size_problem
-from glsim.files.regular import open_regular, path_inside, read_regular
+from glsim.files.regular import open_regular, read_regular
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:
@@ -118,17 +119,30 @@ def test_only_regular_files_are_opened(tmp_path: Path) -> None:
     assert read_regular(tmp_path / "good", 1000)[1:4] == b"PNG"
 
 
-def test_paths_inside_a_folder(tmp_path: Path) -> None:
+def test_files_inside_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tmp_path / "root"
     (root / "a").mkdir(parents=True)
     (root / "a" / "out").symlink_to(tmp_path)
     (root / "a" / "in").symlink_to(root)
-    (tmp_path / "rootless").touch()
-    assert path_inside(root, "a/x.png") == root / "a/x.png"
-    assert path_inside(root, "a/in/a/x.png") == root / "a/in/a/x.png"
+    (tmp_path / "rootless").write_text("no")
+    (tmp_path / "x").write_text("no")
+    (root / "a" / "x").write_text("yes")
     linked = tmp_path / "link"
     linked.symlink_to(root)
-    assert path_inside(linked, "a/x.png") == linked / "a/x.png"
-    for name in ("../x", "/etc/passwd", "a/out/x", "a/../../x", "../rootless", ".", "a/.."):
-        with pytest.raises(OSError, match="leads out of"):
-            path_inside(root, name)
+    for proc in (True, False):
+        for folder, name in ((root, "a/x"), (root, "a/in/a/x"), (linked, "a/x")):
+            assert read_regular(folder / name, 10, inside=folder) == b"yes"
+        for name in ("../x", "/etc/passwd", "a/out/x", "a/../../x", "../rootless"):
+            with pytest.raises(OSError, match="leads out of"):
+                open_regular(root / name, inside=root)
+        if proc:  # the same on a system without /proc
+            monkeypatch.setattr("os.readlink", _no_proc(os.readlink))
+
+
+def _no_proc(before: Callable[[str], str]) -> Callable[[str], str]:
+    def readlink(path: str, **options: object) -> str:
+        if str(path).startswith("/proc"):
+            raise FileNotFoundError(path)
+        return before(path, **options)
+
+    return readlink

@@ -12,7 +12,7 @@ from glsim.dataset.disk_format import MANIFEST
 from glsim.dataset.reader import no_clean
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum, wrap_read_errors
-from glsim.files.regular import open_regular, path_inside
+from glsim.files.regular import open_regular
 from glsim.settings.schema import SPLIT_NAMES
 
 #: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a
@@ -93,7 +93,7 @@ def _check_file(root: Path, file: Mapping[str, Any], sizes: dict[str, int]) -> N
     """
     path = root / file["name"]
     if file["name"] not in sizes:
-        with wrap_read_errors(path), open_regular(path_inside(root, file["name"])) as stream:
+        with wrap_read_errors(path), open_regular(path, inside=root) as stream:
             size = os.fstat(stream.fileno()).st_size
         if "offset" in file:
             sizes[file["name"]] = size
