@@ -3,7 +3,7 @@
     python -m benchmarks.stress mutate [--count 500] [--kinds all] [--seed 0] [--keep DIR]
 
 A kind runs in a process of its own. A failure is an exception that is no GlsimError, a message of
-several lines or of more than 1,500 characters, 20 seconds, 1 GB, or the end of the process. Prints
+several lines or of more than 2,500 characters, 20 seconds, 1 GB, or the end of the process. Prints
 a table; the exit status is 1 if anything failed.
 """
 
@@ -32,7 +32,7 @@ from benchmarks.stress.kinds import KINDS
 
 _SECONDS = 20
 _BYTES = 1_000_000_000
-_MESSAGE = 1500
+_MESSAGE = 2500
 _SHOWN = 5
 
 
