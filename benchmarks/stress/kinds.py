@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import json
-import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator
-from copy import deepcopy
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,22 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.stress.damage import change_value, change_words
+from benchmarks.stress.meshes import write_mesh
 from glsim.files.atomic import file_checksum
 from tests.support import mutations
 from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
-from tests.support.face_sets import obj_bytes, ply_bytes
 
-#: Values that take the place of a value in a JSON tree.
-_VALUES: tuple[Any, ...] = (
-    None, True, False, -1, 0, 1, 2**31, 2**63, 10**400, 0.5, -1e308, float("nan"), float("inf"),
-    "", "x", "../outside.png", "/dev/zero", "a\0b", "\u202e\x1b[2J", "x" * 100_000,
-    [], {}, [[]], [1] * 1000, {"x": {"y": []}},
-)  # fmt: skip
-#: Words that take the place of a word in a text.
-_WORDS = (
-    "0", "-1", "1e308", "1e999", "nan", "inf", "9" * 400, "99999999999", "1/0", "true", "''", "[]",
-    "{}", "[" * 3000, "x" * 5000, "../x.toml", "/dev/zero", "=", "é\u202e", "\0", '"', "#", "1_0",
-)  # fmt: skip
 _SENSOR = """
 title = "mine"
 [rig]
@@ -157,64 +144,6 @@ def _mesh(folder: Path, suffix: str) -> Kind:
     return Kind(change, bytes_kind.read)
 
 
-def write_mesh(path: Path, *, ascii: bool = False) -> None:
-    """Write a small head in the format that the name says."""
-    points, quads, triangles = mutations._small()
-    suffix = path.suffix
-    if suffix == ".obj":
-        material = b"mtllib face.mtl\nusemtl skin\n"
-        path.with_suffix(".mtl").write_text("newmtl skin\nKd 0.8 0.6 0.5\n")
-        path.write_bytes(material + obj_bytes(points, quads, "/1/1"))
-    elif suffix == ".ply":
-        write = mutations._ascii_ply if ascii else ply_bytes
-        path.write_bytes(write(points, triangles))
-    elif suffix == ".off":
-        lines = [f"OFF\n{len(points)} {len(triangles)} 0"]
-        lines += [" ".join(f"{value:.5g}" for value in point) for point in points]
-        lines += [f"3 {a} {b} {c}" for a, b, c in triangles]
-        path.write_text("\n".join(lines) + "\n")
-    elif suffix == ".stl":
-        facets = np.zeros(
-            len(triangles), [("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("spare", "<u2")]
-        )
-        facets["points"] = points[triangles]
-        path.write_bytes(bytes(80) + struct.pack("<I", len(facets)) + facets.tobytes())
-    else:
-        _write_gltf(path, points, triangles)
-
-
-def _write_gltf(path: Path, points: np.ndarray, triangles: np.ndarray) -> None:
-    buffer = points.astype("<f4").tobytes() + triangles.astype("<u4").tobytes()
-    size = points.astype("<f4").nbytes
-    uri = "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()
-    inside = path.suffix == ".gltf"
-    tree: dict[str, Any] = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"children": [1], "translation": [0, 0, 0.1]}, {"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0.4, 1]}}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5125, "count": triangles.size, "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": size},
-            {"buffer": 0, "byteOffset": size, "byteLength": len(buffer) - size},
-        ],
-        "buffers": [{"byteLength": len(buffer)} | ({"uri": uri} if inside else {})],
-    }
-    text = json.dumps(tree).encode()
-    if inside:
-        path.write_bytes(text)
-        return
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I4s", len(text), b"JSON") + text
-    body += struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
-
-
 def _face_set(folder: Path, name: str) -> Kind:
     """A file of FaceWarehouse's or Biwi's layout, read through its source."""
     format_ = mutations.formats(folder)[name]
@@ -237,31 +166,13 @@ def _text(folder: Path, name: str, content: str, read: Callable[[Path], object])
     def change(rng: np.random.Generator) -> None:
         data = content.encode()
         path.write_bytes(
-            _other_words(content, rng) if rng.random() < 0.7 else mutations.mutate(data, rng)
+            change_words(content, rng) if rng.random() < 0.7 else mutations.mutate(data, rng)
         )
 
     def whole() -> None:
         read(path)
 
     return Kind(change, whole)
-
-
-def _other_words(text: str, rng: np.random.Generator) -> bytes:
-    """Replace, remove or repeat a few words, numbers and lines of a text."""
-    for _ in range(rng.integers(1, 4)):
-        choice = rng.random()
-        if choice < 0.7:
-            words = list(re.finditer(r"-?[\w.]+|\S", text))
-            word = words[int(rng.integers(len(words)))]
-            other = words[int(rng.integers(len(words)))][0]
-            new = other if rng.random() < 0.3 else _WORDS[int(rng.integers(len(_WORDS)))]
-            text = text[: word.start()] + new + text[word.end() :]
-        else:
-            lines = text.splitlines(keepends=True)
-            at = int(rng.integers(len(lines)))
-            lines[at : at + 1] = [] if choice < 0.85 else [lines[at]] * int(rng.integers(2, 50))
-            text = "".join(lines) or "x"
-    return text.encode(errors="replace")
 
 
 def _image(folder: Path) -> Kind:
@@ -426,28 +337,6 @@ def _chunk(folder: Path) -> Kind:
         parse_chunk_record(path.read_bytes())
 
     return Kind(change, read)
-
-
-def change_value(tree: Any, rng: np.random.Generator) -> None:
-    """Replace a value in a tree of JSON, or remove it, or nest it deeply."""
-    places = list(_places(tree))
-    node, key = places[int(rng.integers(len(places)))]
-    choice = rng.random()
-    if choice < 0.1:
-        del node[key]
-    elif choice < 0.15:
-        for _ in range(300):
-            node[key] = {"x": node[key]}
-    else:
-        node[key] = deepcopy(_VALUES[int(rng.integers(len(_VALUES)))])
-
-
-def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
-    items = list(tree.items() if isinstance(tree, dict) else enumerate(tree))
-    for key, value in items:
-        yield tree, key
-        if isinstance(value, dict | list):
-            yield from _places(value)
 
 
 #: Name -> a function that prepares the kind in a folder.

@@ -15,8 +15,8 @@ from typing import Any
 
 from glsim.dataset.chunks import ChunkPlan
 from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
+from glsim.dataset.header import read_header
 from glsim.dataset.output_folder import OutputFolder
-from glsim.dataset.reader import read_header
 from glsim.dataset.records import (
     ChunkRecord,
     Record,

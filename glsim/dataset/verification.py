@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
+from glsim.dataset.header import header_problem, manifest_problem, read_header
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.manifest import Manifest
-from glsim.dataset.reader import header_problem, manifest_problem, read_header
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum, file_checksum
 from glsim.files.png import MAX_IMAGE_BYTES

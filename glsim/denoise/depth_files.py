@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from glsim.dataset.disk_format import FORMAT, HEADER
-from glsim.dataset.reader import read_header
+from glsim.dataset.header import read_header
 from glsim.dataset.schema import read_object
 from glsim.denoise.frames import Key, Sample, check_millimetres
 from glsim.errors import ConfigError, DatasetError
