@@ -15,11 +15,28 @@ Every message says in one line what is wrong, where, and how to fix it.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
+
+#: Longest message, characters: a driver's, cut to 2,000, with its file and advice.
+_LONGEST = 2500
+#: Control characters of ASCII and Latin 1, and Unicode's that turn the direction of a text.
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class GlsimError(Exception):
-    """The base class: catch it to catch every error of glsim."""
+    """The base class: catch it to catch every error of glsim.
+
+    Its text is one line of bounded length, whatever a file or a name put into the message: control
+    characters are escaped (they could rewrite the terminal), and the middle of a long one is left
+    out.
+    """
+
+    def __str__(self) -> str:
+        text = _CONTROL.sub(lambda match: ascii(match[0])[1:-1], super().__str__())
+        if len(text) <= _LONGEST:
+            return text
+        return f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 + 5 :]}"
 
 
 class ConfigError(GlsimError):

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from math import cos, pi
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -48,7 +48,7 @@ class OptimiserSettings(_Table):
 
     kind: Literal["adam", "adamw"] = "adam"
     lr: float = Field(1e-4, gt=0, le=1)
-    weight_decay: float = Field(0.0, ge=0)
+    weight_decay: float = Field(0.0, ge=0, le=1e3)
     clip_norm: float | None = Field(None, gt=0, description="largest norm of the gradient")
 
 
@@ -59,7 +59,7 @@ class ScheduleSettings(_Table):
     """
 
     kind: Literal["constant", "cosine", "step"] = "constant"
-    warmup_steps: int = Field(0, ge=0, description="steps from 0 to lr, linearly")
+    warmup_steps: int = Field(0, ge=0, le=10**9, description="steps from 0 to lr, linearly")
     final: float = Field(0.01, ge=0, le=1, description="factor on lr at the end of cosine")
     step_at: float = Field(0.7, gt=0, le=1, description="fraction of training before the step")
     step_to: float = Field(0.2, ge=0, le=1, description="factor on lr after the step")
@@ -77,7 +77,7 @@ class ScheduleSettings(_Table):
 class TrainingSettings(_Table):
     """Batch size, validation interval, limits, early stopping, precision and devices."""
 
-    batch: int = Field(4, ge=1, description="pairs per step and device")
+    batch: int = Field(4, ge=1, le=4096, description="pairs per step and device")
     max_epochs: int | None = Field(None, ge=1)
     max_steps: int | None = Field(None, ge=1)
     max_minutes: float | None = Field(None, gt=0, description="training time, over all resumes")
@@ -94,29 +94,36 @@ class TrainingSettings(_Table):
     )
     precision: Literal["32-true", "bf16-mixed", "16-mixed"] = "32-true"
     compile: bool = False
-    devices: int | Literal["auto"] = Field(1, description="number of GPUs; a CPU is one device")
+    devices: Annotated[int, Field(ge=1, le=1024)] | Literal["auto"] = Field(
+        1, description="number of GPUs; a CPU is one device"
+    )
 
 
 class DataSettings(_Table):
     """Selection and augmentation of pairs. ``glsim generate`` decides what a data set holds."""
 
-    crop: int = Field(128, ge=0, description="side of the square frames, px; 0: whole frames")
+    crop: int = Field(
+        128, ge=0, le=8192, description="side of the square frames, px; 0: whole frames"
+    )
     cut: Literal["no", "centre", "random"] = Field(
         "no", description="how frames larger than crop are cropped; no: they are an error"
     )
     flip: bool = Field(False, description="mirror left and right, at random")
     relief_mm: float = Field(
-        0.0, ge=0, description="height of random surface bumps on stored pairs; 0: none"
+        0.0, ge=0, le=1000, description="height of random surface bumps on stored pairs; 0: none"
     )
     train_frames: int | None = Field(None, ge=1, description="use the first N frames; default: all")
     validation_frames: int | None = Field(
         None, ge=1, description="number of frames, spread evenly over the split; default: all"
     )
     workers: int = Field(
-        0, ge=0, description="number of processes that read or render; 0: this one, with a cache"
+        0,
+        ge=0,
+        le=1024,
+        description="number of processes that read or render; 0: this one, with a cache",
     )
-    reuse: int = Field(1, ge=1, description="uses of each pair of --simulate")
-    epoch_steps: int = Field(500, ge=1, description="steps per epoch of --simulate")
+    reuse: int = Field(1, ge=1, le=10_000, description="uses of each pair of --simulate")
+    epoch_steps: int = Field(500, ge=1, le=10**8, description="steps per epoch of --simulate")
 
 
 class Recipe(_Table):

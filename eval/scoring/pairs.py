@@ -16,6 +16,8 @@ from glsim.dataset.reader import no_clean
 from glsim.denoise.frames import Frames, Key, Sample, check_millimetres
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
+from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX
+from glsim.files.regular import read_regular
 from glsim.geometry.camera import Intrinsics
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
@@ -110,12 +112,12 @@ def _key(stem: str) -> Key:
 
 def _read(path: Path, layer: str) -> Depth:
     try:
-        data = path.read_bytes()
+        data = read_regular(path, MAX_IMAGE_BYTES)
     except FileNotFoundError:
         raise DatasetError(f"{path}: is missing") from None
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
-    depth: Depth = decode_layer(data, layer, str(path)).astype(np.float32)
+    depth: Depth = decode_layer(data, layer, str(path), MAX_MAP_PX).astype(np.float32)
     return depth
 
 

@@ -22,6 +22,7 @@ from glsim.cli import (
     study,
     train,
     validate,
+    verify,
 )
 from glsim.cli import eval as evaluate
 from glsim.cli.common import run_command_line
@@ -38,6 +39,7 @@ app = typer.Typer(
 app.command("render", epilog=render.EXAMPLES)(render.render)
 app.command("generate", epilog=generate.EXAMPLES)(generate.generate)
 app.command("preview", epilog=preview.EXAMPLES)(preview.preview)
+app.command("verify", epilog=verify.EXAMPLES)(verify.verify)
 app.command("corrupt", epilog=corrupt.EXAMPLES)(corrupt.corrupt)
 app.command("validate", epilog=validate.EXAMPLES)(validate.validate)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare)

@@ -19,8 +19,32 @@ from rich.table import Table
 from glsim.errors import ConfigError, GlsimError
 from glsim.settings.presets import preset_names, preset_title
 
+
+def make_console(
+    *, stderr: bool = False, width: int | None = None, soft_wrap: bool = False
+) -> Console:
+    """Return a console that prints text as it is: paths and names may hold [brackets] and :colons:.
+
+    Markup is off everywhere: give ``style`` or a ``rich.text.Text`` instead. width: columns, if
+    the output is no terminal. soft_wrap: never break lines.
+    """
+
+    def make(width: int | None) -> Console:
+        return Console(
+            stderr=stderr,
+            highlight=False,
+            markup=False,
+            emoji=False,
+            soft_wrap=soft_wrap,
+            width=width,
+        )
+
+    plain = make(None)
+    return plain if width is None or plain.is_terminal else make(width)
+
+
 #: Messages go to stderr; stdout is for the output that the user asked for.
-console = Console(stderr=True, highlight=False)
+console = make_console(stderr=True)
 
 
 @dataclass
@@ -190,5 +214,4 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
 
 def print_table(table: Table) -> None:
     """Print a table to stdout; 200 columns wide when piped, so that grep finds whole words."""
-    out = Console(highlight=False)
-    (out if out.is_terminal else Console(width=200, highlight=False)).print(table)
+    make_console(width=200).print(table)

@@ -88,7 +88,7 @@ def corrupt(
                 if source == clean:
                     raise
                 failures += 1
-                console.print(f"skipped {error}", style="yellow", markup=False)
+                console.print(f"skipped {error}", style="yellow")
                 continue
             shape = (depth.shape[0], depth.shape[1])
             if shape not in by_shape:

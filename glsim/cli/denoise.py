@@ -100,9 +100,7 @@ def denoise(
             if len(pairs) == 1:
                 raise
             failures += 1
-            console.print(
-                f"skipped {source}: {error}", style="yellow", markup=False, soft_wrap=True
-            )
+            console.print(f"skipped {source}: {error}", style="yellow", soft_wrap=True)
             continue
         if sigma_targets:
             denoised, sigma_mm = method.with_sigma(stack[now])

@@ -119,7 +119,7 @@ def evaluate(
         evaluation = run(job, out, workers=count, baselines=probes, progress=progress)
     _write_results(evaluation, job, out, tables, networks, figures)
     for text in evaluation.first_bad:
-        console.print(f"bad {text}", style="yellow", markup=False)
+        console.print(f"bad {text}", style="yellow")
     if evaluation.bad:
         raise DatasetError(
             f"{evaluation.bad} of {evaluation.frames} frames could not be scored, see "
@@ -154,7 +154,7 @@ def _find_networks(tables: list[int], runs: Path | None) -> _Networks:
         return _Networks([], [])
     trained, refused = find_trained_runs(runs)
     for why in refused:
-        console.print(f"skipped {why}", style="yellow", markup=False)
+        console.print(f"skipped {why}", style="yellow")
     rows = {row for table in tables for row in PAPER_ROWS.get(table, ())}
     wanted = [run for run in trained if not rows or run.row is None or run.row in rows]
     return _Networks(wanted, refused)

@@ -7,10 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, options, print_message, print_written
+from glsim.cli.common import (
+    Debug,
+    Quiet,
+    Verbose,
+    make_console,
+    options,
+    print_message,
+    print_written,
+)
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -233,7 +240,7 @@ def _wiggling_text(wiggling: Wiggling | None) -> str:
 
 
 def _print(statistics: RecordingStatistics, lines: list[tuple[str, str]]) -> None:
-    out = Console(highlight=False)
+    out = make_console()
     for name, text in lines:
         out.print(f"{name}: {text}", soft_wrap=True)
     radii = sorted({cell.radius_px for cell in statistics.table})

@@ -180,6 +180,6 @@ def print_summary(summary: GenerateSummary, out: Path) -> None:
             f"{summary.bytes / 1e6:.1f} MB"
         )
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
-        console.print(f"skipped {count}: {why}", style="yellow", markup=False)
+        console.print(f"skipped {count}: {why}", style="yellow")
     if not sum(summary.frames.values()):
         raise DatasetError(f"{out}: no frame could be made, see {out / 'skipped.jsonl'}")

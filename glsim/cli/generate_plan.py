@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import console
+from glsim.cli.common import console, make_console
 
 if TYPE_CHECKING:
     from glsim.settings.distribution import Distribution
@@ -17,17 +16,24 @@ if TYPE_CHECKING:
 
 def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
     """Print the number of images by source, subject and split, their size and the time."""
-    from glsim.dataset.estimate import estimate_dataset
+    from glsim.dataset.estimate import SAMPLE_FRAMES, estimate_dataset
     from glsim.pipeline import open_sources
     from glsim.plan.paper_split import PAPER_IMAGES
     from glsim.plan.tasks import make_tasks
+    from glsim.sensors.sensor import sensor_code
 
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
-    estimate = estimate_dataset(settings, sources, tasks, workers=workers, backend=backend)
-    out = Console(highlight=False)
-    if not out.is_terminal:
-        out = Console(highlight=False, width=120)
+    code = sensor_code(settings)  # a plan runs none of it, and so measures nothing
+    estimate = estimate_dataset(
+        settings,
+        sources,
+        tasks,
+        workers=workers,
+        backend=backend,
+        sample=0 if code else SAMPLE_FRAMES,
+    )
+    out = make_console(width=120)
     people = Table("source", "subject", "split", "images", box=None)
     for source, subject, split, count in estimate.rows:
         people.add_row(source, subject, split, str(count))
@@ -47,6 +53,8 @@ def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
     basis = (
         f"measured on {estimate.measured_frames} frames"
         if estimate.measured_frames
+        else f"typical values; the code of {', '.join(code)} was not run"
+        if code
         else "typical values"
     )
     out.print(
@@ -54,7 +62,7 @@ def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
         f"{estimate.workers} worker(s) ({basis}); nothing was written"
     )
     for why in dict.fromkeys(estimate.skipped):
-        console.print(f"would be skipped: {why}", style="yellow", markup=False)
+        console.print(f"would be skipped: {why}", style="yellow")
 
 
 def scene_line(scene: SceneSettings) -> str:

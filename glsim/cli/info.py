@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, print_table
+from glsim.cli.common import Debug, Quiet, Verbose, make_console, print_table
 from glsim.errors import ConfigError, DeviceError
 
 EXAMPLES = """
@@ -40,7 +39,7 @@ def info(quiet: Quiet = False, verbose: Verbose = False, debug: Debug = False) -
         working.append(backend)
         state = "used" if backend == (chosen or working[0]) else "works"
         table.add_row(backend, state, driver["renderer"], driver["version"], driver["vendor"])
-    out = Console(highlight=False)
+    out = make_console()
     packages = ("glsim", "moderngl", "numpy", "opencv-contrib-python-headless", "trimesh")
     out.print(", ".join(f"{package} {version(package)}" for package in packages), soft_wrap=True)
     print_table(table)

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from glsim.cli.common import BackendOption, Debug, Quiet, Verbose, print_written
+from glsim.cli.common import BackendOption, Debug, Quiet, Verbose, make_console, print_written
 from glsim.errors import ConfigError, MeshError
 
 if TYPE_CHECKING:
@@ -70,15 +69,14 @@ def inspect(
 
 
 def _print(report: FaceSetReport) -> None:
-    out = Console(highlight=False, soft_wrap=True)
+    out = make_console(soft_wrap=True)
     sequences = sum(count for count, _ in report.people.values())
     out.print(
         f"{report.root}: {report.kind}, {len(report.people)} people, {sequences} sequences, "
         f"{report.frames} frames",
-        markup=False,
     )
     for name, (count, frames) in list(report.people.items())[:_PEOPLE]:
-        out.print(f"  {name}: {count} sequences, {frames} frames", markup=False)
+        out.print(f"  {name}: {count} sequences, {frames} frames")
     if len(report.people) > _PEOPLE:
         out.print(f"  and {len(report.people) - _PEOPLE} more")
     out.print(
@@ -86,10 +84,10 @@ def _print(report: FaceSetReport) -> None:
         f"{_range(report.triangles)} triangles"
     )
     for how, count in report.placements.most_common(_PEOPLE):
-        out.print(f"  {count}: {how}", markup=False)
+        out.print(f"  {count}: {how}")
     out.print("problems:" if report.problems else "no problems")
     for why, count in report.problems.most_common(_PROBLEMS):
-        out.print(f"  {count}: {why}", markup=False)
+        out.print(f"  {count}: {why}")
 
 
 def _range(pair: tuple[int, int]) -> str:

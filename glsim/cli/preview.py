@@ -40,7 +40,6 @@ def preview(
     """
     from glsim.dataset import open_dataset
     from glsim.dataset.noise_statistics import measure_noise, noise_table, recording_table
-    from glsim.dataset.reader import read_header
     from glsim.files.atomic import write_atomic
     from glsim.files.png import write_picture
     from glsim.preview import PreviewFrame, contact_sheet
@@ -55,7 +54,7 @@ def preview(
     # Frames are spread evenly, each from the middle of its share, where expressions are strong.
     rows = min(frames, len(pairs))
     shown = [PreviewFrame.of_pair(get(int((row + 0.5) * len(pairs) / rows))) for row in range(rows)]
-    sensor = str(read_header(dataset)["sensor"]["title"])
+    sensor = opened.sensor_title
     sheet, summary = out / "contact_sheet.png", out / "summary.md"
     write_picture(contact_sheet(shown, sensor), sheet)
     step = max(1, len(pairs) // _MEASURED_FRAMES)

@@ -53,7 +53,7 @@ def scoring_progress(title: str) -> Iterator[Callable[[ScoringProgress], None] |
     from rich import progress as rich_progress
 
     columns = (
-        rich_progress.TextColumn("{task.description}"),
+        rich_progress.TextColumn("{task.description}", markup=False),
         rich_progress.BarColumn(),
         rich_progress.MofNCompleteColumn(),
         rich_progress.TextColumn("bad {task.fields[bad]}  left"),

@@ -125,7 +125,7 @@ def reproduce(
         state = ", finished before" if finished else ""
         line = f"{number}/{len(commands)}, {minutes:.0f} min{state}: {text}"
         if not quiet:  # on one line and without markup, so that it can be copied
-            console.print(line, markup=False, soft_wrap=True)
+            console.print(line, soft_wrap=True)
         if not finished and run_command_line(root_command, [*command, *flags]) != 0:
             raise GlsimError(f"stopped in command {number} of {len(commands)}: {text}: repeat "
                              "the same glsim reproduce to go on there")  # fmt: skip

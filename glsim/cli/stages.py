@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, print_table
+from glsim.cli.common import Debug, Quiet, Verbose, make_console, print_table
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -30,7 +29,7 @@ def stages(
     debug: Debug = False,
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file."""
-    from glsim.noise.registry import find_stage, shipped_stages
+    from glsim.noise.registry import describe_stage, shipped_stages
 
     if name is None:
         table = Table("stage", "parameter", "type", "default", "range", "unit", box=None)
@@ -43,9 +42,9 @@ def stages(
                 table.add_row(spec.name, "(none)")
         print_table(table)
         return
-    spec = find_stage(name)
-    out = Console(highlight=False)
-    out.print(f"[bold]{spec.title}[/bold]")
+    spec = describe_stage(name)
+    out = make_console()
+    out.print(spec.title, style="bold")
     out.print(f"file: {spec.file}", soft_wrap=True)
     if spec.source is not None:
         out.print(f"reads: {', '.join(spec.source.reads)}")

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from glsim.cli.common import (
     BackendOption,
@@ -17,6 +17,7 @@ from glsim.cli.common import (
     Verbose,
     options,
     print_message,
+    print_table,
     print_written,
 )
 
@@ -132,9 +133,8 @@ def _print(report: ValidationReport) -> None:
             "\n".join(band_texts(result)),
             result.check.source,
             result.check.kind_text,
-            f"[{colour}]{result.state}[/{colour}]",
+            Text(str(result.state), style=colour),
             result.note,
         )
         table.add_section()
-    out = Console(highlight=False)
-    (out if out.is_terminal else Console(width=200, highlight=False)).print(table)
+    print_table(table)

@@ -6,6 +6,8 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from glsim.dataset.schema import is_file_name
+from glsim.errors import DatasetError
 from glsim.plan.tasks import Task
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -36,11 +38,18 @@ class Chunk:
 class ChunkPlan:
     """All frames of a data set, by split and then in the order of the tasks, cut into chunks.
 
-    It depends only on the tasks and the format, not on the workers or on the files on disk.
+    It depends only on the tasks and the format, not on the workers or on the files on disk. Raises
+    DatasetError for a split, subject or sequence whose files would lie outside the data set.
     """
 
     def __init__(self, tasks: Sequence[Task], chunk_frames: int) -> None:
         self.frames = len(tasks)
+        for task in tasks:
+            if not is_file_name(task.stem) or task.stem.count("/") != 2:
+                raise DatasetError(
+                    f"{task.stem!r} does not name a file inside the data set: rename the subject "
+                    "or the sequence"
+                )
         self._tasks = [task for split in SPLIT_NAMES for task in tasks if task.split == split]
         self._bounds: list[tuple[str, int, int, int]] = []
         first = 0

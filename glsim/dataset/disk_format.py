@@ -22,3 +22,5 @@ MANIFEST = "manifest.jsonl"
 SKIPPED = "skipped.jsonl"
 METADATA = "metadata.jsonl"
 STATE = ".glsim"
+#: In STATE: the first lines of all chunk records, and in its last line the header's checksum.
+MERGED_INDEX = "chunks.jsonl"

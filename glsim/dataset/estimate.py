@@ -94,10 +94,12 @@ def estimate_dataset(
     started = 0.0
     try:
         sampled = [*chosen[:1], *chosen]
+        results = simulate(
+            settings, sampled, sources=sources, backend=backend, layers=settings.output.layers
+        )
         for number, (task, result) in enumerate(
-            zip(sampled, simulate(settings, sampled, sources=sources, backend=backend,
-                               layers=settings.output.layers), strict=True)
-        ):  # fmt: skip
+            zip(sampled, results if sampled else (), strict=True)
+        ):
             if isinstance(result, Frame):
                 size = _frame_bytes(settings, task, result)
             if number == 0:

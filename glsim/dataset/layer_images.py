@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import DatasetError
 from glsim.files.atomic import write_atomic
-from glsim.files.png import decode_png, encode_png
+from glsim.files.png import MAX_SIDE_PX, decode_png, encode_png, size_problem
 from glsim.frame import Frame
 
 LayerImage = NDArray[np.uint16] | NDArray[np.uint8]
@@ -25,15 +25,18 @@ LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
 }
 
 
-def decode_layer(data: bytes, layer: str, where: str) -> LayerImage:
+def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX**2) -> LayerImage:
     """Decode the bytes of a PNG file to (H, W) in the layer's pixel type.
 
     where: names the file in error messages. Raises DatasetError for a damaged image, another pixel
-    type or several channels.
+    type, several channels or more than ``max_px`` pixels.
     """
-    image = decode_png(data)
+    image = decode_png(data, max_px)
     if image is None:
-        raise DatasetError(f"{where}: is no readable PNG image: it is damaged or incomplete")
+        problem = (
+            size_problem(data, max_px) or "is no readable PNG image: it is damaged or incomplete"
+        )
+        raise DatasetError(f"{where}: {problem}")
     expected = LAYER_TYPES[layer]
     if image.dtype != expected:
         raise DatasetError(

@@ -5,6 +5,7 @@ All functions stream: memory does not grow with the number of frames.
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -14,6 +15,7 @@ from typing import Any
 
 from glsim.dataset.chunks import ChunkPlan
 from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
+from glsim.dataset.header import read_header
 from glsim.dataset.output_folder import OutputFolder
 from glsim.dataset.records import (
     ChunkRecord,
@@ -22,15 +24,16 @@ from glsim.dataset.records import (
     metadata_row,
     parse_first_line,
 )
+from glsim.dataset.schema import parse_checksum, parse_frame
 from glsim.errors import DatasetError
 from glsim.files.atomic import (
     AtomicFile,
     file_checksum,
-    read_json,
     to_json,
     wrap_write_errors,
     write_atomic,
 )
+from glsim.files.regular import open_regular
 from glsim.settings.schema import SPLIT_NAMES
 
 
@@ -61,7 +64,8 @@ def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) ->
                 index_file.write(record.first_line.encode())
                 outputs[MANIFEST].write("".join(record.frames).encode())
                 outputs[SKIPPED].write("".join(record.skipped).encode())
-                frames: list[Record] = [json.loads(line) for line in record.frames]
+                where = f"the record of chunk {chunk.number}:"
+                frames: list[Record] = [parse_frame(line, where) for line in record.frames]
                 subjects[chunk.split] |= dict.fromkeys(frame["subject"] for frame in frames)
                 counts[chunk.split] += len(frames)
                 skipped += record.summary.skipped
@@ -102,11 +106,11 @@ def merged_files_are_intact(folder: OutputFolder, chunks: int) -> bool:
     """Check that the header, the manifest and the metadata are as they were written."""
     try:
         with folder.merged_index.open(encoding="utf-8", errors="replace") as index:
-            checksum = json.loads(next(islice(index, chunks, None), ""))
+            checksum = parse_checksum(next(islice(index, chunks, None), ""), index.name)
         if file_checksum(folder.out / HEADER) != checksum:
             return False
-        files = read_json(folder.out / HEADER)["files"]
-    except (OSError, ValueError, DatasetError):
+        files = read_header(folder.out)["files"]
+    except (OSError, DatasetError):
         return False
     return all(
         file_checksum(folder.out / name) == checksum
@@ -140,7 +144,8 @@ def read_merged_chunks(folder: OutputFolder, chunks: int) -> Iterator[ChunkRecor
 
 def _lines(stack: ExitStack, path: Path) -> Iterator[str]:
     try:
-        return stack.enter_context(path.open(encoding="utf-8", errors="replace", newline="\n"))
+        file = stack.enter_context(open_regular(path))
+        return io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="\n")
     except OSError:
         return iter(())
 

@@ -13,8 +13,9 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from glsim.dataset.chunks import Chunk
-from glsim.dataset.disk_format import HEADER, STATE
+from glsim.dataset.disk_format import HEADER, MERGED_INDEX, STATE
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
+from glsim.dataset.schema import parse_frame
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import (
     cannot_write,
@@ -47,7 +48,7 @@ class OutputFolder:
         self._state = out / STATE
         self._chunks = self._state / "chunks"
         self._temporary = self._state / "temporary"
-        self.merged_index = self._state / "chunks.jsonl"
+        self.merged_index = self._state / MERGED_INDEX
 
     @contextmanager
     def locked(self, identity: Mapping[str, Any]) -> Iterator[None]:
@@ -143,7 +144,11 @@ class OutputFolder:
         if record.summary.shard is not None:
             return self._file_problem(record.summary.shard)
         for line in record.frames:
-            for file in json.loads(line)["files"].values():
+            try:
+                files = parse_frame(line, f"the record of chunk {chunk.number}")["files"]
+            except DatasetError as error:
+                return str(error)
+            for file in files.values():
                 problem = self._file_problem(file)
                 if problem is not None:
                     return problem

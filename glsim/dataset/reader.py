@@ -1,8 +1,13 @@
-"""Read a data set, PNG tree or shards: records, and depth maps in millimetres."""
+"""Read a data set, PNG tree or shards: records, and depth maps in millimetres.
+
+Nothing is believed because it is written there: the header and each record pass their schema
+(``glsim.dataset.schema``), the manifest has the checksum that the header holds, the header the one
+in ``.glsim``, and every file that a record names is a regular file inside the data set.
+"""
 
 from __future__ import annotations
 
-import json
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -11,15 +16,20 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
+from glsim.dataset.disk_format import HEADER, MANIFEST
+from glsim.dataset.header import header_problem, manifest_problem, read_header
 from glsim.dataset.layer_images import LayerImage, decode_layer
+from glsim.dataset.manifest import REPAIR, Manifest
 from glsim.errors import DatasetError, did_you_mean
-from glsim.files.atomic import checksum, read_json, wrap_read_errors
+from glsim.files.atomic import checksum, wrap_read_errors
+from glsim.files.png import MAX_IMAGE_BYTES
+from glsim.files.regular import open_regular, read_regular
 from glsim.frame import WRITABLE, to_mm
 from glsim.geometry.camera import Intrinsics
+from glsim.reason import Reason
 from glsim.settings.schema import SPLIT_NAMES
 
-_BLOCK_BYTES = 1 << 24
+log = logging.getLogger(__name__)
 
 
 class Pair:
@@ -120,12 +130,12 @@ class Pair:
         file = files[layer]
         path = self._root / file["name"]
         where = f"{path} ({file['member']})" if "member" in file else str(path)
-        data = _read(path, file)
+        data = _read(self._root, file)
         image = decode_layer(data, layer, where)
         if checksum(data) != {"size": file["size"], "crc32": file["crc32"]}:
             raise DatasetError(
                 f"{where}: was changed after it was written ({len(data)} bytes, {file['size']} "
-                "recorded): run glsim generate again with the same settings to repair it"
+                f"recorded): {REPAIR}"
             )
         size = (self.record["intrinsics"]["height"], self.record["intrinsics"]["width"])
         if image.shape != size:
@@ -133,20 +143,23 @@ class Pair:
                 f"{where}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
                 f"{size[1]} x {size[0]}"
             )
+        if layer == "reason" and image.max(initial=0) > max(Reason):
+            raise DatasetError(f"{where}: holds {image.max()}, which is no code of a reason")
         return image
 
     def _depth_mm(self, layer: str) -> NDArray[np.float32]:
         return to_mm(self.image(layer), self._unit_mm, self.depth_offset_mm)
 
 
-def _read(path: Path, file: Mapping[str, Any]) -> bytes:
+def _read(root: Path, file: Mapping[str, Any]) -> bytes:
     """Read a whole file or a member of a shard; a truncated member is returned truncated."""
-    with wrap_read_errors(path), path.open("rb") as stream:
+    path = root / file["name"]
+    with wrap_read_errors(path):
         if "offset" not in file:
-            return stream.read()
-        stream.seek(file["offset"])
-        content: bytes = stream.read(file["size"])
-    return content
+            return read_regular(path, MAX_IMAGE_BYTES, inside=root)
+        with open_regular(path, inside=root) as stream:
+            stream.seek(file["offset"])
+            return stream.read(int(file["size"]))
 
 
 class Split(Sequence[Pair]):
@@ -179,17 +192,24 @@ class Split(Sequence[Pair]):
 
 
 class Dataset:
-    """A complete data set on disk. It is cheap to open, and to send to other processes.
+    """A complete data set on disk. It is cheap to send to other processes.
 
-    header: the contents of dataset.json. Raises DatasetError if the folder holds no complete data
-    set, or one of a newer version of glsim.
+    header: the contents of dataset.json. Opening reads the manifest once for its checksum. Raises
+    DatasetError if the folder holds no complete data set, one of a newer version of glsim, or one
+    whose header or manifest is damaged or was changed.
     """
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.header = read_header(self.path)
         self.depth_unit_mm = float(self.header["depth_unit_mm"])
-        self._ends: NDArray[np.int64] | None = None
+        if problem := header_problem(self.path):
+            raise DatasetError(f"{self.path / HEADER}: {problem}: {REPAIR}")
+        self._manifest = Manifest(self.path)
+        if problem := manifest_problem(self.header, self._manifest):
+            raise DatasetError(f"{self._manifest.path}: {problem}: {REPAIR}")
+        if MANIFEST not in self.header["files"]:
+            log.warning("%s: has no checksum in %s: changes are not noticed", MANIFEST, HEADER)
 
     def __len__(self) -> int:
         return sum(self.header["frames"].values())
@@ -217,58 +237,41 @@ class Dataset:
         return dict(self.header.get("regions", {}))
 
     @property
+    def sensor_title(self) -> str:
+        """The sensor's description in one line; its name if it has none."""
+        sensor = self.header.get("sensor", {})
+        return str(sensor.get("title", sensor.get("name", "unknown sensor")))
+
+    @property
     def is_tree(self) -> bool:
         """Whether each image is its own file rather than a member of a shard."""
         return bool(self.header["settings"]["output"]["format"] == "png")
 
     def pair(self, number: int) -> Pair:
         """Return the frame in line ``number`` of the manifest, from 0."""
-        ends = self._line_ends()
-        start = int(ends[number - 1]) if number else 0
-        with self._manifest().open("rb") as lines:
-            lines.seek(start)
-            return self._parse(lines.read(int(ends[number]) - start), number)
+        return self._pair(self._manifest.record(number), number)
 
     def pairs(self, first: int, count: int) -> Iterator[Pair]:
         """Yield the frames of consecutive lines of the manifest, each read when it is needed."""
-        start = int(self._line_ends()[first - 1]) if first and count else 0
-        with self._manifest().open("rb") as lines:
-            lines.seek(start)
-            for number in range(first, first + count):
-                yield self._parse(lines.readline(), number)
+        for number, line in enumerate(self._manifest.lines(first, count), start=first):
+            yield self._pair(self._manifest.parse(line, number), number)
 
-    def _manifest(self) -> Path:
-        path = self.path / MANIFEST
-        if not path.exists():
-            raise DatasetError(f"{path}: is missing: run glsim generate again to restore it")
-        return path
-
-    def _parse(self, line: bytes, number: int) -> Pair:
-        try:
-            return Pair(self.path, json.loads(line), self.depth_unit_mm)
-        except ValueError:
-            raise DatasetError(
-                f"{self.path / MANIFEST}: line {number + 1} is damaged: run glsim generate again "
-                "with the same settings to repair it"
-            ) from None
-
-    def _line_ends(self) -> NDArray[np.int64]:
-        """Return each manifest line's end, bytes. Raises DatasetError if their number is wrong."""
-        if self._ends is None:
-            parts: list[NDArray[np.int64]] = []
-            start = 0
-            with self._manifest().open("rb") as lines:
-                while block := lines.read(_BLOCK_BYTES):
-                    parts.append(np.flatnonzero(np.frombuffer(block, np.uint8) == 10) + start + 1)
-                    start += len(block)
-            ends = np.concatenate(parts) if parts else np.zeros(0, np.int64)
-            if len(ends) != len(self):
-                raise DatasetError(
-                    f"{self.path / MANIFEST}: has {len(ends)} lines, {HEADER} says {len(self)}: "
-                    "run glsim generate again with the same settings to repair it"
-                )
-            self._ends = ends
-        return self._ends
+    def _pair(self, record: Mapping[str, Any], number: int) -> Pair:
+        """Make the pair of a line; its split must be the one that the header counts it to."""
+        counts = self.header["frames"]
+        end = 0
+        for expected in SPLIT_NAMES:
+            end += counts[expected]
+            if number < end:
+                break
+        if record["split"] != expected:
+            raise self._manifest.damage(
+                number, f"split: is {record['split']}, {HEADER} counts this frame to {expected}"
+            )
+        for layer in self.header["settings"]["output"]["layers"]:
+            if layer not in record["files"]:
+                raise self._manifest.damage(number, f"files: it lacks the layer {layer!r}")
+        return Pair(self.path, record, self.depth_unit_mm)
 
 
 def no_clean(path: Path) -> str:
@@ -283,26 +286,3 @@ def no_clean(path: Path) -> str:
 def open_dataset(path: Path | str) -> Dataset:
     """Open a complete data set. Raises DatasetError as ``Dataset`` does."""
     return Dataset(path)
-
-
-def read_header(path: Path) -> dict[str, Any]:
-    """Read dataset.json. Raises DatasetError if this version cannot read the data set."""
-    file = path / HEADER
-    if not file.exists():
-        if (path / STATE).is_dir():
-            raise DatasetError(
-                f"{path}: is not complete: run glsim generate again with the same settings"
-            )
-        raise DatasetError(f"{path}: is no data set of glsim: it has no {HEADER}")
-    header = read_json(file)
-    if header.get("format") != FORMAT:
-        raise DatasetError(f"{file}: is not the header of a glsim data set")
-    if header.get("format_version", 0) > FORMAT_VERSION:
-        raise DatasetError(
-            f"{file}: format version {header['format_version']} is newer than {FORMAT_VERSION}, "
-            "which this glsim reads: update glsim"
-        )
-    missing = [key for key in ("frames", "depth_unit_mm", "settings", "files") if key not in header]
-    if missing:
-        raise DatasetError(f"{file}: is damaged: it lacks {', '.join(missing)}")
-    return header

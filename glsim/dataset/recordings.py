@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.png import decode_png
+from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, decode_png, size_problem
+from glsim.files.regular import read_regular
 from glsim.geometry.camera import Intrinsics
 
 Array = NDArray[np.float32]
@@ -176,13 +177,15 @@ def _read(file: Path, number: int) -> NDArray[np.generic]:
             raise DatasetError(f"{file}: has {len(stack)} frames, frame {number} is needed")
         return np.asarray(stack[number])
     try:
-        data = file.read_bytes()
+        data = read_regular(file, MAX_IMAGE_BYTES)
     except OSError as error:
         raise DatasetError(f"{file}: {error.strerror or error}") from None
     if file.suffix.lower() in _IMAGES:
-        image = decode_png(data)
+        image = decode_png(data, MAX_MAP_PX)
         if image is None:
-            raise DatasetError(f"{file}: is no readable image")
+            raise DatasetError(
+                f"{file}: {size_problem(data, MAX_MAP_PX) or 'is no readable image'}"
+            )
         wrong = image.ndim != 2 or not (image.dtype == np.uint16 or image.dtype.kind == "f")
         if wrong:
             channels = 1 if image.ndim == 2 else image.shape[2]
@@ -211,6 +214,11 @@ def _stack(file: Path) -> NDArray[np.generic]:
         raise DatasetError(
             f"{file}: is {stack.dtype} {stack.shape}; a stack of frames is (T, H, W), uint16 in "
             "steps of --depth-unit-mm or float in millimetres or metres"
+        )
+    if stack.shape[-1] * stack.shape[-2] > MAX_MAP_PX:
+        raise DatasetError(
+            f"{file}: its images are {stack.shape[-1]} x {stack.shape[-2]} pixels, more than the "
+            f"{MAX_MAP_PX} pixels that glsim reads"
         )
     return stack if stack.ndim == 3 else stack[None]
 

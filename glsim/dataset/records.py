@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
+import io
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from glsim.dataset.schema import parse_summary
 from glsim.errors import DatasetError
 from glsim.files.atomic import to_json
 from glsim.frame import Frame, Skipped
@@ -116,10 +117,7 @@ class ChunkRecord:
 
 def parse_first_line(line: str) -> ChunkSummary:
     """Parse the first line of a chunk's file without checking the CRC32. Raises DatasetError."""
-    try:
-        return ChunkSummary(**json.loads(line[9:]))
-    except (ValueError, TypeError):
-        raise DatasetError("a chunk record is damaged") from None
+    return ChunkSummary(**parse_summary(line[9:], "a chunk record"))
 
 
 def checked_chunk_record(first_line: str, frames: list[str], skipped: list[str]) -> ChunkRecord:
@@ -133,7 +131,7 @@ def checked_chunk_record(first_line: str, frames: list[str], skipped: list[str])
 def parse_chunk_record(data: bytes) -> ChunkRecord:
     """Invert ``ChunkRecord.to_bytes``. Raises DatasetError if the bytes are damaged."""
     try:
-        first_line, *lines = data.decode().splitlines(keepends=True)
+        first_line, *lines = io.StringIO(data.decode(), newline="\n").readlines()
     except ValueError:
         raise DatasetError("a chunk record is damaged") from None
     count = parse_first_line(first_line).frames

@@ -2,110 +2,226 @@
 
 from __future__ import annotations
 
+import os
+import tarfile
 from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
-from glsim.dataset.disk_format import MANIFEST, METADATA, SKIPPED
-from glsim.dataset.reader import Dataset, Pair
+from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
+from glsim.dataset.header import header_problem, manifest_problem, read_header
+from glsim.dataset.layer_images import decode_layer
+from glsim.dataset.manifest import Manifest
 from glsim.errors import DatasetError
-from glsim.files.atomic import file_checksum
+from glsim.files.atomic import checksum, file_checksum
+from glsim.files.png import MAX_IMAGE_BYTES
+from glsim.files.regular import open_regular, read_regular
 from glsim.settings.schema import SPLIT_NAMES
+
+_Record = Mapping[str, Any]
 
 
 def verify(path: Path | str, deep: bool = False) -> list[str]:
     """Return the problems of a data set, one line each; an empty list if there are none.
 
-    Checks the header, the manifest and its counts, that no subject is in two splits (by records
-    and by folders), that every file exists with its size, and that every file in a split has a
-    record. deep: also checks the CRC32 of every image. Never raises DatasetError.
+    Checks the header and the manifest against their schema and their checksums, the counts, that no
+    subject is in two splits (by records and by folders), that every file is a regular one inside
+    the data set with its recorded size, that no two records share an image, and that every file in
+    a split has a record. deep: also checks the CRC32 of every image, decodes it, compares it with
+    its record, and compares the members of shards with the records. Never raises DatasetError.
     """
     root = Path(path)
     try:
-        dataset = Dataset(root)
+        header = read_header(root)
+        manifest = Manifest(root)
     except DatasetError as error:
         return [str(error)]
-    return list(_problems(dataset, deep))
+    return list(_Verification(root, header, manifest, deep).problems())
 
 
-def _problems(dataset: Dataset, deep: bool) -> Iterator[str]:
-    yield from _listed_files(dataset, deep)
-    split_of: dict[str, str] = {}
-    counts = dict.fromkeys(SPLIT_NAMES, 0)
-    folders: set[Path] = set()
-    try:
+class _Verification:
+    def __init__(
+        self, root: Path, header: Mapping[str, Any], manifest: Manifest, deep: bool
+    ) -> None:
+        self._root, self._header, self._manifest, self._deep = root, header, manifest, deep
+        self._split_of: dict[str, str] = {}
+        self._counts = dict.fromkeys(SPLIT_NAMES, 0)
+        self._folders: set[Path] = set()
+        #: Shard -> member -> its offset, size and CRC32.
+        self._members: dict[str, dict[str, tuple[int, int, int]]] = {}
+        self._bad_files: set[str] = set()
+        self._indices: set[int] = set()
+
+    def problems(self) -> Iterator[str]:
+        if problem := header_problem(self._root):
+            yield f"{HEADER} {problem}"
+        problem = manifest_problem(self._header, self._manifest)
+        if problem is not None and MANIFEST not in self._header["files"]:
+            yield f"{MANIFEST} {problem}"
+        yield from self._listed_files()
+        damaged: list[str] = []
         # The frames of a subject are consecutive: only one folder at a time is in memory.
-        for (split, subject), group in groupby(dataset, lambda p: (p.split, p.subject)):
-            other = split_of.setdefault(subject, split)
+        for (split, subject), group in groupby(self._records(damaged), _person):
+            other = self._split_of.setdefault(subject, split)
             if other != split:
                 yield f"subject {subject} is in {other} and in {split}"
-            pairs = list(group)
-            counts[split] = counts.get(split, 0) + len(pairs)
-            if dataset.is_tree:
-                folder = dataset.path / split / subject
-                folders.add(folder)
-                yield from _folder_problems(dataset.path, folder, pairs, deep)
+            yield from self._frame_problems(split, subject, list(group))
+        yield from damaged
+        for split, count in self._counts.items():
+            if count != self._header["frames"][split]:
+                yield f"{split} has {count} frames, the header says {self._header['frames'][split]}"
+        if self._deep:
+            yield from self._member_problems()
+        yield from self._stray_entries()
+
+    def _records(self, damaged: list[str]) -> Iterator[_Record]:
+        """Yield the record of each sound line; append the problems of the others to ``damaged``."""
+        for number, line in enumerate(self._manifest.lines(0, len(self._manifest))):
+            try:
+                record = self._manifest.parse(line, number)
+            except DatasetError as error:
+                damaged.append(str(error))
+                continue
+            if record["index"] in self._indices:
+                damaged.append(f"{MANIFEST}: line {number + 1}: index {record['index']} again")
+            self._indices.add(record["index"])
+            yield record
+
+    def _listed_files(self) -> Iterator[str]:
+        """Check the files that the header lists: manifest, skipped, metadata, shards."""
+        for name, expected in self._header["files"].items():
+            whole = self._deep or not name.endswith(".tar")
+            problems = list(self._file_problems(name, expected, whole))
+            yield from problems
+            if problems:
+                self._bad_files.add(name)
+
+    def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
+        """Compare a file with its recorded size and, if ``whole``, its CRC32."""
+        try:
+            with open_regular(self._root / name, inside=self._root) as file:
+                size = os.fstat(file.fileno()).st_size
+        except FileNotFoundError:
+            yield f"{name} is missing"
+            return
+        except OSError as error:
+            yield f"{name}: {error.strerror}"
+            return
+        recorded = {"size": expected["size"], "crc32": expected["crc32"]}
+        if size != recorded["size"]:
+            yield f"{name} has {size} bytes instead of {recorded['size']}"
+        elif whole and file_checksum(self._root / name) != recorded:
+            yield f"{name} is not what was written: its CRC32 differs"
+
+    def _frame_problems(self, split: str, subject: str, records: list[_Record]) -> Iterator[str]:
+        """Check the images of consecutive frames of one subject."""
+        self._counts[split] += len(records)
+        images: dict[str, tuple[str, _Record, _Record]] = {}
+        for record in records:
+            for layer, file in record["files"].items():
+                name = file["name"]
+                if "offset" in file:
+                    yield from self._note_member(name, file)
+                elif name in images:
+                    yield f"{name} is in two records"
+                else:
+                    images[name] = layer, file, record
+        for name, (layer, file, record) in images.items():
+            found = list(self._file_problems(name, file, self._deep))
+            yield from found
+            if self._deep and not found:
+                yield from self._image_problems(name, layer, record)
+        if images:
+            yield from self._unrecorded(self._root / split / subject, images)
+
+    def _note_member(self, shard: str, file: _Record) -> Iterator[str]:
+        """Check that a member lies in a listed shard; its bytes are checked with the shard's."""
+        listed = self._header["files"].get(shard)
+        member = file.get("member", "")
+        if listed is None:
+            yield f"{shard} ({member}) is not listed in {HEADER}"
+        elif file["offset"] + file["size"] > listed["size"]:
+            yield f"{shard} ({member}): its offset {file['offset']} lies behind the shard's end"
+        known = self._members.setdefault(shard, {})
+        if member in known:
+            yield f"{shard} ({member}) is in two records"
+        known[member] = (file["offset"], file["size"], file["crc32"])
+
+    def _unrecorded(self, folder: Path, images: Mapping[str, object]) -> Iterator[str]:
+        self._folders.add(folder)
+        if folder.is_dir():
+            for path in sorted(folder.iterdir()):
+                name = path.relative_to(self._root).as_posix()
+                if name not in images:
+                    yield f"{name} is in no record"
+
+    def _image_problems(self, name: str, layer: str, record: _Record) -> Iterator[str]:
+        """Decode an image and compare its type and size with the record."""
+        try:
+            data = read_regular(self._root / name, MAX_IMAGE_BYTES, inside=self._root)
+            yield from _picture_problems(data, name, layer, record)
+        except OSError as error:
+            yield f"{name}: {error.strerror}"
+
+    def _member_problems(self) -> Iterator[str]:
+        """Compare the members of each shard with the records: names, places, kinds, CRC32."""
+        for shard in self._members.keys() - self._bad_files:
+            try:
+                with open_regular(self._root / shard, inside=self._root) as file:
+                    yield from self._shard_problems(shard, file)
+            except OSError as error:
+                yield f"{shard}: {error.strerror}"
+            except tarfile.TarError as error:
+                yield f"{shard}: is no tar file: {error}"
+
+    def _shard_problems(self, shard: str, file: IO[bytes]) -> Iterator[str]:
+        found: dict[str, tuple[int, int]] = {}
+        with tarfile.open(fileobj=file, mode="r:") as tar:
+            for info in tar:
+                if not info.isreg() or "/" in info.name or info.name in found:
+                    yield f"{shard} holds {info.name!r}, which is no plain file of its own"
+                found[info.name] = (info.offset_data, info.size)
+        for name, (offset, size, crc32) in self._members[shard].items():
+            if found.get(name) != (offset, size):
+                yield f"{shard} ({name}) is not where its record says"
+                continue
+            file.seek(offset)
+            if checksum(file.read(size))["crc32"] != crc32:
+                yield f"{shard} ({name}) is not what was written: its CRC32 differs"
+
+    def _stray_entries(self) -> Iterator[str]:
+        """Find unrecorded files in the splits; the user's own files at the top are allowed."""
+        listed = self._header["files"].keys() | {MANIFEST, SKIPPED}
+        seen: dict[str, str] = {}
+        for split in SPLIT_NAMES:
+            for shard in sorted(self._root.glob(f"{split}-*.tar")):
+                if shard.name not in listed:
+                    yield f"{shard.name} is in no record"
+            folder = self._root / split
+            entries = sorted(folder.iterdir()) if folder.is_dir() else []
+            for path in entries:
+                if path.is_dir() and path.name in seen:
+                    yield f"subject {path.name} has a folder in {seen[path.name]} and in {split}"
+                seen[path.name] = split
+                name = f"{split}/{path.name}"
+                if path not in self._folders and name not in listed and path.name != METADATA:
+                    yield f"{name} is in no record"
+
+
+def _person(record: _Record) -> tuple[str, str]:
+    return record["split"], record["subject"]
+
+
+def _picture_problems(data: bytes, name: str, layer: str, record: _Record) -> Iterator[str]:
+    try:
+        image = decode_layer(data, layer, name)
     except DatasetError as error:
         yield str(error)
-    else:
-        for split, count in counts.items():
-            expected = dataset.header["frames"].get(split, 0)
-            if count != expected:
-                yield f"{split} has {count} frames, the header says {expected}"
-    yield from _stray_entries(dataset, folders)
-
-
-def _listed_files(dataset: Dataset, deep: bool) -> Iterator[str]:
-    """Check the files that the header lists: manifest, skipped, metadata, shards."""
-    for name, expected in dataset.header["files"].items():
-        whole = deep or not name.endswith(".tar")
-        yield from _file_problems(dataset.path / name, name, expected, whole)
-
-
-def _file_problems(
-    path: Path, name: str, expected: Mapping[str, Any], whole: bool
-) -> Iterator[str]:
-    """Compare a file with its recorded size and, if ``whole``, its CRC32."""
-    try:
-        size = path.stat().st_size
-    except OSError:
-        yield f"{name} is missing"
         return
-    if size != expected["size"]:
-        yield f"{name} has {size} bytes instead of {expected['size']}"
-    elif whole and file_checksum(path) != {
-        "size": expected["size"],
-        "crc32": expected["crc32"],
-    }:
-        yield f"{name} is not what was written: its CRC32 differs"
-
-
-def _folder_problems(root: Path, folder: Path, pairs: list[Pair], deep: bool) -> Iterator[str]:
-    recorded = {file["name"]: file for pair in pairs for file in pair.record["files"].values()}
-    for name, file in recorded.items():
-        yield from _file_problems(root / name, name, file, deep)
-    if folder.is_dir():
-        for path in sorted(folder.iterdir()):
-            name = path.relative_to(root).as_posix()
-            if name not in recorded:
-                yield f"{name} is in no record"
-
-
-def _stray_entries(dataset: Dataset, folders: set[Path]) -> Iterator[str]:
-    """Find unrecorded files in the splits; the user's own files at the top are allowed."""
-    root = dataset.path
-    listed = dataset.header["files"].keys() | {MANIFEST, SKIPPED}
-    seen: dict[str, str] = {}
-    for split in SPLIT_NAMES:
-        for shard in sorted(root.glob(f"{split}-*.tar")):
-            if shard.name not in listed:
-                yield f"{shard.name} is in no record"
-        entries = sorted((root / split).iterdir()) if (root / split).is_dir() else []
-        for path in entries:
-            if path.is_dir() and path.name in seen:
-                yield f"subject {path.name} has a folder in {seen[path.name]} and in {split}"
-            seen[path.name] = split
-            name = f"{split}/{path.name}"
-            if path not in folders and name not in listed and path.name != METADATA:
-                yield f"{name} is in no record"
+    size = (record["intrinsics"]["height"], record["intrinsics"]["width"])
+    if image.shape != size:
+        yield (
+            f"{name}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
+            f"{size[1]} x {size[0]}"
+        )

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from glsim.dataset.disk_format import HEADER
+from glsim.dataset.disk_format import FORMAT, HEADER
+from glsim.dataset.header import read_header
+from glsim.dataset.schema import read_object
 from glsim.denoise.frames import Key, Sample, check_millimetres
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import read_json
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
+from glsim.settings.schema import SPLIT_NAMES
 
 
 class MapFrames:
@@ -44,8 +45,9 @@ class MapFrames:
 def unit_mm(files: Sequence[Path], given: float | None) -> float:
     """Return the step of depth files in mm: that of their data set, else ``given``, else 1.
 
-    Raises ConfigError if these differ. Reading a data set with steps of 0.1 mm as millimetres
-    would put every face ten times too far away, and nothing would look wrong.
+    Raises ConfigError if these differ, DatasetError if the data set's header is damaged. Reading a
+    data set with steps of 0.1 mm as millimetres would put every face ten times too far away, and
+    nothing would look wrong.
     """
     folders = {file.parent for file in files}
     stated = {unit for folder in folders if (unit := _dataset_unit_mm(folder))}
@@ -62,13 +64,20 @@ def unit_mm(files: Sequence[Path], given: float | None) -> float:
 
 
 def _dataset_unit_mm(folder: Path) -> float | None:
-    """Return the step of the data set that contains the folder, mm; None without one."""
-    for place in (folder, *folder.absolute().parents):
-        if (place / HEADER).is_file():
-            with suppress(DatasetError):  # a file of that name may have another origin
-                unit = read_json(place / HEADER).get("depth_unit_mm")
-                return float(unit) if isinstance(unit, int | float) else None
-    return None
+    """Return the step of the data set whose maps of a subject the folder holds, mm; else None.
+
+    A map belongs to a data set if it is where one writes it: <split>/<subject>/ below the header.
+    Any other dataset.json in a folder above says nothing about it.
+    """
+    split = folder.absolute().parent
+    root = split.parent
+    if split.name not in SPLIT_NAMES or not (root / HEADER).is_file():
+        return None
+    try:
+        header, _ = read_object(root / HEADER)
+    except DatasetError:  # a file of that name may have another origin
+        return None
+    return float(read_header(root)["depth_unit_mm"]) if header.get("format") == FORMAT else None
 
 
 def _matching(pattern: Path) -> list[Path]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from glsim.denoise.network import Depth, NetworkDenoiser
 from glsim.errors import DenoiserError, GlsimError
 from glsim.train.models.base import DepthModel
 from glsim.train.models.named_outputs import named_outputs
-from glsim.train.models.registry import build_model
+from glsim.train.models.registry import build_model, weight_shapes
 
 #: Keeps GPU convolutions in float32: the default, TF32, has ten bits, steps of 0.5 mm at 900 mm.
 _FLOAT32 = partial(torch.backends.cudnn.flags, enabled=True, allow_tf32=False)
@@ -42,11 +43,13 @@ def load_model(path: Path) -> DepthModel:
     """
     try:
         content: dict[str, Any] = checkpoint.load(path)
-        model = build_model(content["recipe"]["model"])
+        table = content["recipe"]["model"]
+        _check_shapes(weight_shapes(table), content["model"])
+        model = build_model(table)
         model.load_state_dict(content["model"])
     except GlsimError as error:
         raise DenoiserError(str(error)) from None
-    except (RuntimeError, KeyError, TypeError) as error:
+    except (RuntimeError, KeyError, TypeError, AttributeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
         raise DenoiserError(
             f"{path}: its weights do not fit its recipe ({reason}): train again"
@@ -63,6 +66,14 @@ def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:
     model = load_model(path)
     uncertain = bool(getattr(model, "uncertainty", False))
     return NetworkDenoiser(TorchNetwork(model), str(path), uncertain, min_probability)
+
+
+def _check_shapes(expected: Mapping[str, tuple[int, ...]], weights: Mapping[str, Any]) -> None:
+    """Raise ValueError if weights do not fit their model, before the model takes any memory."""
+    found = {name: tuple(value.shape) for name, value in weights.items()}
+    for name in sorted(expected.keys() | found.keys()):
+        if expected.get(name) != found.get(name):
+            raise ValueError(f"{name}: {found.get(name)}, not {expected.get(name)}")
 
 
 def load_denoiser(path: Path, sure: float = 0.0) -> NetworkDenoiser:

@@ -11,6 +11,7 @@ import numpy as np
 
 from glsim.denoise.network import Depth, NetworkDenoiser
 from glsim.errors import DenoiserError
+from glsim.files.regular import read_regular
 
 Runtime = Literal["onnxruntime", "opencv"]
 
@@ -67,10 +68,7 @@ def load_onnx(
     opencv. Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
     """
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            limit_mb = _MAX_BYTES // 2**20
-            raise DenoiserError(f"{path}: is larger than {limit_mb} MB: is no network of glsim")
-        data = path.read_bytes()
+        data = read_regular(path, _MAX_BYTES)
     except OSError as error:
         reason = error.strerror or error
         raise DenoiserError(f"{path}: cannot be read: {reason}") from None

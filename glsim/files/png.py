@@ -3,8 +3,9 @@
 The encoder puts ISA-L's deflate in the smallest container. OpenCV takes 0.7 ms for a 512 x 424
 frame that holds a face, nearly all of it in zlib; ISA-L takes 0.1 ms and makes smaller files. None
 of PNG's filters is worth its time here. OpenCV decodes; it is imported when it is first needed.
+Width and height are read from the file's own header first: 2 MB of deflate can hold 2 GB of zeros.
 
-PNG: W3C Recommendation, third edition.
+PNG: W3C Recommendation, third edition. TIFF: Adobe, revision 6.0.
 """
 
 from __future__ import annotations
@@ -19,6 +20,16 @@ from numpy.typing import NDArray
 
 from glsim.errors import DatasetError
 from glsim.files.atomic import write_atomic
+from glsim.files.regular import read_regular
+
+#: Largest width and height of an image, pixels: those of the largest camera that a sensor file may
+#: have. An image of this size takes 134 MB in 16 bits.
+MAX_SIDE_PX = 8192
+#: Largest image file, bytes: 16 bits of every pixel, uncompressed, and some more for its header.
+MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
+#: Largest map of a user's own, pixels (2048 x 2048): time-of-flight cameras reach 1 million. By
+#: measurement the shipped network takes 1 kB a pixel, a chain of noise stages half of that.
+MAX_MAP_PX = 1 << 22
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY = 0
@@ -43,12 +54,55 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def decode_png(data: bytes) -> NDArray[np.generic] | None:
-    """Decode an image file: (H, W) or (H, W, channels) in the file's own type; None if damaged."""
+def image_size(data: bytes) -> tuple[int, int] | None:
+    """Return (width, height) by the header of a PNG or TIFF file, pixels; None for other files."""
+    if data[:8] == _SIGNATURE and data[12:16] == b"IHDR" and len(data) >= 24:
+        width, height = struct.unpack(">II", data[16:24])
+        return width, height
+    if data[:4] in (b"II*\0", b"MM\0*"):
+        return _tiff_size(data, "<" if data[:1] == b"I" else ">")
+    return None
+
+
+def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
+    """Read the tags ImageWidth (256) and ImageLength (257) of a TIFF's first directory."""
+    sides: dict[int, int] = {}
+    try:
+        (at,) = struct.unpack_from(f"{order}I", data, 4)
+        (count,) = struct.unpack_from(f"{order}H", data, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            tag, kind = struct.unpack_from(f"{order}HH", data, entry)
+            if tag in (256, 257):
+                form = "H" if kind == 3 else "I"
+                (sides[tag],) = struct.unpack_from(f"{order}{form}", data, entry + 8)
+    except struct.error:
+        return None
+    return (sides[256], sides[257]) if len(sides) == 2 else None
+
+
+def size_problem(data: bytes, max_px: int = MAX_SIDE_PX**2) -> str | None:
+    """Return why an image file is too large to decode, None if it is not (or is no image)."""
+    size = image_size(data)
+    if size is None or (max(size) <= MAX_SIDE_PX and size[0] * size[1] <= max_px):
+        return None
+    side = min(MAX_SIDE_PX, int(max_px**0.5))
+    return f"is {size[0]} x {size[1]} pixels, more than the {side} x {side} that glsim reads"
+
+
+def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic] | None:
+    """Decode a PNG or TIFF file: (H, W) or (H, W, channels) in the file's own type.
+
+    None if it is damaged, another kind of file, or larger than ``max_px`` pixels or MAX_SIDE_PX
+    (``size_problem`` then says so); nothing is decoded in that case.
+    """
     import cv2
 
+    if image_size(data) is None or size_problem(data, max_px):
+        return None
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+        image: NDArray[np.generic] | None = cv2.imdecode(
+            np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED
+        )
     except cv2.error:
         return None
     return image
@@ -57,15 +111,15 @@ def decode_png(data: bytes) -> NDArray[np.generic] | None:
 def read_depth_png(path: Path) -> NDArray[np.uint16]:
     """Read a 16-bit PNG of one channel, such as a user's own depth map: (H, W) uint16 as stored.
 
-    Raises DatasetError for anything else.
+    Raises DatasetError for anything else, and for more than MAX_MAP_PX pixels.
     """
     try:
-        data = path.read_bytes()
+        data = read_regular(path, MAX_IMAGE_BYTES)
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
-    image = decode_png(data)
+    image = decode_png(data, MAX_MAP_PX)
     if image is None:
-        raise DatasetError(f"{path}: is no readable image")
+        raise DatasetError(f"{path}: {size_problem(data, MAX_MAP_PX) or 'is no readable image'}")
     if image.dtype != np.uint16 or image.ndim != 2:
         channels = 1 if image.ndim == 2 else image.shape[2]
         raise DatasetError(

@@ -23,6 +23,7 @@ from pathlib import Path
 
 from glsim import reason
 from glsim.errors import ShaderError
+from glsim.files.regular import read_regular
 from glsim.geometry.rect import Rect
 
 #: The folder of the shipped shaders. Includes are searched beside the file, then here.
@@ -42,12 +43,21 @@ _OUT = re.compile(
 )
 #: Lines that start like a declaration but match none of the above: several names, a block, ...
 _UNREADABLE = re.compile(r"^\s*(?:layout\s*\([^)]*\)\s*)?(?:uniform\s|out\s+\w+\s+[^;()]*;)")
+_DECLARATION = re.compile(r"^\s*(?:layout|uniform|out)\b")
 _NOTE = re.compile(
     r"^\s*(?:\[(?P<low>[^,\]]+),(?P<high>[^,\]]+)\])?\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
 )
 _SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
 _SPARSE = re.compile(r"^//@ sparse\b")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+#: Largest GLSL file, bytes, and longest line with a declaration; the longest shipped have 9,000 and
+#: 100. The patterns above take quadratic time in a line.
+_MAX_BYTES = 1 << 20
+_MAX_DECLARATION = 2000
+#: What is kept of a driver's message: lines, and characters in all.
+_MAX_MESSAGE_LINES, _MAX_MESSAGE = 20, 2000
+#: Largest size of a written layer over the frame's: the renderer's finest has 5 samples a pixel.
+_MAX_SCALE = 5
 _PARAMETER_TYPES = {"float": float, "int": int, "bool": bool}
 _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
 
@@ -124,7 +134,8 @@ class ShaderSource:
     def locate(self, message: str) -> str:
         """Replace the line numbers in a driver's message by file:line.
 
-        Mesa writes ``0:12(3): error``, NVIDIA ``0(12) : error``.
+        Mesa writes ``0:12(3): error``, NVIDIA ``0(12) : error``. Only the first lines are kept: one
+        wrong include makes hundreds.
         """
 
         def with_place(match: re.Match[str]) -> str:
@@ -136,7 +147,11 @@ class ShaderSource:
 
         pattern = r"\b0(?::(?P<mesa>\d+)\(\d+\)\s*:?|\((?P<nvidia>\d+)\)\s*:)"
         wanted = [line for line in message.splitlines() if re.search(pattern, line)]
-        return "; ".join(re.sub(pattern, with_place, line) for line in wanted) or message.strip()
+        lines = [re.sub(pattern, with_place, line) for line in wanted[:_MAX_MESSAGE_LINES]]
+        text = "; ".join(lines) or " ".join(message.split())
+        left = len(wanted) - _MAX_MESSAGE_LINES
+        more = f"; and {left} more lines" if left > 0 else ""
+        return (text if len(text) <= _MAX_MESSAGE else f"{text[:_MAX_MESSAGE]}...") + more
 
     def with_defines(self, **constants: int) -> ShaderSource:
         """Insert ``#define NAME VALUE`` lines after the first line, which is #version.
@@ -165,6 +180,13 @@ def load_source(file: Path) -> ShaderSource:
     reads, writes, bound = [], [], []
     for text, name, line in flat:
         where = f"{name}:{line}"
+        if len(text) > _MAX_DECLARATION:
+            if _DECLARATION.match(text):
+                raise ShaderError(
+                    f"{where}: a declaration of {len(text)} characters, the limit is "
+                    f"{_MAX_DECLARATION}"
+                )
+            continue
         if match := _UNIFORM.match(text):
             kind, uniform = match["type"], match["name"]
             if kind == "sampler2D" and uniform.startswith("u_"):
@@ -178,12 +200,7 @@ def load_source(file: Path) -> ShaderSource:
                 raise ShaderError(
                     f"{where}: a written layer is {', '.join(_LAYER_TYPES)}, not {match['type']}"
                 )
-            scale = _SCALE.search(match["rest"])
-            writes.append(
-                Layer(
-                    match["name"], match["type"], Fraction(scale["scale"]) if scale else Fraction(1)
-                )
-            )
+            writes.append(Layer(match["name"], match["type"], _scale(match["rest"], where)))
         elif _UNREADABLE.match(text) and not (file.suffix == ".vert" and _OUT.match(text)):
             raise ShaderError(
                 f"{where}: declare one uniform or layer a line, as 'uniform TYPE NAME' or "
@@ -205,11 +222,30 @@ def load_source(file: Path) -> ShaderSource:
 
 def _read(file: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8")
+        return read_regular(file, _MAX_BYTES).decode()
     except FileNotFoundError:
         raise ShaderError(f"{file}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise ShaderError(f"{file}: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
         raise ShaderError(f"{file}: {error}") from None
+
+
+def _scale(rest: str, where: str) -> Fraction:
+    """Read the note ``//@ 1/3`` behind an ``out``; 1 without one. Raises ShaderError."""
+    match = _SCALE.search(rest)
+    if match is None:
+        return Fraction(1)
+    try:
+        scale = Fraction(match["scale"])
+    except (ZeroDivisionError, ValueError):
+        scale = Fraction(0)
+    if not Fraction(1, _MAX_SCALE) <= scale <= _MAX_SCALE:
+        raise ShaderError(
+            f"{where}: the size of a layer is 1/{_MAX_SCALE} to {_MAX_SCALE} times the frame's, "
+            f"not {match['scale']:.40}"
+        )
+    return scale
 
 
 def _flatten(

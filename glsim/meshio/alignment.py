@@ -32,6 +32,10 @@ DETECTED_UNITS: Final = ("m", "dm", "cm", "mm")
 MIN_HEAD_MM: Final = 80.0  # a cropped patch with eyes, nose and mouth
 MAX_HEAD_MM: Final = 600.0  # a head with neck and shoulders
 
+#: Farthest distance of a head from its file's origin, over its size: float32 then still has steps
+#: of 2 mm on a head of 200 mm.
+_MAX_AWAY: Final = 1e5
+
 ORIGIN_BEHIND_NOSE_MM: Final = 45.0
 """Distance of the canonical origin, between the cheek bones, behind the nose tip, mm."""
 
@@ -112,6 +116,11 @@ def estimate_alignment(
     given_axes = None if axes == "auto" else _check_axes(axes)
     lower, upper = vertices.min(axis=0), vertices.max(axis=0)
     unit_name, mm_per_unit = _find_unit(float((upper - lower).max()), unit)
+    away = float(max(np.abs(lower).max(), np.abs(upper).max()) / (upper - lower).max())
+    if away > _MAX_AWAY:
+        raise MeshError(
+            f"it lies {away:.3g} times its size away from the file's origin: move it there"
+        )
     samples = sample_surface(vertices, faces) * np.float32(mm_per_unit)
     doubts: list[str] = []
     better = ""

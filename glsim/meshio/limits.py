@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from glsim.errors import MeshError, did_you_mean
+from glsim.files.regular import open_regular
 
 EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 """Readable formats: OBJ and plain PLY by glsim, the others by trimesh without further packages."""
@@ -19,11 +21,18 @@ MAX_BYTES: Final = 200 * MAX_TRIANGLES
 """Largest file size, bytes: 200 per triangle; an OBJ with texture coordinates and normals needs
 about 120."""
 
+MAX_LINES: Final = 4 * MAX_TRIANGLES
+"""Most lines of a text file: a mesh of this many triangles has half as many vertices, texture
+coordinates and normals each; empty lines take time, too."""
+
+_HEAD_BYTES: Final = 1 << 16
+
 
 def check_size(path: Path, max_bytes: int) -> int:
     """Return a file's size in bytes. Raises MeshError if it is 0 or above ``max_bytes``."""
     try:
-        size = path.stat().st_size
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
     if size == 0:
@@ -43,7 +52,8 @@ def check_file(path: Path) -> int:
     if path.is_dir():
         raise MeshError(f"{path}: is a directory, not a mesh; the source 'folder' reads trees")
     try:
-        size = path.stat().st_size
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
     suffix = path.suffix.lower()
@@ -68,14 +78,15 @@ def check_file(path: Path) -> int:
 def _declared_counts(path: Path, suffix: str, size: int) -> list[int]:
     """Return the element counts a file declares, to reject a huge one before it fills memory."""
     try:
-        with path.open("rb") as file:
-            head = file.read(4096)
-            if suffix == ".obj" and size > len("f 1 2 3\n") * MAX_TRIANGLES:
-                blocks = iter(lambda: file.read(1 << 24), b"")
-                return [sum(block.count(b"\nf ") for block in blocks)]
+        with open_regular(path) as file:
+            head = file.read(_HEAD_BYTES)
+            if suffix == ".obj" and size > MAX_TRIANGLES:
+                return _obj_counts(path, file)
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
     if suffix == ".ply":
+        if head.startswith(b"ply") and b"end_header" not in head and size > _HEAD_BYTES:
+            raise MeshError(f"{path}: its header has no end; the file is damaged, export it again")
         return [int(count) for count in re.findall(rb"element \w+ +(\d{1,18})", head)]
     if suffix == ".off":
         first = re.search(rb"^\s*(?:[A-Z]*OFF)?\s*(\d{1,18})\s+(\d{1,18})", head)
@@ -89,6 +100,22 @@ def _declared_counts(path: Path, suffix: str, size: int) -> list[int]:
             )
         return [count]
     return []
+
+
+def _obj_counts(path: Path, file: IO[bytes]) -> list[int]:
+    """Count the vertices and polygons of an OBJ by blocks. Raises MeshError for too many lines."""
+    file.seek(0)
+    lines = vertices = polygons = 0
+    while block := file.read(1 << 24):
+        lines += block.count(b"\n")
+        vertices += block.count(b"\nv ")
+        polygons += block.count(b"\nf ")
+        if lines > MAX_LINES:
+            raise MeshError(
+                f"{path}: more than {MAX_LINES} lines, which no mesh of {MAX_TRIANGLES} triangles "
+                "needs; export it again"
+            )
+    return [polygons, vertices]
 
 
 def check_count(path: Path, triangles: int) -> None:

@@ -14,6 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import MeshError
+from glsim.files.regular import read_regular
+from glsim.meshio.limits import MAX_BYTES, check_count
+
+#: Longest vertex or face line, bytes: a polygon of 1,000 corners with three numbers each.
+_MAX_LINE_BYTES = 40_000
+#: Most material files of a mesh that are read, and the largest: exporters write one of a few kB.
+#: Colours of others are not known, as if their files were missing.
+_MAX_LIBRARIES = 100
+_MAX_MATERIAL_BYTES = 1 << 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +69,10 @@ def read_obj(path: Path) -> ObjFile:
     lines = _lines(path)
     vertices, colours = _vertices(path, lines)
     faces = [line for line in lines if line.startswith(b"f ")]
+    if max(map(len, faces), default=0) > _MAX_LINE_BYTES:
+        raise MeshError(f"{path}: a polygon has too many corners; the file is damaged")
     sizes = np.array([len(line.split()) - 1 for line in faces], dtype=np.int64)
+    check_count(path, int(sizes.sum()) - 2 * len(sizes))
     corners = re.sub(rb"/[^ ]*", b"", b" ".join([line[2:] for line in faces]))
     try:
         numbers = np.fromstring(corners.decode("ascii"), dtype=np.int64, sep=" ")
@@ -72,7 +84,7 @@ def read_obj(path: Path) -> ObjFile:
             "the file is damaged, export it again"
         )
     names = {"": 0}
-    libraries: list[str] = []
+    libraries: dict[str, None] = {}
     materials: list[int] = []
     vertices_before: list[int] = []  # number of vertex lines before each polygon
     vertex_lines = material = 0
@@ -85,8 +97,8 @@ def read_obj(path: Path) -> ObjFile:
             vertex_lines += 1
         elif line.startswith(b"usemtl"):
             material = names.setdefault(_text(line[6:]), len(names))
-        elif line.startswith(b"mtllib"):
-            libraries.append(_text(line[6:]))
+        elif line.startswith(b"mtllib") and len(libraries) < _MAX_LIBRARIES:
+            libraries[_text(line[6:])] = None
     if len(sizes) and sizes.min() < 3:
         raise MeshError(
             f"{path}: a face line has {sizes.min()} corners; the file is cut short or damaged, "
@@ -114,7 +126,7 @@ def read_obj(path: Path) -> ObjFile:
 def read_material_colours(path: Path) -> dict[str, tuple[float, float, float]]:
     """Read the diffuse colour (``Kd``) of each material in an MTL file; empty if unreadable."""
     try:
-        lines = _lines(path)
+        lines = _lines(path, _MAX_MATERIAL_BYTES)
     except MeshError:
         return {}
     colours: dict[str, tuple[float, float, float]] = {}
@@ -132,10 +144,10 @@ def read_material_colours(path: Path) -> dict[str, tuple[float, float, float]]:
     return colours
 
 
-def _lines(path: Path) -> list[bytes]:
+def _lines(path: Path, max_bytes: int = MAX_BYTES) -> list[bytes]:
     """Read the lines, joined at backslashes, with tabs as spaces. Raises MeshError."""
     try:
-        data = path.read_bytes()
+        data = read_regular(path, max_bytes)
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
     if b"\\\n" in data or b"\\\r\n" in data:  # a backslash continues the line
@@ -151,6 +163,8 @@ def _vertices(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Parse positions and colours of the ``v`` lines: x y z, x y z w or x y z r g b."""
     rows = [line[2:] for line in lines if line.startswith(b"v ")]
+    if max(map(len, rows), default=0) > _MAX_LINE_BYTES:
+        raise MeshError(f"{path}: a vertex line is too long; the file is damaged, export it again")
     if not any(row.partition(b"#")[0].strip() for row in rows):
         raise MeshError(f"{path}: no vertex lines ('v x y z'): this is not an OBJ mesh")
     try:

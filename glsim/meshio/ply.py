@@ -13,6 +13,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.files.regular import read_regular
+from glsim.meshio.limits import MAX_BYTES
+
 _TYPES: Final = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "<i2", "int16": "<i2",
     "ushort": "<u2", "uint16": "<u2", "int": "<i4", "int32": "<i4", "uint": "<u4", "uint32": "<u4",
@@ -40,7 +43,7 @@ class PlyMesh:
 def read_plain_ply(path: Path) -> PlyMesh | None:
     """Read a plain binary PLY whose size matches its header; None for any other file."""
     try:
-        data = path.read_bytes()
+        data = read_regular(path, MAX_BYTES)
     except OSError:
         return None
     text = data[:_HEADER_BYTES].decode("latin-1").replace("\r\n", "\n")

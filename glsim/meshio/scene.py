@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import warnings
 from dataclasses import dataclass
@@ -12,6 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import MeshError
+from glsim.files.regular import read_regular
+from glsim.meshio.gltf import prepare_gltf
+from glsim.meshio.limits import MAX_BYTES, check_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,26 +34,48 @@ def read_parts(path: Path) -> list[MeshPart]:
     """
     import trimesh  # takes 0.2 s, and only some sources need it
 
+    suffix = path.suffix[1:].lower()
+    files: dict[str, bytes]
     logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise it prints to stderr
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            scene: Any = trimesh.load_scene(path, process=False)
+            data, files = read_regular(path, MAX_BYTES), {}
+            if suffix in ("glb", "gltf"):
+                data, files = prepare_gltf(path, data)
+            # Of other files trimesh sees those in ``files`` only: no pictures, nothing outside.
+            scene: Any = trimesh.load_scene(
+                io.BytesIO(data), file_type=suffix, resolver=files, process=False
+            )
+            _check_instances(path, scene)
             parts = []
             for node in scene.graph.nodes_geometry:
                 transform, name = scene.graph[node]
                 geometry = scene.geometry[name]
                 if isinstance(geometry, trimesh.Trimesh):
                     parts.append(_part(geometry, np.asarray(transform)))
+    except MeshError:
+        raise
     except Exception as error:  # trimesh's parsers raise exceptions of any type
         reason = " ".join(str(error).split())[:120] or "no reason given"
         raise MeshError(
-            f"{path}: damaged, cut short or not {path.suffix[1:].upper()} "
+            f"{path}: damaged, cut short or not {suffix.upper()} "
             f"({type(error).__name__}: {reason}); export it again"
         ) from error
     if not parts:
         raise MeshError(f"{path}: no triangles in it; export the surface, not points or lines")
     return parts
+
+
+def _check_instances(path: Path, scene: Any) -> None:
+    """Raise MeshError for too many triangles or vertices, each counted in every place it has."""
+    count = 0
+    for node in scene.graph.nodes_geometry:
+        geometry = scene.geometry[scene.graph[node][1]]
+        sizes = [len(getattr(geometry, name, ())) for name in ("vertices", "faces")]
+        # An STL has a vertex for each corner until its corners are welded.
+        count += sizes[1] if sizes[0] == 3 * sizes[1] else max(sizes)
+    check_count(path, count)
 
 
 def _part(geometry: Any, transform: NDArray[np.float64]) -> MeshPart:

@@ -1,9 +1,14 @@
-"""Find noise stages by name: shipped ones, the user's GLSL files, the user's Python functions."""
+"""Find noise stages by name: shipped ones, the user's GLSL files, the user's Python functions.
+
+A Python stage is code: whoever wrote the sensor file decides what it does on this machine. It runs
+only to make frames, and a warning names it then (``describe_stage`` and ``is_code`` run nothing).
+"""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
+import logging
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -12,7 +17,10 @@ from typing import Any
 from glsim.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.shader_source import SHADER_ROOT, load_source
 from glsim.noise import array_stages
+from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec
+
+log = logging.getLogger(__name__)
 
 #: The folders of the shipped shader stages, below shaders/.
 STAGE_FOLDERS = ("noise", "tof")
@@ -38,7 +46,7 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
     """
     if use in shipped_stages():
         return shipped_stages()[use]
-    if ":" in use and not use.endswith(".glsl"):
+    if is_code(use):
         return _python_spec(use, beside)
     if use.endswith(".glsl"):
         file = (beside / use) if beside is not None and not Path(use).is_absolute() else Path(use)
@@ -47,6 +55,20 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
         f"no such stage {use!r} ({did_you_mean(use, shipped_stages())}; "
         "your own: a path that ends in .glsl, or file.py:function)"
     )
+
+
+def is_code(use: str) -> bool:
+    """Return whether ``use`` names Python code of the user's; nothing is read or run."""
+    return use not in shipped_stages() and ":" in use and not use.endswith(".glsl")
+
+
+def describe_stage(use: str) -> StageSpec:
+    """Return a stage as ``find_stage`` does, to list its parameters; a .py file is not run.
+
+    The declaration is read from the text of the file. Raises ConfigError or ShaderError.
+    """
+    target, _, name = use.rpartition(":")
+    return declared_stage(Path(target), name) if target.endswith(".py") else find_stage(use)
 
 
 def _shader_spec(name: str, file: Path) -> StageSpec:
@@ -75,6 +97,7 @@ def _python_spec(use: str, beside: Path | None) -> StageSpec:
         if target.endswith(".py"):
             module = _load_file(target, beside)
         else:
+            _announce(target)
             module = importlib.import_module(target)
     except Exception as error:  # the user's code may raise anything
         raise ConfigError(f"stage {use!r}: {target} cannot be imported: {error}") from error
@@ -84,8 +107,14 @@ def _python_spec(use: str, beside: Path | None) -> StageSpec:
     return _array_spec(name, function, target)
 
 
+@lru_cache(maxsize=1000)  # one line a process, however often the file is loaded
+def _announce(target: str) -> None:
+    log.warning("runs code of %s: use only sensor files whose author you trust", target)
+
+
 def _load_file(target: str, beside: Path | None) -> ModuleType:
     path = Path(target) if beside is None or Path(target).is_absolute() else beside / target
+    _announce(str(path))
     spec = importlib.util.spec_from_file_location(f"glsim_user_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise ImportError("not a Python file")

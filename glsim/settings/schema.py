@@ -44,6 +44,8 @@ from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
 
 LayerName = Literal["clean", "noisy", "infrared", "reason", "regions"]
+DEPTH_UNIT_MM = (0.01, 10.0)
+"""Smallest and largest step of depth files, mm."""
 DEFAULT_SUBJECTS = 10
 DEFAULT_FRAMES = 30
 DEFAULT_SENSOR = "kinect-v2"
@@ -161,7 +163,9 @@ class OutputSettings(_Table):
     format: Literal["png", "webdataset"] = "png"
     layers: tuple[LayerName, ...] = ("clean", "noisy")
     crop: int | None = Field(None, ge=8, le=4096, description="side of the centre crop, pixels")
-    depth_unit_mm: float = Field(1.0, ge=0.01, le=10, description="one step of a depth file")
+    depth_unit_mm: float = Field(
+        1.0, ge=DEPTH_UNIT_MM[0], le=DEPTH_UNIT_MM[1], description="one step of a depth file"
+    )
     clean_mask: Literal["dense", "as-noisy"] = Field(
         "dense", description="as-noisy: remove clean depth where the noisy map has none"
     )

@@ -12,6 +12,7 @@ import pytest
 from glsim.cli import main
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
+from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.eval_scenes import dome, noisy, write_pairs
 
 
@@ -67,10 +68,9 @@ def test_denoise_takes_the_step_of_the_data_set(
     monkeypatch.chdir(tmp_path)
     fine = (dome(whole=False) * 10).astype(np.uint16)
     for name, unit in (("d", 0.1), ("e", 1.0)):
-        (tmp_path / name / "test").mkdir(parents=True)
-        (tmp_path / name / "dataset.json").write_text(f'{{"depth_unit_mm": {unit}}}')
-        write(tmp_path / name / "test" / f"{name}.png", fine)
-    command = ["denoise", "d/test/d.png", "-d", "quadric", "-q", "-o"]
+        make(tmp_path / name, make_settings(depth_unit_mm=unit), make_tasks(4, 1))
+        write(tmp_path / name / "test" / "s001" / f"{name}.png", fine)
+    command = ["denoise", "d/test/s001/d.png", "-d", "quadric", "-q", "-o"]
     assert main([*command, "known.png"]) == 0
     write(tmp_path / "alone.png", fine)
     alone = ["denoise", "alone.png", "-d", "quadric", "-q", "-o", "told.png"]
@@ -78,10 +78,32 @@ def test_denoise_takes_the_step_of_the_data_set(
     np.testing.assert_array_equal(read(tmp_path / "known.png"), read(tmp_path / "told.png"))
     assert main([*command, "x.png", "--depth-unit-mm", "1"]) == 2
     assert "steps of 0.1 mm" in capsys.readouterr().err
-    assert main(["denoise", "d/test", "e/test", "-d", "quadric", "-q", "-o", "x"]) == 2
+    pair = ["d/test/s001/d.png", "e/test/s001/e.png"]
+    assert main(["denoise", *pair, "-d", "quadric", "-q", "-o", "x"]) == 2
     assert "different steps" in capsys.readouterr().err
     (tmp_path / "d" / "dataset.json").write_text("somebody's")
     assert main([*command, "y.png", "--depth-unit-mm", "0.1"]) == 0
+
+
+def test_denoise_believes_only_the_data_set_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """NaN in a dataset.json of any folder above wrote an empty map with exit status 0."""
+    monkeypatch.chdir(tmp_path)
+    make(tmp_path, make_settings(depth_unit_mm=0.1), make_tasks(4, 1))
+    mine = tmp_path / "mine" / "deep" / "map.png"
+    mine.parent.mkdir(parents=True)
+    write(mine, dome(whole=False).astype(np.uint16))
+    assert main(["denoise", str(mine), "-d", "noisy", "-q", "-o", "out.png"]) == 0
+    np.testing.assert_array_equal(read(tmp_path / "out.png"), read(mine))
+    header = (tmp_path / "dataset.json").read_text()
+    own = next((tmp_path / "test" / "s001").glob("*noisy.png"))
+    for unit in ("NaN", "0", "-1", "1e300"):
+        changed = header.replace('"depth_unit_mm": 0.1', f'"depth_unit_mm": {unit}')
+        (tmp_path / "dataset.json").write_text(changed)
+        assert main(["denoise", str(own), "-d", "noisy", "-q", "-o", "other.png"]) == 1
+        assert "dataset.json: is damaged: depth_unit_mm" in capsys.readouterr().err
+    assert not (tmp_path / "other.png").exists()
 
 
 def test_denoise_names_what_it_cannot_read(maps: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ import pytest
 
 from glsim.dataset import Dataset, open_dataset, verify, write_dataset
 from glsim.errors import DatasetError
-from tests.support.dataset_fakes import contents, fake_frame, make, make_settings, make_tasks
+from tests.support.dataset_fakes import contents, fake_frame, make, make_settings, make_tasks, sign
 
 FORMATS = ["png", "webdataset"]
 PNG = "test/s001/smile.1_00003_noisy.png"
@@ -138,9 +138,11 @@ def test_bad_manifests(tree: Path) -> None:
     manifest = tree / "manifest.jsonl"
     text = manifest.read_text()
     manifest.write_text(text.replace('{"index"', "", 1))
+    sign(tree)
     with pytest.raises(DatasetError, match="line 1 is damaged"):
         list(open_dataset(tree))
     manifest.write_text(text + "{}\n")
+    sign(tree)
     with pytest.raises(DatasetError, match=r"has 139 lines, dataset\.json says 138"):
         _ = open_dataset(tree).split("test")[0]
     manifest.unlink()
@@ -186,6 +188,7 @@ def test_corrupt_image(tree: Path, data: bytes | None) -> None:
 def test_image_of_another_size(tree: Path) -> None:
     manifest = tree / "manifest.jsonl"
     manifest.write_text(manifest.read_text().replace('"width":32', '"width":33'))
+    sign(tree)
     with pytest.raises(DatasetError, match="is 32 x 24 pixels, the record says 33 x 24"):
         _ = pair_of(tree).noisy_mm
 
@@ -263,7 +266,7 @@ def test_verify_finds_subjects_in_two_splits(tree: Path) -> None:
 
 
 def test_verify_finds_wrong_counts_and_strange_shards(tree: Path, shards: Path) -> None:
-    rewrite_header(tree, frames={"train": 70, "val": 34, "test": 34})
+    sign(tree, frames={"train": 70, "val": 34, "test": 34})
     assert verify(tree) == [
         "train has 69 frames, the header says 70",
         "val has 35 frames, the header says 34",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import pickle
+import resource
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +118,103 @@ def test_files_that_are_no_checkpoints(tmp_path: Path, monkeypatch: pytest.Monke
         checkpoint.load(tmp_path / "none.pt")
     with pytest.raises(TrainError, match="cannot be read"):
         checkpoint.load(tmp_path)
+
+
+def refused(path: Path) -> str:
+    """The one-line error of a checkpoint that is not loaded."""
+    with pytest.raises(DenoiserError) as error:
+        load_network(path)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 600
+    return str(error.value)
+
+
+def test_a_flipped_bit_is_noticed(tmp_path: Path, trained: Path) -> None:
+    """PyTorch compares no CRC32: nearly every flipped bit used to give other weights."""
+    data = (trained / "best.pt").read_bytes()
+    whole = checkpoint.load(trained / "best.pt")["model"]
+    rng = np.random.default_rng(0)
+    noticed = 0
+    for at in rng.integers(0, len(data), 60):
+        flipped = bytearray(data)
+        flipped[at] ^= 1 << int(rng.integers(8))
+        (tmp_path / "flipped.pt").write_bytes(flipped)
+        try:
+            found = checkpoint.load(tmp_path / "flipped.pt")["model"]
+        except TrainError:
+            noticed += 1
+            continue
+        assert all(torch.equal(whole[name], found[name]) for name in whole), int(at)
+    assert noticed > 30
+
+
+@pytest.mark.parametrize(
+    ("backbone", "problem"),
+    [
+        ({"kind": "dncnn", "depth": 100_000}, "less than or equal to 512"),
+        ({"kind": "dncnn", "width": 10**9}, "less than or equal to 4096"),
+        ({"kind": "dncnn", "width": 10**400}, "width"),
+        ({"kind": "dncnn", "depth": 500, "width": 4096}, "million weights, more than the 250"),
+        ({"kind": "unet", "scales": 8, "width": 4096}, "million weights"),
+        ({"kind": "restormer", "blocks": [64, 64, 64, 10**6]}, "blocks"),
+        ({"kind": "dncnn", "depth": 20, "width": 1024}, "do not fit its recipe"),
+        ({"kind": ["dncnn"]}, "no such kind"),
+        ("dncnn", "give a table"),
+        ({1: 2, "kind": "dncnn"}, "is no name"),
+    ],
+)
+def test_a_checkpoint_that_asks_for_a_huge_network(
+    tmp_path: Path, backbone: object, problem: str
+) -> None:
+    """53 kB that asked for 100,000 layers took 3.1 GB; width 10^9 was "MemoryError (a bug)"."""
+    recipe = {"model": {"kind": "paper_input", "backbone": backbone}}
+    checkpoint.save(tmp_path / "huge.pt", CONTENT | {"recipe": recipe})
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert problem in refused(tmp_path / "huge.pt")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB
+
+
+def test_a_nest_of_wrappers(tmp_path: Path) -> None:
+    spec: dict[str, Any] = {"kind": "dncnn"}
+    for _ in range(400):
+        spec = {"kind": "artifact_removal", "backbone": spec}
+    recipe = {"model": {"kind": "paper_input", "backbone": spec}}
+    checkpoint.save(tmp_path / "nest.pt", CONTENT | {"recipe": recipe})
+    assert "wraps another network, not itself" in refused(tmp_path / "nest.pt")
+
+
+def test_weights_that_are_no_finite_tensors(tmp_path: Path, trained: Path) -> None:
+    content = checkpoint.load(trained / "best.pt")
+    name, weight = next((n, w) for n, w in content["model"].items() if w.dim() == 4)
+    for value in (float("nan"), float("inf")):
+        bad = content["model"] | {name: torch.full_like(weight, value)}
+        checkpoint.save(tmp_path / "bad.pt", content | {"model": bad})
+        assert "holds NaN or infinity" in refused(tmp_path / "bad.pt")
+    endless = torch.zeros(1).expand(10**10)
+    checkpoint.save(tmp_path / "bad.pt", content | {"model": {name: endless}})
+    assert "larger than the file" in refused(tmp_path / "bad.pt")
+    checkpoint.save(tmp_path / "bad.pt", content | {"model": {name: "text"}})
+    assert "do not fit its recipe" in refused(tmp_path / "bad.pt")
+    for key in ("recipe", "model", "data", "progress", "validation"):
+        checkpoint.save(tmp_path / "bad.pt", content | {key: 3})
+        assert f"has no '{key}'" in refused(tmp_path / "bad.pt")
+
+
+def test_archives_that_grow_in_memory(tmp_path: Path, trained: Path) -> None:
+    squeezed = tmp_path / "squeezed.pt"
+    with zipfile.ZipFile(trained / "best.pt") as old, zipfile.ZipFile(squeezed, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name), zipfile.ZIP_DEFLATED)
+    assert "is compressed" in refused(squeezed)
+    sparse = tmp_path / "sparse.pt"
+    with sparse.open("wb") as file:
+        file.truncate(20 << 30)
+    assert "21475 MB are more than" in refused(sparse)
+    os.mkfifo(tmp_path / "pipe.pt")
+    with pytest.raises(DenoiserError, match=r"no such checkpoint|is a pipe"):
+        load_method(str(tmp_path / "pipe.pt"))
+    with pytest.raises(TrainError, match="is a pipe"):
+        checkpoint.load(tmp_path / "pipe.pt")
 
 
 def test_a_checkpoint_of_another_network(tmp_path: Path, trained: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from fractions import Fraction
 from pathlib import Path
 
@@ -225,3 +226,41 @@ def test_the_parser_agrees_with_the_driver_for_shipped_stages(
     assert samplers == set(source.reads)
     assert source.title.startswith(f"{name}: ")
     assert source.file.is_relative_to(SHADER_ROOT)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("out float depth; //@ 1/0\n", "1/5 to 5 times the frame's, not 1/0"),
+        ("out float depth; //@ 99999999999\n", "1/5 to 5 times"),
+        ("out float depth; //@ 0\n", "1/5 to 5 times"),
+        ("uniform float x = " + " " * 100_000 + "1\n", "a declaration of 100019 characters"),
+        ("uniform float x = 1; //@" + " " * 100_000 + "\n", "a declaration of 100024 characters"),
+    ],
+)
+def test_declarations_without_end_or_sense(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ShaderError, match=message):
+        load_source(write(tmp_path, HEAD + text))
+
+
+def test_glsl_files_are_small_regular_files(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.glsl")
+    with pytest.raises(ShaderError, match="is a pipe"):
+        load_source(tmp_path / "pipe.glsl")
+    with (tmp_path / "huge.glsl").open("wb") as file:
+        file.truncate(10 << 30)
+    with pytest.raises(ShaderError, match=r"MB are more than the 1\.05 allowed"):
+        load_source(tmp_path / "huge.glsl")
+
+
+def test_only_the_first_lines_of_a_drivers_message_are_kept(tmp_path: Path) -> None:
+    """A wrong include gave messages of 10,000 characters."""
+    source = load_source(write(tmp_path, HEAD + GOOD + MAIN))
+    message = "\n".join(f"0:{line % 5 + 1}(3): error: `x{line}' undeclared" for line in range(500))
+    located = source.locate(message)
+    assert located.startswith(f"{source.file}:1: error: `x0'")
+    assert "`x19'" in located
+    assert "`x20'" not in located
+    assert located.endswith("; and 480 more lines")
+    assert len(source.locate("x" * 9000)) < 2010
+    assert "\n" not in source.locate("a\nb")

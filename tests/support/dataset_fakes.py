@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
@@ -17,6 +18,7 @@ import numpy as np
 from glsim.dataset import GenerateSummary, write_dataset
 from glsim.errors import MeshError
 from glsim.faces.base import FaceKey
+from glsim.files.atomic import checksum, file_checksum
 from glsim.frame import Frame, Skipped
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.rect import Rect
@@ -167,3 +169,15 @@ def contents(out: Path) -> dict[str, bytes]:
     """Return relative name -> bytes for every file of a folder except the lock."""
     files = (path for path in out.rglob("*") if path.is_file() and path.name != "lock")
     return {path.relative_to(out).as_posix(): path.read_bytes() for path in files}
+
+
+def sign(out: Path, **changes: Any) -> None:
+    """Change entries of dataset.json, and record the checksums of what is on disk again."""
+    header = json.loads((out / "dataset.json").read_text()) | changes
+    if "manifest.jsonl" in header["files"]:
+        header["files"]["manifest.jsonl"] = file_checksum(out / "manifest.jsonl")
+    data = json.dumps(header).encode()
+    (out / "dataset.json").write_bytes(data)
+    index = out / ".glsim" / "chunks.jsonl"
+    lines = index.read_text().splitlines()[:-1]
+    index.write_text("\n".join([*lines, json.dumps(checksum(data))]) + "\n")

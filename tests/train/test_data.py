@@ -18,7 +18,7 @@ from glsim.errors import ConfigError, DatasetError
 from glsim.train import Augmentation, StoredPairs
 from glsim.train.data.checks import fingerprint
 from glsim.train.data.surface_bumps import draw_surface_bumps
-from tests.support.dataset_fakes import make, make_settings, make_tasks
+from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
 
 #: The fakes are 32 x 24 pixels, 4 frames of 8 subjects, 4 of which are in train.
 FRAMES = 16
@@ -72,6 +72,7 @@ def test_a_normalised_data_set_has_its_offset_back(tmp_path: Path) -> None:
     manifest.write_text(
         manifest.read_text().replace('"depth_offset_mm":0.0', '"depth_offset_mm":7.0')
     )
+    sign(out)
     pairs = StoredPairs(out, "train")
     for _ in range(2):
         noisy_mm, _ = pairs[0]
@@ -177,6 +178,7 @@ def edit_manifest(root: Path, change: Callable[[list[dict[str, Any]]], None]) ->
     records = [json.loads(line) for line in path.read_text().splitlines()]
     change(records)
     path.write_text("".join(json.dumps(r) + "\n" for r in records))
+    sign(root)
 
 
 def test_a_split_that_is_not_there(tmp_path: Path) -> None:

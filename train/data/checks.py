@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +12,7 @@ from glsim.dataset.disk_format import MANIFEST
 from glsim.dataset.reader import no_clean
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum, wrap_read_errors
+from glsim.files.regular import open_regular
 from glsim.settings.schema import SPLIT_NAMES
 
 #: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a
@@ -91,8 +93,8 @@ def _check_file(root: Path, file: Mapping[str, Any], sizes: dict[str, int]) -> N
     """
     path = root / file["name"]
     if file["name"] not in sizes:
-        with wrap_read_errors(path):
-            size = path.stat().st_size
+        with wrap_read_errors(path), open_regular(path, inside=root) as stream:
+            size = os.fstat(stream.fileno()).st_size
         if "offset" in file:
             sizes[file["name"]] = size
     else:
@@ -117,8 +119,8 @@ def fingerprint(dataset: Path) -> dict[str, Any]:
     return {
         "manifest_crc32": f"{manifest['crc32']:08x}",
         "frames": {name: int(opened.header["frames"][name]) for name in SPLIT_NAMES},
-        "sensor": settings["sensor"],
-        "sources": [source["kind"] for source in settings["source"]],
-        "seed": int(settings["seed"]),
+        "sensor": settings.get("sensor"),
+        "sources": [source["kind"] for source in settings.get("source", [])],
+        "seed": settings.get("seed"),
         "depth_unit_mm": opened.depth_unit_mm,
     }

@@ -10,7 +10,12 @@ from torch import Tensor, nn
 
 from glsim.errors import ConfigError
 
-PositiveInt = Annotated[int, Field(ge=1)]
+#: Bounds of the sizes that a recipe or a checkpoint may ask for, checked before anything is made:
+#: several times the largest published (Restormer: 384 channels, 8 blocks; DnCNN: 64 layers).
+Width = Annotated[int, Field(ge=1, le=4096)]
+Depth = Annotated[int, Field(ge=2, le=512)]
+Blocks = Annotated[int, Field(ge=1, le=64)]
+Scales = Annotated[int, Field(ge=2, le=8)]
 
 
 class Backbone(nn.Module):

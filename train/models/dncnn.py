@@ -7,13 +7,10 @@ that image restoration libraries (deepinv) ship.
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import torch
-from pydantic import Field
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, PositiveInt, init_zero
+from glsim.train.models.backbone import Backbone, Depth, Width, init_zero
 
 
 class DnCNN(Backbone):
@@ -25,10 +22,10 @@ class DnCNN(Backbone):
 
     def __init__(
         self,
-        in_channels: PositiveInt = 1,
-        out_channels: PositiveInt = 1,
-        depth: Annotated[int, Field(ge=2)] = 20,
-        width: PositiveInt = 64,
+        in_channels: Width = 1,
+        out_channels: Width = 1,
+        depth: Depth = 20,
+        width: Width = 64,
         residual: bool = True,
         zero_last: bool = False,
     ) -> None:

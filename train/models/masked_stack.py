@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import torch
-from pydantic import Field
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, PositiveInt, init_zero
+from glsim.train.models.backbone import Backbone, Depth, Width, init_zero
 
 
 class MaskedStack(Backbone):
@@ -24,10 +21,10 @@ class MaskedStack(Backbone):
 
     def __init__(
         self,
-        in_channels: PositiveInt = 1,
-        out_channels: PositiveInt = 1,
-        depth: Annotated[int, Field(ge=2)] = 7,
-        width: PositiveInt = 64,
+        in_channels: Width = 1,
+        out_channels: Width = 1,
+        depth: Depth = 7,
+        width: Width = 64,
         residual: bool = True,
         zero_last: bool = False,
     ) -> None:

@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Mapping
 from typing import Any, Final, get_type_hints
 
+import torch
 from pydantic import TypeAdapter, ValidationError
 from torch import nn
 
@@ -37,14 +38,40 @@ BACKBONES: Final[dict[str, type[Backbone]]] = {
 }
 
 
+#: Most weights of a model: ten times the largest of the paper's (Restormer, 26 million); 1 GB in
+#: float32, four times that while it is trained.
+MAX_PARAMETERS: Final = 250_000_000
+
+
 def build_model(spec: Mapping[str, Any]) -> DepthModel:
     """Build a model from nested tables: ``{"kind": "mask_aware", "backbone": {"kind": "dncnn"}}``.
 
     A table holds the kind, parameters of the kind's class by name, and the table of a backbone if
     the class wraps one. Initial weights come from torch's global generator. Raises ConfigError for
-    an unknown kind or parameter, a value out of range, and a parameter that the wrapping model
-    sets.
+    an unknown kind or parameter, a value out of range, a parameter that the wrapping model sets,
+    and more than MAX_PARAMETERS weights; no memory is taken for those.
     """
+    weight_shapes(spec)
+    return _build(spec)
+
+
+def weight_shapes(spec: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each tensor of a model's state, by name, without taking memory for it.
+
+    Raises ConfigError as ``build_model``.
+    """
+    with torch.device("meta"):
+        model = _build(spec)
+    count = parameter_count(model)
+    if count > MAX_PARAMETERS:
+        raise ConfigError(
+            f"model: has {count / 1e6:.0f} million weights, more than the "
+            f"{MAX_PARAMETERS / 1e6:.0f} allowed: make it narrower or less deep"
+        )
+    return {name: tuple(value.shape) for name, value in model.state_dict().items()}
+
+
+def _build(spec: Mapping[str, Any]) -> DepthModel:
     kind = _kind(spec, MODELS, "model")
     own = _parameters(kind, spec, {}, "model")
     settings = kind.backbone_settings(**own)
@@ -63,6 +90,9 @@ def _backbone(spec: Any, settings: Mapping[str, Any], where: str) -> Backbone:
     kind = _kind(spec, BACKBONES, where)
     if kind is ArtifactRemoval:
         _parameters(kind, spec, {}, where)
+        below = spec.get("backbone")
+        if isinstance(below, Mapping) and below.get("kind") == spec["kind"]:
+            raise ConfigError(f"{where}: {spec['kind']} wraps another network, not itself")
         return ArtifactRemoval(_backbone(spec.get("backbone"), settings, f"{where}.backbone"))
     if "backbone" in spec:
         raise ConfigError(f"{where}: {spec['kind']} has no backbone; remove the table")
@@ -73,7 +103,9 @@ def _backbone(spec: Any, settings: Mapping[str, Any], where: str) -> Backbone:
 def _kind(spec: Mapping[str, Any], kinds: Mapping[str, type], where: str) -> Any:
     name = spec.get("kind")
     if not isinstance(name, str) or name not in kinds:
-        raise ConfigError(f"{where}.kind: no such kind {name!r} ({did_you_mean(str(name), kinds)})")
+        raise ConfigError(
+            f"{where}.kind: no such kind {name!r:.60} ({did_you_mean(str(name)[:60], kinds)})"
+        )
     return kinds[name]
 
 
@@ -85,6 +117,8 @@ def _parameters(
     known = set(inspect.signature(kind).parameters) - {"backbone"}
     values = {}
     for name, value in spec.items():
+        if not isinstance(name, str):
+            raise ConfigError(f"{where}: {name!r:.60} is no name of a parameter")
         if name in ("kind", "backbone"):
             continue
         if name in settings:
@@ -96,5 +130,5 @@ def _parameters(
             values[name] = TypeAdapter(hints[name]).validate_python(value)
         except ValidationError as error:
             problem = error.errors()[0]["msg"]
-            raise ConfigError(f"{where}.{name} = {value!r}: {problem}") from None
+            raise ConfigError(f"{where}.{name} = {value!r:.60}: {problem}") from None
     return values

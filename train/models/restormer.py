@@ -15,9 +15,9 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from glsim.errors import ConfigError
-from glsim.train.models.backbone import Backbone, PositiveInt, init_zero, pad_to_multiple
+from glsim.train.models.backbone import Backbone, Blocks, Width, init_zero, pad_to_multiple
 
-Levels = tuple[PositiveInt, PositiveInt, PositiveInt, PositiveInt]
+Levels = tuple[Blocks, Blocks, Blocks, Blocks]
 
 
 class Restormer(Backbone):
@@ -31,13 +31,13 @@ class Restormer(Backbone):
 
     def __init__(
         self,
-        in_channels: PositiveInt = 1,
-        out_channels: PositiveInt = 1,
-        dim: Annotated[int, Field(ge=8, multiple_of=8)] = 48,
+        in_channels: Width = 1,
+        out_channels: Width = 1,
+        dim: Annotated[int, Field(ge=8, le=512, multiple_of=8)] = 48,
         blocks: Levels = (4, 6, 6, 8),
         heads: Levels = (1, 2, 4, 8),
-        refinement: PositiveInt = 4,
-        expansion: Annotated[float, Field(gt=0)] = 2.66,
+        refinement: Blocks = 4,
+        expansion: Annotated[float, Field(gt=0, le=16)] = 2.66,
         residual: bool = True,
         zero_last: bool = False,
     ) -> None:

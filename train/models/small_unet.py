@@ -10,7 +10,7 @@ import torch.nn.functional as F  # noqa: N812
 from pydantic import Field
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, PositiveInt, init_zero, pad_to_multiple
+from glsim.train.models.backbone import Backbone, Blocks, Scales, Width, init_zero, pad_to_multiple
 
 _ACTIVATIONS = {"relu": nn.ReLU, "silu": nn.SiLU}
 
@@ -28,12 +28,12 @@ class SmallUNet(Backbone):
 
     def __init__(
         self,
-        in_channels: PositiveInt = 1,
-        out_channels: PositiveInt = 1,
-        width: PositiveInt = 24,
-        scales: Annotated[int, Field(ge=2)] = 3,
-        blocks: PositiveInt = 1,
-        growth: Annotated[float, Field(ge=0)] = 0.5,
+        in_channels: Width = 1,
+        out_channels: Width = 1,
+        width: Width = 24,
+        scales: Scales = 3,
+        blocks: Blocks = 1,
+        growth: Annotated[float, Field(ge=0, le=8)] = 0.5,
         activation: Literal["relu", "silu"] = "relu",
         residual: bool = True,
         zero_last: bool = False,

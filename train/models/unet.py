@@ -7,13 +7,10 @@ convolution, and a residual, as in image restoration libraries.
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import torch
-from pydantic import Field
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, PositiveInt, init_zero, pad_to_multiple
+from glsim.train.models.backbone import Backbone, Scales, Width, init_zero, pad_to_multiple
 
 
 class UNet(Backbone):
@@ -26,10 +23,10 @@ class UNet(Backbone):
 
     def __init__(
         self,
-        in_channels: PositiveInt = 1,
-        out_channels: PositiveInt = 1,
-        scales: Annotated[int, Field(ge=2)] = 4,
-        width: PositiveInt = 64,
+        in_channels: Width = 1,
+        out_channels: Width = 1,
+        scales: Scales = 4,
+        width: Width = 64,
         batch_norm: bool = True,
         residual: bool = True,
         zero_last: bool = False,

@@ -1,0 +1,128 @@
+"""``glsim verify``: check a data set, and say how to repair it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from glsim.cli.common import Debug, Quiet, Verbose, make_console, print_message
+from glsim.errors import DatasetError, GlsimError
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim verify data
+
+glsim verify data --deep --repair
+"""
+
+#: Problems that are printed; a folder that was lost makes thousands.
+_SHOWN = 200
+#: Settings of ``generate`` that have their own option in ``glsim import``: name -> option.
+_IMPORT_OPTIONS = {
+    "every": "--every",
+    "subjects": "--subjects",
+    "frames_per_subject": "--frames-per-subject",
+}
+
+
+def verify(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a data set.")],
+    deep: Annotated[
+        bool,
+        typer.Option("--deep", help="Also read every image: CRC32, size, and members of shards."),
+    ] = False,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Print the command that makes the damaged files again.")
+    ] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> int:
+    """Check a data set: header, counts, checksums, splits, files without a record.
+
+    Prints one line a problem. The exit status is 1 if there is any. Nothing is changed.
+    """
+    from glsim.dataset import open_dataset
+    from glsim.dataset import verify as find_problems
+
+    problems = find_problems(dataset, deep=deep)
+    out = make_console(soft_wrap=True)
+    for problem in problems[:_SHOWN]:
+        out.print(problem)
+    if len(problems) > _SHOWN:
+        out.print(f"and {len(problems) - _SHOWN} more")
+    if repair:
+        out.print(repair_command(dataset))
+    if problems:
+        return 1
+    counts = open_dataset(dataset).header["frames"]
+    frames = ", ".join(f"{split} {count}" for split, count in counts.items())
+    depth = "every image was read" if deep else "images were not read: --deep does"
+    print_message(f"{dataset}: sound: {sum(counts.values())} frames ({frames}); {depth}")
+    return 0
+
+
+def repair_command(dataset: Path) -> str:
+    """Return the command that made a data set; run again, it repairs what is damaged.
+
+    Raises DatasetError if neither dataset.json nor the plan in .glsim can be read.
+    """
+    from glsim.dataset.disk_format import HEADER, STATE
+    from glsim.dataset.schema import read_object
+
+    failures = []
+    for file in (dataset / HEADER, dataset / STATE / "plan.json"):
+        try:
+            return _command(dataset, read_object(file)[0])
+        except GlsimError as error:
+            failures.append(str(error))
+    raise DatasetError(f"{dataset}: the settings that made it are lost: {'; '.join(failures)}")
+
+
+def _command(dataset: Path, header: Mapping[str, Any]) -> str:
+    """Return ``glsim generate`` with every setting that is not the default, or ``glsim import``.
+
+    Raises GlsimError if the settings are not those of this version.
+    """
+    from glsim.settings.schema import Settings
+    from glsim.settings.tables import parse_table
+
+    settings = parse_table(Settings, header.get("settings", {}), str(dataset))
+    tree = settings.model_dump(mode="json", exclude_none=True)
+    default = Settings().model_dump(mode="json", exclude_none=True)
+    words = ["glsim", "generate", "-o", str(dataset)]
+    sensor = header.get("sensor", {}).get("name")
+    source = tree["source"][0]
+    if (source["kind"], sensor) in (("biwi", "biwi"), ("kinect2", "recording")):
+        words = ["glsim", "import", source["kind"], source.get("root", ""), "-o", str(dataset)]
+        for name, option in _IMPORT_OPTIONS.items():
+            if name in source:
+                words += [option, str(source[name])]
+        if tree["split"] != default["split"]:
+            shares = tree["split"]
+            words += ["--split", shares if isinstance(shares, str) else ",".join(map(str, shares))]
+        # The header does not hold these two: they are in the depth files that it holds.
+        more = (
+            " # and --depth-unit-mm and --mirror as before" if source["kind"] == "kinect2" else ""
+        )
+        return shlex.join(words) + more
+    for name, value in tree.items():
+        if value != default.get(name):
+            words += ["--set", f"{name}={_toml(value)}"]
+    return shlex.join(words)
+
+
+def _toml(value: Any) -> str:
+    """Write a JSON value in one line of TOML."""
+    if isinstance(value, dict):
+        pairs = (f"{json.dumps(key)} = {_toml(entry)}" for key, entry in value.items())
+        return "{" + ", ".join(pairs) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value)

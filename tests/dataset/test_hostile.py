@@ -1,0 +1,328 @@
+"""Data sets whose records lie: nothing outside is read, nothing ends in a traceback."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import os
+import shutil
+import tarfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glsim.dataset import open_dataset, verify
+from glsim.dataset.records import parse_chunk_record, parse_first_line
+from glsim.errors import DatasetError
+from glsim.files.png import encode_png
+from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
+
+PNG = "train/s000/smile.1_00000_noisy.png"
+
+
+@pytest.fixture(scope="module")
+def originals(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("originals")
+    for format in ("png", "webdataset"):
+        make(root / format, make_settings(format=format), make_tasks(4, 3))
+    return root
+
+
+@pytest.fixture
+def tree(originals: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(originals / "png", tmp_path / "png"))
+
+
+@pytest.fixture
+def shards(originals: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(originals / "webdataset", tmp_path / "webdataset"))
+
+
+def edit(root: Path, change: Callable[[dict[str, Any]], object], line: int = 0) -> None:
+    """Change a record of the manifest and record the checksums again."""
+    path = root / "manifest.jsonl"
+    lines = path.read_text().splitlines()
+    record = json.loads(lines[line])
+    change(record)
+    lines[line] = json.dumps(record)
+    path.write_text("\n".join(lines) + "\n")
+    sign(root)
+
+
+def problem_of(root: Path) -> str:
+    """Read everything; return the one-line problem, "" if there is none."""
+    problem = ""
+    try:
+        for pair in open_dataset(root):
+            _ = pair.clean_mm, pair.noisy_mm, pair.intrinsics, repr(pair)
+    except DatasetError as error:
+        problem = str(error)
+    assert "\n" not in problem
+    assert len(problem) < 600
+    return problem
+
+
+def name_file(name: str) -> Callable[[dict[str, Any]], None]:
+    return lambda record: record["files"]["noisy"].update(name=name)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../outside.png",
+        "/dev/zero",
+        "/etc/passwd",
+        "train/../../outside.png",
+        "a\0b",
+        "",
+        ".",
+        "a//b",
+    ],
+)
+def test_a_record_that_names_a_file_outside_is_refused(tree: Path, name: str) -> None:
+    shutil.copy(tree / PNG, tree.parent / "outside.png")
+    edit(tree, name_file(name))
+    assert "line 1 is damaged: files.noisy.name" in problem_of(tree)
+    assert any("files.noisy.name" in problem for problem in verify(tree, deep=True))
+
+
+def test_links_pipes_and_folders_in_the_place_of_images_are_refused(tree: Path) -> None:
+    outside = tree.parent / "outside.png"
+    shutil.copy(tree / PNG, outside)
+    kinds: dict[str, Callable[[], None]] = {
+        "leads out of": lambda: (tree / PNG).symlink_to(outside),
+        "is a pipe": lambda: os.mkfifo(tree / PNG),
+        "Is a directory": lambda: (tree / PNG).mkdir(),
+    }
+    for problem, put in kinds.items():
+        (tree / PNG).unlink(missing_ok=True)
+        put()
+        assert problem in problem_of(tree)
+        assert [p for p in verify(tree) if problem in p and p.startswith(PNG)]
+    (tree / PNG).rmdir()
+    (tree / PNG).symlink_to("/dev/zero")
+    assert "or a device" in problem_of(tree)
+    (tree / PNG).unlink()
+    shutil.copy(outside, tree / PNG)
+    assert problem_of(tree) == ""
+
+
+def test_a_folder_that_leads_out_is_refused(tree: Path) -> None:
+    moved = tree.parent / "moved"
+    shutil.move(tree / "train" / "s000", moved)
+    (tree / "train" / "s000").symlink_to(moved)
+    assert "leads out of" in problem_of(tree)
+    assert any("leads out of" in problem for problem in verify(tree))
+
+
+def test_the_manifest_may_not_be_a_link_or_a_pipe(tree: Path) -> None:
+    manifest = tree / "manifest.jsonl"
+    manifest.rename(tree.parent / "manifest.jsonl")
+    manifest.symlink_to(tree.parent / "manifest.jsonl")
+    assert "leads out of" in problem_of(tree)
+    manifest.unlink()
+    os.mkfifo(manifest)
+    assert "is a pipe" in problem_of(tree)
+    assert "is a pipe" in verify(tree)[0]
+
+
+def test_verify_lists_no_files_of_other_folders(tree: Path) -> None:
+    edit(tree, lambda record: record.update(subject="../../.."))
+    problems = verify(tree)
+    assert any("subject: '../../..' does not name a file inside" in p for p in problems)
+    assert not any("/etc" in p or "pytest" in p.partition("manifest.jsonl")[2] for p in problems)
+
+
+def test_members_of_shards_are_plain_files_where_their_records_say(shards: Path) -> None:
+    assert verify(shards, deep=True) == []
+    shard = shards / "train-000000.tar"
+    data = shard.read_bytes()
+    added = io.BytesIO()
+    with (
+        tarfile.open(fileobj=io.BytesIO(data)) as old,
+        tarfile.open(fileobj=added, mode="w") as new,
+    ):
+        for member in old:
+            new.addfile(member, old.extractfile(member))
+        for name, kind in (("../out", tarfile.REGTYPE), ("link", tarfile.SYMTYPE)):
+            info = tarfile.TarInfo(name)
+            info.type, info.linkname = kind, "/etc/passwd"
+            new.addfile(info)
+    shard.write_bytes(added.getvalue())
+    header = json.loads((shards / "dataset.json").read_text())
+    files = header["files"] | {shard.name: _checksum(shard)}
+    sign(shards, files=files)
+    problems = verify(shards, deep=True)
+    assert [p for p in problems if "'../out', which is no plain file" in p]
+    assert [p for p in problems if "'link', which is no plain file" in p]
+
+    edit(shards, lambda record: record["files"]["noisy"].update(offset=10**9))
+    assert "is no readable PNG image" in problem_of(shards)
+    assert any("lies behind the shard's end" in p for p in verify(shards))
+    edit(shards, lambda record: record["files"]["noisy"].update(offset=10**30))
+    assert "files.noisy.offset" in problem_of(shards)
+
+
+def _checksum(path: Path) -> dict[str, int]:
+    from glsim.files.atomic import file_checksum
+
+    found = file_checksum(path)
+    assert found is not None
+    return found
+
+
+def test_a_changed_manifest_is_refused(tree: Path) -> None:
+    """Version 0.1 used a changed focal length, subject or offset without a word."""
+    manifest = tree / "manifest.jsonl"
+    whole = manifest.read_text()
+    for before, after in (
+        ('"fx":40.0', '"fx":41.0'),
+        ('"subject":"s000"', '"subject":"s009"'),
+        ('"depth_offset_mm":0.0', '"depth_offset_mm":7.0'),
+    ):
+        manifest.write_text(whole.replace(before, after, 1))
+        assert "manifest.jsonl: was changed after it was written" in problem_of(tree)
+    lines = whole.splitlines(keepends=True)
+    manifest.write_text("".join([lines[-1], *lines[1:-1], lines[0]]))  # a test frame into train
+    assert "was changed" in problem_of(tree)
+    sign(tree)
+    assert "split: is test, dataset.json counts this frame to train" in problem_of(tree)
+
+
+def test_a_changed_header_is_refused(tree: Path) -> None:
+    """Shifted counts made frames for validation frames for training; half the depth was halved."""
+    file = tree / "dataset.json"
+    header = json.loads(file.read_text())
+    file.write_text(json.dumps(header | {"depth_unit_mm": 0.5}))
+    assert "dataset.json: was changed after it was written" in problem_of(tree)
+    assert "dataset.json was changed" in verify(tree)[0]
+    shutil.rmtree(tree / ".glsim")  # a copy without it: counts are compared with the records
+    file.write_text(json.dumps(header | {"frames": {"train": 7, "val": 2, "test": 3}}))
+    assert "split: is val" in problem_of(tree)
+    assert verify(tree)[-2:] == [
+        "train has 6 frames, the header says 7",
+        "val has 3 frames, the header says 2",
+    ]
+
+
+def test_a_data_set_without_a_checksum_opens_with_a_warning(
+    tree: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    header = json.loads((tree / "dataset.json").read_text())
+    sign(tree, files={})
+    assert "manifest.jsonl" in header["files"]
+    assert problem_of(tree) == ""
+    assert "has no checksum in dataset.json" in caplog.text
+
+
+@pytest.mark.parametrize("unit", ["0", "NaN", "-1", "1e9", "null", "true", '"1"'])
+def test_the_depth_unit_is_a_number_from_a_hundredth_to_ten(tree: Path, unit: str) -> None:
+    file = tree / "dataset.json"
+    file.write_text(file.read_text().replace('"depth_unit_mm": 1.0', f'"depth_unit_mm": {unit}'))
+    assert "dataset.json: is damaged:" in problem_of(tree)
+    assert "depth_unit_mm" in verify(tree)[0]
+
+
+VALUES: list[Any] = [None, True, -1, 0, 1.5, 10**400, float("nan"), "x", "", [], {}, [[[]]]]
+
+
+def test_changed_values_of_records_and_header_are_one_line(tree: Path) -> None:
+    """Each value of a record and of the header in turn becomes a value of another kind."""
+    rng = np.random.default_rng(1)
+    whole = (tree / "manifest.jsonl").read_text()
+    first, _, rest = whole.partition("\n")
+    places = [*_places(json.loads(first))]
+    for place in places:
+        record = json.loads(first)
+        _put(record, place, VALUES[int(rng.integers(len(VALUES)))])
+        (tree / "manifest.jsonl").write_text(json.dumps(record) + "\n" + rest)
+        sign(tree)
+        problem_of(tree)
+        for line in verify(tree, deep=True):
+            assert "\n" not in line
+    (tree / "manifest.jsonl").write_text(whole)
+    sign(tree)
+    header = json.loads((tree / "dataset.json").read_text())
+    for place in _places(header):
+        if place[0] in ("units", "reasons"):
+            continue
+        changed = json.loads(json.dumps(header))
+        _put(changed, place, VALUES[int(rng.integers(len(VALUES)))])
+        (tree / "dataset.json").write_text(json.dumps(changed))
+        problem_of(tree)
+        verify(tree)
+
+
+def _places(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Return the path of each value below a tree of JSON."""
+    items = tree.items() if isinstance(tree, dict) else enumerate(tree)
+    found = []
+    for key, value in items:
+        found.append((*path, key))
+        if isinstance(value, dict | list):
+            found += _places(value, (*path, key))
+    return found
+
+
+def _put(tree: Any, path: tuple[Any, ...], value: Any) -> None:
+    for key in path[:-1]:
+        tree = tree[key]
+    if value == "x" and isinstance(tree, dict):
+        del tree[path[-1]]
+    else:
+        tree[path[-1]] = value
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "9" * 5000, "{" * 10, "\0"])
+def test_nesting_and_long_numbers_are_one_line(tree: Path, text: str) -> None:
+    manifest = tree / "manifest.jsonl"
+    lines = manifest.read_text().splitlines(keepends=True)
+    manifest.write_text("".join([text + "\n", *lines[1:]]))
+    sign(tree)
+    assert "line 1 is damaged" in problem_of(tree)
+    (tree / "dataset.json").write_text(text)
+    assert "dataset.json: is damaged" in problem_of(tree)
+    with pytest.raises(DatasetError, match="damaged"):
+        parse_first_line("00000000 " + text)
+    with pytest.raises(DatasetError, match="damaged"):
+        parse_chunk_record(text.encode())
+
+
+def test_an_endless_line_is_not_read(tree: Path) -> None:
+    manifest = tree / "manifest.jsonl"
+    lines = manifest.read_text().splitlines(keepends=True)
+    manifest.write_text("".join(["x" * 2_000_000 + "\n", *lines[1:]]))
+    sign(tree)
+    assert "it has more than 1048576 bytes" in problem_of(tree)
+    assert len(verify(tree)) == 4  # the line, its two images, and the count
+
+
+def test_an_image_with_codes_that_mean_nothing(tmp_path: Path) -> None:
+    make(tmp_path, make_settings(layers=["clean", "reason"]), make_tasks(4, 1))
+    file = tmp_path / "train/s000/smile.1_00000_reason.png"
+    file.write_bytes(encode_png(np.full((24, 32), 200, np.uint8)))
+    edit(tmp_path, lambda r: r["files"]["reason"].update(_checksum(file)))
+    with pytest.raises(DatasetError, match="holds 200, which is no code of a reason"):
+        _ = open_dataset(tmp_path).pair(0).reason
+
+
+@pytest.mark.parametrize("subject", ["../../x", "..", "/x", "a/b", "a\0b", ""])
+def test_nothing_is_written_outside(tmp_path: Path, subject: str) -> None:
+    tasks = [dataclasses.replace(task, subject=subject) for task in make_tasks(1, 1)]
+    with pytest.raises(DatasetError, match="does not name a file inside the data set"):
+        make(tmp_path / "a" / "b", tasks=tasks)
+    assert list(tmp_path.rglob("*")) == []
+
+
+def test_a_duplicate_record_is_a_problem(tree: Path) -> None:
+    manifest = tree / "manifest.jsonl"
+    lines = manifest.read_text().splitlines(keepends=True)
+    manifest.write_text("".join([lines[0], lines[0], *lines[2:]]))
+    sign(tree)
+    problems = verify(tree)
+    assert any("index 0 again" in problem for problem in problems)
+    assert any("is in two records" in problem for problem in problems)
