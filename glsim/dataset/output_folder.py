@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import secrets
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +24,7 @@ from glsim.files.atomic import (
     wrap_write_errors,
     write_atomic,
 )
+from glsim.files.flush import flush_files
 
 #: Settings that do not change any frame: a run may be resumed with other values.
 _FREE_SETTINGS = ("settings.strict",)
@@ -105,19 +106,29 @@ class OutputFolder:
         plan = self._state / "plan.json"
         data = to_json(identity, str(plan)).encode() + b"\n"
         if identity_file != plan or plan.read_bytes() != data:
-            write_atomic(data, plan, temporary=self.temporary_path(), sync=True)
+            write_atomic(data, plan, temporary=self.temporary_path())
 
     def temporary_path(self, name: str = "file") -> Path:
-        """Return this process's path for a file being written; one file per name at a time."""
-        return self._temporary / f"{os.getpid()}-{name}"
+        """Return a new path for a file being written."""
+        return self._temporary / f"{secrets.token_hex(8)}-{name}"
 
     # ---------------------------------------------------------------- chunk records
 
     def _chunk_file(self, number: int) -> Path:
         return self._chunks / f"{number:08d}.jsonl"
 
+    def flush_images(self, record: ChunkRecord) -> None:
+        """Flush the images and folders of a chunk to the disk."""
+        shard = record.summary.shard
+        names = [] if shard is None else [shard["name"]]
+        if shard is None:
+            files = (json.loads(line)["files"].values() for line in record.frames)
+            names = [file["name"] for images in files for file in images]
+        with wrap_write_errors(self.out):
+            flush_files([self.out / name for name in names], self.out)
+
     def save_chunk(self, record: ChunkRecord) -> None:
-        """Record that a chunk is complete; its images must already be in place."""
+        """Record that a chunk is complete; its images must be in place, and flushed."""
         path = self._chunk_file(record.summary.chunk)
         write_atomic(record.to_bytes(), path, temporary=self.temporary_path())
 
