@@ -10,14 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
 from glsim.dataset.chunks import Chunk
 from glsim.dataset.disk_format import HEADER, STATE
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import (
-    cannot_write,
     file_checksum,
     read_json,
     to_json,
@@ -25,6 +22,7 @@ from glsim.files.atomic import (
     write_atomic,
 )
 from glsim.files.flush import flush_files
+from glsim.files.lock import locked
 
 #: Settings that do not change any frame: a run may be resumed with other values.
 _FREE_SETTINGS = ("settings.strict",)
@@ -61,22 +59,15 @@ class OutputFolder:
         self._refuse_foreign_folder()
         with wrap_write_errors(self.out):
             self._state.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(self._state / "lock", timeout=0)
-        try:
-            lock.acquire()
-        except Timeout:
-            raise DatasetError(
-                f"{self.out}: another run is writing here: wait until it ends, or choose another "
-                "folder"
-            ) from None
-        except OSError as error:
-            raise cannot_write(self._state / "lock", error) from error
-        try:
-            self._begin(identity)
-            yield
-        finally:
-            shutil.rmtree(self._temporary, ignore_errors=True)
-            lock.release()
+        busy = DatasetError(
+            f"{self.out}: another run is writing here: wait until it ends, or choose another folder"
+        )
+        with locked(self._state / "lock", busy):
+            try:
+                self._begin(identity)
+                yield
+            finally:
+                shutil.rmtree(self._temporary, ignore_errors=True)
 
     def _refuse_foreign_folder(self) -> None:
         if not self.out.exists():
