@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from glsim.dataset.chunks import Chunk
 from glsim.dataset.disk_format import HEADER, STATE
+from glsim.dataset.identity import Inputs, refuse_changed_inputs, refuse_difference
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
-from glsim.errors import ConfigError, DatasetError
+from glsim.errors import DatasetError
 from glsim.files.atomic import (
     file_checksum,
     read_json,
@@ -24,8 +25,11 @@ from glsim.files.atomic import (
 from glsim.files.flush import flush_files
 from glsim.files.lock import locked
 
-#: Settings that do not change any frame: a run may be resumed with other values.
-_FREE_SETTINGS = ("settings.strict",)
+#: The file with the hashes of the sources' files; it only serves messages.
+INPUTS = "inputs.json"
+
+#: The file with the hashes of the sources' files; it only serves messages.
+INPUTS = "inputs.json"
 
 
 class OutputFolder:
@@ -33,6 +37,7 @@ class OutputFolder:
 
         lock            held by the run that writes here; the kernel frees it when a process dies
         plan.json       what is being made: settings, versions, renderer, fingerprint of the plan
+        inputs.json     hashes of the files that the sources read
         chunks/         one record per complete chunk
         chunks.jsonl    the records' first lines, once all records are merged into the manifest
         temporary/      files being written
@@ -49,9 +54,10 @@ class OutputFolder:
         self.merged_index = self._state / "chunks.jsonl"
 
     @contextmanager
-    def locked(self, identity: Mapping[str, Any]) -> Iterator[None]:
+    def locked(self, identity: Mapping[str, Any], inputs: Inputs | None = None) -> Iterator[None]:
         """Lock the folder, and begin or continue the data set that ``identity`` describes.
 
+        inputs: the hashes that are part of the identity, by file, for messages about a change.
         Raises DatasetError if another run holds the lock, if the folder is not empty and holds no
         data set of glsim, or if it cannot be written; ConfigError names the first setting that
         differs.
@@ -64,7 +70,7 @@ class OutputFolder:
         )
         with locked(self._state / "lock", busy):
             try:
-                self._begin(identity)
+                self._begin(identity, inputs)
                 yield
             finally:
                 shutil.rmtree(self._temporary, ignore_errors=True)
@@ -86,10 +92,13 @@ class OutputFolder:
         files = (self._state / "plan.json", self.out / HEADER)
         return next((file for file in files if file.exists()), None)
 
-    def _begin(self, identity: Mapping[str, Any]) -> None:
+    def _begin(self, identity: Mapping[str, Any], inputs: Inputs | None) -> None:
         identity_file = self._identity_file()
         if identity_file is not None:
-            _refuse_difference(self.out, read_json(identity_file), identity)
+            begun = read_json(identity_file)
+            if inputs is not None:
+                refuse_changed_inputs(self.out, begun, inputs, self._begun_files())
+            refuse_difference(self.out, begun, identity)
         with wrap_write_errors(self._temporary):
             shutil.rmtree(self._temporary, ignore_errors=True)
             self._temporary.mkdir()
@@ -98,6 +107,17 @@ class OutputFolder:
         data = to_json(identity, str(plan)).encode() + b"\n"
         if identity_file != plan or plan.read_bytes() != data:
             write_atomic(data, plan, temporary=self.temporary_path())
+
+        if inputs is not None and inputs.sources:
+            data = to_json(inputs.sources, INPUTS).encode() + b"\n"
+            write_atomic(data, self._state / INPUTS, temporary=self.temporary_path())
+
+    def _begun_files(self) -> dict[str, Any]:
+        """Return source -> file -> hash of the begun data set; {} if that is not known."""
+        try:
+            return read_json(self._state / INPUTS)
+        except DatasetError:
+            return {}
 
     def temporary_path(self, name: str = "file") -> Path:
         """Return a new path for a file being written."""
@@ -133,6 +153,12 @@ class OutputFolder:
             raise DatasetError(f"{self._chunk_file(number)}: {error.strerror}") from error
         return parse_chunk_record(data)
 
+    def discard_chunks(self, numbers: Iterable[int]) -> None:
+        """Remove the records of chunks, so that the next run renders them again."""
+        with wrap_write_errors(self._chunks):
+            for number in numbers:
+                self._chunk_file(number).unlink(missing_ok=True)
+
     @property
     def is_merged(self) -> bool:
         """Whether a run has completed the data set."""
@@ -162,41 +188,3 @@ class OutputFolder:
         """Remove the chunk records, which the manifest replaces."""
         with wrap_write_errors(self._chunks):
             shutil.rmtree(self._chunks)
-
-
-def _refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
-    """Raise ConfigError for the first entry of ``identity`` that differs from ``begun``."""
-    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, str(out))))
-    for name in [*new, *old]:
-        compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
-        if not compared or old.get(name) == new.get(name):
-            continue
-        if name == "plan":
-            raise ConfigError(
-                f"{out} was begun with other faces: the files of a source have changed: restore "
-                "them, or choose another folder"
-            )
-        if name == "glsim_version":
-            raise ConfigError(
-                f"{out} was begun with glsim {old.get(name)}, whose frames of a seed may differ "
-                f"from those of {new.get(name)}: continue with that version, or choose another "
-                "folder"
-            )
-        raise ConfigError(
-            f"{out} was begun with {name.removeprefix('settings.')} = "
-            f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: continue with the "
-            "same, or choose another folder"
-        )
-
-
-def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return {dotted name: value} for the leaves of a tree of dictionaries."""
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
-            value = dict(enumerate(value))
-        if isinstance(value, dict):
-            flat |= _flatten(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat

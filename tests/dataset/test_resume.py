@@ -258,7 +258,7 @@ def test_a_set_of_another_version_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its sensors may have been others: a set must not consist of two halves."""
-    monkeypatch.setattr("glsim.dataset.driver.version", lambda package: "0.1.0")
+    monkeypatch.setattr("glsim.dataset.identity.version", lambda package: "0.1.0")
     make(tmp_path)
     monkeypatch.undo()
     with pytest.raises(ConfigError, match=r"begun with glsim 0\.1\.0, whose frames of a seed may"):

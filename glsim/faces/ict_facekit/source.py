@@ -81,6 +81,10 @@ class IctFaceKit:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
         return performance_frames(self.seed, subject, count, self.frames_per_sequence)
 
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return the hash of the model as it is read from its files, or from the cache."""
+        return {"face model": self._model.content_hash()}
+
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one face per key, in order; one matrix product evaluates up to 32 faces."""
         for first in range(0, len(keys), BATCH_FRAMES):

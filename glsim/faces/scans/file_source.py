@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 from glsim.errors import ConfigError, MeshError, did_you_mean
 from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.scans.file_tree import list_names
+from glsim.files.contents import content_hash
 
 _T = TypeVar("_T")
+
+#: Extensions of the files that meshes refer to: materials of OBJ, buffers of glTF.
+_COMPANIONS = (".mtl", ".bin")
 
 
 def first_subjects(
@@ -24,6 +29,22 @@ def first_subjects(
     if count is not None and count > len(names):
         raise ConfigError(f"{root}: has {len(names)} subjects, {count} were asked for")
     return list(names)[:count]
+
+
+def file_contents(root: Path, paths: Iterable[Path]) -> dict[str, str]:
+    """Return path below ``root`` -> hash, for mesh files and the materials and buffers beside them.
+
+    Any material or buffer of a folder counts, whether a mesh names it or not.
+    """
+    meshes = list(dict.fromkeys(paths))
+    folders = dict.fromkeys(path.parent for path in meshes)
+    beside = [
+        folder / name
+        for folder in folders
+        for name in list_names(folder)
+        if Path(name).suffix.lower() in _COMPANIONS
+    ]
+    return {path.relative_to(root).as_posix(): content_hash(path) for path in [*meshes, *beside]}
 
 
 def check_subject(root: Path, subject: str, names: Collection[str]) -> None:
