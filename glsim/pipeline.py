@@ -24,7 +24,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, MeshError
+from glsim.errors import ConfigError, GlsimError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
 from glsim.faces.regions import RegionLabels
@@ -167,13 +167,28 @@ class Simulator:
                 yield from ahead.popleft().result()
 
     def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
-        loaded = self._sources[batch[0].source].load([task.key for task in batch])
-        pairs = zip(batch, loaded, strict=True)
-        variation = self._settings.variation
-        return [
-            (task, face if isinstance(face, BadFace) else vary(face, variation, task.seeds))
-            for task, face in pairs
-        ]
+        """Load the faces of one source. A file that its source cannot survive is a bad face."""
+        source = self._sources[batch[0].source]
+        loaded: list[tuple[Task, Face | BadFace]] = []
+        while len(loaded) < len(batch):
+            rest = batch[len(loaded) :]
+            faces = iter(source.load([task.key for task in rest]))
+            for task in rest:
+                try:
+                    face = next(faces, None)
+                    if isinstance(face, Face):
+                        face = vary(face, self._settings.variation, task.seeds)
+                except GlsimError:
+                    raise
+                except Exception as error:
+                    if not task.key.path:
+                        raise  # no file is to blame
+                    loaded.append((task, BadFace(task.key, _unusable(task, error))))
+                    break  # the iterator has ended: the others get a new one
+                if face is None:
+                    raise GlsimError(f"source {source.name} gave no face for {task.stem}")
+                loaded.append((task, face))
+        return loaded
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue the drawing of one frame, or return the record of a bad face."""
@@ -183,6 +198,8 @@ class Simulator:
             return self._draw(task, face, readback)
         except MeshError as error:
             return self._skipped(task, error)
+        except MemoryError as error:
+            return self._skipped(task, _unusable(task, error))
 
     def _skipped(self, task: Task, error: MeshError) -> Skipped:
         """Return the record of a bad face. Raises ``error`` if the settings are strict."""
@@ -258,6 +275,11 @@ class Simulator:
             notes=face.notes,
             region_numbers={} if self._labels is None else self._labels.numbers,
         )
+
+
+def _unusable(task: Task, error: Exception) -> MeshError:
+    what = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}".removesuffix(": ")
+    return MeshError(f"{task.key.path or task.stem}: cannot be used ({what})")
 
 
 def _batches(tasks: Iterable[Task]) -> Iterator[list[Task]]:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import FaceKey
+from glsim.faces.scans.file_source import one_bad_file
 from glsim.faces.scans.folder import Folder
 from glsim.meshio.alignment import Alignment
 from glsim.meshio.load import FileMesh, find_alignment_in_format, read_mesh
@@ -132,7 +133,8 @@ class D3dfacs(Folder):
         deformations = []
         for key in keys:
             try:
-                mesh = read_mesh(self.root / key.path)
+                with one_bad_file(self.root / key.path):
+                    mesh = read_mesh(self.root / key.path)
             except MeshError:
                 deformations.append(-1.0)
                 continue

@@ -34,6 +34,7 @@ from glsim.faces.scans.file_source import (
     file_contents,
     first_subjects,
     load_faces,
+    one_bad_file,
 )
 from glsim.faces.scans.file_tree import check_root, list_names
 from glsim.faces.scans.head_scale import mm_per_unit
@@ -224,8 +225,9 @@ class FaceWarehouse:
         for path in self._topology_files(subject):
             try:
                 check_size(path, MAX_BYTES)
-                obj = read_obj(path)
-                triangles, _ = obj.triangles()
+                with one_bad_file(path):
+                    obj = read_obj(path)
+                    triangles, _ = obj.triangles()
                 if len(triangles) == 0:
                     raise MeshError(f"{path}: no faces in it; copy it again")
                 return triangles, len(obj.vertices)

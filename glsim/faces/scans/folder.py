@@ -26,7 +26,12 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.scans.file_source import check_subject, file_contents, first_subjects
+from glsim.faces.scans.file_source import (
+    check_subject,
+    file_contents,
+    first_subjects,
+    one_bad_file,
+)
 from glsim.faces.scans.file_tree import (
     UniqueNames,
     check_root,
@@ -110,9 +115,10 @@ class Folder:
         shared: NDArray[np.int32] | None = None
         for key in keys:
             try:
-                file_mesh = self._read(key)
-                alignment = self._alignment_of(key)
-                mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment))
+                with one_bad_file(self.root / key.path):
+                    file_mesh = self._read(key)
+                    alignment = self._alignment_of(key)
+                    mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment))
             except MeshError as error:
                 yield BadFace(key, error)
                 continue
@@ -154,7 +160,8 @@ class Folder:
         for key in [] if place in self._alignments else keys:
             path = self.root / key.path
             try:
-                self._alignments[place] = self._align(path, self._read(key), unit, axes)
+                with one_bad_file(path):
+                    self._alignments[place] = self._align(path, self._read(key), unit, axes)
                 break
             except MeshError as error:
                 self._alignments.setdefault(place, error)
