@@ -18,6 +18,7 @@ import itertools
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import moderngl
@@ -34,7 +35,7 @@ from glsim.frame_assembly import assemble_frame
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
-from glsim.gl.context import is_software, make_current, open_context
+from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
 from glsim.noise.chain import ShaderChain, array_reach_px, run_array_stages
 from glsim.noise.frame_context import FrameContext
@@ -83,7 +84,7 @@ def simulate(
     """Make the frames of ``tasks`` (default: the whole plan), in order, one result per task.
 
     sources: the open face sources, any FaceSource (default: those of ``settings.source``).
-    backend: "egl" or "osmesa". context: draws the frames; by default one is opened and closed.
+    backend: "egl" or "osmesa". context: draws the frames; by default one of this thread is used.
     layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads it;
     "regions", the parts of the face, are drawn on request only.
     extra_layers: layers of the stages to copy to ``Frame.extra``.
@@ -92,14 +93,8 @@ def simulate(
     """
     opened = list(sources) if sources is not None else open_sources(settings)
     planned = make_tasks(settings, opened) if tasks is None else tasks
-    own_context = open_context(backend) if context is None else None
-    drawn_in = context or own_context
-    assert drawn_in is not None
-    try:
+    with nullcontext(context) if context is not None else borrowed_context(backend) as drawn_in:
         yield from Simulator(settings, opened, drawn_in, extra_layers, layers).frames(planned)
-    finally:
-        if own_context is not None:
-            own_context.release()
 
 
 def open_sources(settings: Settings) -> list[FaceSource]:

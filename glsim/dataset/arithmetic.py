@@ -40,11 +40,10 @@ def simulate_alike(
 
     Raises ConfigError if it does not, and the errors of ``simulate``.
     """
-    from glsim.gl.context import open_context
+    from glsim.gl.context import borrowed_context
     from glsim.pipeline import simulate
 
-    context = open_context(backend)
-    try:
+    with borrowed_context(backend) as context:
         found = fingerprint(context)
         if found != arithmetic:
             raise ConfigError(
@@ -53,8 +52,6 @@ def simulate_alike(
                 "NPY_DISABLE_CPU_FEATURES and OpenGL driver"
             )
         yield from simulate(settings, tasks, context=context, **options)
-    finally:
-        context.release()
 
 
 @lru_cache(maxsize=1)

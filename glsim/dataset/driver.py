@@ -115,16 +115,15 @@ def generate(
     from glsim.dataset.arithmetic import fingerprint, simulate_alike
     from glsim.dataset.inputs import source_hashes, stage_hashes
     from glsim.faces.regions import region_numbers
-    from glsim.gl.context import describe, open_context
+    from glsim.gl.context import borrowed_context, describe
     from glsim.pipeline import open_sources
     from glsim.sensors.sensor import sensor_of
 
     sensor = sensor_of(settings)
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
-    context = open_context(backend)
-    renderer, arithmetic = describe(context)["renderer"], fingerprint(context)
-    context.release()
+    with borrowed_context(backend) as context:
+        renderer, arithmetic = describe(context)["renderer"], fingerprint(context)
     make_frames = partial(
         simulate_alike,
         arithmetic=arithmetic,
