@@ -217,15 +217,17 @@ def load_settings(
     """
     tree: dict[str, Any] = read_toml(file) if file is not None else {}
     where = str(file) if file is not None else "settings"
+    places: dict[tuple[str, ...], str] = {}
     for text in assignments:
         path, value = parse_assignment(text)
         assign(tree, path, value, text)
+        places[tuple(path)] = f"--set {text}"
     merge_tables(tree, overrides or {})
     if source:
         if isinstance(tree.get("source"), list):
             raise ConfigError(f"{where}: has several [[source]] tables: set them there")
         merge_tables(tree.setdefault("source", {}), source)
-    settings = parse_table(Settings, tree, where)
+    settings = parse_table(Settings, tree, where, places)
     return settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
 
 
