@@ -1,6 +1,6 @@
 """Fill the disk under runs: python -m benchmarks.stress full_disk [--count 12].
 
-Each trial gives ``glsim generate`` or ``glsim train`` a folder on a tmpfs that is too small by a
+Each trial gives ``glsim generate`` a folder on a tmpfs that is too small by a
 random amount. The command must fail in one line that says so, without a traceback; once there is
 room, the same command must end with the same bytes as an undisturbed run. Mounting needs root.
 """
@@ -59,10 +59,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 out = folder / case.replace(" ", "-")
                 _finish([*commands[case], "-o", str(out)])
                 # Files take whole pages of a tmpfs.
-                blocks = sum(-(-p.stat().st_size // 4096) + 1 for p in out.rglob("*"))
-                expected[case] = _content(out), 4096 * blocks
+                pages = sum(-(-p.stat().st_size // 4096) for p in out.rglob("*") if p.is_file())
+                expected[case] = _content(out), 4096 * pages
             content, size = expected[case]
-            limit = int(rng.uniform(0.02, 0.98) * size)
+            limit = int(rng.uniform(0.02, 0.95) * size)
             trials.append(_trial(folder, case, commands[case], content, limit))
     return _report(trials)
 
