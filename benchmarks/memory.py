@@ -2,6 +2,7 @@
 
 One process renders, assembles and encodes pairs as a worker of ``glsim generate`` does. Memory is
 read after the first tenth, when caches are full, and at the end; growth should be under 2 %.
+--simulations N opens and closes ``simulate`` N times instead, each for one frame.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ def main() -> None:
         "--ict-root", type=Path, help="FaceXModel folder; default: procedural faces"
     )
     parser.add_argument("--frames", type=int, default=20_000)
+    parser.add_argument("--simulations", type=int, help="Simulations to open and close.")
     arguments = parser.parse_args()
 
     from glsim.files.png import encode_png
@@ -34,11 +36,22 @@ def main() -> None:
     from glsim.pipeline import simulate
     from glsim.plan.tasks import make_tasks
 
+    out = Console()
+    if arguments.simulations:
+        settings = settings_for(arguments.ict_root, 1)
+        sources = [source_for(arguments.ict_root)]
+        for number in range(arguments.simulations):
+            if number == arguments.simulations // 2:
+                start = resident_mb()
+            for _ in simulate(settings, sources=sources):
+                pass
+        growth_kb = 1000 * (resident_mb() - start) / (arguments.simulations / 2)
+        out.print(f"{growth_kb:.1f} kB per simulation in the second half, {resident_mb():.0f} MB")
+        return
     settings = settings_for(arguments.ict_root, arguments.frames)
     sources = [source_for(arguments.ict_root)]
     tasks = make_tasks(settings, sources)
     early = len(tasks) // 10
-    out = Console()
     start = 0.0
     for number, frame in enumerate(simulate(settings, tasks, sources=sources), start=1):
         assert isinstance(frame, Frame)

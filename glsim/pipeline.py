@@ -20,6 +20,7 @@ import itertools
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import moderngl
@@ -27,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.dress import Dresser, worn_regions
-from glsim.errors import ConfigError, MeshError
+from glsim.errors import ConfigError, GlsimError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
 from glsim.faces.head_motion import head_motion, move_pose
@@ -39,7 +40,7 @@ from glsim.frame_assembly import assemble_frame
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
-from glsim.gl.context import is_software, make_current, open_context
+from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
 from glsim.noise.chain import ShaderChain, array_reach_px, run_array_stages
 from glsim.noise.frame_context import FrameContext
@@ -90,7 +91,7 @@ def simulate(
     """Make the frames of ``tasks`` (default: the whole plan), in order, one result per task.
 
     sources: the open face sources, any FaceSource (default: those of ``settings.source``).
-    backend: "egl" or "osmesa". context: draws the frames; by default one is opened and closed.
+    backend: "egl" or "osmesa". context: draws the frames; by default one of this thread is used.
     layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads it;
     "regions", the parts of the face, are drawn on request only.
     extra_layers: layers of the stages to copy to ``Frame.extra``.
@@ -99,14 +100,8 @@ def simulate(
     """
     opened = list(sources) if sources is not None else open_sources(settings)
     planned = make_tasks(settings, opened) if tasks is None else tasks
-    own_context = open_context(backend) if context is None else None
-    drawn_in = context or own_context
-    assert drawn_in is not None
-    try:
+    with nullcontext(context) if context is not None else borrowed_context(backend) as drawn_in:
         yield from Simulator(settings, opened, drawn_in, extra_layers, layers).frames(planned)
-    finally:
-        if own_context is not None:
-            own_context.release()
 
 
 def open_sources(settings: Settings) -> list[FaceSource]:
@@ -182,13 +177,29 @@ class Simulator:
                 yield from ahead.popleft().result()
 
     def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
+        """Load the faces of one source. A file that its source cannot survive is a bad face."""
         self._others.load(batch)
-        loaded = self._sources[batch[0].source].load([task.key for task in batch])
-        pairs = zip(batch, loaded, strict=True)
-        return [
-            (task, face if isinstance(face, BadFace) else self._change(task, face))
-            for task, face in pairs
-        ]
+        source = self._sources[batch[0].source]
+        loaded: list[tuple[Task, Face | BadFace]] = []
+        while len(loaded) < len(batch):
+            rest = batch[len(loaded) :]
+            faces = iter(source.load([task.key for task in rest]))
+            for task in rest:
+                try:
+                    face = next(faces, None)
+                    if isinstance(face, Face):
+                        face = self._change(task, face)
+                except GlsimError:
+                    raise
+                except Exception as error:
+                    if not task.key.path:
+                        raise  # no file is to blame
+                    loaded.append((task, BadFace(task.key, _unusable(task, error))))
+                    break  # the iterator has ended: the others get a new one
+                if face is None:
+                    raise GlsimError(f"source {source.name} gave no face for {task.stem}")
+                loaded.append((task, face))
+        return loaded
 
     def _change(self, task: Task, face: Face) -> Face:
         """Vary a face, then dress it: what is worn follows the varied mesh."""
@@ -203,6 +214,8 @@ class Simulator:
             return self._draw(task, face, readback)
         except MeshError as error:
             return self._skipped(task, error)
+        except MemoryError as error:
+            return self._skipped(task, _unusable(task, error))
 
     def _skipped(self, task: Task, error: MeshError) -> Skipped:
         """Return the record of a bad face. Raises ``error`` if the settings are strict."""
@@ -290,6 +303,11 @@ class Simulator:
             notes=face.notes,
             region_numbers={} if self._labels is None else self._labels.numbers,
         )
+
+
+def _unusable(task: Task, error: Exception) -> MeshError:
+    what = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}".removesuffix(": ")
+    return MeshError(f"{task.key.path or task.stem}: cannot be used ({what})")
 
 
 def _batches(tasks: Iterable[Task]) -> Iterator[list[Task]]:

@@ -81,6 +81,7 @@ def reasons(codes: NDArray[np.uint8]) -> Picture:
 class PreviewFrame:
     """A frame to draw: (H, W) clean and noisy depth in metres, reason codes, and a caption.
 
+    has_reasons: False if the codes are inferred: why a pixel is lost is then unknown.
     has_clean: False for recorded frames, whose clean_m is 0. infrared: (H, W) counts, or None; it
     is drawn where there is no clean map.
     """
@@ -91,6 +92,7 @@ class PreviewFrame:
     intrinsics: Intrinsics
     caption: str = ""
     has_clean: bool = True
+    has_reasons: bool = True
     infrared: NDArray[np.uint16] | None = None
 
     @classmethod
@@ -110,13 +112,14 @@ class PreviewFrame:
             if "infrared" in pair.record["files"]:
                 infrared = np.asarray(pair.infrared, np.uint16)
             clean_m = np.zeros_like(noisy_m)
-            return cls(clean_m, noisy_m, codes, pair.intrinsics, caption, False, infrared)
+            return cls(clean_m, noisy_m, codes, pair.intrinsics, caption, False, False, infrared)
         clean_m = pair.clean_mm / np.float32(1000)
-        if "reason" in pair.record["files"]:
+        has_reasons = "reason" in pair.record["files"]
+        if has_reasons:
             codes = np.asarray(pair.reason, dtype=np.uint8)
         else:
             codes = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
-        return cls(clean_m, noisy_m, codes, pair.intrinsics, caption)
+        return cls(clean_m, noisy_m, codes, pair.intrinsics, caption, has_reasons=has_reasons)
 
 
 def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
@@ -173,7 +176,17 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
         return np.vstack([head, *(frame_row(frame, side) for frame in frames)])
     used = sorted({Reason(int(code)) for frame in frames for code in np.unique(frame.reason)})
     rows = [frame_row(frame, side) for frame in frames]
-    return np.vstack([head, *rows, _legend(width, used)])
+    known = all(frame.has_reasons for frame in frames)
+    return np.vstack(
+        [head, *rows, _legend(width, [(code, legend_text(code, known)) for code in used])]
+    )
+
+
+def legend_text(code: Reason, known: bool) -> str:
+    """Return the meaning of a reason's colour. known: whether the frames have a reason layer."""
+    if code is Reason.DROPPED and not known:
+        return "lost, reason unknown: the data set has no layer reason"
+    return f"{int(code)} {code.name.lower()}: {code.help}"
 
 
 def gallery(
@@ -194,17 +207,17 @@ def gallery(
     return np.vstack([head, *rows])
 
 
-def _legend(width: int, used: Sequence[Reason]) -> Picture:
+def _legend(width: int, used: Sequence[tuple[Reason, str]]) -> Picture:
     lines = 1 + len(used)
     bar = np.full((24 * lines + 14, width, 3), _BACKGROUND, np.uint8)
     ramp = np.linspace(-DIFFERENCE_MM, DIFFERENCE_MM, 240, dtype=np.float32)[None] / 1000.0
     bar[8:22, 10:250] = np.repeat(difference(np.ones_like(ramp), 1 + ramp), 14, axis=0)
     _write(bar, f"-{DIFFERENCE_MM:.0f} to +{DIFFERENCE_MM:.0f} mm", (260, 21), 0.45)
-    for line, code in enumerate(used, start=1):
+    for line, (code, text) in enumerate(used, start=1):
         y = 24 * line + 8
         bar[y : y + 14, 10:34] = _REASON_COLOURS[code]
         cv2.rectangle(bar, (10, y), (34, y + 14), (90, 90, 90), 1)
-        _write(bar, f"{int(code)} {code.name.lower()}: {code.help}", (44, y + 12), 0.45)
+        _write(bar, text, (44, y + 12), 0.45)
     return bar
 
 

@@ -15,10 +15,10 @@ from glsim.pipeline import open_sources
 from glsim.plan.tasks import make_tasks
 from glsim.settings.schema import load_settings
 from tests.support.face_models import write_face_x_model
+from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     FACE,
     TRIANGLES,
-    fixture,
     obj_bytes,
     ply_bytes,
     put,
@@ -88,9 +88,10 @@ def test_the_command_fails_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["inspect", str(tmp_path / "nowhere")]) == 2
 
 
+@pytest.mark.parametrize("writer", WRITERS)
 @pytest.mark.parametrize("name", ["d3dfacs_alignments", "FaceWarehouse", "hpdb"])
-def test_the_fixtures(name: str, tmp_path: Path) -> None:
-    path = str(fixture(name))
+def test_whole_trees(name: str, writer: str, tmp_path: Path) -> None:
+    path = str(tree(name, writer, tmp_path))
     assert main(["inspect", path, "-o", str(tmp_path / "look.png"), "-q"]) == 0
 
 

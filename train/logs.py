@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from lightning_fabric.loggers import CSVLogger, TensorBoardLogger
+from lightning_fabric.loggers import TensorBoardLogger
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -31,31 +31,36 @@ class RunLogs:
     """metrics.csv and TensorBoard's events in a folder.
 
     Rows that a killed run logged after its checkpoint are dropped: the resumed run logs them again.
+    metrics.csv is written anew with each row, so that it is whole at any moment.
     """
 
     def __init__(self, folder: Path, steps: int) -> None:
         """steps: steps done at the checkpoint."""
-        kept = [row for row in _csv_rows(folder / METRICS_FILE) if int(row["step"]) <= steps]
-        with warnings.catch_warnings():  # metrics.csv is overwritten on purpose
-            warnings.filterwarnings("ignore", message="Experiment logs directory")
-            self._csv = CSVLogger(folder, name="", version="")
-            _ = self._csv.experiment  # created by its first use
-            for row in kept:
-                self._csv.log_metrics({k: v for k, v in row.items() if v}, int(row["step"]))
-        self._csv.save()
+        self._file = folder / METRICS_FILE
+        logged = _csv_rows(self._file)
+        self._rows = [row for row in logged if int(row["step"]) <= steps]
+        if len(self._rows) < len(logged):
+            self._save()
         self._board = TensorBoardLogger(
             folder, name="", version="tensorboard", purge_step=steps + 1, default_hp_metric=False
         )
 
     def write(self, figures: Mapping[str, float], steps: int) -> None:
         """Write a row of figures to disk."""
-        self._csv.log_metrics(dict(figures), steps)
-        self._csv.save()
+        self._rows.append({name: str(value) for name, value in figures.items()})
+        self._rows[-1]["step"] = str(steps)
+        self._save()
         self._board.log_metrics(dict(figures), steps)
 
+    def _save(self) -> None:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, sorted({"step"}.union(*self._rows)), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self._rows)
+        write_atomic(text.getvalue().encode(), self._file)
+
     def close(self) -> None:
-        """Close both logs."""
-        self._csv.finalize("success")
+        """Close TensorBoard's log."""
         self._board.finalize("success")
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple, NoReturn
 
 import torch
+from lightning_fabric import Fabric
 from torch import Tensor
 from torch.utils.data import DataLoader
 
@@ -22,7 +23,13 @@ from glsim.train.models.calibration import calibrate
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import parameter_count
 from glsim.train.recipe import Recipe
-from glsim.train.run_setup import RECIPE_FILE, check_unused, last_checkpoint, make_fabric
+from glsim.train.run_setup import (
+    RECIPE_FILE,
+    check_unused,
+    last_checkpoint,
+    locked_run,
+    make_fabric,
+)
 from glsim.train.state import TrainingState
 from glsim.train.validation import validation_figures
 
@@ -67,11 +74,19 @@ def fit(
     Raises TrainError (nan, a folder in use, a checkpoint of another recipe or other data, a full
     disk), ConfigError and DatasetError.
     """
-    run = Training(recipe, source, folder, resume)
+    fabric = make_fabric(recipe.training)
+    fabric.launch()
+    with locked_run(folder) if fabric.is_global_zero else nullcontext():
+        return _fit(Training(recipe, source, folder, resume, fabric), on_step, should_stop)
+
+
+def _fit(
+    run: Training, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
+) -> dict[str, Any]:
     logs = run.open_logs() if run.fabric.is_global_zero else None
     ended_by, stopped, loss = run.ended_by(), False, math.nan
     while not (ended_by or stopped):
-        for noisy_mm, clean_mm in source.batches(run.progress.epoch, run.progress.step):
+        for noisy_mm, clean_mm in run.source.batches(run.progress.epoch, run.progress.step):
             loss = run.step(noisy_mm, clean_mm)
             validated = run.validation_is_due()
             if validated:
@@ -95,10 +110,10 @@ def fit(
 class Training:
     """One call of ``fit``: devices, state, data and run folder."""
 
-    def __init__(self, recipe: Recipe, source: BatchSource, folder: Path, resume: bool) -> None:
-        self.recipe, self.source, self.folder = recipe, source, folder
-        self.fabric = make_fabric(recipe.training)
-        self.fabric.launch()
+    def __init__(
+        self, recipe: Recipe, source: BatchSource, folder: Path, resume: bool, fabric: Fabric
+    ) -> None:
+        self.recipe, self.source, self.folder, self.fabric = recipe, source, folder, fabric
         if not resume and self.fabric.is_global_zero:
             check_unused(folder)
         last = last_checkpoint(folder, recipe, source.fingerprint) if resume else None

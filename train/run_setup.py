@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,10 +15,14 @@ from lightning_fabric.utilities.exceptions import MisconfigurationException
 
 from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
+from glsim.files.archives import archive_damage
+from glsim.files.atomic import wrap_write_errors
+from glsim.files.lock import locked
 from glsim.settings.tables import parse_table
 from glsim.train.recipe import Recipe, TrainingSettings
 
 RECIPE_FILE: Final = "recipe.json"
+LOCK_FILE: Final = ".lock"
 
 logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # its messages repeat the recipe
 
@@ -28,13 +35,29 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
     # 32-true excludes TF32, cuDNN's default: ten bits, steps of half a millimetre at 900 mm.
     torch.backends.cudnn.allow_tf32 = settings.precision != "32-true"
     try:
-        return Fabric(
-            accelerator="cuda" if on_gpu else "cpu",
-            devices=settings.devices if on_gpu else 1,
-            precision=settings.precision,
-        )
+        with warnings.catch_warnings():
+            # Lightning's advice to start with srun wherever that command exists.
+            warnings.filterwarnings("ignore", message=".*srun")
+            return Fabric(
+                accelerator="cuda" if on_gpu else "cpu",
+                devices=settings.devices if on_gpu else 1,
+                precision=settings.precision,
+            )
     except MisconfigurationException as error:
         raise ConfigError(f"training.devices = {settings.devices}: {error}") from None
+
+
+@contextmanager
+def locked_run(folder: Path) -> Iterator[None]:
+    """Hold the lock of a run's folder, which is created. Raises TrainError if it is in use."""
+    with wrap_write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    busy = TrainError(
+        f"{folder}: another training is writing here: wait until it ends, or name another folder "
+        "(-o)"
+    )
+    with locked(folder / LOCK_FILE, busy):
+        yield
 
 
 def check_unused(folder: Path) -> None:
@@ -55,6 +78,11 @@ def last_checkpoint(
     path = folder / checkpoint.LAST
     if not path.exists():
         return None
+    if damage := archive_damage(path.read_bytes()):
+        raise TrainError(
+            f"{path}: is damaged: {damage}: restore it from a copy, or start again in another "
+            f"folder (-o); {checkpoint.BEST} may be whole"
+        )
     last: dict[str, Any] = checkpoint.load(path)
     difference = parse_table(Recipe, last["recipe"], str(path)).difference(recipe)
     if difference is not None:

@@ -13,7 +13,6 @@ import csv
 import hashlib
 import io
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -118,7 +117,7 @@ def _score_missing(
     for scored in run_tasks(job, missing, min(workers, len(missing))):
         path = _path(folder, scored.number)
         data = to_json(asdict(scored), str(path)).encode()
-        write_atomic(data, path, temporary=path.with_suffix(f".{os.getpid()}"))
+        write_atomic(data, path, sync=False)  # an empty block is scored again
         done, bad = done + scored.frames, bad + len(scored.bad)
         if progress is not None:
             progress(ScoringProgress(done, total, reused, bad))
@@ -179,7 +178,7 @@ def _collect(
 
 def write_csv(path: Path, fields: Iterable[str], rows: Iterable[dict[str, Any]]) -> None:
     """Write a CSV file atomically, None as "nan". Raises DatasetError if writing fails."""
-    with AtomicFile(path, path.with_name(f".{path.name}.{os.getpid()}")) as file:
+    with AtomicFile(path) as file:
         text = io.StringIO()
         writer = csv.DictWriter(text, list(fields), lineterminator="\n")
         writer.writeheader()

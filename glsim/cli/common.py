@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -97,7 +101,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Set a parameter, such as stage.parameter=2.5, pose.yaw_deg={uniform=[-30,30]}, "
+        help="Set a parameter, such as stage.parameter=2.5, 'pose.yaw_deg={uniform=[-30,30]}', "
         "scene.wall_mm=1500, rig.deliver=raw. Repeatable.",
     ),
 ]
@@ -136,10 +140,19 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
     The status is 0 after success, 1 after a failure or an interruption, 2 for wrong usage. This is
     the only place that turns errors of glsim into a line on stderr.
     """
+    terminated: list[int] = []
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        terminated.append(number)
+        raise KeyboardInterrupt  # ends workers and removes temporary files as Ctrl-C does
+
     try:
-        result = command(args=arguments, standalone_mode=False)
+        _check_working_folder()
+        with _on_sigterm(terminate):
+            result = command(args=arguments, standalone_mode=False)
         if result == _INTERRUPTED:
             raise KeyboardInterrupt
+        sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except typer.TyperException as error:  # wrong usage
         message = getattr(error, "format_message", error.__str__)()
@@ -147,7 +160,8 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
             sys.stderr.write(f"glsim: error: {message} (see --help)\n")
         return 2
     except (KeyboardInterrupt, typer.Abort):
-        console.print("interrupted: run the same command again to go on", style="yellow")
+        how = "terminated" if terminated else "interrupted"
+        console.print(f"{how}: run the same command again to go on", style="yellow")
         return 1
     except GlsimError as error:
         return _report_error(error, 2 if isinstance(error, ConfigError) else 1)
@@ -158,13 +172,45 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         return _report_error(error, 1)
 
 
+@contextmanager
+def _on_sigterm(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Handle SIGTERM within the block; only the main thread can."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _report_error(error: Exception, status: int) -> int:
     if options.debug:
         traceback.print_exception(error)
-    known = isinstance(error, GlsimError)
-    text = str(error) if known else f"{type(error).__name__}: {error} (a bug; --debug shows where)"
-    sys.stderr.write(f"glsim: error: {text}\n")
+    sys.stderr.write(f"glsim: error: {_error_text(error)}\n")
     return status
+
+
+def _error_text(error: Exception) -> str:
+    """Return one line. What the system refuses is not a bug."""
+    if isinstance(error, GlsimError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "out of memory: ask for fewer frames, fewer workers or a smaller crop"
+    if isinstance(error, OSError) and error.strerror:
+        place = f"{error.filename}: " if error.filename else ""
+        return f"{place}{error.strerror}"
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text} (a bug; --debug shows where)"
+
+
+def _check_working_folder() -> None:
+    """Raise ConfigError if the working folder is gone: some libraries end the process then."""
+    try:
+        Path.cwd()
+    except OSError:
+        raise ConfigError("the working folder has been deleted: change to another one") from None
 
 
 def overrides(**values: Any) -> dict[str, Any]:

@@ -63,10 +63,12 @@ def corrupt(
     """Add the noise of a sensor to clean depth maps; 0 means no depth, in and out.
 
     A folder is read with its sub-folders; every .png keeps its name. The noise of a map depends on
-    the seed and on its name. Maps that cannot be read are reported and skipped.
+    the seed and on its name. Maps that cannot be read are reported and skipped. Of a folder that
+    glsim wrote, only the clean depth is taken.
     """
     from glsim.corrupt import Corrupter
     from glsim.files.atomic import write_atomic
+    from glsim.files.depth_folders import left_out, left_out_text
     from glsim.files.png import encode_png, read_depth_png
     from glsim.settings.schema import load_settings
 
@@ -94,14 +96,19 @@ def corrupt(
             if shape not in by_shape:
                 corrupter = Corrupter(settings, shape, backend, focal, centre)
                 by_shape[shape] = stack.enter_context(corrupter)
-            write_atomic(encode_png(by_shape[shape].corrupt(depth, name).noisy), target)
+            noisy = encode_png(by_shape[shape].corrupt(depth, name).noisy)
+            write_atomic(noisy, target, sync=len(pairs) == 1)
+    if others := left_out([clean], "clean"):
+        print_message(f"left out {left_out_text(others)}: no clean depth")
     print_message(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")
     if failures:
         raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
 
 
 def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path, str]]:
-    """List (input, output, name that decides the noise) of a file or of all PNGs of a folder."""
+    """List (input, output, name that decides the noise) of a file or of a folder's clean maps."""
+    from glsim.files.depth_folders import depth_pngs
+
     if not clean.exists():
         raise ConfigError(f"{clean}: no such file or folder")
     if clean.is_file():
@@ -112,9 +119,7 @@ def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path, str]]:
     else:
         if out.is_file():
             raise ConfigError(f"-o {out}: is a file; {clean} is a folder, so give a folder")
-        names = sorted(p.relative_to(clean) for p in clean.rglob("*.png"))
-        if not names:
-            raise ConfigError(f"{clean}: holds no .png files")
+        names = [path.relative_to(clean) for path in depth_pngs(clean, "clean")[0]]
         pairs = [(clean / name, out / name, name.with_suffix("").as_posix()) for name in names]
     for source, target, _ in pairs:
         if target.exists() and target.samefile(source):

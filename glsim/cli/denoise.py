@@ -72,7 +72,8 @@ def denoise(
     """Denoise 16-bit depth maps; 0 means no depth, in and out.
 
     Maps keep their names. For denoisers that use neighbours in time, the maps of a folder are a
-    sequence in the order of their names. Maps that cannot be read are reported and skipped.
+    sequence in the order of their names. Maps that cannot be read are reported and skipped. Of a
+    folder that glsim wrote, only the noisy depth is taken.
     """
     import numpy as np
 
@@ -80,6 +81,7 @@ def denoise(
     from glsim.denoise.depth_files import MapFrames, find_maps, unit_mm
     from glsim.denoise.frames import Stacks
     from glsim.files.atomic import write_atomic
+    from glsim.files.depth_folders import left_out, left_out_text
     from glsim.files.png import encode_png
     from glsim.frame import encode_depth
 
@@ -108,9 +110,12 @@ def denoise(
             denoised = method(stack, now)
         parts = compose(denoised, stack[now])
         depth_m = parts["" if "" in parts else composite] * np.float32(0.001)
-        write_atomic(encode_png(encode_depth(depth_m, step_mm)), target)
+        write_atomic(encode_png(encode_depth(depth_m, step_mm)), target, sync=len(pairs) == 1)
         if sigma_targets:
-            write_atomic(encode_png(_encode_sigma(sigma_mm, depth_m > 0)), sigma_targets[number])
+            sigma = encode_png(_encode_sigma(sigma_mm, depth_m > 0))
+            write_atomic(sigma, sigma_targets[number], sync=len(pairs) == 1)
+    if others := left_out([Path(text) for text in noisy], "noisy"):
+        print_message(f"left out {left_out_text(others)}: no noisy depth")
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}")
     if failures:
         raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")

@@ -42,7 +42,7 @@ glsim generate -o data --source folder --root scans --format webdataset --worker
 
 glsim generate -o data --source d3dfacs --root d3dfacs_alignments --every 5 --split paper --plan
 
-glsim generate -o data --set pose.yaw_deg={uniform=[-30,30]} --sensor kinect-v2-paper
+glsim generate -o data --set 'pose.yaw_deg={uniform=[-30,30]}' --sensor kinect-v2-paper
 
 glsim generate -o data --preset office --subjects 200 --frames-per-subject 10
 

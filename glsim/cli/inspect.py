@@ -30,7 +30,7 @@ _PROBLEMS = 20
 def inspect(
     path: Annotated[Path, typer.Argument(help="A face set, a folder of meshes, or a mesh.")],
     out: Annotated[
-        Path, typer.Option("-o", "--out", help="PNG file for the contact sheet.")
+        Path, typer.Option("-o", "--out", help="Folder or PNG file for the contact sheet.")
     ] = Path("inspect.png"),
     frames: Annotated[int, typer.Option(min=0, help="Number of frames to read; 0 reads all.")] = 40,
     shown: Annotated[
@@ -54,8 +54,10 @@ def inspect(
 
     if not path.exists():
         raise ConfigError(f"{path}: no such file or folder")
+    if out.is_dir() or not out.suffix:
+        out /= "inspect.png"
     if out.suffix.lower() != ".png":
-        raise ConfigError(f"-o {out}: give a name that ends in .png")
+        raise ConfigError(f"-o {out}: give a folder, or a name that ends in .png")
     kind, source = inspection.open_faces(path, unit, axes)
     report = inspection.inspect(path, kind, source, frames)
     _print(report)

@@ -125,7 +125,9 @@ class _ChunkWriter:
             self._bytes,
             self.sink.shard,
         )
-        self._folder.save_chunk(ChunkRecord(summary, self._frames, self._skipped))
+        record = ChunkRecord(summary, self._frames, self._skipped)
+        self._folder.flush_images(record)
+        self._folder.save_chunk(record)
         return summary
 
 
@@ -151,7 +153,8 @@ class _FolderSink:
             with wrap_write_errors(path.parent):
                 path.parent.mkdir(parents=True, exist_ok=True)
             self._created.add(parent)
-        return {"name": name} | write_atomic(data, path, temporary=self._folder.temporary_path())
+        temporary = self._folder.temporary_path()
+        return {"name": name} | write_atomic(data, path, temporary=temporary, sync=False)
 
     def add_record(self, task: Task, text: str) -> None:
         """Do nothing: the record is in the manifest only."""
@@ -167,7 +170,7 @@ class _ShardSink:
     def __init__(self, folder: OutputFolder, chunk: Chunk) -> None:
         self._name = chunk.shard
         path = folder.out / self._name
-        self._file = AtomicFile(path, folder.temporary_path(self._name))
+        self._file = AtomicFile(path, folder.temporary_path(self._name), sync=False)
         self._tar = tarfile.TarFile(
             mode="w", fileobj=cast("IO[bytes]", self._file), format=tarfile.USTAR_FORMAT
         )

@@ -11,13 +11,13 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob, render_chunks
 from glsim.dataset.chunks import CHUNK_FRAMES, Chunk, ChunkPlan
-from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION, HEADER, SKIPPED
+from glsim.dataset.disk_format import HEADER, SKIPPED
+from glsim.dataset.identity import Inputs, make_identity
 from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
 from glsim.dataset.output_folder import OutputFolder
 from glsim.dataset.records import ChunkRecord, ChunkSummary
@@ -25,7 +25,6 @@ from glsim.dataset.worker_pool import WorkerPool
 from glsim.errors import DatasetError
 from glsim.files.atomic import read_json, wrap_write_errors
 from glsim.plan.tasks import Task, make_tasks
-from glsim.reason import Reason
 from glsim.settings.schema import Settings
 from glsim.worker_processes import Workers, available_workers
 
@@ -33,16 +32,6 @@ log = logging.getLogger(__name__)
 
 #: Seconds between two calls of ``progress``.
 _PROGRESS_EVERY_S = 0.1
-
-_UNITS = {
-    "clean, noisy": "uint16 steps of depth_unit_mm along the optical axis, 0 = no return; "
-    "add depth_offset_mm of the record",
-    "infrared": "uint16 counts",
-    "reason": "uint8 codes, see reasons",
-    "intrinsics": "pixels; the centre of the first pixel is at (0.5, 0.5)",
-    "time_s": "seconds since the start of the sequence",
-    "seeds": "64 bits as hexadecimal digits",
-}
 
 
 @dataclass(frozen=True)
@@ -124,9 +113,11 @@ def generate(
     """
     # Imported here because reading a data set needs no OpenGL.
     from glsim.appearance.dress import worn_regions
+    from glsim.dataset.arithmetic import fingerprint, simulate_alike
+    from glsim.dataset.inputs import source_hashes, stage_hashes
     from glsim.faces.regions import region_numbers
-    from glsim.gl.context import describe, open_context
-    from glsim.pipeline import open_sources, simulate
+    from glsim.gl.context import borrowed_context, describe
+    from glsim.pipeline import open_sources
     from glsim.scene.scenery import scene_regions
     from glsim.sensors.sensor import sensor_of
 
@@ -134,14 +125,24 @@ def generate(
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
     worn = worn_regions(settings.appearance, sources)
-    context = open_context(backend)
-    renderer = describe(context)["renderer"]
-    context.release()
+    with borrowed_context(backend) as context:
+        renderer, arithmetic = describe(context)["renderer"], fingerprint(context)
+    make_frames = partial(
+        simulate_alike,
+        arithmetic=arithmetic,
+        sources=sources,
+        backend=backend,
+        layers=settings.output.layers,
+    )
+
+    def inputs() -> Inputs:
+        return Inputs(stage_hashes(sensor.stages), source_hashes(sources, tasks), arithmetic)
+
     return write_dataset(
         settings,
         tasks,
         out,
-        partial(simulate, sources=sources, backend=backend, layers=settings.output.layers),
+        make_frames,
         sensor=sensor.describe(),
         renderer=renderer,
         regions=(
@@ -149,6 +150,7 @@ def generate(
             if "regions" in settings.output.layers
             else {}
         ),
+        inputs=inputs,
         workers=workers,
         progress=progress,
     )
@@ -163,6 +165,7 @@ def write_dataset(
     sensor: Mapping[str, Any],
     renderer: str,
     regions: Mapping[str, int] | None = None,
+    inputs: Callable[[], Inputs] | None = None,
     workers: Workers = "auto",
     progress: Callable[[GenerateProgress], None] | None = None,
 ) -> GenerateSummary:
@@ -172,23 +175,28 @@ def write_dataset(
     bytes are the same for any number of workers and interruptions.
 
     make_frames: see FrameMaker. sensor, renderer: descriptions for the header; a resumed run must
-    have the same ones. regions: name -> number in the layer "regions".
+    have the same ones. regions: name -> number in the layer "regions". inputs: hashes what the
+    settings only name, as it is at the time of the call; a resumed run must have the same.
     workers: number of processes; 1 renders in this process.
 
-    Raises ConfigError if the folder was begun with other settings; DatasetError if it is in use,
-    cannot be written, or holds other files, or if worker processes die; MeshError at the first
+    Raises ConfigError if the folder was begun with other settings or inputs; DatasetError if it is
+    in use, cannot be written, or holds other files, if worker processes die, or if an input changes
+    during the run; MeshError at the first
     bad mesh if the settings are strict; KeyboardInterrupt after ending the workers. After any of
     these, the same call continues the run.
     """
     started, cpu_started = time.monotonic(), _cpu_seconds()
     processes = available_workers(workers)
     plan = ChunkPlan(tasks, CHUNK_FRAMES[settings.output.format])
-    identity = _identity(settings, plan, sensor, renderer)
+    identity = make_identity(settings, plan, sensor, renderer)
     if regions:
         identity["regions"] = dict(regions)  # pixel values of the layer "regions"; 0 = none
+    found = inputs() if inputs is not None else None
+    if found is not None:
+        identity["inputs"] = found.identity()
     folder = OutputFolder(out)
     counts = _RunCounts(len(tasks), progress)
-    with folder.locked(identity):
+    with folder.locked(identity, found):
         missing = _find_missing_chunks(folder, plan, counts)
         job = RenderJob(settings, out, make_frames)
         # Closed before the lock is released: no worker outlives the lock.
@@ -199,6 +207,14 @@ def write_dataset(
                 else:
                     counts.in_progress[event.chunk] = event.frames
                     counts.report()
+        if inputs is not None and found is not None and missing:
+            now = inputs()
+            if now != found:  # some of this run's frames are of the old contents, some of the new
+                folder.discard_chunks(missing)
+                raise DatasetError(
+                    f"{now.changed_since(found)} was changed during the run, and the frames of "
+                    "this run are discarded: restore it, or choose another folder"
+                )
         if not folder.is_merged:
             merge(folder, plan, identity)
         header = read_json(out / HEADER)
@@ -214,25 +230,6 @@ def write_dataset(
         seconds=time.monotonic() - started,
         cpu_seconds=_cpu_seconds() - cpu_started,
     )
-
-
-def _identity(
-    settings: Settings, plan: ChunkPlan, sensor: Mapping[str, Any], renderer: str
-) -> dict[str, Any]:
-    """Return the part of the header that determines the bytes and says how to read them."""
-    return {
-        "format": FORMAT,
-        "format_version": FORMAT_VERSION,
-        "glsim_version": version("glsim"),
-        "settings": settings.model_dump(mode="json", exclude_none=True),
-        "sensor": dict(sensor),
-        "renderer": renderer,
-        "planned_frames": plan.frames,
-        "plan": plan.fingerprint(),
-        "depth_unit_mm": settings.output.depth_unit_mm,
-        "units": _UNITS,
-        "reasons": {str(int(r)): {"name": r.name.lower(), "help": r.help} for r in Reason},
-    }
 
 
 def _find_missing_chunks(

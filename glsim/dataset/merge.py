@@ -33,6 +33,7 @@ from glsim.files.atomic import (
     wrap_write_errors,
     write_atomic,
 )
+from glsim.files.flush import flush_file
 from glsim.files.regular import open_regular
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -41,6 +42,7 @@ def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) ->
     """Write all files that describe the whole data set, then delete the chunk records.
 
     The files depend only on the chunk records and ``identity``, not on the clock or the workers.
+    Each is on the disk before the next is named; the header comes after all that it describes.
     Raises DatasetError if a subject is in two splits.
     """
     files: dict[str, Any] = {}
@@ -48,12 +50,12 @@ def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) ->
     subjects: dict[str, dict[str, None]] = {split: {} for split in SPLIT_NAMES}
     skipped = 0
     index = folder.merged_index
-    with AtomicFile(index, folder.temporary_path(index.name), sync=True) as index_file:
+    with AtomicFile(index, folder.temporary_path(index.name)) as index_file:
         with ExitStack() as stack:
 
             def create(name: str) -> AtomicFile:
                 temporary = folder.temporary_path(name.replace("/", "-"))
-                return stack.enter_context(AtomicFile(folder.out / name, temporary, sync=True))
+                return stack.enter_context(AtomicFile(folder.out / name, temporary))
 
             names = [MANIFEST, SKIPPED]
             outputs = {name: create(name) for name in names}
@@ -88,7 +90,7 @@ def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) ->
         }
         data = json.dumps(header, indent=1, allow_nan=False).encode() + b"\n"
         temporary = folder.temporary_path(HEADER)
-        checksum = write_atomic(data, folder.out / HEADER, temporary=temporary, sync=True)
+        checksum = write_atomic(data, folder.out / HEADER, temporary=temporary)
         index_file.write(to_json(checksum, HEADER).encode() + b"\n")
     folder.discard_chunk_records()
 
@@ -157,4 +159,5 @@ def unmerge(folder: OutputFolder, chunks: int, damaged: set[int]) -> None:
             folder.save_chunk(record)
     with wrap_write_errors(folder.out):
         (folder.out / HEADER).unlink(missing_ok=True)
+        flush_file(folder.out)  # from now on nothing calls the set complete
         folder.merged_index.unlink()

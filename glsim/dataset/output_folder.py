@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 import json
-import os
+import secrets
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
 from glsim.dataset.chunks import Chunk
 from glsim.dataset.disk_format import HEADER, MERGED_INDEX, STATE
+from glsim.dataset.identity import Inputs, refuse_changed_inputs, refuse_difference
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
 from glsim.dataset.schema import parse_frame
-from glsim.errors import ConfigError, DatasetError
+from glsim.errors import DatasetError
 from glsim.files.atomic import (
-    cannot_write,
     file_checksum,
     read_json,
     to_json,
     wrap_write_errors,
     write_atomic,
 )
+from glsim.files.flush import flush_files
+from glsim.files.lock import locked
 
-#: Settings that do not change any frame: a run may be resumed with other values.
-_FREE_SETTINGS = ("settings.strict",)
+#: The file with the hashes of the sources' files; it only serves messages.
+INPUTS = "inputs.json"
+
+#: The file with the hashes of the sources' files; it only serves messages.
+INPUTS = "inputs.json"
 
 
 class OutputFolder:
@@ -35,6 +38,7 @@ class OutputFolder:
 
         lock            held by the run that writes here; the kernel frees it when a process dies
         plan.json       what is being made: settings, versions, renderer, fingerprint of the plan
+        inputs.json     hashes of the files that the sources read
         chunks/         one record per complete chunk
         chunks.jsonl    the records' first lines, once all records are merged into the manifest
         temporary/      files being written
@@ -51,9 +55,10 @@ class OutputFolder:
         self.merged_index = self._state / MERGED_INDEX
 
     @contextmanager
-    def locked(self, identity: Mapping[str, Any]) -> Iterator[None]:
+    def locked(self, identity: Mapping[str, Any], inputs: Inputs | None = None) -> Iterator[None]:
         """Lock the folder, and begin or continue the data set that ``identity`` describes.
 
+        inputs: the hashes that are part of the identity, by file, for messages about a change.
         Raises DatasetError if another run holds the lock, if the folder is not empty and holds no
         data set of glsim, or if it cannot be written; ConfigError names the first setting that
         differs.
@@ -61,22 +66,15 @@ class OutputFolder:
         self._refuse_foreign_folder()
         with wrap_write_errors(self.out):
             self._state.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(self._state / "lock", timeout=0)
-        try:
-            lock.acquire()
-        except Timeout:
-            raise DatasetError(
-                f"{self.out}: another run is writing here: wait until it ends, or choose another "
-                "folder"
-            ) from None
-        except OSError as error:
-            raise cannot_write(self._state / "lock", error) from error
-        try:
-            self._begin(identity)
-            yield
-        finally:
-            shutil.rmtree(self._temporary, ignore_errors=True)
-            lock.release()
+        busy = DatasetError(
+            f"{self.out}: another run is writing here: wait until it ends, or choose another folder"
+        )
+        with locked(self._state / "lock", busy):
+            try:
+                self._begin(identity, inputs)
+                yield
+            finally:
+                shutil.rmtree(self._temporary, ignore_errors=True)
 
     def _refuse_foreign_folder(self) -> None:
         if not self.out.exists():
@@ -95,10 +93,13 @@ class OutputFolder:
         files = (self._state / "plan.json", self.out / HEADER)
         return next((file for file in files if file.exists()), None)
 
-    def _begin(self, identity: Mapping[str, Any]) -> None:
+    def _begin(self, identity: Mapping[str, Any], inputs: Inputs | None) -> None:
         identity_file = self._identity_file()
         if identity_file is not None:
-            _refuse_difference(self.out, read_json(identity_file), identity)
+            begun = read_json(identity_file)
+            if inputs is not None:
+                refuse_changed_inputs(self.out, begun, inputs, self._begun_files())
+            refuse_difference(self.out, begun, identity)
         with wrap_write_errors(self._temporary):
             shutil.rmtree(self._temporary, ignore_errors=True)
             self._temporary.mkdir()
@@ -106,19 +107,40 @@ class OutputFolder:
         plan = self._state / "plan.json"
         data = to_json(identity, str(plan)).encode() + b"\n"
         if identity_file != plan or plan.read_bytes() != data:
-            write_atomic(data, plan, temporary=self.temporary_path(), sync=True)
+            write_atomic(data, plan, temporary=self.temporary_path())
+
+        if inputs is not None and inputs.sources:
+            data = to_json(inputs.sources, INPUTS).encode() + b"\n"
+            write_atomic(data, self._state / INPUTS, temporary=self.temporary_path())
+
+    def _begun_files(self) -> dict[str, Any]:
+        """Return source -> file -> hash of the begun data set; {} if that is not known."""
+        try:
+            return read_json(self._state / INPUTS)
+        except DatasetError:
+            return {}
 
     def temporary_path(self, name: str = "file") -> Path:
-        """Return this process's path for a file being written; one file per name at a time."""
-        return self._temporary / f"{os.getpid()}-{name}"
+        """Return a new path for a file being written."""
+        return self._temporary / f"{secrets.token_hex(8)}-{name}"
 
     # ---------------------------------------------------------------- chunk records
 
     def _chunk_file(self, number: int) -> Path:
         return self._chunks / f"{number:08d}.jsonl"
 
+    def flush_images(self, record: ChunkRecord) -> None:
+        """Flush the images and folders of a chunk to the disk."""
+        shard = record.summary.shard
+        names = [] if shard is None else [shard["name"]]
+        if shard is None:
+            files = (json.loads(line)["files"].values() for line in record.frames)
+            names = [file["name"] for images in files for file in images]
+        with wrap_write_errors(self.out):
+            flush_files([self.out / name for name in names], self.out)
+
     def save_chunk(self, record: ChunkRecord) -> None:
-        """Record that a chunk is complete; its images must already be in place."""
+        """Record that a chunk is complete; its images must be in place, and flushed."""
         path = self._chunk_file(record.summary.chunk)
         write_atomic(record.to_bytes(), path, temporary=self.temporary_path())
 
@@ -131,6 +153,12 @@ class OutputFolder:
         except OSError as error:
             raise DatasetError(f"{self._chunk_file(number)}: {error.strerror}") from error
         return parse_chunk_record(data)
+
+    def discard_chunks(self, numbers: Iterable[int]) -> None:
+        """Remove the records of chunks, so that the next run renders them again."""
+        with wrap_write_errors(self._chunks):
+            for number in numbers:
+                self._chunk_file(number).unlink(missing_ok=True)
 
     @property
     def is_merged(self) -> bool:
@@ -165,41 +193,3 @@ class OutputFolder:
         """Remove the chunk records, which the manifest replaces."""
         with wrap_write_errors(self._chunks):
             shutil.rmtree(self._chunks)
-
-
-def _refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
-    """Raise ConfigError for the first entry of ``identity`` that differs from ``begun``."""
-    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, str(out))))
-    for name in [*new, *old]:
-        compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
-        if not compared or old.get(name) == new.get(name):
-            continue
-        if name == "plan":
-            raise ConfigError(
-                f"{out} was begun with other faces: the files of a source have changed: restore "
-                "them, or choose another folder"
-            )
-        if name == "glsim_version":
-            raise ConfigError(
-                f"{out} was begun with glsim {old.get(name)}, whose frames of a seed may differ "
-                f"from those of {new.get(name)}: continue with that version, or choose another "
-                "folder"
-            )
-        raise ConfigError(
-            f"{out} was begun with {name.removeprefix('settings.')} = "
-            f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: continue with the "
-            "same, or choose another folder"
-        )
-
-
-def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return {dotted name: value} for the leaves of a tree of dictionaries."""
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
-            value = dict(enumerate(value))
-        if isinstance(value, dict):
-            flat |= _flatten(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat

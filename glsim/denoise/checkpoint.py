@@ -9,7 +9,6 @@ Writing is atomic (a temporary file is renamed): a file is complete, or still th
 from __future__ import annotations
 
 import io
-import os
 import warnings
 import zipfile
 from pathlib import Path
@@ -41,9 +40,8 @@ def write(path: Path, content: dict[str, Any]) -> None:
     """Write any dictionary of tensors, numbers and strings atomically. Raises as ``save``."""
     buffer = io.BytesIO()
     torch.save(content, buffer)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        write_atomic(buffer.getvalue(), path, temporary=temporary, sync=True)
+        write_atomic(buffer.getvalue(), path)
     except DatasetError as error:
         kept = "the one before it is whole" if path.is_file() else "there is none before it"
         reason = getattr(error.__cause__, "strerror", None) or error

@@ -12,6 +12,7 @@ from glsim.dataset.header import read_header
 from glsim.dataset.schema import read_object
 from glsim.denoise.frames import Key, Sample, check_millimetres
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.depth_folders import depth_pngs
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
 from glsim.settings.schema import SPLIT_NAMES
@@ -87,16 +88,17 @@ def _matching(pattern: Path) -> list[Path]:
 
 
 def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
-    """Return (input, output) pairs for files, folders (all PNGs, sub-folders too) and patterns.
+    """Return (input, output) pairs for files, folders (noisy depth, sub-folders too) and patterns.
 
-    Raises ConfigError if an input matches no file, two inputs share an output, or an input would be
-    overwritten.
+    Files and patterns are taken as they are; in folders, other layers of glsim are left out (see
+    ``depth_pngs``). Raises ConfigError if an input matches no file, two inputs share an output, or
+    an input would be overwritten.
     """
     pairs: list[tuple[Path, Path]] = []
     for text in inputs:
         path = Path(text)
         if path.is_dir():
-            files = sorted(path.rglob("*.png"))
+            files, _ = depth_pngs(path, "noisy")
             pairs += [(file, out / file.relative_to(path)) for file in files]
         else:
             files = [path] if path.is_file() else _matching(path)

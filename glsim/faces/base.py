@@ -67,7 +67,12 @@ class BadFace:
 
 
 class FaceSource(Protocol):
-    """A supplier of faces. Implementations are picklable, and cheap until ``load`` is called."""
+    """A supplier of faces. Implementations are picklable, and cheap until ``load`` is called.
+
+    One that reads files may also have ``contents(subjects) -> {name: hash}``, for all files that
+    the frames of these subjects depend on (``glsim.files.contents``): a data set is not resumed
+    after a change.
+    """
 
     name: str
 

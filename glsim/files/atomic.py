@@ -1,19 +1,24 @@
 """Atomic file writing with checksums, and JSON in one fixed form.
 
 A file is written under a temporary name and renamed, so that its own name never stands for half a
-file. Files are not synced frame by frame (this would cost more than rendering): after a power cut
-a renamed file may be empty. Therefore the size and CRC32 of every file are recorded, and compared
-when a run is resumed. Only the few files that describe the whole data set are synced.
+file. Data and name are flushed to the disk, unless ``sync`` is false: the images of a data set are
+flushed together, once per chunk (``glsim.files.flush``). The size and CRC32 of every file are
+recorded, and compared when a run is resumed.
 """
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import os
+import secrets
+import stat
+import time
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
@@ -21,6 +26,7 @@ from typing import IO, Any
 import numpy as np
 
 from glsim.errors import DatasetError
+from glsim.files.flush import flush_file
 
 #: Advice on common file system errors.
 _ADVICE = {
@@ -30,8 +36,15 @@ _ADVICE = {
     errno.EPERM: "check the permissions or choose another folder",
     errno.EROFS: "the file system is read-only, choose another folder",
     errno.EMFILE: "raise the limit of open files (ulimit -n)",
+    errno.ENAMETOOLONG: "choose a shorter name",
 }
 _BLOCK_BYTES = 1 << 20
+
+#: Temporary files beside their target are called PREFIX + random digits + SUFFIX.
+_PREFIX, _SUFFIX = ".glsim-", ".tmp"
+#: A temporary file that is this old, seconds, and that no process has locked belongs to nobody: it
+#: is locked microseconds after it is made.
+_STALE_S = 10.0
 
 
 def _to_plain_value(value: object) -> object:
@@ -101,17 +114,30 @@ class AtomicFile:
     """A file that appears under its name only when it is complete; counts its size and CRC32.
 
     Use it as a context manager: a normal exit renames the temporary file to ``path``, an error
-    removes it. sync: flush the data to the disk before the rename.
+    removes it. temporary: path for the unfinished file, on the same file system; by default it
+    lies beside ``path``, whose folder is then created, under a random name, and what a killed
+    process left there is removed. The temporary file must not exist. sync: flush data and name to
+    the disk (a few milliseconds). A device, such as /dev/stdout, is written directly.
     """
 
-    def __init__(self, path: Path, temporary: Path, *, sync: bool = False) -> None:
+    def __init__(self, path: Path, temporary: Path | None = None, *, sync: bool = True) -> None:
         self.path = path
         self.size = 0
         self.crc32 = 0
-        self._temporary = temporary
         self._sync = sync
+        self._temporary: Path | None = None
         with wrap_write_errors(path):
-            self._file: IO[bytes] = temporary.open("wb")
+            if _is_device(path):
+                self._file: IO[bytes] = path.open("wb")
+                return
+            if temporary is None:
+                if not path.parent.is_dir():
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    flush_file(path.parent.parent)
+                _remove_stale(path.parent)
+                temporary = path.with_name(f"{_PREFIX}{secrets.token_hex(8)}{_SUFFIX}")
+            self._file = _create(temporary)
+            self._temporary = temporary
 
     def write(self, data: bytes) -> int:
         """Append bytes; return their number."""
@@ -143,34 +169,59 @@ class AtomicFile:
         try:
             with wrap_write_errors(self.path):
                 try:
-                    if kind is None and self._sync:
+                    if kind is None and self._sync and self._temporary is not None:
                         self._file.flush()
                         os.fsync(self._file.fileno())
                 finally:
                     self._file.close()
-                if kind is None:
+                if kind is None and self._temporary is not None:
                     self._temporary.replace(self.path)
                     complete = True
+                    if self._sync:
+                        flush_file(self.path.parent)
         finally:
-            if not complete:
+            if not complete and self._temporary is not None:
                 self._temporary.unlink(missing_ok=True)
 
 
 def write_atomic(
-    data: bytes, path: Path, *, temporary: Path | None = None, sync: bool = False
+    data: bytes, path: Path, *, temporary: Path | None = None, sync: bool = True
 ) -> dict[str, int]:
     """Write a whole file at once: it is complete or absent. Returns its size and CRC32.
 
-    temporary: path for the unfinished file, on the same file system. By default it lies beside
-    ``path``, whose folder is then created. sync: flush to the disk. Raises DatasetError.
+    temporary, sync: as for AtomicFile. Raises DatasetError.
     """
-    if temporary is None:
-        with wrap_write_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
     with AtomicFile(path, temporary, sync=sync) as file:
         file.write(data)
     return file.checksum
+
+
+def _is_device(path: Path) -> bool:
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _create(temporary: Path) -> IO[bytes]:
+    """Create a new file and lock it, which shows other processes that its writer lives."""
+    file = temporary.open("xb")
+    with suppress(OSError):  # some network file systems have no locks
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return file
+
+
+@lru_cache(maxsize=4096)
+def _remove_stale(folder: Path) -> None:
+    """Remove the temporary files of killed processes from a folder, once per process."""
+    for path in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
+        with suppress(OSError):  # gone, or not ours
+            if time.time() - path.stat().st_mtime < _STALE_S:
+                continue
+            with path.open("rb") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink()
 
 
 def checksum(data: bytes) -> dict[str, int]:

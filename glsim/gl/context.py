@@ -6,6 +6,9 @@ import ctypes
 import ctypes.util
 import logging
 import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Literal
 
 import moderngl
@@ -19,7 +22,7 @@ BACKENDS: tuple[Backend, ...] = ("egl", "osmesa")
 
 #: How to install the missing libraries (Debian and Ubuntu).
 INSTALL_HINT = {
-    "egl": "apt-get install libegl1 libgl1-mesa-dri",
+    "egl": "apt-get install libegl1 libgl1 libgl1-mesa-dri",
     "osmesa": "apt-get install libosmesa6",
 }
 
@@ -61,6 +64,38 @@ def open_context(backend: str | None = None) -> moderngl.Context:
         keep_freed_memory()
         return context
     raise DeviceError("no OpenGL context: " + "; ".join(failures))
+
+
+@contextmanager
+def borrowed_context(backend: str | None = None) -> Iterator[moderngl.Context]:
+    """Lend a context, current on this thread, and keep it for the next caller of this thread.
+
+    Mesa keeps 40 kB of each context that was ever opened in a process, so that a loop over
+    ``simulate`` would grow without end. Objects of the last borrower are freed first.
+    Arguments and errors as for ``open_context``.
+    """
+    place = (
+        os.getpid(),  # a context does not work in a forked child
+        threading.get_ident(),
+        chosen_backend(backend),
+        os.environ.get("GLSIM_EGL_DEVICE", ""),
+    )
+    context = _idle.pop(place, None)
+    if context is None:
+        context = open_context(backend)
+    make_current(context)
+    try:
+        yield context
+    finally:
+        if place in _idle or threading.get_ident() != place[1] or os.getpid() != place[0]:
+            context.release()
+        else:
+            context.gc()
+            _idle[place] = context
+
+
+#: One unused context per process, thread, backend and device.
+_idle: dict[tuple[int, int, Backend | None, str], moderngl.Context] = {}
 
 
 def make_current(context: moderngl.Context) -> None:

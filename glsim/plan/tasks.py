@@ -14,7 +14,7 @@ from glsim.faces.base import FaceKey, FaceSource
 from glsim.plan.mixture import mix_sources
 from glsim.plan.split import assign_splits
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import Settings
+from glsim.settings.schema import GENERATORS, Settings
 from glsim.settings.seeds import stable_seed
 
 
@@ -43,8 +43,24 @@ class Task:
         return f"{self.split}/{self.subject}/{self.key.sequence}_{self.key.frame:05d}"
 
 
+#: Frames of the largest plan: it is kept in memory, 0.7 kB a frame (measured).
+MAX_FRAMES = 10_000_000
+
+
+def _refuse_too_many(settings: Settings) -> None:
+    """Raise ConfigError for more generated frames than a plan can hold."""
+    for source in settings.source:
+        people, each = source.subjects or 1, source.frames_per_subject or 1
+        if source.kind in GENERATORS and people * each > MAX_FRAMES:
+            raise ConfigError(
+                f"{people} subjects of {each} frames are {people * each} frames; one data set "
+                f"has at most {MAX_FRAMES}: make several, with other seeds"
+            )
+
+
 def make_tasks(settings: Settings, sources: list[FaceSource]) -> list[Task]:
     """Make the whole plan, ordered by source, subject and frame. ConfigError if it is empty."""
+    _refuse_too_many(settings)
     people: list[tuple[int, str, str]] = []
     for number, source in enumerate(sources):
         for name in source.subjects(settings.source[number].subjects):

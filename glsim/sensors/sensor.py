@@ -38,6 +38,7 @@ from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, make_stage
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.settings.distribution import Distribution, NumberSetting
+from glsim.settings.problems import first_problem
 from glsim.settings.schema import Settings
 from glsim.settings.tables import merge_tables, parse_table, read_toml
 
@@ -45,6 +46,9 @@ SENSOR_FOLDER = Path(__file__).parent
 
 #: Stages that do nothing without an emitter.
 _SHADOW_STAGES = ("shadow", "tof_shadow")
+
+#: The place of overrides in messages: they come from --set or from a file of settings.
+_OVERRIDES = "settings (--set or --config)"
 
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 
@@ -197,7 +201,8 @@ def load_sensor(
         )
     tree = read_toml(file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
-    table = parse_table(_SensorTable, tree, str(file))
+    places: dict[tuple[str, ...], str] = {("rig", key): _OVERRIDES for key in rig_overrides or {}}
+    table = parse_table(_SensorTable, tree, str(file), places)
     overrides = dict(overrides or {})
     stages: list[Stage] = []
     for number, entry in enumerate(table.stage):
@@ -211,7 +216,7 @@ def load_sensor(
     for stage_name in overrides:
         if stage_name not in names:
             raise ConfigError(
-                f"sensor {table.title!r} has no stage {stage_name!r} "
+                f"{_OVERRIDES}: sensor {table.title!r} has no stage {stage_name!r} "
                 f"({did_you_mean(stage_name, names)})"
             )
     rig = table.rig.rig()
@@ -255,13 +260,19 @@ def _stage(
     use = settings.pop("use", None)
     if not isinstance(use, str):
         raise ConfigError(f'{where}: say which stage with use = "..."')
-    spec = find_stage(use, folder)
+    try:
+        spec = find_stage(use, folder)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
     name = settings.pop("name", spec.name)
     parameters = {}
     for key, value in settings.items():
         try:
             parameters[key] = _DISTRIBUTION.validate_python(value)
         except ValidationError as error:
-            message = error.errors()[0]["msg"].removeprefix("Value error, ")
-            raise ConfigError(f"{where}: {name}.{key}: {message} (got {value!r})") from None
-    return make_stage(name, spec, {**parameters, **overrides.get(name, {})}, where)
+            _, message = first_problem(Distribution, error)
+            raise ConfigError(f"{where}: {name}.{key}: {message}") from None
+    stage = make_stage(name, spec, parameters, where)
+    if name not in overrides:
+        return stage
+    return make_stage(name, spec, {**parameters, **overrides[name]}, _OVERRIDES)

@@ -258,9 +258,11 @@ def load_settings(
     """
     tree: dict[str, Any] = read_toml(file) if file is not None else {}
     where = str(file) if file is not None else "settings"
+    places: dict[tuple[str, ...], str] = {}
     for text in assignments:
         path, value = parse_assignment(text)
         assign(tree, path, value, text)
+        places[tuple(path)] = f"--set {text}"
     merge_tables(tree, overrides or {})
     if source:
         if isinstance(tree.get("source"), list):
@@ -268,7 +270,7 @@ def load_settings(
         merge_tables(tree.setdefault("source", {}), source)
     if preset is not None:
         tree = _over_preset(read_preset(preset), tree)
-    settings = parse_table(Settings, tree, where)
+    settings = parse_table(Settings, tree, where, places)
     return settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
 
 

@@ -12,8 +12,9 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.errors import ConfigError
 from glsim.files.regular import read_regular
+from glsim.settings.problems import first_problem
 
 #: Largest TOML file, bytes; those that glsim ships have 4,000.
 _MAX_BYTES = 1 << 20
@@ -72,34 +73,24 @@ def merge_tables(tree: dict[str, Any], overrides: Mapping[str, Any]) -> None:
             tree[key] = dict(value) if isinstance(value, Mapping) else value
 
 
-def parse_table(model: type[_Model], tree: Mapping[str, Any], where: str) -> _Model:
-    """Build a ``model`` from nested dicts. Raises ConfigError: the first problem, in one line."""
+def parse_table(
+    model: type[_Model],
+    tree: Mapping[str, Any],
+    where: str,
+    places: Mapping[tuple[str, ...], str] | None = None,
+) -> _Model:
+    """Build a ``model`` from nested dicts. Raises ConfigError: the first problem, in one line.
+
+    where: the place of the settings, such as a file. places: path of a setting -> another place,
+    for settings that come from an option.
+    """
     try:
         return model.model_validate(tree)
     except ValidationError as error:
-        problem = error.errors()[0]
-        path = [
-            part for part in problem["loc"] if not str(part).startswith(("function-", "tuple["))
-        ]
-        name = ".".join(str(part) for part in path) or "the whole"
-        if problem["type"] == "extra_forbidden":
-            known = _fields_at(model, path[:-1])
-            raise ConfigError(
-                f"{where}: no such setting {name!r} ({did_you_mean(str(path[-1]), known)})"
-            ) from None
-        message = problem["msg"].removeprefix("Value error, ")
-        given = problem.get("input")
-        tail = f" (got {given!r:.80})" if isinstance(given, str | int | float) else ""
-        raise ConfigError(f"{where}: {name}: {message}{tail}") from None
-
-
-def _fields_at(model: type[BaseModel], path: list[Any]) -> list[str]:
-    for part in path:
-        field = model.model_fields.get(str(part))
-        if field is None:
-            continue
-        inner = [field.annotation, *getattr(field.annotation, "__args__", ())]
-        models = [a for a in inner if isinstance(a, type) and issubclass(a, BaseModel)]
-        if models:
-            model = models[0]
-    return list(model.model_fields)
+        path, text = first_problem(model, error)
+        path = [part for part in path if not part.isdigit()]  # positions in lists
+        for given, place in (places or {}).items():
+            length = min(len(given), len(path))
+            if length and tuple(path[:length]) == given[:length]:
+                where = place
+        raise ConfigError(f"{where}: {text}") from None

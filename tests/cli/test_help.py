@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -29,10 +30,23 @@ ROOT = typer.main.get_command(app)
 COMMANDS = dict(commands(ROOT))
 
 
+def example_lines(epilog: str) -> list[str]:
+    """Return the example lines of an epilog, without remarks."""
+    lines = re.findall(r"^(?:[A-Z_]+=\S+ )?glsim .*$", epilog, re.MULTILINE)
+    return [re.split(r"\s{2,}", line)[0] for line in lines]
+
+
+def through_bash(lines: list[str]) -> list[list[str]]:
+    """Return the words that ``glsim`` gets of each line, as a shell passes them."""
+    script = "glsim() { printf '%s\\n' \"$@\"; echo; }\n" + "\n".join(lines)
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    return [block.splitlines() for block in done.stdout.split("\n\n")[:-1]]
+
+
 def examples(epilog: str) -> list[list[str]]:
-    """Split the example lines of an epilog into words, without ``glsim`` and remarks."""
-    lines = re.findall(r"^(?:[A-Z_]+=\S+ )?glsim (.*)$", epilog, re.MULTILINE)
-    return [shlex.split(re.split(r"\s{2,}", line)[0]) for line in lines]
+    """Split the example lines of an epilog into the words that a shell passes."""
+    return through_bash(example_lines(epilog))
 
 
 def parse(words: list[str]) -> None:
@@ -50,8 +64,7 @@ def parse(words: list[str]) -> None:
 
 EXAMPLES = [
     pytest.param(words, id=shlex.join(words))
-    for command in COMMANDS.values()
-    for words in examples(command.epilog or "")
+    for words in examples("\n".join(command.epilog or "" for command in COMMANDS.values()))
 ]
 
 
@@ -69,6 +82,39 @@ def test_every_command_has_help_and_an_example_of_itself(
 @pytest.mark.parametrize("words", EXAMPLES)
 def test_examples_name_existing_commands_and_options(words: list[str]) -> None:
     parse(words)
+
+
+def test_a_shell_would_take_braces_apart() -> None:
+    """Why examples are quoted: bash makes two words of {a,b}."""
+    assert through_bash(["glsim x --set a={b=[1,2]}", "glsim y 'a b'"]) == [
+        ["x", "--set", "a=b=[1", "a=2]"],
+        ["y", "a b"],
+    ]
+
+
+#: Examples that need no files but a stage: as they stand, data sets as a plan.
+CHEAP = [
+    parameters
+    for parameters in EXAMPLES
+    if parameters.values[0][0] in ("generate", "sensors", "stages", "info")
+    and "--root" not in parameters.values[0]
+]
+STAGE = """#version 330 core
+// mine: doubles depth.
+uniform sampler2D u_depth;
+out float depth;
+void main() { depth = 2.0 * texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r; }
+"""
+
+
+@pytest.mark.parametrize("words", CHEAP)
+def test_cheap_examples_run(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_noise.glsl").write_text(STAGE)
+    few = ["--plan", "--subjects", "2", "--frames-per-subject", "2"]
+    assert main([*words, *(few if words[0] == "generate" else [])]) == 0
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from glsim.cli import main
 from glsim.dataset import open_dataset
 from glsim.faces.scans.biwi import Biwi
 from glsim.faces.scans.biwi_files import read_depth_bin, read_pose
-from tests.support.face_sets import fixture, put, write_recording
+from tests.support.face_set_trees import WRITERS, tree
+from tests.support.face_sets import put, write_recording
 
 
 def _import(root: Path, out: Path, *options: str) -> int:
@@ -66,8 +67,9 @@ def test_damaged_frames_are_skipped_with_a_reason(
     assert "no frame could be made" in capsys.readouterr().err
 
 
-def test_the_fixture(tmp_path: Path) -> None:
-    assert _import(fixture("hpdb"), tmp_path / "out") == 0
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
+    assert _import(tree("hpdb", writer, tmp_path), tmp_path / "out") == 0
     (pair,) = open_dataset(tmp_path / "out")
     both = (pair.clean_mm > 0) & (pair.noisy_mm > 0)
     assert both.any()

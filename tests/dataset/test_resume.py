@@ -21,6 +21,7 @@ from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import cannot_write
 from glsim.settings.schema import load_settings
 from tests.support.dataset_fakes import Fault, children, contents, make, make_settings, make_tasks
+from tests.support.user_rights import ordinary_user
 
 FORMATS = ["png", "webdataset"]
 SKIP = {"skip_every": 7}
@@ -258,7 +259,7 @@ def test_a_set_of_another_version_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its sensors may have been others: a set must not consist of two halves."""
-    monkeypatch.setattr("glsim.dataset.driver.version", lambda package: "0.1.0")
+    monkeypatch.setattr("glsim.dataset.identity.version", lambda package: "0.1.0")
     make(tmp_path)
     monkeypatch.undo()
     with pytest.raises(ConfigError, match=r"begun with glsim 0\.1\.0, whose frames of a seed may"):
@@ -289,11 +290,11 @@ def test_other_folders_are_refused_and_left_alone(tmp_path: Path) -> None:
         make(Path("/proc/data"))
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_read_only_folder(tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
-    with pytest.raises(DatasetError, match="Permission denied: check the permissions"):
-        make(tmp_path / "a")
+def test_read_only_folder() -> None:
+    with ordinary_user() as folder:
+        folder.chmod(0o500)
+        with pytest.raises(DatasetError, match="Permission denied: check the permissions"):
+            make(folder / "a")
 
 
 def test_advice_for_a_read_only_file_system() -> None:

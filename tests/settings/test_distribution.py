@@ -41,9 +41,9 @@ def test_a_number_is_a_constant() -> None:
         ({"choice": []}, "choice needs at least one number"),
         ({"constant": float("nan")}, "numbers must be finite"),
         ({"uniform": [0, float("inf")]}, "numbers must be finite"),
-        ({"uniform": [1]}, r"pose.yaw_deg.uniform.1: Field required"),
+        ({"uniform": [1]}, r"pose.yaw_deg.uniform.1: is missing"),
         ({"unifrom": [1, 2]}, "no such setting 'pose.yaw_deg.unifrom' .did you mean 'uniform'"),
-        ({"uniform": [1, 2], "per": "year"}, "pose.yaw_deg.per: Input should be 'frame', 'seq"),
+        ({"uniform": [1, 2], "per": "year"}, "pose.yaw_deg.per: 'year' is not one of frame, seq"),
     ],
 )
 def test_what_is_no_distribution_is_refused(table: dict[str, object], message: str) -> None:

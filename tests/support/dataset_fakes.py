@@ -18,6 +18,7 @@ import numpy as np
 from glsim.dataset import GenerateSummary, write_dataset
 from glsim.errors import MeshError
 from glsim.faces.base import FaceKey
+from glsim.files import atomic
 from glsim.files.atomic import checksum, file_checksum
 from glsim.frame import Frame, Skipped
 from glsim.geometry.camera import Intrinsics
@@ -51,8 +52,8 @@ def make_tasks(subjects: int = 8, frames: int = 20) -> list[Task]:
 class Fault:
     """A fault at the frame with this index; it happens only once if ``once`` is a path.
 
-    kind: "kill", "mesh", "bug", "sleep", "lose" or "full". "full" puts the file
-    ``.glsim/temporary/<pid>-<name>`` of the folder ``out`` on a full disk.
+    kind: "kill", "mesh", "bug", "sleep", "lose" or "full". "full" puts the next temporary file
+    for ``name`` in the folder ``out`` on a full disk.
     """
 
     kind: str
@@ -106,8 +107,22 @@ def strike(fault: Fault) -> None:
     if fault.kind == "sleep":
         time.sleep(0.5)
     if fault.kind == "full":
-        name = f"{os.getpid()}-{fault.name}"
-        Path(fault.out, ".glsim", "temporary", name).symlink_to("/dev/full")
+        put_on_full_disk(fault.out, fault.name)
+
+
+def put_on_full_disk(out: str, name: str) -> None:
+    """Let the next temporary file for ``name`` of the data set ``out`` be /dev/full, once."""
+    create = atomic._create
+
+    def create_on_full_disk(temporary: Path) -> Any:
+        file = create(temporary)
+        if temporary.name.endswith(f"-{name}") and temporary.is_relative_to(out):
+            atomic._create = create
+            file.close()
+            return Path("/dev/full").open("wb")
+        return file
+
+    atomic._create = create_on_full_disk
 
 
 def fake_frame(task: Task, unit_mm: float = 1.0, offset_mm: float = 0.0) -> Frame:

@@ -1,26 +1,16 @@
-"""Write small files in the formats of the face sets; find fixtures of another writer."""
+"""Write small files in the formats of the face sets."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from tests.support.face_models import analytic_face
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)
 ROWS, COLUMNS = 31, 25
-FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "fixtures"
-
-
-def fixture(*parts: str) -> Path:
-    """Return a folder of the fixtures; skip the test if it is missing."""
-    path = FIXTURES.joinpath(*parts)
-    if not path.exists():
-        pytest.skip(f"{path} is missing")
-    return path
 
 
 def ply_bytes(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> bytes:

@@ -82,7 +82,7 @@ def test_a_recipe_of_ones_own_holds_only_differences(tmp_path: Path) -> None:
         ('extends = "face"\n[training]\nbatch = 0', "training.batch"),
         ('extends = "face"\n[training]\nmonitor = "psnr"', "training.monitor.*interior_rmse_mm"),
         ('extends = "face', "own.toml"),
-        ('title = "x"', "model: Field required"),
+        ('title = "x"', "model: is missing"),
     ],
 )
 def test_bad_recipes_are_refused_with_what_to_do(tmp_path: Path, text: str, problem: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import Final
 
@@ -26,6 +27,13 @@ class MorphableModel:
     basis: NDArray[np.float32]
     expressions: tuple[str, ...]
     topology: Topology
+
+    def content_hash(self) -> str:
+        """Return a hash of all numbers of the model (30 ms)."""
+        digest = hashlib.blake2b(" ".join(self.expressions).encode(), digest_size=16)
+        for part in (self.basis, self.topology.faces, self.topology.region):
+            digest.update(np.ascontiguousarray(part).data)
+        return digest.hexdigest()
 
     def evaluate(self, weights: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return (B, V, 3) vertices for (B, 1 + 100 + E) weights, by one matrix product."""

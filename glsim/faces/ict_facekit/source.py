@@ -89,6 +89,10 @@ class IctFaceKit:
         weights[0, 1 : 1 + IDENTITY_MODES] = self._identity(FaceKey(subject, "neutral", 0))
         return model.evaluate(weights)[0].copy(), model.topology.faces
 
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return the hash of the model as it is read from its files, or from the cache."""
+        return {"face model": self._model.content_hash()}
+
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one face per key, in order; one matrix product evaluates up to 32 faces."""
         for first in range(0, len(keys), BATCH_FRAMES):

@@ -24,7 +24,13 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.scans.biwi_files import HeadPose, read_pose
-from glsim.faces.scans.file_source import cached_or_error, check_subject, first_subjects, load_faces
+from glsim.faces.scans.file_source import (
+    cached_or_error,
+    check_subject,
+    file_contents,
+    first_subjects,
+    load_faces,
+)
 from glsim.faces.scans.file_tree import check_root, last_number, list_names
 from glsim.geometry.mesh import Mesh
 from glsim.meshio.alignment import Alignment, check_axes, check_unit
@@ -97,6 +103,12 @@ class Biwi:
                 for number in sorted(numbers)[:: self._every]
             ]
         return keys[:count]
+
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return file -> hash for the templates and pose files of these people."""
+        keys = [key for subject in subjects for key in self.frames(subject, None)]
+        templates = dict.fromkeys(self.root / f"{key.sequence}.obj" for key in keys)
+        return file_contents(self.root, [*templates, *(self.root / key.path for key in keys)])
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield the template rotated by the pose file, one per key; recordings share ``faces``."""

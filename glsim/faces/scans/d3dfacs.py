@@ -26,9 +26,10 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import FaceKey
+from glsim.faces.scans.file_source import one_bad_file
 from glsim.faces.scans.folder import Folder
 from glsim.meshio.alignment import Alignment
-from glsim.meshio.load import FileMesh, find_alignment_in_format, merge_patches, read_mesh
+from glsim.meshio.load import FileMesh, find_alignment_in_format, read_mesh
 
 AXES: Final = "+x+y+z"
 REGISTRATIONS: Final = "d3dfacs_alignments"
@@ -95,10 +96,10 @@ class D3dfacs(Folder):
             self._patches[name] = [other.relative_to(self.root).as_posix() for other in others]
         return super()._sequences(subject, top, [paths[0] for paths in frames.values()])
 
-    def _read(self, key: FaceKey) -> FileMesh:
+    def _paths(self, key: FaceKey) -> list[Path]:
         self.subjects(None)  # lists the tree, which fills _patches
         names = [key.path, *self._patches.get(key.path, [])]
-        return merge_patches([read_mesh(self.root / name) for name in names])
+        return [self.root / name for name in names]
 
     def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
         unit = "m" if unit == "auto" and path.suffix.lower() == ".ply" else unit
@@ -132,7 +133,8 @@ class D3dfacs(Folder):
         deformations = []
         for key in keys:
             try:
-                mesh = read_mesh(self.root / key.path)
+                with one_bad_file(self.root / key.path):
+                    mesh = read_mesh(self.root / key.path)
             except MeshError:
                 deformations.append(-1.0)
                 continue

@@ -28,7 +28,14 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.scans.blend_shape_file import SHAPES, open_blend_shapes
-from glsim.faces.scans.file_source import cached_or_error, check_subject, first_subjects, load_faces
+from glsim.faces.scans.file_source import (
+    cached_or_error,
+    check_subject,
+    file_contents,
+    first_subjects,
+    load_faces,
+    one_bad_file,
+)
 from glsim.faces.scans.file_tree import check_root, list_names
 from glsim.faces.scans.head_scale import mm_per_unit
 from glsim.geometry.mesh import Mesh
@@ -124,6 +131,15 @@ class FaceWarehouse:
             ]
         return keys[:count]
 
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return file -> hash for all files of these people, and those that tell the topology."""
+        paths: list[Path] = []
+        for subject in subjects:
+            files = self._files_of(subject)
+            paths += [*([files.bs] if files.bs else []), *files.shapes.values()]
+            paths += [*files.poses.values(), *self._topology_files(subject)]
+        return file_contents(self.root, paths)
+
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Read one mesh per key. All people of one topology share one ``faces`` array."""
         return load_faces(keys, self._face)
@@ -206,24 +222,29 @@ class FaceWarehouse:
         All people share one topology, so another person's OBJ serves if the subject has none.
         """
         error = MeshError(f"{self.root}: no shape_K.obj or pose_K.obj tells the topology")
-        own = self._files_of(subject)
-        own_first = [own, *(files for files in self._people_files.values() if files is not own)]
-        candidates = [
-            path
-            for files in own_first
-            for path in list((files.shapes | {-1 - k: p for k, p in files.poses.items()}).values())
-        ]
-        for path in candidates[:_MAX_ATTEMPTS]:
+        for path in self._topology_files(subject):
             try:
                 check_size(path, MAX_BYTES)
-                obj = read_obj(path)
-                triangles, _ = obj.triangles()
+                with one_bad_file(path):
+                    obj = read_obj(path)
+                    triangles, _ = obj.triangles()
                 if len(triangles) == 0:
                     raise MeshError(f"{path}: no faces in it; copy it again")
                 return triangles, len(obj.vertices)
             except MeshError as problem:
                 error = problem
         raise error
+
+    def _topology_files(self, subject: str) -> list[Path]:
+        """Return the OBJ files to try for the topology, in order: the person's own first."""
+        own = self._files_of(subject)
+        own_first = [own, *(files for files in self._people_files.values() if files is not own)]
+        candidates = [
+            path
+            for files in own_first
+            for path in (files.shapes | {-1 - k: p for k, p in files.poses.items()}).values()
+        ]
+        return candidates[:_MAX_ATTEMPTS]
 
     def _files_of(self, subject: str) -> _PersonFiles:
         check_subject(self.root, subject, self._people_files)

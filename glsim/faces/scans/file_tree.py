@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections import Counter
@@ -13,6 +14,13 @@ from glsim.errors import ConfigError
 from glsim.meshio.limits import EXTENSIONS
 
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
+_LOG = logging.getLogger(__name__)
+
+#: Folders in folders; real sets have four. A recursion of this depth is far from Python's limit.
+_MAX_DEPTH: Final = 64
+#: Linux opens paths of up to 4,096 bytes (PATH_MAX) with names of up to 255 (NAME_MAX) at the end.
+_MAX_PATH_BYTES: Final = 4096 - 256
+
 _NUMBER: Final = re.compile(r"(\d+)", re.ASCII)
 
 
@@ -53,8 +61,12 @@ def list_names(folder: Path) -> list[str]:
 def find_meshes(folder: Path, above: tuple[str, ...]) -> Iterator[Path]:
     """Yield the mesh files of a folder, then of its sub-folders.
 
-    above: real paths of the parent folders; a link to one of them is skipped.
+    above: real paths of the parent folders; a link to one of them is skipped. A folder that is too
+    deep for the system's longest path is skipped with a warning.
     """
+    if len(above) > _MAX_DEPTH or len(os.fsencode(folder)) > _MAX_PATH_BYTES:
+        _LOG.warning("%.200s...: too deep below the root; its meshes are left out", folder)
+        return
     real = os.path.realpath(folder)
     if real in above:
         return

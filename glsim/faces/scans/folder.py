@@ -26,7 +26,12 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.scans.file_source import check_subject, first_subjects
+from glsim.faces.scans.file_source import (
+    check_subject,
+    file_contents,
+    first_subjects,
+    one_bad_file,
+)
 from glsim.faces.scans.file_tree import (
     UniqueNames,
     check_root,
@@ -37,7 +42,14 @@ from glsim.faces.scans.file_tree import (
 )
 from glsim.meshio.alignment import Alignment, check_axes, check_unit
 from glsim.meshio.limits import EXTENSIONS
-from glsim.meshio.load import FileMesh, check_head_size, find_alignment, manifest_notes, read_mesh
+from glsim.meshio.load import (
+    FileMesh,
+    check_head_size,
+    find_alignment,
+    manifest_notes,
+    merge_patches,
+    read_mesh,
+)
 
 MAIN_SEQUENCE: Final = "main"
 FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; affects FaceKey.time_s only
@@ -93,14 +105,20 @@ class Folder:
         check_subject(self.root, subject, self._keys)
         return self._keys[subject][:count]
 
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return file -> hash for all meshes of these subjects."""
+        keys = (key for subject in subjects for key in self.frames(subject, None))
+        return file_contents(self.root, (path for key in keys for path in self._paths(key)))
+
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Read one mesh per key. Consecutive meshes of one topology share one ``faces`` array."""
         shared: NDArray[np.int32] | None = None
         for key in keys:
             try:
-                file_mesh = self._read(key)
-                alignment = self._alignment_of(key)
-                mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment))
+                with one_bad_file(self.root / key.path):
+                    file_mesh = self._read(key)
+                    alignment = self._alignment_of(key)
+                    mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment))
             except MeshError as error:
                 yield BadFace(key, error)
                 continue
@@ -110,8 +128,12 @@ class Folder:
             notes = manifest_notes(file_mesh, alignment) | self._notes(key)
             yield Face(key, mesh, notes=notes)
 
+    def _paths(self, key: FaceKey) -> list[Path]:
+        """Return the mesh files of a frame."""
+        return [self.root / key.path]
+
     def _read(self, key: FaceKey) -> FileMesh:
-        return read_mesh(self.root / key.path)
+        return merge_patches([read_mesh(path) for path in self._paths(key)])
 
     def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
         return find_alignment(path, file_mesh, unit=unit, axes=axes, recentre=self._recentre)
@@ -138,7 +160,8 @@ class Folder:
         for key in [] if place in self._alignments else keys:
             path = self.root / key.path
             try:
-                self._alignments[place] = self._align(path, self._read(key), unit, axes)
+                with one_bad_file(path):
+                    self._alignments[place] = self._align(path, self._read(key), unit, axes)
                 break
             except MeshError as error:
                 self._alignments.setdefault(place, error)

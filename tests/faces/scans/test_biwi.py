@@ -16,11 +16,11 @@ from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.scans.biwi import PEOPLE, Biwi
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin, read_pose
 from glsim.geometry.camera import Intrinsics
+from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     CALIBRATION,
     FACE,
     depth_bytes,
-    fixture,
     pose_text,
     put,
     write_recording,
@@ -152,12 +152,14 @@ def test_calibration(tmp_path: Path) -> None:
         read_calibration(put(path, CALIBRATION.replace(b"0 0 0 0", b"1 0 0 0")))
 
 
-def test_the_fixture() -> None:
-    source = Biwi(fixture("hpdb"))
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
+    root = tree("hpdb", writer, tmp_path)
+    source = Biwi(root)
     (face,) = source.load(_keys(source))
     assert isinstance(face, Face)
     assert face.key.subject == "F01"
     depth = read_depth_bin(source.depth_path(face.key))
     assert depth.shape == (480, 640)
     assert (depth > 0).any()
-    assert read_calibration(fixture("hpdb", "01", "rgb.cal")).fx == 517.679
+    assert read_calibration(root / "01" / "rgb.cal").fx == 517.679

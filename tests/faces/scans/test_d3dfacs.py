@@ -13,7 +13,8 @@ from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.scans.d3dfacs import D3dfacs, action_units, deformation
 from glsim.meshio.alignment import rotation
 from tests.support.face_models import analytic_face
-from tests.support.face_sets import FACE, TRIANGLES, fixture, obj_bytes, ply_bytes, put
+from tests.support.face_set_trees import WRITERS, tree
+from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, ply_bytes, put
 
 
 def _keys(source: D3dfacs) -> list[FaceKey]:
@@ -143,8 +144,9 @@ def test_one_frame_ten_times_too_big_is_refused(tmp_path: Path) -> None:
     assert [isinstance(result, Face) for result in results] == [True, True, True, False, True]
 
 
-def test_the_fixture() -> None:
-    source = D3dfacs(fixture("d3dfacs_alignments"))
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
+    source = D3dfacs(tree("d3dfacs_alignments", writer, tmp_path))
     faces = list(source.load(_keys(source)))
     assert [face.key.frame for face in faces] == [150, 151]
     assert all(isinstance(face, Face) and len(face.mesh.vertices_mm) == 441 for face in faces)

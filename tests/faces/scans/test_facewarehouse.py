@@ -13,10 +13,10 @@ from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.scans.blend_shape_file import open_blend_shapes
 from glsim.faces.scans.facewarehouse import FaceWarehouse
 from glsim.faces.scans.head_scale import FACE_WIDTH_MM, mm_per_unit
+from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     FACE,
     blend_shapes,
-    fixture,
     obj_bytes,
     put,
     quads,
@@ -161,8 +161,9 @@ def test_wrong_roots(tmp_path: Path) -> None:
         FaceWarehouse(tmp_path).frames("Tester_2", None)
 
 
-def test_the_fixture() -> None:
-    source = FaceWarehouse(fixture("FaceWarehouse"))
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
+    source = FaceWarehouse(tree("FaceWarehouse", writer, tmp_path))
     keys = _keys(source)
     assert len(keys) == 2 * (47 + 2)
     faces = _good(source, keys)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import re
 from pathlib import Path
@@ -16,6 +15,7 @@ from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.scans.folder import Folder
 from glsim.meshio.alignment import rotation
 from tests.support.face_models import analytic_face
+from tests.support.user_rights import ordinary_user
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)
 
@@ -198,8 +198,8 @@ def test_wrong_settings_give_one_clear_line(tmp_path: Path) -> None:
         Folder(tmp_path, frames_per_second=0)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may list every folder")
-def test_a_folder_that_cannot_be_listed_is_named(tmp_path: Path) -> None:
-    (tmp_path / "locked").mkdir(mode=0)
-    with pytest.raises(ConfigError, match="locked: cannot be listed"):
-        Folder(tmp_path).subjects(None)
+def test_a_folder_that_cannot_be_listed_is_named() -> None:
+    with ordinary_user() as folder:
+        (folder / "locked").mkdir(mode=0)
+        with pytest.raises(ConfigError, match="locked: cannot be listed"):
+            Folder(folder).subjects(None)

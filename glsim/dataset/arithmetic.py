@@ -1,0 +1,79 @@
+"""What decides the last bits of a data set besides its settings: processor, libraries, driver.
+
+OpenBLAS and NumPy choose their code by the processor. Two of them give frames that look alike and
+differ in their bytes, so one data set must not be made on both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from glsim.errors import ConfigError
+from glsim.frame import Frame, Skipped
+from glsim.plan.tasks import Task
+from glsim.settings.schema import Settings
+
+
+def fingerprint(context: Any) -> str:
+    """Return a hash of what this machine computes: with NumPy, and in a GL context."""
+    from glsim.gl.arithmetic import shader_arithmetic
+
+    digest = hashlib.blake2b(_numpy_arithmetic(), digest_size=8)
+    digest.update(shader_arithmetic(context))
+    return digest.hexdigest()
+
+
+def simulate_alike(
+    settings: Settings,
+    tasks: Iterable[Task],
+    *,
+    arithmetic: str,
+    backend: str | None = None,
+    **options: Any,
+) -> Iterator[Frame | Skipped]:
+    """Call ``glsim.pipeline.simulate`` if this process computes as ``arithmetic`` says.
+
+    Raises ConfigError if it does not, and the errors of ``simulate``.
+    """
+    from glsim.gl.context import borrowed_context
+    from glsim.pipeline import simulate
+
+    with borrowed_context(backend) as context:
+        found = fingerprint(context)
+        if found != arithmetic:
+            raise ConfigError(
+                "a worker computes differently from the process that started it "
+                f"({found}, not {arithmetic}): give both the same OPENBLAS_CORETYPE, "
+                "NPY_DISABLE_CPU_FEATURES and OpenGL driver"
+            )
+        yield from simulate(settings, tasks, context=context, **options)
+
+
+@lru_cache(maxsize=1)
+def _numpy_arithmetic() -> bytes:
+    """Return products, functions and sums of fixed numbers, as bytes.
+
+    The shapes are those of the face sources: a batch of morphable faces, vertices times a
+    rotation, distances, a rigid alignment.
+    """
+    parts: list[Any] = []
+    kind: Any
+    for kind in (np.float32, np.float64):
+        # The golden section spreads the fractional parts evenly over [0, 1).
+        numbers: Any = ((np.arange(1, 154 * 256 + 1) * 0.6180339887498949) % 1).astype(kind)
+        basis = numbers.reshape(154, 256)
+        weights = basis[:, :32].T - kind(0.5)
+        points = basis[:3].T - kind(0.5)
+        parts += [weights @ basis, weights[:1] @ basis, points @ points[:3], points.T @ points]
+        parts += [np.linalg.svd(points.T @ points)[0], np.linalg.inv(points[:3])]
+        row = numbers[:4096]
+        parts += [np.exp(-row), np.log(row + 1), np.sin(9 * row), np.cos(9 * row), np.tan(row)]
+        parts += [np.arctan2(row, row[::-1]), row ** kind(1.7), np.sqrt(row), np.tanh(row)]
+        parts += [np.linalg.norm(points, axis=1), np.einsum("ij,ij->i", points, points)]
+        parts += [np.cumsum(row), row.sum(keepdims=True), points.mean(axis=0), np.hypot(row, 1)]
+    return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)

@@ -1,0 +1,155 @@
+"""The identity of a data set: what decides its bytes, and must be the same when it is resumed.
+
+A run that is resumed with other settings, or with other contents of the files that the settings
+name, would make one data set of two halves.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from glsim.dataset.chunks import ChunkPlan
+from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION
+from glsim.errors import ConfigError
+from glsim.files.atomic import to_json
+from glsim.files.contents import text_hash
+from glsim.reason import Reason
+from glsim.settings.schema import Settings
+
+#: Settings that do not change any frame: a run may be resumed with other values.
+_FREE_SETTINGS = ("settings.strict",)
+
+
+_UNITS = {
+    "clean, noisy": "uint16 steps of depth_unit_mm along the optical axis, 0 = no return; "
+    "add depth_offset_mm of the record",
+    "infrared": "uint16 counts",
+    "reason": "uint8 codes, see reasons",
+    "intrinsics": "pixels; the centre of the first pixel is at (0.5, 0.5)",
+    "time_s": "seconds since the start of the sequence",
+    "seeds": "64 bits as hexadecimal digits",
+}
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Hashes of everything that a data set is made of besides its settings.
+
+    stages: file -> hash of each noise stage, with the files that GLSL includes.
+    sources: "number kind" of each source -> name of each file -> hash.
+    arithmetic: see ``glsim.dataset.arithmetic``.
+    """
+
+    stages: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    arithmetic: str = ""
+
+    def identity(self) -> dict[str, Any]:
+        """Return the entries for the header: one hash per stage file and per source."""
+        sources = {name: text_hash(json.dumps(dict(files))) for name, files in self.sources.items()}
+        return {"stages": dict(self.stages), "sources": sources, "arithmetic": self.arithmetic}
+
+    def changed_file(self, source: str, before: Mapping[str, str]) -> str | None:
+        """Return the first file of a source whose hash is not that of ``before``."""
+        now = self.sources.get(source, {})
+        names = [*before, *now]
+        return next((name for name in names if before.get(name) != now.get(name)), None)
+
+    def changed_since(self, before: Inputs) -> str:
+        """Name the first stage file or source file that differs from ``before``."""
+        for file, hash in before.stages.items():
+            if self.stages.get(file) != hash:
+                return f"stage file {file}"
+        for source, files in before.sources.items():
+            if name := self.changed_file(source, files):
+                return f"source {source}: {name}"
+        return "an input"
+
+
+def make_identity(
+    settings: Settings, plan: ChunkPlan, sensor: Mapping[str, Any], renderer: str
+) -> dict[str, Any]:
+    """Return the part of the header that determines the bytes and says how to read them."""
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "glsim_version": version("glsim"),
+        "settings": settings.model_dump(mode="json", exclude_none=True),
+        "sensor": dict(sensor),
+        "renderer": renderer,
+        "planned_frames": plan.frames,
+        "plan": plan.fingerprint(),
+        "depth_unit_mm": settings.output.depth_unit_mm,
+        "units": _UNITS,
+        "reasons": {str(int(r)): {"name": r.name.lower(), "help": r.help} for r in Reason},
+    }
+
+
+def refuse_changed_inputs(
+    out: Path, begun: Mapping[str, Any], inputs: Inputs, files: Mapping[str, Any]
+) -> None:
+    """Raise ConfigError if an input differs from what the data set was begun with; name it.
+
+    begun: the identity on disk. files: source -> file -> hash at the beginning, if known.
+    """
+    old = begun.get("inputs")
+    if not isinstance(old, dict):
+        return
+    choice = f"was changed since {out} was begun: restore it, or choose another folder"
+    for file, hash in inputs.stages.items():
+        if old.get("stages", {}).get(file, hash) != hash:
+            raise ConfigError(f"stage file {file} {choice}")
+    for source, hash in inputs.identity()["sources"].items():
+        if old.get("sources", {}).get(source, hash) != hash:
+            before = files.get(source)
+            name = inputs.changed_file(source, before) if isinstance(before, dict) else None
+            raise ConfigError(f"source {source}: {name or 'a file'} {choice}")
+    if old.get("arithmetic", inputs.arithmetic) != inputs.arithmetic:
+        raise ConfigError(
+            f"{out} was begun by a processor, NumPy, OpenBLAS or OpenGL driver whose last bits "
+            "differ from this machine's: continue there, or choose another folder "
+            "(OPENBLAS_CORETYPE and NPY_DISABLE_CPU_FEATURES choose an older processor's code)"
+        )
+
+
+def refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
+    """Raise ConfigError for the first entry of ``identity`` that differs from ``begun``."""
+    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, str(out))))
+    for name in [*new, *old]:
+        compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
+        if not compared or old.get(name) == new.get(name):
+            continue
+        if name == "plan":
+            raise ConfigError(
+                f"{out} was begun with other faces: the files of a source have changed: restore "
+                "them, or choose another folder"
+            )
+        if name == "glsim_version":
+            raise ConfigError(
+                f"{out} was begun with glsim {old.get(name)}, whose frames of a seed may differ "
+                f"from those of {new.get(name)}: continue with that version, or choose another "
+                "folder"
+            )
+        raise ConfigError(
+            f"{out} was begun with {name.removeprefix('settings.')} = "
+            f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: continue with the "
+            "same, or choose another folder"
+        )
+
+
+def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return {dotted name: value} for the leaves of a tree of dictionaries."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
+            value = dict(enumerate(value))
+        if isinstance(value, dict):
+            flat |= _flatten(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat

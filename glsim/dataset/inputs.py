@@ -1,0 +1,52 @@
+"""Hash the inputs of a data set that its settings only name."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+from glsim.faces.base import FaceSource
+from glsim.files.contents import content_hash, text_hash
+from glsim.gl.shader_source import load_source
+from glsim.noise.stage import Stage
+from glsim.plan.tasks import Task
+
+
+def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
+    """Hash the files of noise stages, as they are now: file -> hash.
+
+    A Python stage is the file that holds its function; what that file imports is not seen.
+    Raises ShaderError for a GLSL file that cannot be read any more.
+    """
+    hashes: dict[str, str] = {}
+    for stage in stages:
+        if stage.spec.source is None:
+            code = getattr(stage.spec.function, "__code__", None)
+            file = code.co_filename if code is not None else stage.spec.file
+            hashes[stage.spec.file] = content_hash(Path(file))
+            continue
+        source = load_source(Path(stage.spec.file))
+        texts: dict[str, list[str]] = defaultdict(list)
+        for line, (file, _) in zip(source.text.splitlines(), source.lines, strict=True):
+            texts[file].append(line)
+        hashes |= {file: text_hash("\n".join(lines)) for file, lines in texts.items()}
+    return dict(sorted(hashes.items()))
+
+
+def source_hashes(
+    sources: Sequence[FaceSource], tasks: Sequence[Task]
+) -> dict[str, dict[str, str]]:
+    """Hash the files that the frames of ``tasks`` are made of: source -> file -> hash.
+
+    Sources without a method ``contents`` read no files.
+    """
+    subjects: dict[int, dict[str, None]] = defaultdict(dict)
+    for task in tasks:
+        subjects[task.source][task.key.subject] = None
+    hashes = {}
+    for number, source in enumerate(sources):
+        contents = getattr(source, "contents", None)
+        if contents is not None and number in subjects:
+            hashes[f"{number} {source.name}"] = dict(sorted(contents([*subjects[number]]).items()))
+    return hashes

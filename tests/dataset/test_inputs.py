@@ -1,0 +1,243 @@
+"""Test that a resumed data set does not mix two versions of its inputs."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from glsim.dataset import GenerateProgress, chunks, generate
+from glsim.errors import ConfigError, DatasetError
+from glsim.faces import open_source
+from glsim.faces.ict_facekit import IctFaceKit
+from glsim.files.contents import content_hash
+from glsim.settings.schema import Settings, load_settings
+from tests.support.dataset_fakes import contents
+from tests.support.face_models import write_face_x_model
+from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, ply_bytes, put
+
+ROOT = Path(__file__).parents[2]
+SENSOR = """
+title = "tiny"
+[rig]
+width = 48
+height = 40
+focal_px = [60, 60]
+centre_px = [24, 20]
+"""
+STAGE = """#version 330 core
+// lift: moves depth.
+#include "amount.glsl"
+uniform sampler2D u_depth;
+out float depth;
+void main() { depth = texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r + AMOUNT_M; }
+"""
+PYTHON = """
+from glsim.noise.stage import array_stage
+
+@array_stage()
+def lift(view, layers, p):
+    \"\"\"Moves depth.\"\"\"
+    return {"depth": layers["depth"] + 0.01}
+"""
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(chunks.CHUNK_FRAMES, "png", 2)
+
+
+def with_stage(folder: Path, use: str) -> Settings:
+    (folder / "lift.glsl").write_text(STAGE)
+    (folder / "amount.glsl").write_text("#define AMOUNT_M 0.01\n")
+    (folder / "lift.py").write_text(PYTHON)
+    (folder / "mine.toml").write_text(f'{SENSOR}\n[[stage]]\nuse = "{use}"\n')
+    source = {"kind": "procedural", "subjects": 2, "frames_per_subject": 3}
+    return load_settings(overrides={"sensor": str(folder / "mine.toml"), "source": source})
+
+
+def stop(state: GenerateProgress) -> None:
+    if state.done >= 3:
+        raise KeyboardInterrupt
+
+
+def begin(settings: Settings, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the first chunks of a data set."""
+    monkeypatch.setattr("glsim.dataset.driver._PROGRESS_EVERY_S", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        generate(settings, out, workers=1, progress=stop)
+    assert list((out / ".glsim" / "chunks").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("use", "file", "text"),
+    [
+        ("lift.glsl", "lift.glsl", STAGE.replace("+ AMOUNT_M", "+ 0.05")),
+        ("lift.glsl", "amount.glsl", "#define AMOUNT_M 0.05\n"),
+        ("lift.py:lift", "lift.py", PYTHON.replace("0.01", "0.05")),
+    ],
+)
+def test_an_edited_stage_is_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, use: str, file: str, text: str
+) -> None:
+    settings = with_stage(tmp_path, use)
+    begin(settings, tmp_path / "out", monkeypatch)
+    before = (tmp_path / file).read_text()
+    (tmp_path / file).write_text(text)
+    with pytest.raises(ConfigError, match=rf"stage file \S*{file} was changed since .*out was beg"):
+        generate(settings, tmp_path / "out", workers=1)
+    (tmp_path / file).write_text(before)
+    generate(settings, tmp_path / "out", workers=1)
+    generate(settings, tmp_path / "whole", workers=1)
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
+def test_a_complete_set_is_refused_too_and_without_its_state(tmp_path: Path) -> None:
+    settings = with_stage(tmp_path, "lift.glsl")
+    generate(settings, tmp_path / "out", workers=1)
+    shutil.rmtree(tmp_path / "out" / ".glsim")
+    (tmp_path / "amount.glsl").write_text("#define AMOUNT_M 0.05\n")
+    with pytest.raises(ConfigError, match=r"stage file \S*amount.glsl was changed"):
+        generate(settings, tmp_path / "out", workers=1)
+
+
+def scans(folder: Path, kind: str = "folder") -> Settings:
+    for number in range(3):
+        put(folder / "scans" / "a" / f"{number}.obj", obj_bytes(FACE + number, TRIANGLES))
+    put(folder / "scans" / "a" / "skin.mtl", b"newmtl a\nKd 1 1 1\n")
+    (folder / "mine.toml").write_text(SENSOR)
+    return load_settings(
+        overrides={
+            "sensor": str(folder / "mine.toml"),
+            "source": {"kind": kind, "root": str(folder / "scans")},
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [("2.obj", obj_bytes(FACE * 1.1, TRIANGLES)), ("skin.mtl", b"newmtl a\nKd 0 1 1\n")],
+)
+def test_a_swapped_mesh_is_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, data: bytes
+) -> None:
+    settings = scans(tmp_path)
+    begin(settings, tmp_path / "out", monkeypatch)
+    put(tmp_path / "scans" / "a" / name, data)
+    with pytest.raises(ConfigError, match=rf"source 0 folder: a/{name} was changed since"):
+        generate(settings, tmp_path / "out", workers=1)
+    (tmp_path / "out" / ".glsim" / "inputs.json").write_text("x")
+    with pytest.raises(ConfigError, match=r"source 0 folder: a file was changed since"):
+        generate(settings, tmp_path / "out", workers=1)
+
+
+def test_a_mesh_swapped_during_the_run_is_noticed(tmp_path: Path) -> None:
+    settings = scans(tmp_path)
+    whole = tmp_path / "whole"
+    generate(settings, whole, workers=1)
+    before = (tmp_path / "scans" / "a" / "2.obj").read_bytes()
+
+    def swap(_: GenerateProgress) -> None:
+        put(tmp_path / "scans" / "a" / "2.obj", obj_bytes(FACE * 1.1, TRIANGLES))
+
+    with pytest.raises(DatasetError, match=r"source 0 folder: a/2.obj was changed during the run"):
+        generate(settings, tmp_path / "out", workers=1, progress=swap)
+    put(tmp_path / "scans" / "a" / "2.obj", before)
+    generate(settings, tmp_path / "out", workers=1)
+    assert contents(tmp_path / "out") == contents(whole)
+
+
+def test_a_file_of_the_same_size_and_another_time_is_hashed_again(tmp_path: Path) -> None:
+    file = put(tmp_path / "a", b"one")
+    first = content_hash(file)
+    assert content_hash(file) == first
+    put(file, b"two")
+    os.utime(file, ns=(1, 1))
+    assert content_hash(file) != first
+    os.mkfifo(tmp_path / "pipe")
+    assert content_hash(tmp_path / "pipe") == "no regular file"
+    assert content_hash(tmp_path / "none").startswith("unreadable: No such file")
+    (tmp_path / "huge").touch()
+    os.truncate(tmp_path / "huge", 20_000_000_000)
+    assert content_hash(tmp_path / "huge") == "20000000000 bytes", "not read"
+
+
+def test_sources_hash_all_files_that_their_frames_need(tmp_path: Path) -> None:
+    points, triangles = FACE / 1000, TRIANGLES
+    for number in range(2):
+        put(tmp_path / "d" / "S" / "1+2" / f"1+2_{number}.ply", ply_bytes(points, triangles))
+        put(tmp_path / "raw" / "S" / "4" / f"4_left_{number}.obj", obj_bytes(FACE, triangles))
+        put(tmp_path / "raw" / "S" / "4" / f"4_right_{number}.obj", obj_bytes(FACE, triangles))
+    for kind, root, subject, expected in [
+        ("d3dfacs", "d", "S", ["S/1+2/1+2_0.ply", "S/1+2/1+2_1.ply"]),
+        ("d3dfacs", "raw", "S", [f"S/4/4_{s}_{n}.obj" for s in ("left", "right") for n in (0, 1)]),
+    ]:
+        settings = load_settings(overrides={"source": {"kind": kind, "root": str(tmp_path / root)}})
+        source: Any = open_source(settings.source[0], 0)
+        assert sorted(source.contents([subject])) == expected
+
+
+def test_a_face_model_with_another_file_is_another_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+    root = write_face_x_model(tmp_path / "model")
+    first = IctFaceKit(root).contents(["i0000"])
+    assert IctFaceKit(root).contents(["i0001"]) == first, "now from the cache"
+    shape = root / "identity007.obj"
+    lines = shape.read_text().splitlines()
+    lines[0] = "v 1.5 2.5 3.5"
+    shape.write_text("\n".join(lines) + "\n")
+    assert IctFaceKit(root).contents(["i0000"]) != first
+
+
+FINGERPRINT = """
+from glsim.dataset.arithmetic import fingerprint
+from glsim.gl.context import open_context
+print(fingerprint(open_context()))
+"""
+
+
+def fingerprints(environments: Sequence[dict[str, str]]) -> list[str]:
+    """The fingerprint in processes with these environments."""
+    run = [
+        subprocess.run(
+            [sys.executable, "-c", FINGERPRINT],
+            env=os.environ | {"PYTHONPATH": str(ROOT)} | extra,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+        for extra in environments
+    ]
+    assert all(len(text) == 16 for text in run)
+    return run
+
+
+def test_threads_do_not_change_the_arithmetic_and_a_kernel_does() -> None:
+    one = {"OPENBLAS_NUM_THREADS": "1", "LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1"}
+    plain, single, old = fingerprints([{}, one, {"OPENBLAS_CORETYPE": "Prescott"}])
+    assert plain == single
+    assert plain != old
+
+
+def test_another_processor_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = with_stage(tmp_path, "lift.glsl")
+    begin(settings, tmp_path / "out", monkeypatch)
+    monkeypatch.setattr("glsim.dataset.arithmetic._numpy_arithmetic", lambda: b"another kernel")
+    with pytest.raises(ConfigError, match=r"begun by a processor, NumPy, OpenBLAS or OpenGL driv"):
+        generate(settings, tmp_path / "out", workers=1)
+
+
+def test_a_worker_with_another_arithmetic_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("glsim.worker_processes.SINGLE_THREADED", {"OPENBLAS_CORETYPE": "Prescott"})
+    with pytest.raises(ConfigError, match="a worker computes differently from the process that st"):
+        generate(with_stage(tmp_path, "lift.glsl"), tmp_path / "out", workers=2)

@@ -1,0 +1,136 @@
+"""Test that whatever one file does, the other frames of a run are made."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from glsim.dataset import generate
+from glsim.errors import GlsimError
+from glsim.faces import open_source
+from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.scans import folder as folder_source
+from glsim.faces.scans.folder import Folder
+from glsim.frame import Frame, Skipped
+from glsim.meshio.load import read_mesh
+from glsim.pipeline import simulate
+from glsim.settings.schema import load_settings
+from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, put
+
+MESH = obj_bytes(FACE, TRIANGLES)
+
+
+def test_a_nul_in_the_name_of_a_material_file_costs_one_frame(tmp_path: Path) -> None:
+    for number in range(3):
+        put(tmp_path / "scans" / "a" / f"{number}.obj", MESH)
+    put(tmp_path / "scans" / "a" / "0.obj", b"mtllib skin\0.mtl\nusemtl a\n" + MESH)
+    source = {"kind": "folder", "root": str(tmp_path / "scans")}
+    settings = load_settings(
+        overrides={"sensor": "ideal", "source": source, "output": {"crop": 64}}
+    )
+    summary = generate(settings, tmp_path / "out", workers=1)
+    made = sum(summary.frames.values())
+    lines = (tmp_path / "out" / "skipped.jsonl").read_text().splitlines()
+    skipped = [json.loads(line) for line in lines]
+    assert (made, len(skipped)) in ((2, 1), (3, 0)), "or the reader ignores that material"
+    assert all("0.obj" in line["why"] for line in skipped)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        RecursionError("maximum recursion depth exceeded"),
+        OSError(5, "Input/output error"),
+        ValueError("embedded null byte"),
+        IndexError("of a library"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_any_exception_of_a_reader_costs_one_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, first: bool
+) -> None:
+    for number in range(4):
+        put(tmp_path / "a" / f"{number}.obj", MESH)
+    bad = tmp_path / "a" / ("0.obj" if first else "2.obj")
+
+    def read(path: Path) -> Any:
+        if path == bad:
+            raise error
+        return read_mesh(path)
+
+    monkeypatch.setattr(folder_source, "read_mesh", read)
+    source = Folder(tmp_path)
+    faces = list(source.load(source.frames("a", None)))
+    assert [isinstance(face, Face) for face in faces] == [
+        number != int(bad.stem) for number in range(4)
+    ]
+    (message,) = (str(face.error) for face in faces if isinstance(face, BadFace))
+    assert message.startswith(f"{bad}: cannot be used ({type(error).__name__}")
+    assert "\n" not in message
+
+
+class Files:
+    """A source of the user's whose reader is not prepared for what is in a file."""
+
+    name = "mine"
+
+    def subjects(self, count: int | None) -> list[str]:
+        return ["a"]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        return [FaceKey("a", "main", number, 0.0, f"{number}.bin") for number in range(5)]
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+        heads = open_source(load_settings().source[0], 0)
+        mesh = next(iter(heads.load(heads.frames("p0000", 1))))
+        for key in keys:
+            if key.frame in (1, 2):
+                raise UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte")
+            assert isinstance(mesh, Face)
+            yield Face(key, mesh.mesh)
+
+
+def test_a_source_that_dies_at_a_file_goes_on_with_the_next(tmp_path: Path) -> None:
+    settings = load_settings(overrides={"sensor": "ideal", "output": {"crop": 64}})
+    frames = list(simulate(settings, sources=[Files()]))
+    assert [type(frame) for frame in frames] == [Frame, Skipped, Skipped, Frame, Frame]
+    assert isinstance(frames[1], Skipped)
+    assert frames[1].why.startswith("1.bin: cannot be used (UnicodeDecodeError: 'utf-8' codec")
+
+
+def test_a_source_that_forgets_a_frame_is_told(tmp_path: Path) -> None:
+    class Forgetful(Files):
+        def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+            return iter(())
+
+    settings = load_settings(overrides={"sensor": "ideal"})
+    with pytest.raises(GlsimError, match="source mine gave no face for"):
+        list(simulate(settings, sources=[Forgetful()]))
+
+
+def test_folders_too_deep_to_open_are_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    put(tmp_path / "root" / "a" / "0.obj", MESH)
+    put(tmp_path / "root" / "b" / "0.obj", MESH)
+    here = Path.cwd()
+    try:
+        os.chdir(tmp_path / "root" / "a")
+        for _ in range(200):  # beyond the longest path that can be opened
+            Path("n" * 50).mkdir()
+            os.chdir("n" * 50)
+    finally:
+        os.chdir(here)
+    with caplog.at_level(logging.WARNING):
+        source = Folder(tmp_path / "root")
+        assert source.subjects(None) == ["a", "b"]
+    assert "too deep below the root; its meshes are left out" in caplog.text
+    assert len(source.frames("a", None)) == 1

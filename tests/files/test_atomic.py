@@ -1,0 +1,139 @@
+"""Test that files appear whole, that temporary ones are nobody else's, and that none stay."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from glsim.errors import DatasetError
+from glsim.files import atomic
+from glsim.files.archives import archive_damage
+from glsim.files.atomic import AtomicFile, write_atomic
+from tests.support.power_cuts import PowerCuts
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from glsim.files.atomic import AtomicFile
+with AtomicFile(Path(sys.argv[1])) as file:
+    file.write(b"half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_killed_writer_leaves_a_temporary_file_that_the_next_one_removes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "report.html"
+    root = str(Path(__file__).parents[2])
+    subprocess.run(
+        [sys.executable, "-c", KILLED, str(target)], env=os.environ | {"PYTHONPATH": root}
+    )
+    (left,) = tmp_path.iterdir()
+    assert left.suffix == ".tmp"
+    os.utime(left, (0, time.time() - 60))
+    atomic._remove_stale.cache_clear()  # as in a new process
+    write_atomic(b"whole", target)
+    assert names(tmp_path) == ["report.html"]
+
+
+def test_a_temporary_file_in_use_is_not_removed(tmp_path: Path) -> None:
+    with AtomicFile(tmp_path / "a") as file:
+        (left,) = tmp_path.iterdir()
+        os.utime(left, (0, 0))
+        atomic._remove_stale.cache_clear()
+        write_atomic(b"b", tmp_path / "b")
+        file.write(b"a")
+    assert names(tmp_path) == ["a", "b"]
+
+
+def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "victim").write_bytes(b"keep")
+    (tmp_path / "temporary").symlink_to(tmp_path / "victim")
+    with pytest.raises(DatasetError, match="File exists"):
+        write_atomic(b"new", tmp_path / "a", temporary=tmp_path / "temporary")
+    assert (tmp_path / "victim").read_bytes() == b"keep"
+
+
+def test_names_of_temporary_files_cannot_be_guessed(tmp_path: Path) -> None:
+    seen = set()
+    for _ in range(3):
+        with AtomicFile(tmp_path / "a"):
+            seen.add(next(p.name for p in tmp_path.iterdir() if p.suffix == ".tmp"))
+    assert len(seen) == 3
+    assert not any(str(os.getpid()) in name for name in seen)
+
+
+def test_a_long_name_is_written_and_a_longer_one_is_one_line(tmp_path: Path) -> None:
+    write_atomic(b"a", tmp_path / ("n" * 255))
+    with pytest.raises(DatasetError, match="File name too long: choose a shorter name"):
+        write_atomic(b"a", tmp_path / ("n" * 256))
+    assert names(tmp_path) == ["n" * 255]
+
+
+def test_a_device_is_written_and_not_replaced(tmp_path: Path) -> None:
+    """As root, a rename would replace /dev/null of the whole system."""
+    write_atomic(b"gone", Path("/dev/null"))
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(DatasetError, match="cannot write /dev/full: No space left on device"):
+        write_atomic(b"x" * 10, Path("/dev/full"))
+    assert Path("/dev/full").is_char_device()
+
+
+def test_a_folder_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    with pytest.raises(DatasetError, match="Is a directory"):
+        write_atomic(b"x", tmp_path / "a")
+    assert names(tmp_path) == ["a"]
+
+
+def test_a_file_is_old_or_new_after_a_power_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, kept = tmp_path / "root", tmp_path / "kept"
+    kept.mkdir()
+    found: list[bytes | None] = []
+
+    def cut(disk: PowerCuts, step: int) -> None:
+        for left in (True, False):
+            state = tmp_path / f"{step}-{left}"
+            disk.write_state(state, names=left)
+            file = state / "sub" / "a.json"
+            found.append(file.read_bytes() if file.exists() else None)
+
+    root.mkdir()
+    disk = PowerCuts(monkeypatch, root, kept, cut)
+    write_atomic(b"old", root / "sub" / "a.json")
+    first = len(found)
+    write_atomic(b"new", root / "sub" / "a.json")
+    cut(disk, 1000)
+    assert set(found[:first]) == {None, b"old"}
+    assert set(found[first:-2]) == {b"old", b"new"}
+    assert found[-2:] == [b"new", b"new"], "written files are on the disk"
+
+
+def test_every_changed_bit_of_an_archives_data_is_found(tmp_path: Path) -> None:
+    import io
+    import zipfile
+
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("weights", bytes(range(256)))
+    data = buffer.getvalue()
+    assert archive_damage(data) is None
+    start = data.index(bytes(range(16)))
+    for at in range(start, start + 256, 16):
+        changed = bytearray(data)
+        changed[at] ^= 8
+        assert archive_damage(bytes(changed)) == "weights differs from its checksum"
+    assert archive_damage(data[:100]) == "it is cut short, or no archive"
+    assert archive_damage(b"") == "it is cut short, or no archive"

@@ -1,0 +1,92 @@
+"""Test that contexts are used again, and that memory does not grow with their number."""
+
+from __future__ import annotations
+
+import threading
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.frame import Frame
+from glsim.gl.context import borrowed_context, open_context
+from glsim.pipeline import open_sources, simulate
+from glsim.settings.schema import Settings, load_settings
+
+
+def settings(sensor: str = "ideal") -> Settings:
+    source = {"kind": "procedural", "subjects": 1, "frames_per_subject": 2}
+    tree = {"sensor": sensor, "source": source, "output": {"crop": 48}}
+    return load_settings(overrides=tree)
+
+
+def test_one_thread_borrows_one_context_and_two_at_once_are_two() -> None:
+    with borrowed_context() as first:
+        pass
+    with borrowed_context() as again, borrowed_context() as other:
+        assert again is first
+        assert other is not first
+    seen = []
+
+    def elsewhere() -> None:
+        with borrowed_context() as context:
+            seen.append(context)
+
+    thread = threading.Thread(target=elsewhere)
+    thread.start()
+    thread.join()
+    assert seen[0] is not first
+
+
+def test_simulations_in_turn_use_one_context_and_leave_nothing_in_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each context that is opened costs 40 kB for ever (benchmarks/memory.py measures it)."""
+    opened = []
+
+    def count(backend: str | None = None) -> moderngl.Context:
+        opened.append(open_context(backend))
+        return opened[-1]
+
+    monkeypatch.setattr("glsim.gl.context.open_context", count)
+    monkeypatch.setattr("glsim.gl.context._idle", {})
+    sources = open_sources(settings())
+    for _ in range(5):
+        assert len(list(simulate(settings(), sources=sources))) == 2
+        with borrowed_context() as context:
+            assert len(context.objects) == 0, "what the simulation before left is freed"
+    assert len(opened) == 1
+
+
+def test_frames_do_not_depend_on_who_used_the_context_before() -> None:
+    def frames(sensor: str) -> list[np.ndarray]:
+        return [f.noisy for f in simulate(settings(sensor)) if isinstance(f, Frame)]
+
+    first = frames("kinect-v1")
+    frames("kinect-v2-fast")
+    unfinished = simulate(settings("ideal"))
+    next(unfinished)
+    for before, after in zip(first, frames("kinect-v1"), strict=True):
+        np.testing.assert_array_equal(before, after)
+    unfinished.close()
+
+
+def test_a_simulation_may_be_closed_by_another_thread() -> None:
+    generators = []
+
+    def begin() -> None:
+        generators.append(simulate(settings()))
+        next(generators[0])
+
+    thread = threading.Thread(target=begin)
+    thread.start()
+    thread.join()
+    generators[0].close()
+    assert len(list(simulate(settings()))) == 2
+
+
+@pytest.mark.parametrize("backend", ["egl", "osmesa"])
+def test_backends_do_not_share(backend: str) -> None:
+    with borrowed_context(backend) as context:
+        name = str(context.info["GL_RENDERER"])
+    assert "llvmpipe" in name or "softpipe" in name or backend == "egl"

@@ -1,0 +1,134 @@
+"""Test that a wrong setting is named, with its place and the nearest right one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from glsim.cli import main
+
+SENSOR = """title = "tiny"
+[rig]
+width = 48
+height = 40
+{rig}
+centre_px = [24, 20]
+{rest}
+"""
+RIG = "focal_px = [60, 60]"
+AXIAL = '[[stage]]\nuse = "axial"\n'
+FILES = {
+    "focal.toml": SENSOR.format(rig="focal = [60, 60]", rest=""),
+    "missing.toml": SENSOR.format(rig="", rest=""),
+    "emitter.toml": SENSOR.format(rig=RIG, rest="[[rig.emitter]]\nposition = [0.1, 0, 0]"),
+    "parameter.toml": SENSOR.format(rig=RIG, rest=AXIAL + "base_sigma = 2"),
+    "kind.toml": SENSOR.format(rig=RIG, rest=AXIAL + "base_sigma_mm = { unifrom = [1, 2] }"),
+    "stage.toml": SENSOR.format(rig=RIG, rest='[[stage]]\nuse = "axail"'),
+    "title.toml": "titel = 'x'\n" + SENSOR.format(rig=RIG, rest=""),
+    "config.toml": "[outptu]\ncrop = 64\n",
+    "mixture.toml": "[[source]]\n[[source]]\nsubject = 3\n",
+    "twice.toml": "seed = 1\nseed = 2\n",
+}
+FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["--sensor", "focal.toml"], ["focal.toml: ", "'rig.focal'", "'focal_px'"]),
+        (["--sensor", "missing.toml"], ["missing.toml: rig.focal_px: is missing"]),
+        (
+            ["--sensor", "emitter.toml"],
+            ["emitter.toml: ", "'rig.emitter.0.position'", "'position_m'"],
+        ),
+        (
+            ["--sensor", "parameter.toml"],
+            ["parameter.toml: stage 1", "base_sigma'", "'base_sigma_mm'"],
+        ),
+        (["--sensor", "kind.toml"], ["kind.toml: stage 1: axial.base_sigma_mm: ", "'uniform'"]),
+        (["--sensor", "stage.toml"], ["stage.toml: stage 1: ", "'axail'", "'axial'"]),
+        (["--sensor", "title.toml"], ["title.toml: ", "'titel'", "'title'"]),
+        (["--sensor", "kinect-v3"], ["'kinect-v3'", "'kinect-v2'"]),
+        (["--config", "config.toml"], ["config.toml: ", "'outptu'", "'output'"]),
+        (["--config", "twice.toml"], ["twice.toml: ", "line 2"]),
+        (["--set", "=abc"], ["--set =abc: write name=value, e.g. "]),
+        (
+            ["--set", "pose.yaw_deg=abc"],
+            ["--set pose.yaw_deg=abc: pose.yaw_deg: give a number, or"],
+        ),
+        (["--set", "pose.yaw=3"], ["--set pose.yaw=3: ", "'pose.yaw'", "'yaw_deg'"]),
+        (
+            ["--set", "pose.yaw_deg={uniform=[1]}"],
+            ["--set pose", "pose.yaw_deg.uniform.1: is miss"],
+        ),
+        (["--set", "pose.yaw_deg={unifrm=[1,2]}"], ["--set pose", "yaw_deg.unifrm'", "'uniform'"]),
+        (
+            ["--set", "pose.distance_mm=inf"],
+            ["--set pose", "pose.distance_mm: numbers must be fin"],
+        ),
+        (["--set", "pose=3"], ["--set pose=3: pose: is a table: set one of its entries"]),
+        (["--set", "sensr=ideal"], ["--set sensr=ideal: ", "'sensr'", "'sensor'"]),
+        (
+            ["--set", "output.format=jpg"],
+            ["--set output.format=jpg: output.format: ", "png, webdat"],
+        ),
+        (
+            ["--set", "output.crop=3"],
+            ["--set output.crop=3: output.crop: must be greater than", "8"],
+        ),
+        (
+            ["--set", 'output.layers=["clen"]'],
+            ["--set output", "output.layers.0: 'clen'", "'clean'"],
+        ),
+        (["--set", "rig.focal=[3,3]"], ["(--set or --config): ", "'rig.focal'", "'focal_px'"]),
+        (["--set", "rig.deliver=rwa"], ["(--set or --config): rig.deliver: 'rwa'", "'raw'"]),
+        (["--set", "rig.width=-3"], ["(--set or --config): rig.width: must be", "8", "-3"]),
+        ([*FANKHAUSER, "--set", "axial.base_sigma=3"], ["(--set or --config): ", "base_sigma_mm'"]),
+        (
+            [*FANKHAUSER, "--set", "axial.base_sigma_mm=-3"],
+            ["(--set or --config): axial.base_", "[0,"],
+        ),
+        (
+            [*FANKHAUSER, "--set", "axail.base_sigma_mm=3"],
+            ["(--set or --config): ", "'axail'", "'axial'"],
+        ),
+        (
+            [*FANKHAUSER, "--set", "axial.base_sigma_mm=x"],
+            ["--set axial", "base_sigma_mm: give a num"],
+        ),
+        (["--source", "proceduarl"], ["source.0.kind: 'proceduarl'", "'procedural'"]),
+        (["--layers", "clean,nosy"], ["output.layers.1: 'nosy'", "'noisy'"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) and value[0][0] == "-" else "",
+)
+def test_a_wrong_setting_is_named_with_its_place(
+    words: list[str],
+    parts: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    assert main(["generate", "--plan", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    at = 0
+    for part in parts:
+        assert part in line[at:], line
+        at = line.index(part, at)
+    assert "Input should" not in line
+    assert "kinect-v2.toml" not in line, "the sensor's file is not to blame"
+
+
+def test_the_sheet_of_inspect_may_be_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, put
+
+    put(tmp_path / "scans" / "a.obj", obj_bytes(FACE, TRIANGLES))
+    for out in ("folder", "new"):
+        (tmp_path / "folder").mkdir(exist_ok=True)
+        assert main(["inspect", str(tmp_path / "scans"), "-o", str(tmp_path / out), "-q"]) == 0
+        assert (tmp_path / out / "inspect.png").is_file()
