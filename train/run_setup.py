@@ -15,7 +15,6 @@ from lightning_fabric.utilities.exceptions import MisconfigurationException
 
 from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
-from glsim.files.archives import archive_damage
 from glsim.files.atomic import wrap_write_errors
 from glsim.files.lock import locked
 from glsim.settings.tables import parse_table
@@ -78,11 +77,6 @@ def last_checkpoint(
     path = folder / checkpoint.LAST
     if not path.exists():
         return None
-    if damage := archive_damage(path.read_bytes()):
-        raise TrainError(
-            f"{path}: is damaged: {damage}: restore it from a copy, or start again in another "
-            f"folder (-o); {checkpoint.BEST} may be whole"
-        )
     last: dict[str, Any] = checkpoint.load(path)
     difference = parse_table(Recipe, last["recipe"], str(path)).difference(recipe)
     if difference is not None:

@@ -12,7 +12,6 @@ import pytest
 
 from glsim.errors import DatasetError
 from glsim.files import atomic
-from glsim.files.archives import archive_damage
 from glsim.files.atomic import AtomicFile, write_atomic
 from tests.support.power_cuts import PowerCuts
 
@@ -119,21 +118,3 @@ def test_a_file_is_old_or_new_after_a_power_cut(
     assert set(found[:first]) == {None, b"old"}
     assert set(found[first:-2]) == {b"old", b"new"}
     assert found[-2:] == [b"new", b"new"], "written files are on the disk"
-
-
-def test_every_changed_bit_of_an_archives_data_is_found(tmp_path: Path) -> None:
-    import io
-    import zipfile
-
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        archive.writestr("weights", bytes(range(256)))
-    data = buffer.getvalue()
-    assert archive_damage(data) is None
-    start = data.index(bytes(range(16)))
-    for at in range(start, start + 256, 16):
-        changed = bytearray(data)
-        changed[at] ^= 8
-        assert archive_damage(bytes(changed)) == "weights differs from its checksum"
-    assert archive_damage(data[:100]) == "it is cut short, or no archive"
-    assert archive_damage(b"") == "it is cut short, or no archive"
