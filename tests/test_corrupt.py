@@ -56,7 +56,7 @@ def test_both_backends_agree(context: moderngl.Context, sensor: str) -> None:
     assert ((one > 0) == (other > 0)).mean() >= 0.995
     both = (one > 0) & (other > 0)
     assert both.mean() > 0.7
-    assert (np.abs(one - other)[both] <= 1).mean() >= 0.999
+    assert (np.abs(one - other)[both] <= 1).mean() >= 0.998  # haze in shadows is just decodable
     assert (drawn.reason == computed.reason).mean() >= 0.995
     np.testing.assert_array_equal(drawn.clean, clean)
     np.testing.assert_array_equal(computed.clean, clean)

@@ -67,7 +67,7 @@ def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()
 
     Raises DenoiserError without the file or PyTorch, or for a damaged file.
     """
-    if not path.is_file():
+    if not path.exists():
         raise DenoiserError(
             f"{path}: no such file: give the best.pt of a run of glsim train, or an ONNX file of "
             "glsim export"

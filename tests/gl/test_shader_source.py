@@ -223,7 +223,8 @@ def test_the_parser_agrees_with_the_driver_for_shipped_stages(
     for key, parameter in source.parameters.items():
         assert seen[key] == (parameter.type, pytest.approx(parameter.default, rel=1e-6))
     samplers = {k[2:] for k in program if k.startswith("u_")} - {n[2:] for n in source.bound}
-    assert samplers == set(source.reads)
+    left_out = {"pattern_map"}  # compiled for sensors that have a map only
+    assert samplers <= set(source.reads) <= samplers | left_out
     assert source.title.startswith(f"{name}: ")
     assert source.file.is_relative_to(SHADER_ROOT)
 
@@ -253,14 +254,17 @@ def test_glsl_files_are_small_regular_files(tmp_path: Path) -> None:
         load_source(tmp_path / "huge.glsl")
 
 
-def test_only_the_first_lines_of_a_drivers_message_are_kept(tmp_path: Path) -> None:
+def test_only_the_first_lines_of_a_drivers_message_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A wrong include gave messages of 10,000 characters."""
-    source = load_source(write(tmp_path, HEAD + GOOD + MAIN))
+    monkeypatch.chdir(tmp_path)  # long paths would be cut
+    source = load_source(Path(write(tmp_path, HEAD + GOOD + MAIN).name))
     message = "\n".join(f"0:{line % 5 + 1}(3): error: `x{line}' undeclared" for line in range(500))
     located = source.locate(message)
     assert located.startswith(f"{source.file}:1: error: `x0'")
-    assert "`x19'" in located
     assert "`x20'" not in located
     assert located.endswith("; and 480 more lines")
+    assert "`x19'" in located
     assert len(source.locate("x" * 9000)) < 2010
     assert "\n" not in source.locate("a\nb")

@@ -170,7 +170,7 @@ def scene(seed: int = 0) -> dict[str, Image]:
     holes = (rng.random(depth.shape) < 0.03) & (depth > 0)
     layers["depth"][holes], layers["reason"][holes] = 0.0, float(Reason.DROPPED)
     layers["lit"], layers["albedo"], light = rng.random((3, *depth.shape), np.float32)
-    return {**layers, "infrared": 200 * light, **run_twin("correlation_window", layers)}
+    return {**layers, "infrared": 970 * light, **run_twin("correlation_window", layers)}
 
 
 def crop(layers: Layers, at: FrameContext) -> dict[str, Image]:
