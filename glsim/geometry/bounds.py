@@ -171,10 +171,12 @@ def out_of_view(
     visible: Rect | None,
     around: Frustum | None = None,
 ) -> bool:
-    """Whether a mesh in front of the camera lies beside the image, or beside the crop ``visible``.
+    """Whether a mesh lies beside the image, beside the crop ``visible``, or behind the camera.
 
     corners_m: (8, 3), the mesh's bounding box. around: a smaller frustum around the mesh, or None.
     """
+    if corners_m[:, 2].max() <= field_of_view.rig.near_m:
+        return True
     box = around or bounding_frustum(corners_m, (0.0, 0.0, 0.0), field_of_view.rig.near_m)
     if box is None:
         return False
@@ -190,13 +192,14 @@ def emitter_frustum(
 
     A surface that casts a shadow into the image lies, seen from the emitter, in the direction of a
     point that the camera sees. The frustum is not cut to a crop: that would change the grid of the
-    shadow map, and with it the edges of shadows. A mesh that reaches past the camera, as the legs
+    shadow map, and with it the edges of shadows. A mesh that reaches the camera, as the legs
     of a person who looks up do, has the emitter in its box: what the camera sees is then lit from
     the camera's near plane on. Raises MeshError if the emitter is inside a scene before the camera.
     """
     near_m = field_of_view.rig.near_m / 2  # an emitter may stand before the camera
     whole = bounding_frustum(corners_m, origin_m, near_m)
-    if whole is None and corners_m[:, 2].min() <= 0.0:
+    reached_m = field_of_view.rig.near_m
+    if whole is None and corners_m[:, 2].min() <= reached_m and origin_m[2] <= reached_m:
         return _seen_from(origin_m, field_of_view, float(corners_m[:, 2].max()))
     if whole is None:
         raise MeshError(

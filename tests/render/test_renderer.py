@@ -221,6 +221,29 @@ def test_a_mesh_that_passes_the_camera_is_drawn_where_it_is_in_front(
     assert (lit[300:, 256] > 0.99).all()  # the emitter stands above the floor: no shadow
 
 
+def test_further_meshes_behind_or_beside_the_camera_are_no_error(
+    context: moderngl.Context,
+) -> None:
+    """Shoes and knees of a person who sits near, before a face that is in view."""
+    face = camera_mesh(
+        np.array([[-0.1, -0.1, 0.9], [0.1, -0.1, 0.9], [-0.1, 0.1, 0.9], [0.1, 0.1, 0.9]]),
+        grid_faces(2, 2),
+    )
+    alone = layers_of(context, rig((0.045, 0, 0)), [face])
+    for nearest, farthest in ((-0.3, 0.06), (0.03, 0.5)):
+        shoe = camera_mesh(
+            np.array([
+                [-0.1, 0.8, farthest], [0.1, 0.8, farthest],
+                [-0.1, 0.8, nearest], [0.1, 0.8, nearest],
+            ]),
+            grid_faces(2, 2),
+        )  # fmt: skip
+        layers = layers_of(context, rig((0.045, 0, 0)), [face, shoe])
+        seen = alone["clean"] > 0
+        np.testing.assert_array_equal(layers["clean"][seen], alone["clean"][seen])
+        assert (layers["lit"][seen] > 0.99).mean() > 0.99
+
+
 def test_an_emitter_inside_a_scene_before_the_camera_is_an_error(
     context: moderngl.Context,
 ) -> None:
