@@ -122,7 +122,7 @@ def board(pose: BoardPose) -> Mesh:
 
 
 def upright(pose: BoardPose) -> BoardPose:
-    """The board's centre with axes that share its roll and face the camera."""
+    """Return the board's pose without its slant: same centre and roll, facing the camera."""
     right = np.array([pose.axes[0, 0], pose.axes[0, 1], 0.0])
     right /= np.linalg.norm(right)
     away = np.array([0.0, 0.0, 1.0])

@@ -48,7 +48,7 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
 
 @contextmanager
 def locked_run(folder: Path) -> Iterator[None]:
-    """Hold the lock of a run's folder, which is created. Raises TrainError if it is in use."""
+    """Create a run's folder and hold its lock. Raises TrainError if another training holds it."""
     with wrap_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     busy = TrainError(

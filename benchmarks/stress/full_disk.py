@@ -1,4 +1,4 @@
-"""Fill the disk under runs: python -m benchmarks.stress full_disk [--count 12].
+"""Fill the disk while data sets are written: python -m benchmarks.stress full_disk [--count 12].
 
 Each trial gives ``glsim generate`` a folder on a tmpfs that is too small by a
 random amount. The command must fail in one line that says so, without a traceback; once there is

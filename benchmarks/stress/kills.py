@@ -38,7 +38,7 @@ _LIMIT_S = 300.0
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial: what ran, how often it was hit by which signal, and what is wrong, if anything."""
+    """Result of a trial: the command, the signals that it got, and what is wrong, if anything."""
 
     case: str
     victim: str

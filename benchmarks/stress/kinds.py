@@ -257,7 +257,7 @@ def _checkpoint(folder: Path) -> Kind:
 
 
 def read_dataset(root: Path) -> None:
-    """Read all of a data set in every way there is; verify never raises."""
+    """Read a data set by its reader, frame by frame, and verify it; verify must not raise."""
     from glsim.dataset import open_dataset, verify
     from glsim.dataset.noise_statistics import measure_noise
     from glsim.preview import PreviewFrame

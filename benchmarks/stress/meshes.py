@@ -15,7 +15,7 @@ from tests.support.face_sets import obj_bytes, ply_bytes
 
 
 def write_mesh(path: Path, *, ascii: bool = False) -> None:
-    """Write a small head in the format that the name says."""
+    """Write a small head as a mesh file; the suffix of the name is the format."""
     points, quads, triangles = mutations._small()
     suffix = path.suffix
     if suffix == ".obj":

@@ -122,7 +122,7 @@ class Anatomy:
         return np.array([self.eye[0], self.eye[1] + 10 * self.scale, behind])
 
     def above_hairline_mm(self, points: Array) -> Array:
-        """Return (N,) mm inside of the hairline for (N, 3) points; negative outside."""
+        """Return distances of (N, 3) points from the hairline, (N,) mm; positive in the hair."""
         local = (points - self.eye) / self.scale
         line = np.interp(local[:, 2], _LINE_Z, _LINE_Y)
         step = np.interp(local[:, 2] + 1, _LINE_Z, _LINE_Y) - line

@@ -81,7 +81,7 @@ def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
 
 
 def size_problem(data: bytes, max_px: int = MAX_SIDE_PX**2) -> str | None:
-    """Return why an image file is too large to decode, None if it is not (or is no image)."""
+    """Return why an image file is too large to decode; None if it is small enough or no image."""
     size = image_size(data)
     if size is None or (max(size) <= MAX_SIDE_PX and size[0] * size[1] <= max_px):
         return None

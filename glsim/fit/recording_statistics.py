@@ -139,7 +139,7 @@ def _flat_mask(recording: Recording, mean: Array, steady: Mask) -> Mask:
 
 
 def average(recording: Recording, image: Intrinsics, frames: slice = slice(None)) -> DepthFrame:
-    """Average some frames: a DepthFrame, NaN without depth."""
+    """Return the mean of frames as a DepthFrame, mm; NaN where no frame has depth."""
     depth = recording.depth[frames]
     count = (depth > 0).sum(axis=0)
     total = depth.sum(axis=0, dtype=np.float64) * recording.unit_mm

