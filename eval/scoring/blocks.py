@@ -56,7 +56,8 @@ class ScoringJob:
     """The task of an evaluation, sent to each worker. denoisers: see ``glsim.denoise.load``.
 
     baseline_every: score trivial baselines on every n-th frame; 0 is never.
-    stride: score only every n-th frame.
+    stride: score only every n-th frame. device: sensor file whose fixed pattern and wiggling are
+    subtracted from the input of all denoisers.
     """
 
     dataset: Path
@@ -66,10 +67,11 @@ class ScoringJob:
     baseline_every: int = 0
     mean_face: Depth | None = None
     stride: int = 1
+    device: Path | None = None
 
     def frames(self) -> Frames:
         """Open the frames to score. Raises DatasetError."""
-        return open_frames(self.dataset, self.split, self.focal_px)
+        return open_frames(self.dataset, self.split, self.focal_px, self.device)
 
     def start(self) -> Callable[[FrameBlock], ScoredBlock]:
         """Open the data set and load the denoisers, in the worker."""

@@ -13,6 +13,7 @@ from glsim.dataset import Split, open_dataset
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.reader import no_clean
+from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
 from glsim.denoise.frames import Frames, Key, Sample, check_millimetres
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
@@ -133,11 +134,21 @@ def _checked(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> 
     return Sample(clean, noisy, intrinsics)
 
 
-def open_frames(path: Path, split: str, focal_px: float | None = None) -> Frames:
+def open_frames(
+    path: Path, split: str, focal_px: float | None = None, device: Path | None = None
+) -> Frames:
     """Open a split of a data set, or the pairs of a folder (its sub-folder ``split`` if it exists).
 
-    Raises DatasetError if there is no such folder, split, or pair.
+    device: sensor file whose fixed pattern and wiggling are subtracted from the noisy maps. Raises
+    DatasetError if there is no such folder, split, or pair, ConfigError for an unusable device.
     """
+    frames = _open(path, split, focal_px)
+    if device is None:
+        return frames
+    return CalibratedFrames(frames, DeviceCalibration(device), isinstance(frames, DatasetFrames))
+
+
+def _open(path: Path, split: str, focal_px: float | None) -> Frames:
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder")
     if (path / HEADER).exists() or (path / ".glsim").exists():

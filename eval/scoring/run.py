@@ -31,7 +31,7 @@ from glsim.files.atomic import AtomicFile, to_json, wrap_write_errors, write_ato
 #: Frames in a block: few enough that a crash costs little and all cores end together.
 _BLOCK: Final = 25
 #: Version of the scores; to be increased by a change that alters the scores of a frame.
-_VERSION: Final = 1
+_VERSION: Final = 2
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,13 @@ def evaluate(
         float | None,
         typer.Option(help="Focal length of plain PNG files, pixels. Default: the Kinect V2's."),
     ] = None,
+    device: Annotated[
+        Path | None,
+        typer.Option(
+            help="Sensor file of glsim fit: its fixed pattern and wiggling are subtracted from the "
+            "input of all denoisers."
+        ),
+    ] = None,
     list_denoisers: Annotated[
         bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
     ] = False,
@@ -112,7 +119,7 @@ def evaluate(
         specs = [*PAPER_FILTERS, *(spec for spec in specs if spec not in PAPER_FILTERS)]
     specs += [network.spec for network in networks.trained]
     count = worker_count(workers)
-    job = ScoringJob(dataset, split, tuple(specs), focal_px)
+    job = ScoringJob(dataset, split, tuple(specs), focal_px, device=device)
     if tune:
         job = _add_tuned_filters(job, out, count)
     with scoring_progress("scoring") as progress:
