@@ -101,10 +101,11 @@ def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
     both frames: rough surfaces, corners and the vicinity of edges too. Its variance is the sum of
     the variances of both frames.
     """
-    near, other = (fit_surfaces(frame.depth_mm, frame.rays, 3) for frame in (first, second))
-    both = np.isfinite(near.rough_mm) & np.isfinite(other.rough_mm)
+    whole = (fit_surfaces(f.depth_mm, f.rays, 3).rough_mm for f in (first, second))
+    both = np.isfinite(sum(whole))
     difference = np.where(both, second.depth_mm.astype(np.float64) - first.depth_mm, np.nan)
-    surface_mm = first.depth_mm - near.residual_mm
+    # The mean of both frames does not correlate with their difference: bins keep all of its noise.
+    surface_mm = 0.5 * (first.depth_mm + second.depth_mm)
     difference = without_outliers(difference, surface_mm)
     # What moved differs by the same amount over a whole region, noise does not.
     middle = cv2.medianBlur(np.nan_to_num(difference).astype(np.float32), 5)
