@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from glsim.compare.boards import find_board, find_corners
 from glsim.compare.frames import frame_set
 from glsim.eval.real_frames import RealScores, open_recording, score_recording, tune_on_pairs
 from glsim.eval.real_frames.recording import Source
+from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
 from tests.support.recordings import (
     BOARD_CENTRE,
@@ -26,6 +28,8 @@ from tests.support.recordings import (
     write_static_pair,
 )
 
+#: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.
+REAL = Path(os.environ.get("GLSIM_REAL_FRAMES", ROOT.parent / "shared" / "data" / "kinect-v2-real"))
 SIGMA_MM = 2.0
 #: Denoisers of one test module; CLEAN is the scene without noise.
 DENOISERS = """
@@ -199,3 +203,16 @@ def test_errors_name_the_place(
     (pair / "0001_depth.png").unlink()
     assert main(["eval", "--real", str(pair), "--tune", "-o", out, "-q"]) == 2
     assert "one static view" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"no real frames in {REAL} (GLSIM_REAL_FRAMES)")
+def test_the_real_static_pair_has_the_noise_that_was_measured_twice(tmp_path: Path) -> None:
+    """Against reality.md's row of 204 frames; their one pair here has other surfaces."""
+    for name in ("0007", "0008"):
+        for ending in ("_depth.png", "_ir.png", "_ir_points.yaml"):
+            (tmp_path / f"{name}{ending}").symlink_to(REAL / f"{name}{ending}")
+    scores = score_recording(open_recording(Source(tmp_path)), ["guided"], workers=1)
+    assert scores.boards == 2
+    raw = np.array(scores.methods["raw"].pair_rmse_mm)
+    np.testing.assert_allclose(raw / [1.83, 2.05, 3.36, 3.87, 2.03, 5.98], 1.0, atol=0.27)
+    assert scores.methods["guided"].pair_change.high < 0
