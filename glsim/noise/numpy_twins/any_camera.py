@@ -114,7 +114,8 @@ def _mixed(
     for dx, dy in _SQUARE:
         there, bright = near.depth(dx, dy), near.brightness(dx, dy)
         share = np.exp(falls * np.float32(dx * dx + dy * dy))
-        weight = np.where(there > 0, share * mix(_ONE, bright, p["light_mix"]), _ZERO)
+        counts = _ONE + p["light_mix"] * (bright - _ONE)
+        weight = np.where(there > 0, share * counts, _ZERO)
         angle = _TWO_PI * (there - own) / p["wavelength_m"]
         cosines = cosines + weight * np.cos(angle)
         sines = sines + weight * np.sin(angle)
@@ -122,9 +123,10 @@ def _mixed(
         alike = alike + np.where(np.abs(there - own) <= own_step, weight, _ZERO)
         area = area + share
         light = light + share * bright
-    blended = own + np.arctan2(sines, cosines) * p["wavelength_m"] / _TWO_PI
-    mixed = _ONE - alike / np.maximum(total, np.float32(1e-6))
-    return blended, mixed, light / area
+    blended: Image = own + np.arctan2(sines, cosines) * p["wavelength_m"] / _TWO_PI
+    mixed: Image = _ONE - alike / np.maximum(total, np.float32(1e-6))
+    collected: Image = light / area
+    return blended, mixed, collected
 
 
 def _hazed(
@@ -153,7 +155,8 @@ def _infrared(view: StageView, layers: Layers, p: Parameters, light: Image) -> I
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 2)
     sigma = np.sqrt(p["read_counts"] * p["read_counts"] + p["shot_counts"] * counts)
     noisy = np.floor(counts + sigma * normal_pair(first, second)[0] + _HALF)
-    return np.clip(noisy, _ZERO, np.float32(65535.0))
+    clipped: Image = np.clip(noisy, _ZERO, np.float32(65535.0))
+    return clipped
 
 
 def _direction(rays: Image) -> Image:
