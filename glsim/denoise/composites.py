@@ -74,9 +74,7 @@ def composed(denoised: Denoised, noisy_mm: Depth, composite: str) -> NDArray[Any
     return np.where(valid > DOUBT if composite == "hard" else noisy_mm > 0, depth, none)
 
 
-def measured_surfaces(
-    depth_mm: Depth, probability: Mask | Probability, noisy_mm: Depth
-) -> Depth:
+def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm: Depth) -> Depth:
     """Return the composite "measured", (H, W) millimetres of the type of ``depth_mm``, 0 = none.
 
     depth_mm, probability: (H, W) result of a denoiser; the probability is 0 where its depth is not
