@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import random
 import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -65,6 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             content, size = expected[case]
             limit = int(rng.uniform(0.02, 0.95) * size)
             trials.append(_trial(folder, case, commands[case](), content, limit))
+            print(f"{number + 1} of {options.count}", trials[-1], file=sys.stderr, flush=True)
     return _report(trials)
 
 

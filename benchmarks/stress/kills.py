@@ -125,6 +125,7 @@ def _run(folder: Path, seed: int, count: int, commands: Sequence[str]) -> list[T
         victim, kind = ways[case][number // len(commanded) % len(_WAYS)]
         hits = sum(_hit(command, rng, seconds[case], victim, kind) for _ in range(3))
         trials.append(Trial(case, victim, kind, hits, _problem(command, out, expected[case])))
+        print(f"{number + 1} of {count}", trials[-1], file=sys.stderr, flush=True)
         shutil.rmtree(out)
     return trials
 
