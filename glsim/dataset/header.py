@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ def read_header(path: Path) -> dict[str, Any]:
     if header.get("format") != FORMAT:
         raise DatasetError(f"{file}: is not the header of a glsim data set")
     version = header.get("format_version", 0)
+    del header  # a large one takes a hundred times its bytes
     if isinstance(version, int) and version > FORMAT_VERSION:
         raise DatasetError(
             f"{file}: format version {version} is newer than {FORMAT_VERSION}, "
@@ -59,8 +61,8 @@ def header_problem(path: Path) -> str | None:
     """
     index = path / STATE / MERGED_INDEX
     try:
-        with open_regular(index) as file:
-            file.seek(max(0, index.stat().st_size - _LAST_LINE_BYTES))
+        with open_regular(index, inside=path) as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - _LAST_LINE_BYTES))
             last = file.read(_LAST_LINE_BYTES).splitlines()[-1:]
         recorded = parse_checksum(last[0] if last else b"", str(index))
         found = checksum(read_object(path / HEADER)[1])

@@ -218,7 +218,7 @@ def parse_header(data: bytes, where: str) -> dict[str, Any]:
 def read_object(path: Path) -> tuple[dict[str, Any], bytes]:
     """Read a header as any JSON object, not checked yet, and its bytes. Raises DatasetError."""
     with wrap_read_errors(path):
-        data = read_regular(path, MAX_HEADER_BYTES)
+        data = read_regular(path, MAX_HEADER_BYTES, inside=path.parent)
     return _parse(_OBJECT, data, f"{path}:"), data
 
 

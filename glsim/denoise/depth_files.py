@@ -37,7 +37,8 @@ class MapFrames:
     def load(self, number: int) -> Sample:
         """Read a map, also used as ``clean_mm``. Raises DatasetError if not a 16-bit depth map."""
         file = self._files[number]
-        depth = read_depth_png(file) * np.float32(self._unit_mm)
+        inside = _dataset_of(file.parent)
+        depth = read_depth_png(file, inside=inside) * np.float32(self._unit_mm)
         check_millimetres(depth, str(file))
         height, width = depth.shape
         return Sample(depth, depth, Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0))
@@ -65,20 +66,26 @@ def unit_mm(files: Sequence[Path], given: float | None) -> float:
 
 
 def _dataset_unit_mm(folder: Path) -> float | None:
-    """Return the step of the data set whose maps of a subject the folder holds, mm; else None.
-
-    A map belongs to a data set if it is where one writes it: <split>/<subject>/ below the header.
-    Any other dataset.json in a folder above says nothing about it.
-    """
-    split = folder.absolute().parent
-    root = split.parent
-    if split.name not in SPLIT_NAMES or not (root / HEADER).is_file():
+    """Return the step of the data set whose maps of a subject the folder holds, mm; else None."""
+    root = _dataset_of(folder)
+    if root is None:
         return None
     try:
         header, _ = read_object(root / HEADER)
     except DatasetError:  # a file of that name may have another origin
         return None
     return float(read_header(root)["depth_unit_mm"]) if header.get("format") == FORMAT else None
+
+
+def _dataset_of(folder: Path) -> Path | None:
+    """Return the data set whose maps of a subject the folder holds, if any.
+
+    A map belongs to a data set if it is where one writes it: <split>/<subject>/ below the header.
+    Any other dataset.json in a folder above says nothing about it.
+    """
+    split = folder.absolute().parent
+    root = split.parent
+    return root if split.name in SPLIT_NAMES and (root / HEADER).is_file() else None
 
 
 def _matching(pattern: Path) -> list[Path]:
