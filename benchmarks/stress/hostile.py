@@ -32,6 +32,7 @@ _MESSAGE = 2500
 HARMLESS = (
     "sound",
     "header repeats a key",
+    "header of a million keys",
     "image of 8,192 x 8,192",
     "image with a comment of 600 MB",
     "state links out",

@@ -279,6 +279,7 @@ SETS: dict[str, dict[str, Change]] = {
         "sequence absolute": lambda root: _record(root, lambda r: r.update(sequence="/etc")),
         "header deep": lambda root: _header_text(root, '{"a":' * 10**6),
         "header long number": lambda root: _header_text(root, '{"frames":' + "9" * 10**6 + "}"),
+        "header of a million keys": partial(_many_keys, count=10**6),
         "header of 3 million keys": partial(_many_keys, count=3 * 10**6),
         "header repeats a key": _repeated_key,
         "header of 20 GB": _sparse(HEADER, 2 * 10**10),

@@ -9,10 +9,10 @@ from typing import Any
 
 from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, MERGED_INDEX, STATE
 from glsim.dataset.manifest import Manifest
-from glsim.dataset.schema import parse_checksum, parse_header, read_object
+from glsim.dataset.schema import MAX_HEADER_BYTES, parse_checksum, parse_header, read_object
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum
-from glsim.files.regular import open_regular
+from glsim.files.regular import open_regular, read_regular
 
 #: Bytes from the end of the index of chunks that surely hold its last line, the header's checksum.
 _LAST_LINE_BYTES = 4096
@@ -65,7 +65,7 @@ def header_problem(path: Path) -> str | None:
             file.seek(max(0, file.seek(0, os.SEEK_END) - _LAST_LINE_BYTES))
             last = file.read(_LAST_LINE_BYTES).splitlines()[-1:]
         recorded = parse_checksum(last[0] if last else b"", str(index))
-        found = checksum(read_object(path / HEADER)[1])
+        found = checksum(read_regular(path / HEADER, MAX_HEADER_BYTES, inside=path))
     except (OSError, DatasetError):
         return None  # no index, or one that a run writes again
     if found == {"size": recorded["size"], "crc32": recorded["crc32"]}:

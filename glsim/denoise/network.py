@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.denoise.protocol import MIN_DEPTH_MM
 from glsim.denoise.safeguards import CLEAN_MM, estimate_noise_mm, trusted_mask
+from glsim.denoise.tiles import run_tiled
 from glsim.errors import DenoiserError
 
 Depth = NDArray[np.float32]
@@ -88,12 +89,12 @@ class NetworkDenoiser:
         return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm
 
     def _run(self, frame_mm: Depth) -> dict[str, Depth]:
-        """Run the network on a padded frame; return its outputs, cut to the frame."""
+        """Run the network on a padded frame, a large one in tiles; return outputs of its size."""
         height, width = frame_mm.shape
         padded = np.pad(frame_mm, [(0, -size % SIZE_MULTIPLE_PX) for size in (height, width)])
         outputs = {
             name: np.ascontiguousarray(image[:height, :width])
-            for name, image in self._network(padded).items()
+            for name, image in run_tiled(self._network, padded).items()
         }
         if not all(np.isfinite(image).all() for image in outputs.values()):
             raise DenoiserError(
