@@ -2,7 +2,7 @@
 
 Each reader opens each set of ``benchmarks.stress.hostile_sets`` in a process of its own. It fails
 if it reads, lists or changes anything outside the set, or ends otherwise than with one line for an
-error, within 20 s and 1 GB. ``verify --deep`` must find something in each set but the harmless
+error, within 20 s of processor time and 1 GB. ``verify --deep`` must find something in each set but the harmless
 ones. Files outside are watched by the time of their last access, and by Python's audit hook.
 """
 
@@ -18,7 +18,6 @@ import shutil
 import signal
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,8 @@ from pathlib import Path
 from benchmarks.stress.hostile_sets import SETS, make_box
 
 _SECONDS = 20
+#: Longest wait for a reader, s: it hangs then, however busy the machine is.
+_WAIT_S = 240
 _BYTES = 1_000_000_000
 _MESSAGE = 2500
 #: Sets that read as they say: their size is bounded, or what they add is not used.
@@ -40,6 +41,7 @@ HARMLESS = (
     "index is a pipe",
 )
 _BAD_TEXT = re.compile(r"Traceback|\(a bug|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_TOUCHED = "touched outside"
 _WATCHED = ("/dev/zero", "/etc/passwd")
 
 
@@ -142,7 +144,10 @@ def open_set(format: str, name: str, readers: Sequence[str]) -> Iterator[Result]
         if name != "sound":
             SETS[format][name](box / "set")
         for reader in readers:
-            yield _read(box, name, reader)
+            result = _read(box, name, reader)
+            if result.problem.startswith(_TOUCHED):  # or did another program look there?
+                result = _read(box, name, reader)
+            yield result
 
 
 def _read(box: Path, name: str, reader: str) -> Result:
@@ -151,14 +156,13 @@ def _read(box: Path, name: str, reader: str) -> Result:
     for path in watched:
         os.utime(path, (0, path.stat().st_mtime))
     before = [_state(path) for path in watched]
-    started = time.monotonic()
     base_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     pid = os.fork()
     if not pid:
         _run(box, READERS[reader])
     ended = _wait(pid)
     _, code, usage = os.wait4(pid, 0)
-    seconds = time.monotonic() - started
+    seconds = usage.ru_utime + usage.ru_stime
     after = [_state(path) if path.exists() else None for path in watched]
     text = (box / "said").read_text(errors="surrogateescape")
     opened = (box / "opened").read_text() if (box / "opened").exists() else ""
@@ -168,8 +172,10 @@ def _read(box: Path, name: str, reader: str) -> Result:
     touched = [p.name for p, a, b in zip(watched, before, after, strict=True) if a != b]
     problem = ""
     if touched or opened:
-        problem = f"touched outside: {', '.join(touched) or opened.splitlines()[0]}"
+        problem = f"{_TOUCHED}: {', '.join(touched) or opened.splitlines()[0]}"
     elif not ended:
+        problem = f"more than {_WAIT_S} s of waiting"
+    elif status == -signal.SIGXCPU:
         problem = f"more than {_SECONDS} s"
     elif status not in (0, 1, 2):
         problem = f"ended by signal {-status}"
@@ -197,10 +203,10 @@ def _state(path: Path) -> tuple[int, ...]:
 
 
 def _wait(pid: int) -> bool:
-    """Wait for a process; kill it after _SECONDS. Returns whether it ended by itself."""
+    """Wait for a process; kill it after _WAIT_S. Returns whether it ended by itself."""
     handle = os.pidfd_open(pid)
     try:
-        ended = bool(select.select([handle], [], [], _SECONDS)[0])
+        ended = bool(select.select([handle], [], [], _WAIT_S)[0])
         if not ended:
             os.kill(pid, signal.SIGKILL)
     finally:
@@ -216,6 +222,7 @@ def _run(box: Path, read: Callable[[Path, Path], int]) -> None:
         os.dup2(said, 1)
         os.dup2(said, 2)
         os.environ["NO_COLOR"] = "1"
+        resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS + 1))
         _watch(box)
         status = read(box / "set", box / "out")
     sys.stdout.flush()
@@ -235,7 +242,3 @@ def _watch(box: Path) -> None:
                 os.write(notes, f"{place}\n".encode())
 
     sys.addaudithook(hook)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
