@@ -2,8 +2,9 @@
 
 Each reader opens each set of ``benchmarks.stress.hostile_sets`` in a process of its own. It fails
 if it reads, lists or changes anything outside the set, or ends otherwise than with one line for an
-error, within 20 s of processor time and 1 GB. ``verify --deep`` must find something in each set but the harmless
-ones. Files outside are watched by the time of their last access, and by Python's audit hook.
+error, within 20 s of processor time and 1 GB. ``verify --deep`` must find something in each set but
+the harmless ones. Files outside are watched by the time of their last access, and by Python's audit
+hook.
 """
 
 from __future__ import annotations
