@@ -1,0 +1,302 @@
+"""The study of ``glsim transfer`` as data: sensors, faces, scenes, test sets, training, goals.
+
+    title = "..."                       description of the study
+    [goals]                             see ``Goals``
+    [[sensor]]                          one family of sensors each
+    name = "kinect-v2"                  name in tables and folders
+    sensor = "kinect-v2"                a shipped sensor or a .toml file; default: the name
+    tof = true                          time of flight: its goal is stricter
+    train_people = 0                    default: as in [train]; 0: only tested, never trained on
+    optional = true                     left out, instead of an error, where glsim has no such one
+    settings = { devices = 64 }         settings of its data sets, as in a file for glsim generate
+    [[source]]                          one source of faces each
+    name = "heads"
+    kind = "procedural"                 as source.kind of glsim generate; root: its folder
+    [[scene]]                           what is around the faces; every cell has all of them
+    name = "wall"
+    settings = { scene.wall_mm = 2000 }
+    [test]                              people, tune_people, frames, seed, crop, settings
+    [train]                             the same, and recipe, steps, set
+
+A cell is a sensor with a source of faces. Tables merge in the order [test] or [train], [[scene]],
+[[sensor]], [[source]].
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from glsim.errors import ConfigError
+from glsim.faces.people.files import data_folder
+from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
+from glsim.settings.schema import Settings, load_settings
+from glsim.settings.tables import merge_tables, parse_table, read_toml
+
+#: Names become folders, and parts of --leave.
+_Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=60)]
+#: Steps of the depth files: a tenth of a millimetre, so that rounding adds 0.03 mm.
+_UNIT_MM: Final = 0.1
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Goals(_Table):
+    """Goals of a network. Ratios are those of the means over frames."""
+
+    tof_ratio: float = Field(
+        0.85, gt=0, description="largest ratio to the best filter, time-of-flight sensors"
+    )
+    other_ratio: float = Field(
+        1.02, gt=0, description="largest ratio to the best filter, other sensors"
+    )
+    flips_ratio: float = Field(1.0, gt=0, description="largest ratio of flips to the input's")
+    flying_ratio: float = Field(
+        0.5, gt=0, description="largest ratio of flying pixels to the input's"
+    )
+    bias_mm: float = Field(0.15, gt=0, description="largest bias in a bin of distance")
+
+
+class SensorFamily(_Table):
+    """A family of sensors."""
+
+    name: _Name
+    sensor: str = ""
+    tof: bool = False
+    train_people: int | None = Field(None, ge=0)
+    optional: bool = False
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+    @property
+    def file(self) -> str:
+        """The shipped sensor or the path of the sensor file."""
+        return self.sensor or self.name
+
+
+class FaceFamily(_Table):
+    """A source of faces."""
+
+    name: _Name
+    kind: Literal["procedural", "ict-facekit", "people"]
+    root: Path | None = None
+    optional: bool = False
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+class SceneFamily(_Table):
+    """What is around the faces."""
+
+    name: _Name
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+class _DataTable(_Table):
+    frames: int = Field(4, ge=1, description="frames per person")
+    crop: int = Field(128, ge=8, le=4096)
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+class TestData(_DataTable):
+    """The test set of each cell and scene."""
+
+    people: int = Field(20, ge=2, description="scored people")
+    tune_people: int = Field(5, ge=1, description="other people, on whom filters are tuned")
+    seed: int = Field(2000, ge=0, lt=2**63)
+
+
+class Training(_DataTable):
+    """The training of each network, and its part of data of each cell and scene."""
+
+    people: int = Field(100, ge=1)
+    val_people: int = Field(6, ge=1, description="other people, for the validation")
+    seed: int = Field(1000, ge=0, lt=2**63)
+    recipe: str = "face"
+    steps: int = Field(5000, ge=1)
+    set: tuple[str, ...] = Field((), description="changes to the recipe, as --set of glsim train")
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """A data set of the study. people: (train, val, test)."""
+
+    part: Literal["train", "test"]
+    sensor: SensorFamily
+    source: FaceFamily
+    scene: SceneFamily
+    people: tuple[int, int, int]
+    frames_per_person: int
+
+    @property
+    def place(self) -> Path:
+        """Its folder in the folder of the study."""
+        return Path("data") / self.part / self.sensor.name / self.source.name / self.scene.name
+
+    @property
+    def frames(self) -> int:
+        """Its number of frames."""
+        return sum(self.people) * self.frames_per_person
+
+
+class TransferStudy(_Table):
+    """A study; the docstring of the module describes the keys."""
+
+    title: str
+    truth: Literal["expected", "clean"] = "expected"
+    goals: Goals = Goals()
+    sensor: tuple[SensorFamily, ...] = Field(min_length=1)
+    source: tuple[FaceFamily, ...] = Field(min_length=1)
+    scene: tuple[SceneFamily, ...] = (SceneFamily(name="alone"),)
+    test: TestData = TestData()
+    train: Training = Training()
+
+    @model_validator(mode="after")
+    def _check(self) -> TransferStudy:
+        for kind in ("sensor", "source", "scene"):
+            names = [entry.name for entry in getattr(self, kind)]
+            if twice := {name for name in names if names.count(name) > 1}:
+                raise ValueError(f"{kind}: two are called {min(twice)!r}")
+        if self.train.seed == self.test.seed:
+            raise ValueError(f"train.seed and test.seed are both {self.test.seed}: the same people")
+        return self
+
+    @property
+    def trainable(self) -> tuple[SensorFamily, ...]:
+        """The sensors that training may use."""
+        return tuple(sensor for sensor in self.sensor if sensor.train_people != 0)
+
+    def data_set(
+        self,
+        part: Literal["train", "test"],
+        sensor: SensorFamily,
+        source: FaceFamily,
+        scene: SceneFamily,
+    ) -> DataSet:
+        """Return a data set of the study."""
+        if part == "test":
+            test = self.test
+            people = (0, test.tune_people, test.people)
+            return DataSet(part, sensor, source, scene, people, test.frames)
+        count = self.train.people if sensor.train_people is None else sensor.train_people
+        people = (count, self.train.val_people, 0)
+        return DataSet(part, sensor, source, scene, people, self.train.frames)
+
+    def settings_of(self, data: DataSet) -> Settings:
+        """Return the settings of a data set. Raises ConfigError."""
+        common = self.test if data.part == "test" else self.train
+        total = sum(data.people)
+        tree: dict[str, Any] = copy.deepcopy(common.settings)
+        for entry in (data.scene, data.sensor, data.source):
+            merge_tables(tree, copy.deepcopy(entry.settings))
+        layers = ("clean", "noisy") if self.truth == "clean" else ("clean", "expected", "noisy")
+        fixed = {
+            "sensor": data.sensor.file,
+            "seed": common.seed,
+            "split": [count / total for count in data.people],
+            "output": {"crop": common.crop, "depth_unit_mm": _UNIT_MM, "layers": layers},
+        }
+        merge_tables(tree, fixed)
+        source = {
+            "kind": data.source.kind,
+            "root": data.source.root,
+            "subjects": total,
+            "frames_per_subject": data.frames_per_person,
+        }
+        try:
+            return load_settings(None, (), tree, source)
+        except ConfigError as error:
+            raise ConfigError(f"{data.place}: {error}") from None
+
+
+def load_study(file: Path) -> TransferStudy:
+    """Load a study; sensor files and folders of faces are relative to it. Raises ConfigError."""
+    study = parse_table(TransferStudy, read_toml(file), str(file))
+    sensors = [
+        s.model_copy(update={"sensor": str(file.parent / s.file)}) if _is_path(s.file) else s
+        for s in study.sensor
+    ]
+    sources = [
+        s.model_copy(update={"root": file.parent / s.root}) if s.root is not None else s
+        for s in study.source
+    ]
+    return study.model_copy(update={"sensor": tuple(sensors), "source": tuple(sources)})
+
+
+def prepare_study(
+    study: TransferStudy, sensor_files: Iterable[Path] = (), ict_root: Path | None = None
+) -> tuple[TransferStudy, list[str]]:
+    """Add sensor files to test on, and leave out what is optional and missing, with the reasons.
+
+    ict_root: the folder of ICT-FaceKit. Raises ConfigError for what is missing and not optional,
+    and for settings that a sensor does not have.
+    """
+    reasons: list[str] = []
+    sensors = [*study.sensor, *(_own_family(file) for file in sensor_files)]
+    kept_sensors = [s for s in sensors if _keep(s, _missing_sensor(s), reasons)]
+    sources = [
+        s.model_copy(update={"root": ict_root}) if s.kind == "ict-facekit" and ict_root else s
+        for s in study.source
+    ]
+    kept_sources = [s for s in sources if _keep(s, _missing_source(s), reasons)]
+    if not kept_sensors or not kept_sources:
+        raise ConfigError(f"nothing is left to test: {'; '.join(reasons)}")
+    tree = study.model_dump() | {
+        "sensor": [s.model_dump() for s in kept_sensors],
+        "source": [s.model_dump() for s in kept_sources],
+    }
+    chosen = parse_table(TransferStudy, tree, "study")
+    for sensor in chosen.sensor:
+        for scene in chosen.scene:
+            data = chosen.data_set("test", sensor, chosen.source[0], scene)
+            sensor_of(chosen.settings_of(data))
+    return chosen, reasons
+
+
+def _own_family(file: Path) -> SensorFamily:
+    """Make a family of a user's sensor file, which is only tested. Raises ConfigError."""
+    if file.suffix != ".toml":
+        raise ConfigError(f"--sensor {file}: give a sensor file, which ends in .toml")
+    tof = bool(load_sensor(str(file)).rig.modulation_mhz)
+    tree: Mapping[str, Any] = {"name": file.stem, "sensor": str(file), "tof": tof}
+    return parse_table(SensorFamily, {**tree, "train_people": 0}, f"--sensor {file}")
+
+
+def _is_path(sensor: str) -> bool:
+    return sensor.endswith(".toml")
+
+
+def _keep(family: SensorFamily | FaceFamily, missing: str | None, reasons: list[str]) -> bool:
+    """Return whether a family can be used, else note why. Raises ConfigError if it must be."""
+    if missing is None:
+        return True
+    if not family.optional:
+        raise ConfigError(f"{family.name}: {missing}")
+    reasons.append(f"{family.name} is left out: {missing}")
+    return False
+
+
+def _missing_sensor(family: SensorFamily) -> str | None:
+    if _is_path(family.file):
+        return None if Path(family.file).is_file() else f"there is no file {family.file}"
+    known = family.file in sensor_names()
+    return None if known else f"this glsim has no sensor {family.file}"
+
+
+def _missing_source(family: FaceFamily) -> str | None:
+    if family.kind == "people":
+        try:
+            data_folder()
+        except ConfigError as error:
+            return str(error)
+    elif family.kind == "ict-facekit":
+        if family.root is None:
+            return "give its folder with --ict-root FaceXModel"
+        if not family.root.is_dir():
+            raise ConfigError(f"--ict-root {family.root}: no such folder")
+    return None
