@@ -222,6 +222,7 @@ def _run(box: Path, read: Callable[[Path, Path], int]) -> None:
         said = os.open(box / "said", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(said, 1)
         os.dup2(said, 2)
+        sys.stdout = sys.stderr = open(said, "w", closefd=False)  # noqa: SIM115 (until it ends)
         os.environ["NO_COLOR"] = "1"
         resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS + 1))
         _watch(box)
