@@ -9,7 +9,8 @@ import pytest
 from tests.support.imports import PACKAGE, ROOT, all_modules, imported_modules, third_party
 
 #: Rooms from the ground floor up. A module imports from its own room and from earlier ones; a
-#: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise.
+#: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise, and the
+#: inputs of networks one below both.
 ROOMS = (
     "glsim.errors",
     "glsim.reason",
@@ -32,6 +33,7 @@ ROOMS = (
     "glsim.pipeline",
     "glsim.corrupt",
     "glsim.dataset",
+    "glsim.denoise.inputs",
     "glsim.train.models",
     "glsim.denoise",
     "glsim.preview",

@@ -8,7 +8,7 @@ and keep the input's depth in the measures of surfaces, which a few of them woul
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -186,3 +186,12 @@ def _grouped(key: NDArray[np.int64], value: Array) -> dict[int, tuple[float, flo
         return {}
     counts, sums = np.bincount(key), np.bincount(key, value)
     return {int(k): (float(counts[k]), float(sums[k])) for k in np.flatnonzero(counts)}
+
+
+class ScoredFrame(NamedTuple):
+    """The sums of one frame. tallies: method -> sums. own: ``FrameTruth.own_losses``."""
+
+    number: int
+    tallies: dict[str, Tally]
+    own: tuple[float, float, float, float]
+    board_mm: float | None

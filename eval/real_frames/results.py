@@ -12,12 +12,17 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.eval.real_frames.measures import BINS_M, EDGE_SUMS, SHIFT_BIN_MM, Tally
+from glsim.eval.real_frames.measures import (
+    BINS_M,
+    EDGE_SUMS,
+    SHIFT_BIN_MM,
+    ScoredFrame,
+    Tally,
+)
 from glsim.validate.measure import ratio
 
 if TYPE_CHECKING:
     from glsim.eval.real_frames.recording import Recording
-    from glsim.eval.real_frames.run import ScoredFrame
 
 _Array = NDArray[np.float64]
 

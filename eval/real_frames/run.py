@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from glsim.compare.boards import board_corners, find_board
 from glsim.dataset import available_workers
 from glsim.denoise import Method, compose, load
 from glsim.errors import ConfigError, DenoiserError
-from glsim.eval.real_frames.measures import FrameTruth, Tally
+from glsim.eval.real_frames.measures import FrameTruth, ScoredFrame
 from glsim.eval.real_frames.recording import Recording, Source, open_recording
 from glsim.eval.real_frames.results import RealScores, add_up
 from glsim.eval.scoring.run import ScoringProgress
@@ -35,15 +34,6 @@ class RealJob:
         recording = open_recording(self.source)
         methods = [load(spec) for spec in self.denoisers]
         return lambda number: score_frame(recording, number, methods, self.pairs_only)
-
-
-class ScoredFrame(NamedTuple):
-    """The sums of one frame. tallies: method -> sums. own: ``FrameTruth.own_losses``."""
-
-    number: int
-    tallies: dict[str, Tally]
-    own: tuple[float, float, float, float]
-    board_mm: float | None
 
 
 def score_frame(
