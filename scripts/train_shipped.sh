@@ -53,8 +53,8 @@ generate ideal procedural 40 8 --sensor ideal --crop 128 --set 'pose.yaw_deg={ u
     --set 'pose.distance_mm={ uniform = [520, 1450] }'
 stills+=(--data "$out/ideal-procedural")
 
-"$glsim" train face "${stills[@]}" --resume -o "$out/face"
-"$glsim" train face-ir "${stills[@]}" --from "$out/face/best.pt" --resume -o "$out/face-ir"
+"$glsim" train face "${stills[@]}" --set data.target=expected --resume -o "$out/face"
+"$glsim" train face-ir "${stills[@]}" --set data.target=expected --from "$out/face/best.pt" --resume -o "$out/face-ir"
 # Videos of moving heads.
 for camera in any_camera any_camera_640 randomised; do
     for source in procedural ict-facekit; do
@@ -65,7 +65,7 @@ for camera in any_camera any_camera_640 randomised; do
     done
 done
 
-"$glsim" train face-video "${videos[@]}" --from "$out/face/best.pt" --resume -o "$out/face-video"
+"$glsim" train face-video "${videos[@]}" --set data.target=expected --from "$out/face/best.pt" --resume -o "$out/face-video"
 for network in face face-ir face-video; do
     "$glsim" export "$out/$network/best.pt" -o "glsim/denoise/shipped/$network.onnx"
 done

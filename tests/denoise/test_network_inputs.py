@@ -126,7 +126,7 @@ def test_bytes_that_are_no_network_have_no_inputs(network: Path) -> None:
         whole[: len(whole) // 2],
         whole.replace(b"noisy_mm", b"noisy_cm"),
     ):
-        with pytest.raises(ValueError, match=r"ends too early|no protocol buffer|its inputs are"):
+        with pytest.raises(ValueError, match=r"is damaged|is cut short|its inputs are"):
             read_inputs(data)
 
 

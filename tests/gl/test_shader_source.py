@@ -223,7 +223,10 @@ def test_the_parser_agrees_with_the_driver_for_shipped_stages(
     for key, parameter in source.parameters.items():
         assert seen[key] == (parameter.type, pytest.approx(parameter.default, rel=1e-6))
     samplers = {k[2:] for k in program if k.startswith("u_")} - {n[2:] for n in source.bound}
-    left_out = {"pattern_map"}  # compiled for sensors that have a map only
+    left_out = {
+        "pattern_map",
+        "expected",
+    }  # compiled for sensors with a map, and where it is wanted
     assert samplers <= set(source.reads) <= samplers | left_out
     assert source.title.startswith(f"{name}: ")
     assert source.file.is_relative_to(SHADER_ROOT)

@@ -61,7 +61,7 @@ def error_mm(frame: Frame) -> NDArray[np.float64]:
 def test_all_of_them_are_known() -> None:
     fast, azure = "kinect-v2-fast", "azure-kinect"
     v2 = ["kinect-v2", "kinect-v2-fankhauser", fast, "kinect-v2-paper"]
-    assert [azure, "ideal", "kinect-v1", *v2, "led3d"] == SENSORS
+    assert ["any-depth-camera", azure, "ideal", "kinect-v1", *v2, "led3d"] == SENSORS
     with pytest.raises(ConfigError, match=r"no such sensor 'kinect-v3' .did you mean 'kinect-v"):
         load_sensor("kinect-v3")
     with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):

@@ -81,17 +81,17 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
             ["--set", 'output.layers=["clen"]'],
             ["--set output", "output.layers.0: 'clen'", "'clean'"],
         ),
-        (["--set", "rig.focal=[3,3]"], ["(--set or --config): ", "'rig.focal'", "'focal_px'"]),
-        (["--set", "rig.deliver=rwa"], ["(--set or --config): rig.deliver: 'rwa'", "'raw'"]),
-        (["--set", "rig.width=-3"], ["(--set or --config): rig.width: must be", "8", "-3"]),
-        ([*FANKHAUSER, "--set", "axial.base_sigma=3"], ["(--set or --config): ", "base_sigma_mm'"]),
+        (["--set", "rig.focal=[3,3]"], ["error: --set ", "'rig.focal'", "'focal_px'"]),
+        (["--set", "rig.deliver=rwa"], ["--set rig.deliver=rwa: rig.deliver: 'rwa'", "'raw'"]),
+        (["--set", "rig.width=-3"], ["--set rig.width=-3: rig.width: must be", "8", "-3"]),
+        ([*FANKHAUSER, "--set", "axial.base_sigma=3"], ["error: --set ", "base_sigma_mm'"]),
         (
             [*FANKHAUSER, "--set", "axial.base_sigma_mm=-3"],
-            ["(--set or --config): axial.base_", "[0,"],
+            ["--set axial.base_sigma_mm=-3: axial.base_", "[0,"],
         ),
         (
             [*FANKHAUSER, "--set", "axail.base_sigma_mm=3"],
-            ["(--set or --config): ", "'axail'", "'axial'"],
+            ["error: --set ", "'axail'", "'axial'"],
         ),
         (
             [*FANKHAUSER, "--set", "axial.base_sigma_mm=x"],

