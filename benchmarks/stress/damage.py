@@ -1,13 +1,17 @@
-"""Damage that keeps the form of an input: other values in a tree of JSON, other words in a text."""
+"""How a kind of input is damaged: its bytes, the values of its JSON, the words of its text."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from tests.support import mutations
 
 #: Values that take the place of a value in a JSON tree.
 _VALUES: tuple[Any, ...] = (
@@ -20,6 +24,30 @@ _WORDS = (
     "0", "-1", "1e308", "1e999", "nan", "inf", "9" * 400, "99999999999", "1/0", "true", "''", "[]",
     "{}", "[" * 3000, "x" * 5000, "../x.toml", "/dev/zero", "=", "é\u202e", "\0", '"', "#", "1_0",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of input. change: makes a damaged copy; read: reads it; None if there was no error.
+
+    read raises GlsimErrors for what it refuses, or returns the reason.
+    """
+
+    change: Callable[[np.random.Generator], None]
+    read: Callable[[], str | None]
+
+
+def bytes_kind(path: Path, read: Callable[[Path], object]) -> Kind:
+    """A file whose bytes are damaged."""
+    data = path.read_bytes()
+
+    def change(rng: np.random.Generator) -> None:
+        path.write_bytes(mutations.mutate(data, rng))
+
+    def whole() -> None:
+        read(path)
+
+    return Kind(change, whole)
 
 
 def change_value(tree: Any, rng: np.random.Generator) -> None:
