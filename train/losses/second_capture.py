@@ -39,6 +39,25 @@ class SecondCaptureLoss(NoisyTargetLoss):
         2.0, ge=0, description="mean difference in 7 x 7 px that counts as motion; 0: all is still"
     )
 
+    def training_loss(
+        self,
+        model: Callable[[Tensor], Prediction],
+        noisy_mm: Tensor,
+        clean_mm: Tensor,
+        generator: Generator,
+    ) -> tuple[Tensor, LossParts]:
+        """Return ``capture_loss``; a batch has the second capture in place of clean_mm."""
+        return self.capture_loss(to_float32(model(noisy_mm)), noisy_mm, clean_mm)
+
+    def capture_loss(
+        self, prediction: Prediction, noisy_mm: Tensor, second_mm: Tensor
+    ) -> tuple[Tensor, LossParts]:
+        """Compare a prediction with the second capture; return the total and its parts.
+
+        noisy_mm, second_mm: (B, 1, H, W) float32 millimetres, 0 = no return.
+        """
+        raise NotImplementedError
+
 
 class Noise2Noise(SecondCaptureLoss):
     """The measured depth of a second capture, for networks with or without a validity.
@@ -56,16 +75,10 @@ class Noise2Noise(SecondCaptureLoss):
         0.0, ge=0, description="weight of the cross entropy against the second capture's mask"
     )
 
-    def training_loss(
-        self,
-        model: Callable[[Tensor], Prediction],
-        noisy_mm: Tensor,
-        clean_mm: Tensor,
-        generator: Generator,
+    def capture_loss(
+        self, prediction: Prediction, noisy_mm: Tensor, second_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
-        """Return the error against the second capture, which a batch has in place of clean_mm."""
-        second_mm = clean_mm
-        prediction = to_float32(model(noisy_mm))
+        """Return the error of still pixels, and that of the validity if it has a weight."""
         still = still_pixels(noisy_mm, second_mm, self.moved_mm)
         # A network without a validity codes a hole as a depth of 0, which is no estimate.
         reach_px = self.reach_px if prediction.valid_logit is not None else 0
@@ -100,16 +113,10 @@ class MultiView(SecondCaptureLoss):
         365.456, gt=0, description="focal length, for normals; default: Kinect V2's"
     )
 
-    def training_loss(
-        self,
-        model: Callable[[Tensor], Prediction],
-        noisy_mm: Tensor,
-        clean_mm: Tensor,
-        generator: Generator,
+    def capture_loss(
+        self, prediction: Prediction, noisy_mm: Tensor, second_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
-        """Return the weighted sum of three terms; a batch has the second capture as clean_mm."""
-        second_mm = clean_mm
-        prediction = to_float32(model(noisy_mm))
+        """Return the weighted sum of the three terms."""
         measured = noisy_mm > 0
         target = measured & (second_mm > 0) & still_pixels(noisy_mm, second_mm, self.moved_mm)
         parts = {
