@@ -236,6 +236,10 @@ class Settings(_Table):
     output: OutputSettings = OutputSettings()
     strict: bool = Field(False, description="stop at the first bad mesh instead of recording it")
 
+    def __eq__(self, other: object) -> bool:
+        """Compare the settings, not where they were written."""
+        return isinstance(other, Settings) and self.__dict__ == other.__dict__
+
     @model_validator(mode="after")
     def _check(self) -> Settings:
         if not isinstance(self.split, str) and (
