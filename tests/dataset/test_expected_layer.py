@@ -103,6 +103,17 @@ void main() {{
 """
 
 
+def frames_with_and_without(sensor: Path) -> tuple[Frame, Frame]:
+    """Simulate a frame with and without the layer."""
+    source = {"subjects": 1, "frames_per_subject": 1}
+    settings = load_settings(overrides={"sensor": str(sensor), "source": source})
+    (with_it,) = simulate(settings, layers=("clean", "expected", "noisy"))
+    (without,) = simulate(settings, layers=("clean", "noisy"))
+    assert isinstance(with_it, Frame)
+    assert isinstance(without, Frame)
+    return with_it, without
+
+
 @pytest.mark.parametrize(("guard", "end"), [("#ifdef EXPECTED", "#endif"), ("", "")])
 def test_a_stage_of_the_users_own_adds_to_it(tmp_path: Path, guard: str, end: str) -> None:
     """After the shipped stages, with and without the guard that saves time."""
@@ -113,16 +124,7 @@ def test_a_stage_of_the_users_own_adds_to_it(tmp_path: Path, guard: str, end: st
         "[[rig.emitter]]\nposition_m = [0.049, 0, 0]\n"
         '[[stage]]\nuse = "tof_fast"\n[[stage]]\nuse = "bend.glsl"\n'
     )
-    settings = load_settings(
-        overrides={
-            "sensor": str(tmp_path / "mine.toml"),
-            "source": {"subjects": 1, "frames_per_subject": 1},
-        }
-    )
-    (with_it,) = simulate(settings, layers=("clean", "expected", "noisy"))
-    (without,) = simulate(settings, layers=("clean", "noisy"))
-    assert isinstance(with_it, Frame)
-    assert isinstance(without, Frame)
+    with_it, without = frames_with_and_without(tmp_path / "mine.toml")
     assert with_it.expected_m is not None
     assert without.noisy_m.tobytes() == with_it.noisy_m.tobytes()
     assert without.expected_m is None
@@ -157,16 +159,7 @@ def test_an_array_stage_of_the_users_own_adds_to_it(tmp_path: Path, function: st
         'title = "mine"\n[rig]\nwidth = 128\nheight = 128\nfocal_px = [365.0, 365.0]\n'
         f'centre_px = [64.0, 64.0]\n[[stage]]\nuse = "bend.py:{function}"\n'
     )
-    settings = load_settings(
-        overrides={
-            "sensor": str(tmp_path / "mine.toml"),
-            "source": {"subjects": 1, "frames_per_subject": 1},
-        }
-    )
-    (with_it,) = simulate(settings, layers=("clean", "expected", "noisy"))
-    (without,) = simulate(settings, layers=("clean", "noisy"))
-    assert isinstance(with_it, Frame)
-    assert isinstance(without, Frame)
+    with_it, without = frames_with_and_without(tmp_path / "mine.toml")
     assert without.expected_m is None
     np.testing.assert_allclose(with_it.expected_m, with_it.clean_m * 1.01, rtol=1e-6)
 

@@ -25,7 +25,7 @@ from glsim.eval.transfer.comparison import (
 )
 from glsim.eval.transfer.report import write_results
 from glsim.eval.transfer.study import Goals, SensorFamily, TransferStudy
-from glsim.settings.tables import parse_table
+from glsim.settings.tables import parse_table, read_toml
 
 TREE: dict[str, Any] = {
     "title": "three sensors",
@@ -38,6 +38,16 @@ TREE: dict[str, Any] = {
     "source": [{"name": "heads", "kind": "procedural"}, {"name": "bodies", "kind": "people"}],
     "scene": [{"name": "alone"}, {"name": "wall", "settings": {"scene": {"wall_mm": 2000}}}],
 }
+
+
+def test_the_shipped_study_trains_on_the_rigs_of_any_camera() -> None:
+    """Both write them down: train/data/any_camera_*.toml, and the variants of the study."""
+    root = Path(__file__).parents[2]
+    study_file = read_toml(root / "glsim" / "cli" / "transfers" / "full.toml")
+    (any_camera,) = (sensor for sensor in study_file["sensor"] if sensor["name"] == "any")
+    for size, variant in any_camera["train_variants"].items():
+        settings = read_toml(root / "train" / "data" / f"any_camera_{size}.toml")
+        assert variant["rig"] == settings["rig"], size
 
 
 def study(**tables: Any) -> TransferStudy:
