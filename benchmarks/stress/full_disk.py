@@ -29,7 +29,7 @@ _ROOM_BYTES = 256_000_000
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial: the size of the disk, what the command said, and what is wrong, if anything."""
+    """A command run on a disk of ``kilobytes``: its last message, and its fault ("" if none)."""
 
     case: str
     kilobytes: int

@@ -101,7 +101,7 @@ READERS: dict[str, Callable[[Path, Path], int]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Open the sets and print a table; returns 1 if any failed."""
+    """Open each hostile data set by each reader; print a table. Returns 1 if a reader failed."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.stress hostile",
         description=__doc__,

@@ -99,7 +99,7 @@ def _move_out(root: Path, folder: str) -> None:
 
 
 def _outside_folder(root: Path) -> None:
-    """Let the records of a subject lie in a folder whose link leads to another program's files."""
+    """Replace the folder of the split test by a link to a folder outside the data set."""
     (root / "test").rename(root / "test-moved")
     (root / "test").symlink_to(root.parent / "outside")
 
@@ -132,7 +132,7 @@ def _png(width: int, height: int, colour: int = 0, more: bytes = b"") -> bytes:
 
 
 def _text_bomb() -> bytes:
-    """Return a PNG whose compressed comment has 600 MB."""
+    """Return a PNG with a comment (chunk zTXt) that decompresses to 600 MB."""
     packer = zlib.compressobj(1)
     text = b"".join(packer.compress(bytes(10**6)) for _ in range(600)) + packer.flush()
     data = b"Comment\0\0" + text
@@ -141,7 +141,11 @@ def _text_bomb() -> bytes:
 
 
 def _tiff(sides: list[tuple[int, int, int]], pixels: int) -> bytes:
-    """Return a deflated grey TIFF of zeros. sides: tag (256 or 257), type and value of its size."""
+    """Return a compressed 16-bit TIFF of zeros.
+
+    sides: entries (tag, type, value) of the width (tag 256) and the height (257), in pixels.
+    pixels: number of pixels in its data.
+    """
     data = zlib.compress(bytes(2 * pixels), 9)
     tags = [(258, 3, 16), (259, 3, 8), (262, 3, 1), (273, 4, 8), (277, 3, 1)]
     tags += [(278, 4, 2**31 - 1), (279, 4, len(data)), *sides]

@@ -205,7 +205,7 @@ def content_of(out: Path) -> str:
 
 
 def _scores(rows: Path) -> bytes:
-    """Return the rows of an evaluation without the times that it took."""
+    """Return the scores in rows.csv as JSON, without the column of run times."""
     with rows.open() as file:
         kept = [{k: v for k, v in row.items() if k != "time_ms"} for row in csv.DictReader(file)]
     return json.dumps(kept).encode()

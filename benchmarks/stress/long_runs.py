@@ -99,7 +99,10 @@ def frames(count: int) -> Iterator[bool]:
 
 
 def topologies(count: int) -> Iterator[bool]:
-    """Render meshes of 300 numbers of vertices, read from their files, in turn."""
+    """Render 300 mesh files in turn, each with another number of vertices.
+
+    Yields once per frame: True when every mesh has been rendered twice, the early measurement.
+    """
     from glsim.frame import Frame
     from glsim.pipeline import simulate
     from glsim.settings.schema import load_settings

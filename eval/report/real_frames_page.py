@@ -127,7 +127,7 @@ def _table(
 
 
 def _best(rows: Mapping[str, tuple[float, ...]], column: int, leave_out: str | None) -> set[str]:
-    """Return the methods with the smallest absolute value, compared as printed."""
+    """Return the methods whose absolute value, rounded as in the table, is the smallest."""
     sizes = {
         name: format_number(abs(row[column]))
         for name, row in rows.items()

@@ -1,4 +1,4 @@
-"""The default composite: rims stay, mid-air pixels go, small holes close, shadows stay empty."""
+"""The default composite keeps rims and shadows, drops flying pixels and fills small holes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that appear: only whole ones, in order, once."""
+"""New files of a folder are reported when they are complete, in order of their names, once."""
 
 from __future__ import annotations
 
