@@ -14,8 +14,10 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
+#: Smoothed depths of `depth_features`: two robust means and three guided filters.
+SMOOTHED: Final = 5
 #: Channels of `depth_features`; the last one is validity.
-CHANNELS: Final = 6
+CHANNELS: Final = SMOOTHED + 5
 
 #: Hole filling from the rim: number of rounds, radius and sigma of the Gaussian, px. Three rounds
 #: of 9x9 close holes 24 px wide, more than any speckle of drop-outs.
@@ -27,6 +29,9 @@ _AROUND_RADIUS, _AROUND_SIGMA = 24, 12.0
 _SURFACE_MM: Final = 50.0
 #: 5x5 samples 3 px apart, 6 px to each side, determine a pixel's own surface.
 _TAPS, _TAP_STEP = 2, 3
+#: Radii, px, and epsilon, mm, of the guided filters: epsilon is that of the filter which removes
+#: most of the noise of real Kinect V2 frames (docs/real_frames_tables.md).
+_GUIDED_RADII, _GUIDED_MM = (1, 2, 4), 15.0
 #: Share of the samples on the own surface beyond which a pixel is away from steps and holes: a
 #: straight rim 3 px away leaves 0.8.
 _EVEN_SUPPORT: Final = 0.75
@@ -37,7 +42,7 @@ _NOISE_STEPS_PX: Final = (1, 3)
 _NOISE_RADIUS, _NOISE_SIGMA = 12, 6.0
 #: Added to it before the logarithm, mm: less than rounding to whole millimetres gives.
 _LEAST_NOISE_MM: Final = 0.1
-#: Scales of channels 0 and 2. Noise of a time-of-flight camera at 0.9 m is 1-2 mm; a channel of 1
+#: Scales of the smoothed and of the surrounding depth. Noise of a time-of-flight camera at 0.9 m is 1-2 mm; a channel of 1
 #: is 10 mm.
 _RELATIVE_MM, _AROUND_MM = 10.0, 20.0
 #: Share of a neighbourhood that must be known for more than half of its mean to be believed.
@@ -50,19 +55,23 @@ class Features(NamedTuple):
     """Features of a batch of frames; each float32 with H and W of the frames.
 
     fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
+    smoothed_mm: (B, SMOOTHED, H, W) the same depth as smoothed by filters that keep steps:
+        0, 1 robust mean of 5x5 samples on the pixel's own surface, 3 and 1 px apart
+        2, 3, 4 guided filters with radii of 1, 2 and 4 px
     even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
     channels: (B, CHANNELS, H, W), about -5 to 5, 0 where nothing is known:
-        0 depth relative to the pixel's own surface, in 10 mm: small at a step of any height
-        1 share of the neighbourhood on that surface, 0-1: near 0 for a flying pixel
-        2 depth relative to all depth around, asinh(mm / 20): which side of a step is in front
-        3, 4 log of the size of the noise around, in mm, of pixels 1 and 3 px apart
-        5 validity, 0 or 1
+        0 to 4 depth relative to the smoothed ones, in 10 mm
+        5 share of the neighbourhood on the own surface, 0-1: near 0 for a flying pixel
+        6 depth relative to all depth around, asinh(mm / 20): which side of a step is in front
+        7, 8 log of the size of the noise around, in mm, of pixels 1 and 3 px apart
+        9 validity, 0 or 1
 
     Depth enters by differences only. A network that sees the distance learns the noise and the
     wiggling over distance of the cameras in its training, and bends the depth of any other one.
     """
 
     fill_mm: Tensor
+    smoothed_mm: Tensor
     channels: Tensor
     even: Tensor
 
@@ -75,16 +84,19 @@ def depth_features(noisy_mm: Tensor) -> Features:
     around_mm, near = _weighted_mean(depth_mm, valid, _AROUND_RADIUS, _AROUND_SIGMA)
     fill_mm = _filled(depth_mm, valid)
     fill_mm = torch.where(fill_mm > 0, fill_mm, around_mm)
-    surface_mm, support = _own_surface(fill_mm, depth_mm, valid)
+    surface_mm, support = _robust_mean(fill_mm, depth_mm, valid, _TAP_STEP)
+    smoothed = [surface_mm, _robust_mean(surface_mm, depth_mm, valid, 1)[0]]
+    smoothed += [_guided(depth_mm, valid, fill_mm, around_mm, radius) for radius in _GUIDED_RADII]
+    smoothed_mm = torch.cat(smoothed, dim=1)
     channels = [
-        (fill_mm - surface_mm) / _RELATIVE_MM,
+        (fill_mm - smoothed_mm) / _RELATIVE_MM,
         support,
         torch.asinh((fill_mm - around_mm) / _AROUND_MM) * near,
         *(_log_noise(depth_mm, valid, step) for step in _NOISE_STEPS_PX),
         valid,
     ]
     even = valid * (support > _EVEN_SUPPORT)
-    return Features(fill_mm, torch.cat(channels, dim=1), even)
+    return Features(fill_mm, smoothed_mm, torch.cat(channels, dim=1), even)
 
 
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
@@ -123,15 +135,15 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
     return total / weight_sum.clamp_min(_TINY)
 
 
-def _taps(image: Tensor, outside: float) -> Iterator[Tensor]:
-    """Yield the image shifted to each of 5x5 samples 3 px apart around a pixel.
+def _taps(image: Tensor, outside: float, step_px: int = _TAP_STEP) -> Iterator[Tensor]:
+    """Yield the image shifted to each of 5x5 samples around a pixel.
 
     outside: the value beyond the image.
     """
     height, width = image.shape[-2:]
-    reach = _TAPS * _TAP_STEP
+    reach = _TAPS * step_px
     around = F.pad(image, (reach,) * 4, value=outside)
-    steps = range(0, 2 * reach + 1, _TAP_STEP)
+    steps = range(0, 2 * reach + 1, step_px)
     for down in steps:
         for right in steps:
             yield around[..., down : down + height, right : right + width]
@@ -197,16 +209,42 @@ def local_mean(values: Tensor, known: Tensor) -> Tensor:
     return total / (weight + _LEAST_SHARE)
 
 
-def _own_surface(fill_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean of the measured depths around that are close to the pixel's, and their share, 0-1.
+def _robust_mean(
+    near_mm: Tensor, depth_mm: Tensor, valid: Tensor, step_px: int
+) -> tuple[Tensor, Tensor]:
+    """Mean of 5x5 measured depths that are close to ``near_mm``, and their share, 0-1.
 
     Weights are Tukey's (1 - (d / 50 mm)^2)^2, smooth at the limit: one step of a mean shift.
     """
-    offset_sum, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
-    for sample in _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf):
-        offset = (sample - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
+    offset_sum, weight_sum = torch.zeros_like(near_mm), torch.zeros_like(near_mm)
+    for sample in _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, step_px):
+        offset = (sample - near_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
         weight = (1.0 - (offset / _SURFACE_MM).square()).square()
         offset_sum += weight * offset
         weight_sum += weight
-    mean = fill_mm + offset_sum / weight_sum.clamp_min(_TINY)
+    mean = near_mm + offset_sum / weight_sum.clamp_min(_TINY)
     return mean, weight_sum / (2 * _TAPS + 1) ** 2
+
+
+def _guided(
+    depth_mm: Tensor, valid: Tensor, fill_mm: Tensor, around_mm: Tensor, radius: int
+) -> Tensor:
+    """Smooth depth by a guided filter with depth as its own guide; holes count nothing.
+
+    He, Sun and Tang, "Guided Image Filtering", TPAMI 2013. Depth is taken relative to
+    ``around_mm``: squares of it keep their precision, and slopes count less as variance.
+    """
+    side = 2 * radius + 1
+
+    def box_mean(values: Tensor) -> Tensor:
+        rows = F.avg_pool2d(values, (side, 1), stride=1, padding=(radius, 0))
+        return F.avg_pool2d(rows, (1, side), stride=1, padding=(0, radius))
+
+    share = box_mean(valid).clamp_min(_TINY)
+    offset = (depth_mm - around_mm) * valid
+    mean = box_mean(offset) / share
+    variance = (box_mean(offset.square()) / share - mean.square()).clamp_min(0)
+    gain = variance / (variance + _GUIDED_MM**2)
+    gain_mean = box_mean(gain * valid) / share
+    bias_mean = box_mean((1.0 - gain) * mean * valid) / share
+    return gain_mean * (fill_mm - around_mm) + bias_mean + around_mm

@@ -27,6 +27,7 @@ from glsim.train.models.extra_features import (
 )
 from glsim.train.models.features import (
     CHANNELS,
+    SMOOTHED,
     depth_features,
     front_and_back,
     local_mean,
@@ -63,11 +64,15 @@ class MaskAware(DepthModel):
     Choosing a mode instead is the idea of Tosi et al., "SMD-Nets: Stereo Mixture Density Networks",
     CVPR 2021.
 
+    The correction is a sum of what filters would correct (`features.Features.smoothed_mm`), each times
+    a weight that the network predicts, and of a part of its own. So it begins where filters end,
+    and between cameras that it has not seen it falls back to filters.
+
     The correction of a surface has no mean: that of all measured pixels around (24 px), but those
     near steps and holes, is subtracted. So the network cannot move a surface as a whole, which
     would be right for the camera that it was trained on and wrong for others.
 
-    Parameters are those of the backbone, from 6 channels (8 with ``surfaces``) to 2 (1 more with
+    Parameters are those of the backbone, from 10 channels (12 with ``surfaces``) to 7 (1 more with
     ``uncertainty``, 4 more with ``surfaces``). ``sigma_scale`` (a buffer, 1 until
     `calibration.calibrate`) multiplies sigma.
     """
@@ -102,7 +107,7 @@ class MaskAware(DepthModel):
         extra = extra_channels(Inputs(infrared, before, after))
         return {
             "in_channels": CHANNELS + 2 * surfaces + extra,
-            "out_channels": 2 + uncertainty + 4 * surfaces,
+            "out_channels": 2 + SMOOTHED + uncertainty + 4 * surfaces,
             "residual": False,
             "zero_last": True,
         }
@@ -112,7 +117,7 @@ class MaskAware(DepthModel):
         with torch.autocast(noisy_mm.device.type, enabled=False):
             stack = noisy_mm.float()
             noisy_mm = stack[:, :1]
-            fill_mm, channels, even = depth_features(noisy_mm)
+            fill_mm, smoothed_mm, channels, even = depth_features(noisy_mm)
             if self.surfaces:
                 around_mm = front_and_back(noisy_mm, fill_mm)
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
@@ -121,9 +126,11 @@ class MaskAware(DepthModel):
             # At the end: a network of single frames keeps its weights, see `warm_start`.
             channels = torch.cat([channels, *self._extra(stack, fill_mm)], dim=1)
         out = self.backbone(channels, valid).float()
-        correction = out[:, 0:1] - local_mean(out[:, 0:1], even)
+        weights, out = out[:, :SMOOTHED], out[:, SMOOTHED:]
+        filtered_mm = (weights * (smoothed_mm - fill_mm)).sum(dim=1, keepdim=True)
+        correction_mm = filtered_mm + _CORRECTION_MM * out[:, 0:1]
         prediction = Prediction(
-            depth_mm=fill_mm + _CORRECTION_MM * correction,
+            depth_mm=fill_mm + correction_mm - local_mean(correction_mm, even),
             valid_logit=out[:, 1:2] + _PRIOR_LOGIT * (valid - 0.5),
             log_sigma=self._log_sigma(out[:, 2:3]) if self.uncertainty else None,
         )
