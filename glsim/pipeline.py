@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -179,7 +179,7 @@ class Simulator:
 
     def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
         """Load the faces of one source. A file that its source cannot survive is a bad face."""
-        self._others.load(batch)
+        self._others.load([self._held(task) for task in batch])
         source = self._sources[batch[0].source]
         loaded: list[tuple[Task, Face | BadFace]] = []
         while len(loaded) < len(batch):
@@ -204,8 +204,15 @@ class Simulator:
 
     def _change(self, task: Task, face: Face) -> Face:
         """Vary a face, then dress it: what is worn follows the varied mesh."""
-        varied = vary(face, self._settings.variation, task.seeds)
-        return self._dressers[task.source].dress(varied, task.seeds)
+        seeds = self._held(task).seeds
+        varied = vary(face, self._settings.variation, seeds)
+        return self._dressers[task.source].dress(varied, seeds)
+
+    def _held(self, task: Task) -> Task:
+        """Return the task with the seeds of its settings; those of its noise are its own."""
+        if self._settings.redraw is None:
+            return task
+        return replace(task, seeds=task.seeds.held_in_sequence())
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue the drawing of one frame, or return the record of a bad face."""
@@ -226,9 +233,10 @@ class Simulator:
 
     def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
         settings, rig = self._settings, self.sensor.rig
+        held = self._held(task)
         make_current(self._context)  # the caller may have used another since the last frame
         pose = {
-            name: getattr(settings.pose, name).draw(task.seeds, f"pose.{name}")
+            name: getattr(settings.pose, name).draw(held.seeds, f"pose.{name}")
             for name in type(settings.pose).model_fields
         }
         still, motion = pose, pose.pop("motion")
@@ -236,11 +244,11 @@ class Simulator:
             offsets = head_motion(task.seeds.sequence, task.key.time_s)
             offsets = {name: motion * offset for name, offset in offsets.items()}
             pose = move_pose(pose, offsets, face.neck)
-        drawn, values = draw_values(self.sensor.stages, task.seeds)
-        drawn |= draw_variation(settings.variation, task.seeds)
-        drawn |= self._dressers[task.source].drawn(face, task.seeds)
+        drawn, values = draw_values(self.sensor.stages, held.seeds)
+        drawn |= draw_variation(settings.variation, held.seeds)
+        drawn |= self._dressers[task.source].drawn(face, held.seeds)
         body = body_of(face) if settings.scene.room != "none" else None
-        scenery = build_scenery(settings.scene, settings.pose, task.seeds, rig, body)
+        scenery = build_scenery(settings.scene, settings.pose, held.seeds, rig, body)
         drawn |= scenery.drawn
         person = [
             bend_neck(mesh, face.neck, pose, still)
@@ -248,7 +256,7 @@ class Simulator:
         ]
         view = scenery.stands(pose_matrix(pose))
         check_behind(scenery, person, view)
-        others = self._others.props(task, scenery) if body is not None else []
+        others = self._others.props(held, scenery) if body is not None else []
         further = [*scenery.props, *others]
         meshes = [(mesh, view) for mesh in person] + [(prop.mesh, prop.view) for prop in further]
         crop = crop_window(rig.intrinsics, still, settings.output.crop)

@@ -27,6 +27,7 @@ from glsim.settings.schema import Settings, load_settings
 from glsim.train.data.checks import fingerprint
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
+from glsim.train.models.registry import inputs_of
 from glsim.train.recipe import DataSettings, Recipe
 
 #: Pairs per batch of the validation. Affects memory, not results.
@@ -36,11 +37,12 @@ _SIMULATED_VALIDATION_FRAMES: Final = 200
 #: Distance between the seeds of two devices or data sets, and of two recipe seeds.
 _SEED_STRIDE: Final = 1_000_003
 
+#: (noisy_mm, clean_mm); with further inputs noisy_mm is their stack, see glsim.denoise.inputs.
 Batch = tuple[Tensor, Tensor]
 
 
 class PairDataset(Protocol):
-    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), each (1, H, W) float32."""
+    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), (C, H, W) and (1, H, W)."""
 
     def __len__(self) -> int: ...
 
@@ -52,7 +54,9 @@ class PairDataset(Protocol):
 
 
 class BatchSource(Protocol):
-    """Source of a training's batches: (noisy_mm, clean_mm), (B, 1, H, W) float32 on the device.
+    """Source of a training's batches: (noisy_mm, clean_mm), float32 on the device.
+
+    noisy_mm: (B, C, H, W), see ``glsim.denoise.inputs``; C = 1 for depth alone. clean_mm: one image.
 
     validation: the validation frames. fingerprint: plain values that are equal for equal data.
     """
@@ -116,7 +120,13 @@ class SimulatedBatches:
         self.fingerprint = self._pairs(0, 0).fingerprint()
         count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
         steps = -(-count // VALIDATION_BATCH)
-        held_out = SimulatedPairs(settings, batch=VALIDATION_BATCH, split="val", length=steps)
+        held_out = SimulatedPairs(
+            settings,
+            batch=VALIDATION_BATCH,
+            split="val",
+            inputs=inputs_of(recipe.model),
+            length=steps,
+        )
         rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
         self.validation: Dataset[Batch] = Subset(rendered, range(count))
         self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
@@ -145,6 +155,8 @@ class SimulatedBatches:
             batch=self._recipe.training.batch,
             seed=self._recipe.seed + rank * _SEED_STRIDE,
             reuse=self._recipe.data.reuse,
+            inputs=inputs_of(self._recipe.model),
+            vary_inputs=True,
             start=start,
         )
 
@@ -156,6 +168,7 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     """
     data = recipe.data
     crop = data.crop or None
+    inputs = inputs_of(recipe.model)
     validation_cut = "centre" if data.cut == "random" else data.cut
     train = [
         StoredPairs(
@@ -163,13 +176,15 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
             "train",
             crop=crop,
             cut=data.cut,
-            augmentation=Augmentation(flip=data.flip, relief_mm=data.relief_mm),
+            augmentation=Augmentation(data.flip, data.relief_mm, vary_inputs=True),
+            inputs=inputs,
             seed=recipe.seed + number * _SEED_STRIDE,
         )
         for number, dataset in enumerate(datasets)
     ]
     validation = [
-        StoredPairs(dataset, "val", crop=crop, cut=validation_cut) for dataset in datasets
+        StoredPairs(dataset, "val", crop=crop, cut=validation_cut, inputs=inputs)
+        for dataset in datasets
     ]
     fingerprints = [fingerprint(dataset) for dataset in datasets]
     joined = fingerprints[0] if len(fingerprints) == 1 else {"sets": fingerprints}

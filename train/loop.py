@@ -29,6 +29,8 @@ from glsim.train.run_setup import (
     last_checkpoint,
     locked_run,
     make_fabric,
+    start_record,
+    start_weights,
 )
 from glsim.train.state import TrainingState
 from glsim.train.validation import validation_figures
@@ -117,8 +119,10 @@ class Training:
         if not resume and self.fabric.is_global_zero:
             check_unused(folder)
         last = last_checkpoint(folder, recipe, source.fingerprint) if resume else None
-        self.state = TrainingState(recipe, self.fabric)
+        weights = start_weights(recipe) if last is None else None
+        self.state = TrainingState(recipe, self.fabric, weights)
         self.figures: dict[str, float] = {}
+        self.start = start_record(recipe) if last is None else last.get("start")
         if last is not None:
             self.state.restore(last)
             self.figures = dict(last["validation"])
@@ -239,6 +243,7 @@ class Training:
             "parameters": parameter_count(self.state.network),
             **self.recipe.model_dump(mode="json", include={"title", "row", "size", "seed"}),
             "data": self.source.fingerprint,
+            "start": self.start,
         }
         if self.fabric.is_global_zero:
             checkpoint.save(self.folder / checkpoint.LAST, self._header() | self.state.dump())
@@ -278,6 +283,7 @@ class Training:
             "recipe": self.recipe.model_dump(mode="json"),
             "data": self.source.fingerprint,
             "validation": self.figures,
+            "start": self.start,
         }
 
     def _save_best(self) -> None:
@@ -305,7 +311,7 @@ class Training:
             denoised_mm = self.state.evaluated(self.fabric.to_device(noisy_mm)).hard_mm()
         name = f"epoch_{progress.epoch:04d}" if progress.step == 0 else f"step_{progress.steps:06d}"
         path = self.folder / "samples" / f"{name}.png"
-        write_samples(path, list(zip(noisy_mm, denoised_mm, clean_mm, strict=True)))
+        write_samples(path, list(zip(noisy_mm[:, :1], denoised_mm, clean_mm, strict=True)))
 
     def _fail(self, noisy_mm: Tensor, clean_mm: Tensor, reason: str) -> NoReturn:
         """Write nan_batch.pt; raise TrainError."""

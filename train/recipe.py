@@ -77,6 +77,11 @@ class ScheduleSettings(_Table):
 class TrainingSettings(_Table):
     """Batch size, validation interval, limits, early stopping, precision and devices."""
 
+    start: str | None = Field(
+        None,
+        description="a checkpoint whose weights the training starts from; further inputs of this "
+        "network have no weight at first",
+    )
     batch: int = Field(4, ge=1, le=4096, description="pairs per step and device")
     max_epochs: int | None = Field(None, ge=1)
     max_steps: int | None = Field(None, ge=1)

@@ -15,10 +15,11 @@ from lightning_fabric.utilities.exceptions import MisconfigurationException
 
 from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
-from glsim.files.atomic import wrap_write_errors
+from glsim.files.atomic import file_checksum, wrap_write_errors
 from glsim.files.lock import locked
 from glsim.settings.tables import parse_table
 from glsim.train.recipe import Recipe, TrainingSettings
+from glsim.train.state import WeightsOf
 
 RECIPE_FILE: Final = "recipe.json"
 LOCK_FILE: Final = ".lock"
@@ -44,6 +45,26 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
             )
     except MisconfigurationException as error:
         raise ConfigError(f"training.devices = {settings.devices}: {error}") from None
+
+
+def start_weights(recipe: Recipe) -> WeightsOf | None:
+    """Read the weights that a recipe's training.start names; None without it.
+
+    Raises TrainError for a file that is no whole checkpoint.
+    """
+    if recipe.training.start is None:
+        return None
+    path = Path(recipe.training.start)
+    return WeightsOf(str(path), checkpoint.load(path)["model"])
+
+
+def start_record(recipe: Recipe) -> dict[str, Any] | None:
+    """Return name and CRC32 of the file of training.start, for run.json and checkpoints."""
+    if recipe.training.start is None:
+        return None
+    found = file_checksum(Path(recipe.training.start))
+    crc32 = None if found is None else f"{found['crc32']:08x}"
+    return {"file": recipe.training.start, "crc32": crc32}
 
 
 @contextmanager

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from lightning_fabric import Fabric
@@ -12,12 +12,21 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 from torch.optim.swa_utils import AveragedModel
 
+from glsim.denoise.inputs import Inputs
 from glsim.errors import ConfigError, TrainError
 from glsim.train.losses.base import Loss
 from glsim.train.losses.registry import build_loss
 from glsim.train.models.base import DepthModel
 from glsim.train.models.registry import build_model
+from glsim.train.models.warm_start import copy_weights
 from glsim.train.recipe import OptimiserSettings, Recipe
+
+
+class WeightsOf(NamedTuple):
+    """Weights of a network by name, and the file that they are from."""
+
+    file: str
+    values: Mapping[str, Tensor]
 
 
 @dataclass
@@ -47,8 +56,12 @@ class TrainingState:
     network: the plain module. average: exponential average of its weights, or None.
     """
 
-    def __init__(self, recipe: Recipe, fabric: Fabric) -> None:
-        """Raises ConfigError for an unknown model or loss, or a loss that cannot be monitored."""
+    def __init__(self, recipe: Recipe, fabric: Fabric, weights: WeightsOf | None = None) -> None:
+        """weights: of another network, to start from, with their file for messages.
+
+        Raises ConfigError for an unknown model or loss, a loss that cannot be monitored or that
+        cannot train this model, and weights that do not fit.
+        """
         torch.manual_seed(recipe.seed)
         self._fabric = fabric
         self.progress = TrainingProgress()
@@ -59,6 +72,14 @@ class TrainingState:
                 "and returning that would be best: set training.monitor = 'interior_rmse_mm'"
             )
         self.network: DepthModel = build_model(recipe.model).to(memory_format=torch.channels_last)
+        if self.loss.depth_alone and self.network.inputs != Inputs():
+            raise ConfigError(
+                f"loss.kind = {recipe.loss['kind']!r} changes the measured depth and leaves other "
+                "inputs as they are: train networks with infrared or neighbours with loss.kind = "
+                '"masked"'
+            )
+        if weights is not None:
+            copy_weights(weights.values, self.network, weights.file)
         self.average = _weight_average(self.network, recipe.training.ema_decay)
         self._plain_optimiser = _optimiser(self.network, recipe.optimiser)
         self._compile = recipe.training.compile

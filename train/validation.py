@@ -39,7 +39,7 @@ def validation_figures(
     sums = []
     with torch.no_grad():
         for noisy_mm, clean_mm in batches:
-            sums.append(_figure_sums(model(noisy_mm), noisy_mm, clean_mm, loss))
+            sums.append(_figure_sums(model(noisy_mm), noisy_mm[:, :1], clean_mm, loss))
     total = _FigureSums(*(torch.stack(parts).sum().item() for parts in zip(*sums, strict=True)))
     interior_mm2 = math.nan
     if total.interior_pixels:

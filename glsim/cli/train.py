@@ -33,6 +33,8 @@ glsim train face --data data -o runs/face --minutes 30
 
 glsim train face --data data -o runs/face --minutes 60 --resume      trains for 30 more
 
+glsim train face-video --data videos --from runs/face/best.pt
+
 glsim train paper-d7-small --data data --seed 1 -o runs/d7_1
 
 glsim train mine.toml --data data --set loss.beta_mm=4 --set training.batch=8
@@ -77,6 +79,14 @@ def train(
     ] = None,
     epochs: Annotated[int | None, typer.Option(help="Number of epochs.")] = None,
     steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="BEST.PT",
+            help="Start from the weights of a checkpoint; further inputs have no weight at first.",
+        ),
+    ] = None,
     assignment: Annotated[
         list[str] | None,
         typer.Option(
@@ -114,6 +124,7 @@ def train(
         training__max_minutes=minutes,
         training__max_epochs=epochs,
         training__max_steps=steps,
+        training__start=None if start is None else str(start),
     )
     chosen = load_recipe(recipe, assignment or (), given)
     folder = out if out is not None else Path("runs") / Path(recipe).stem

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from glsim.errors import ConfigError
 
@@ -10,26 +10,30 @@ if TYPE_CHECKING:
     from glsim.faces.base import FaceSource
     from glsim.settings.schema import SourceSettings
 
+#: Frames of a generated sequence, unless the settings say otherwise.
+DEFAULT_SEQUENCE: Final = 30
+
 
 def open_source(settings: SourceSettings, seed: int) -> FaceSource:
     """Open the source that ``settings.kind`` names; ``seed`` is used by generated faces only.
 
     Raises ConfigError.
     """
+    timing = settings.frames_per_sequence or DEFAULT_SEQUENCE, settings.frames_per_second
     if settings.kind == "procedural":
         from glsim.faces.procedural import ProceduralFaces
 
-        return ProceduralFaces(seed)
+        return ProceduralFaces(seed, *timing)
     if settings.kind == "people":
         from glsim.faces.people import People
 
-        return People(seed, framing=settings.framing or "face")
+        return People(seed, *timing, framing=settings.framing or "face")
     if settings.root is None:
         raise ConfigError(f"source {settings.kind!r} needs --root: the folder with its files")
     if settings.kind == "ict-facekit":
         from glsim.faces.ict_facekit import IctFaceKit
 
-        return IctFaceKit(settings.root, seed)
+        return IctFaceKit(settings.root, seed, *timing)
     if settings.kind == "kinect2":
         raise ConfigError("source 'kinect2' holds recorded frames, no faces: glsim import kinect2")
     root, unit, axes = settings.root, settings.unit, settings.axes

@@ -95,6 +95,10 @@ class DrawKeys(NamedTuple):
     sequence: int
     subject: int
 
+    def held_in_sequence(self) -> DrawKeys:
+        """Return the keys with which nothing is drawn anew within a sequence."""
+        return self._replace(frame=self.sequence)
+
 
 def _from_number(value: object) -> object:
     if isinstance(value, bool | int | float):

@@ -3,6 +3,7 @@
     sensor = "kinect-v2-paper"        a shipped sensor, or the path of a sensor file
     seed = 7
     split = [0.70, 0.12, 0.18]
+    redraw = "sequence"               settings are held within a sequence, as in a video
     [source]                          or several [[source]] tables
     kind = "procedural"
     subjects = 10
@@ -64,6 +65,8 @@ _SOURCE_OPTIONS = {
     "steps": ("facewarehouse",),
     "poses": ("facewarehouse",),
     "framing": ("people",),
+    "frames_per_sequence": GENERATORS,
+    "frames_per_second": GENERATORS,
 }
 
 
@@ -87,6 +90,16 @@ class SourceSettings(_Table):
     root: Path | None = Field(None, description="folder of the meshes or of the face model")
     subjects: int | None = Field(None, ge=1, description="number of people; default: all")
     frames_per_subject: int | None = Field(None, ge=1, description="default: all")
+    frames_per_sequence: int | None = Field(
+        None, ge=1, le=100_000, description="length of a generated sequence; default: 30"
+    )
+    frames_per_second: float | None = Field(
+        None,
+        gt=0,
+        le=1000,
+        description="a generated sequence is a part of a performance at this rate, at a random "
+        "time; default: the whole performance, evenly spaced",
+    )
     unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
     axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; auto: detected")
     every: int | None = Field(
@@ -210,6 +223,11 @@ class Settings(_Table):
     pose: PoseSettings = PoseSettings()
     variation: VariationSettings = VariationSettings()
     appearance: AppearanceSettings = AppearanceSettings()
+    redraw: Literal["sequence"] | None = Field(
+        None,
+        description="sequence: what would be drawn for each frame is drawn once per sequence, as "
+        "in a video of one device; only the noise is new in each frame",
+    )
     scene: SceneSettings = SceneSettings()
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
     stage: dict[str, dict[str, NumberSetting]] = Field(default_factory=dict)

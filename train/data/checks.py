@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,7 +21,13 @@ Cut = Literal["no", "centre", "random"]
 PAIR_LAYERS = ("noisy", "clean")
 
 
-def checked_split(dataset: Dataset, name: str, crop: int | None, cut: Cut) -> Split:
+def checked_split(
+    dataset: Dataset,
+    name: str,
+    crop: int | None,
+    cut: Cut,
+    layers: Sequence[str] = PAIR_LAYERS,
+) -> Split:
     """Return a split after checking that it can be trained on. Images are not decoded.
 
     Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits, a
@@ -37,15 +43,16 @@ def checked_split(dataset: Dataset, name: str, crop: int | None, cut: Cut) -> Sp
             f"{dataset.path}: has no frames in its split {name!r} (frames: {have}): generate one "
             "with other shares (--split)"
         )
-    for layer in PAIR_LAYERS:
+    for layer in layers:
         if layer not in dataset.layers:
             if layer == "clean":
                 raise DatasetError(no_clean(dataset.path))
             raise DatasetError(
-                f"{dataset.path}: has no layer {layer!r}: generate it with --layers clean,noisy"
+                f"{dataset.path}: has no layer {layer!r}: generate it with --layers "
+                f"{','.join(sorted({*PAIR_LAYERS, *layers}))}"
             )
     _check_subjects(dataset)
-    _check_frames(dataset, split, crop, cut)
+    _check_frames(dataset, split, crop, cut, layers)
     return split
 
 
@@ -61,7 +68,9 @@ def _check_subjects(dataset: Dataset) -> None:
             )
 
 
-def _check_frames(dataset: Dataset, split: Split, crop: int | None, cut: Cut) -> None:
+def _check_frames(
+    dataset: Dataset, split: Split, crop: int | None, cut: Cut, layers: Sequence[str]
+) -> None:
     first = (split[0].intrinsics.height, split[0].intrinsics.width)
     sizes: dict[str, int] = {}
     for pair in split:
@@ -72,7 +81,7 @@ def _check_frames(dataset: Dataset, split: Split, crop: int | None, cut: Cut) ->
                 f"{dataset.path}: {pair!r} is {size[1]} x {size[0]} pixels, frames before it "
                 f"{first[1]} x {first[0]}: a batch needs one size: give a crop"
             )
-        for layer in PAIR_LAYERS:
+        for layer in layers:
             _check_file(dataset.path, pair.record["files"][layer], sizes)
 
 

@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
+from glsim.denoise.inputs import Inputs, stack_inputs
 from glsim.errors import ConfigError, MeshError
 from glsim.frame import Frame, Skipped, to_mm
 from glsim.pipeline import open_sources, simulate
 from glsim.plan.tasks import Task
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
+from glsim.settings.seeds import stable_seed
+from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
 
 log = logging.getLogger(__name__)
@@ -47,6 +50,7 @@ def randomised(
 class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
     """Batches (noisy_mm, clean_mm), each (batch, 1, H, W) float32 millimetres, 0 = no return.
 
+    With further ``inputs``, noisy_mm is the stack of all, (batch, C, H, W).
     ``loader`` makes the DataLoader. Your own DataLoader needs ``batch_size=None`` (batches are made
     here) and a ``multiprocessing_context`` of "forkserver" or "spawn" (OpenGL does not survive a
     fork). The sequence of batches is a function of (settings, batch, reuse, split, seed) for any
@@ -60,6 +64,8 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         batch: int = 4,
         seed: int = 0,
         split: str = "train",
+        inputs: Inputs = Inputs(),
+        vary_inputs: bool = False,
         reuse: int = 1,
         start: int = 0,
         length: int | None = None,
@@ -67,6 +73,10 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
     ) -> None:
         """settings: faces, poses, sensor and crop; its seed determines the people, and ``seed``
         the choice and order of their frames and the noise.
+
+        inputs: what the network sees besides depth. Neighbours in time are frames of the same
+        sequence; its settings should be held within it (``redraw = "sequence"``), at the frame
+        rate of the camera (``source.frames_per_second``). vary_inputs: as in ``Augmentation``.
 
         reuse: uses of each pair. N divides the cost of rendering per batch by N, and the network
         sees fewer new pairs. All uses of a pair lie within some hundred batches (one block, see
@@ -85,7 +95,10 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         sensor_of(settings)  # checks its parameters now, not later in a worker
         sources = open_sources(settings)
         people = split_people(settings, sources, split)
-        self.stream = BatchStream(settings, sources, people, split, batch, reuse, seed)
+        self.stream = BatchStream(
+            settings, sources, people, split, batch, reuse, seed, inputs.temporal
+        )
+        self._inputs, self._vary = inputs, vary_inputs
         self._start, self._length, self._backend = start, length, backend
 
     def __len__(self) -> int:
@@ -106,7 +119,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             "split": self.stream.split,
             "batch": self.stream.batch,
             "reuse": self.stream.reuse,
-        }
+        } | ({"inputs": list(self._inputs)} if self._inputs != Inputs() else {})
 
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
         """Make a DataLoader of batches in order. Raises ConfigError.
@@ -142,7 +155,13 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             place.lane: place.block
             for place in map(self.stream.place, range(self._start, self._start + LANES))
         }
-        blocks = _BlockRenderer(self.stream, [(lane, first[lane]) for lane in lanes], self._backend)
+        blocks = _BlockRenderer(
+            self.stream,
+            [(lane, first[lane]) for lane in lanes],
+            self._backend,
+            self._inputs,
+            self._vary,
+        )
         try:
             for place in places:
                 yield blocks.batch(place)
@@ -163,9 +182,14 @@ class _BlockRenderer:
     """
 
     def __init__(
-        self, stream: BatchStream, lanes: list[tuple[int, int]], backend: str | None
+        self,
+        stream: BatchStream,
+        lanes: list[tuple[int, int]],
+        backend: str | None,
+        inputs: Inputs,
+        vary: bool,
     ) -> None:
-        self._stream, self._lanes = stream, lanes
+        self._stream, self._lanes, self._inputs, self._vary = stream, lanes, inputs, vary
         self._planned: deque[tuple[int, int]] = deque()  # (lane, block) of each frame to come
         self._rendered: dict[tuple[int, int], list[Frame | Skipped]] = {}  # unfinished blocks
         self._pairs: dict[tuple[int, int], list[NDArray[np.float32]]] = {}
@@ -175,7 +199,7 @@ class _BlockRenderer:
             self._tasks(),
             sources=stream.sources,
             backend=backend,
-            layers=("clean", "noisy"),
+            layers=("clean", "noisy", "infrared") if inputs.infrared else ("clean", "noisy"),
         )
         self._frames = cast("Generator[Frame | Skipped]", frames)
 
@@ -197,8 +221,8 @@ class _BlockRenderer:
             self._frames_due -= 1
             self._render_frame()
         pairs = self._pairs[block]
-        both = torch.from_numpy(np.stack([pairs[number] for number in place.pairs], axis=1))
-        return both[0][:, None], both[1][:, None]
+        images = torch.from_numpy(np.stack([pairs[number] for number in place.pairs]))
+        return images[:, :-1], images[:, -1:]
 
     def _render_frame(self) -> None:
         """Render the next frame; the last one of a block completes its pairs."""
@@ -208,7 +232,23 @@ class _BlockRenderer:
         rendered.append(result)
         if len(rendered) == self._stream.block_pairs:
             frames = replace_skipped(self._rendered.pop(block))
-            self._pairs[block] = [_pair_mm(frame) for frame in frames]
+            self._pairs[block] = self._images(frames, block)
+
+    def _images(self, frames: Sequence[Frame], block: tuple[int, int]) -> list[NDArray[np.float32]]:
+        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and clean."""
+        pairs = [_pair_mm(frame) for frame in frames]
+        moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
+        neighbours = Neighbours(moments, self._inputs)
+        rng = np.random.default_rng(stable_seed("inputs", self._stream.seed, *block))
+        images = []
+        for number, (frame, (noisy_mm, clean_mm)) in enumerate(zip(frames, pairs, strict=True)):
+            before, after = ([pairs[n][0] for n in side] for side in neighbours.of(number))
+            infrared = frame.infrared if self._inputs.infrared else None
+            stack = stack_inputs(self._inputs, noisy_mm, before, after, infrared)
+            if self._vary:
+                stack = vary_inputs(stack, self._inputs, rng)
+            images.append(np.concatenate([stack, clean_mm[None]]))
+        return images
 
     def close(self) -> None:
         """Release the OpenGL context."""

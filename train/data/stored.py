@@ -12,9 +12,11 @@ from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
 from glsim.dataset import open_dataset
+from glsim.denoise.inputs import INFRARED, Inputs, stack_inputs
 from glsim.frame import to_mm
 from glsim.settings.seeds import stable_seed
 from glsim.train.data.checks import PAIR_LAYERS, Cut, checked_split
+from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.surface_bumps import draw_surface_bumps
 
 __all__ = ["CACHE_MB", "Augmentation", "StoredPairs"]
@@ -34,6 +36,9 @@ class Augmentation:
     relief_mm: add bumps and creases up to about this height to both depths, see
         ``glsim.train.data.surface_bumps``.
 
+    vary_inputs: change the infrared's gain and the number of neighbours in time, or leave them
+        out, see ``glsim.train.data.extra_inputs``; without such inputs it does nothing.
+
     Nothing else is offered. A depth offset would be wrong: noise grows, and faces shrink, with
     distance. So would rotation, scaling and added noise; each has a physical counterpart in the
     settings of the simulator (pose, distance, parameters of the stages). To shift, crop larger
@@ -42,11 +47,13 @@ class Augmentation:
 
     flip: bool = False
     relief_mm: float = 0.0
+    vary_inputs: bool = False
 
 
 class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
     """``pairs[n]`` is (noisy_mm, clean_mm), each (1, H, W) float32 millimetres, 0 = no return.
 
+    With further ``inputs``, noisy_mm is the stack of all, (C, H, W): see ``glsim.denoise.inputs``.
     The same (seed, epoch, n) gives the same pair in any process and order.
     """
 
@@ -58,11 +65,12 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         crop: int | None = None,
         cut: Cut = "no",
         augmentation: Augmentation | None = None,
+        inputs: Inputs = Inputs(),
         seed: int = 0,
         cache_mb: float = CACHE_MB,
     ) -> None:
         """crop: side of the square frames, px; default: whole frames, all of one size. cut: how
-        larger frames are cropped. seed: seed of ``augmentation`` and random crops.
+        larger frames are cropped. inputs: what the network sees besides depth. seed: seed of ``augmentation`` and random crops.
 
         cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
         files in every epoch. Only the process that made this object has a cache: the workers of a
@@ -71,7 +79,13 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         Raises DatasetError and ConfigError, see ``glsim.train.data.checks.checked_split``.
         """
         self.dataset = open_dataset(dataset)
-        self.split = checked_split(self.dataset, split, crop, cut)
+        self._layers = (*PAIR_LAYERS, *(["infrared"] if inputs.infrared else []))
+        self.split = checked_split(self.dataset, split, crop, cut, self._layers)
+        self._inputs = inputs
+        self._neighbours: Neighbours | None = None
+        if inputs.temporal:
+            moments = [Moment((pair.subject, pair.sequence), pair.frame) for pair in self.split]
+            self._neighbours = Neighbours(moments, inputs)
         self._crop, self._cut, self._seed = crop, cut, seed
         self._augmentation = augmentation or Augmentation()
         # In shared memory, so that persistent workers see the new epoch.
@@ -93,66 +107,92 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
     def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:
         """Return one pair. Raises DatasetError with the file's name for an unreadable image."""
         number = range(len(self))[index]
-        pair_mm = self._pair_mm(number)
+        images = self._images(number)
         rng = np.random.default_rng(
             stable_seed("augment", self._seed, int(self._epoch.item()), number)
         )
-        pair_mm = self._cropped(pair_mm, rng)
+        images = self._cropped(images, rng)
         if self._augmentation.flip and rng.random() < 0.5:
-            pair_mm = pair_mm[:, :, ::-1]
+            images = images[:, :, ::-1]
         if self._augmentation.relief_mm:
-            bumps_mm = draw_surface_bumps(pair_mm.shape[1:], self._augmentation.relief_mm, rng)
-            pair_mm = np.where(pair_mm > 0, pair_mm + bumps_mm, np.float32(0))
-        both = torch.from_numpy(np.ascontiguousarray(pair_mm))
-        return both[0:1], both[1:2]
+            bumps_mm = draw_surface_bumps(images.shape[1:], self._augmentation.relief_mm, rng)
+            raised = np.where(images > 0, images + bumps_mm, np.float32(0))
+            if self._inputs.infrared:
+                self._inputs.named(raised)[INFRARED][:] = self._inputs.named(images)[INFRARED]
+            images = raised
+        noisy, clean = images[:-1], images[-1:]
+        if self._augmentation.vary_inputs:
+            noisy = vary_inputs(noisy, self._inputs, rng)
+        return tuple(torch.from_numpy(np.ascontiguousarray(part)) for part in (noisy, clean))
 
     def _cropped(
-        self, pair_mm: NDArray[np.float32], rng: np.random.Generator
+        self, images: NDArray[np.float32], rng: np.random.Generator
     ) -> NDArray[np.float32]:
-        height, width = pair_mm.shape[1:]
+        height, width = images.shape[1:]
         side = self._crop
         if side is None or (height, width) == (side, side):
-            return pair_mm
+            return images
         top, left = (height - side) // 2, (width - side) // 2
         if self._cut == "random":
             top, left = (int(rng.integers(free + 1)) for free in (height - side, width - side))
-        return pair_mm[:, top : top + side, left : left + side]
+        return images[:, top : top + side, left : left + side]
 
-    def _pair_mm(self, number: int) -> NDArray[np.float32]:
-        """Read a pair, (2, H, W): noisy, clean; from the cache if possible."""
+    def _images(self, number: int) -> NDArray[np.float32]:
+        """Read a frame, (C + 1, H, W): the stack of its inputs, and clean."""
+        noisy_mm, clean_mm, *infrared = self._layers_of(number)
+        sides: list[list[NDArray[np.float32]]] = [[], []]
+        if self._neighbours is not None:
+            sides = [
+                [
+                    image
+                    for other in others
+                    if (image := self._layers_of(other)[0]).shape == noisy_mm.shape
+                ]
+                for others in self._neighbours.of(number)
+            ]
+        stack = stack_inputs(self._inputs, noisy_mm, sides[0], sides[1], *infrared)
+        return np.concatenate([stack, clean_mm[None]])
+
+    def _layers_of(self, number: int) -> list[NDArray[np.float32]]:
+        """Read the layers of a frame, (H, W) each: noisy and clean in mm, and infrared if used.
+
+        From the cache if possible.
+        """
         cache = self._cache_of_process()
         if cache is not None and cache.known[number]:
-            return cache.pair_mm(number)
-        pair = self.split[number]
-        units = np.stack([pair.image(layer) for layer in PAIR_LAYERS]).astype(np.uint16)
-        if cache is not None and units.shape[1:] == cache.units.shape[2:]:
-            cache.keep(number, units, pair.depth_offset_mm)
-        return to_mm(units, self.dataset.depth_unit_mm, pair.depth_offset_mm)
+            units, offset_mm = cache.units[number], cache.offset_mm(number)
+        else:
+            pair = self.split[number]
+            units = np.stack([pair.image(layer) for layer in self._layers]).astype(np.uint16)
+            offset_mm = pair.depth_offset_mm
+            if cache is not None and units.shape[1:] == cache.units.shape[2:]:
+                cache.keep(number, units, offset_mm)
+        pair_mm = to_mm(units[:2], self.dataset.depth_unit_mm, offset_mm)
+        return [*pair_mm, *units[2:].astype(np.float32)]
 
     def _cache_of_process(self) -> _Cache | None:
         if get_worker_info() is not None:
             return None
         if self._cache is None:
             camera = self.split[0].intrinsics
-            shape = (len(self), len(PAIR_LAYERS), camera.height, camera.width)
+            shape = (len(self), len(self._layers), camera.height, camera.width)
             if np.prod(shape, dtype=np.float64) * np.dtype(np.uint16).itemsize > self._cache_bytes:
                 return None
-            self._cache = _Cache(shape, self.dataset.depth_unit_mm)
+            self._cache = _Cache(shape)
         return self._cache
 
 
 class _Cache:
     """Decoded frames in units of their files. The system allocates memory as frames come in."""
 
-    def __init__(self, shape: tuple[int, ...], unit_mm: float) -> None:
+    def __init__(self, shape: tuple[int, ...]) -> None:
         self.units = np.zeros(shape, np.uint16)
         self.known = np.zeros(shape[0], bool)
         self._offset_mm = np.zeros(shape[0], np.float32)
-        self._unit_mm = unit_mm
 
     def keep(self, number: int, units: NDArray[np.uint16], offset_mm: float) -> None:
         self.units[number], self._offset_mm[number] = units, offset_mm
         self.known[number] = True
 
-    def pair_mm(self, number: int) -> NDArray[np.float32]:
-        return to_mm(self.units[number], self._unit_mm, float(self._offset_mm[number]))
+    def offset_mm(self, number: int) -> float:
+        return float(self._offset_mm[number])

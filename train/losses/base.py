@@ -1,7 +1,7 @@
 """The interface of all losses. A loss is the table [loss] of a recipe and a callable.
 
 Arguments are a prediction, the noisy and the clean depth, each (B, 1, H, W) float32 millimetres
-with 0 = no depth. Results are the total and its parts by name. All arithmetic is float32.
+with 0 = no depth. Only the network sees further inputs (``glsim.denoise.inputs``). Results are the total and its parts by name. All arithmetic is float32.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ class Loss(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     #: Whether a lower value on validation frames means a better network.
     can_be_monitored: ClassVar[bool] = True
+    #: Whether it trains networks of single depth frames alone, because it changes their input.
+    depth_alone: ClassVar[bool] = False
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
@@ -39,9 +41,10 @@ class Loss(BaseModel):
     ) -> tuple[Tensor, LossParts]:
         """Run the network on a batch and return its loss. Losses that change the input override it.
 
+        noisy_mm: (B, C, H, W), all inputs of the network.
         generator: source of this step's random numbers, on the CPU.
         """
-        return self(to_float32(model(noisy_mm)), noisy_mm, clean_mm)
+        return self(to_float32(model(noisy_mm)), noisy_mm[:, :1], clean_mm)
 
 
 def to_float32(prediction: Prediction) -> Prediction:

@@ -27,6 +27,7 @@ class _NoisyTargetLoss(Loss):
     """Base class of losses whose target is the measured depth."""
 
     can_be_monitored: ClassVar[bool] = False
+    depth_alone: ClassVar[bool] = True
     beta_mm: float = Field(
         3.0, gt=0, description="error below which depth counts squared, above linearly"
     )

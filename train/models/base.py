@@ -7,6 +7,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from glsim.denoise.inputs import Inputs
+
 
 class Prediction(NamedTuple):
     """A network's output for a batch of depth maps; each (B, 1, H, W) float32.
@@ -33,11 +35,14 @@ class Prediction(NamedTuple):
 
 
 class DepthModel(nn.Module):
-    """A denoiser of single depth frames of any size: ``model(noisy_mm) -> Prediction``.
+    """A denoiser of depth frames of any size: ``model(noisy_mm) -> Prediction``.
 
-    noisy_mm: (B, 1, H, W) float32 millimetres, 0 = no return. Scaling happens inside the model, so
-    no caller can feed a wrong range.
+    noisy_mm: (B, C, H, W) float32: the depth to denoise in millimetres, 0 = no return, and, if the
+    model has further ``inputs``, those; see ``glsim.denoise.inputs``. Scaling happens inside the
+    model, so no caller can feed a wrong range.
     """
+
+    inputs: Inputs = Inputs()
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""

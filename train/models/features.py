@@ -108,6 +108,21 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     return torch.cat(surfaces, dim=1)
 
 
+def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: Tensor) -> Tensor:
+    """Mean of known values on each pixel's own surface, (B, 1, H, W); 0 where there is none.
+
+    The samples and weights are those of channel 0: measured depths within 50 mm of ``fill_mm``.
+    """
+    total, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
+    depths = torch.where((noisy_mm > 0) & known, noisy_mm, torch.inf)
+    for depth, value in zip(_taps(depths, torch.inf), _taps(values, 0.0), strict=True):
+        offset = (depth - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
+        weight = (1.0 - (offset / _SURFACE_MM).square()).square()
+        total += weight * value
+        weight_sum += weight
+    return total / weight_sum.clamp_min(_TINY)
+
+
 def _taps(image: Tensor, outside: float) -> Iterator[Tensor]:
     """Yield the image shifted to each of 5x5 samples 3 px apart around a pixel.
 

@@ -10,15 +10,31 @@ Deep Learning for Computer Vision?", NeurIPS 2017 (heteroscedastic aleatoric).
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import torch
+from pydantic import Field
 from torch import Tensor
 
+from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, Inputs
 from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel, Prediction
-from glsim.train.models.features import CHANNELS, depth_features, front_and_back, local_mean
+from glsim.train.models.extra_features import (
+    extra_channels,
+    infrared_features,
+    log_counts,
+    neighbour_features,
+)
+from glsim.train.models.features import (
+    CHANNELS,
+    depth_features,
+    front_and_back,
+    local_mean,
+    own_surface_mean,
+)
 
+#: A number of neighbours in time, earlier or later.
+Neighbours = Annotated[int, Field(ge=0, le=MAX_NEIGHBOURS)]
 #: Depth correction for a network output of 1, mm: the scale of its first input channel.
 _CORRECTION_MM: Final = 10.0
 #: Log odds of depth before training: +3 for measured pixels, -3 for holes, i.e. 95 %.
@@ -36,7 +52,9 @@ _LEAST_SIGMA_MM, _LARGEST_SIGMA_MM = 0.02, 500.0
 class MaskAware(DepthModel):
     """A backbone between `depth_features` and corrected depth, validity and uncertainty.
 
-    noisy_mm: (B, 1, H, W) float32; pixels that are not above 0 are holes, whatever their value.
+    noisy_mm: (B, C, H, W) float32: depth, and the further inputs that ``infrared``, ``before`` and
+    ``after`` ask for (see ``glsim.denoise.inputs``); pixels of depth and infrared that are not
+    above 0 are holes, whatever their value.
     Features and sums in millimetres are float32 under autocast too. The last layer starts at zero:
     training starts from the measured depth, the measured mask and a sigma of 1.65 mm.
 
@@ -57,19 +75,33 @@ class MaskAware(DepthModel):
     sigma_scale: Tensor
 
     def __init__(
-        self, backbone: Backbone, uncertainty: bool = False, surfaces: bool = False
+        self,
+        backbone: Backbone,
+        uncertainty: bool = False,
+        surfaces: bool = False,
+        infrared: bool = False,
+        before: Neighbours = 0,
+        after: Neighbours = 0,
     ) -> None:
         super().__init__()
+        self.inputs = Inputs(infrared, before, after)
         self.backbone = backbone
         self.uncertainty = uncertainty
         self.surfaces = surfaces
         self.register_buffer("sigma_scale", torch.ones(()))
 
     @staticmethod
-    def backbone_settings(uncertainty: bool = False, surfaces: bool = False) -> dict[str, Any]:
+    def backbone_settings(
+        uncertainty: bool = False,
+        surfaces: bool = False,
+        infrared: bool = False,
+        before: int = 0,
+        after: int = 0,
+    ) -> dict[str, Any]:
         """Arguments that the backbone must be built with."""
+        extra = extra_channels(Inputs(infrared, before, after))
         return {
-            "in_channels": CHANNELS + 2 * surfaces,
+            "in_channels": CHANNELS + 2 * surfaces + extra,
             "out_channels": 2 + uncertainty + 4 * surfaces,
             "residual": False,
             "zero_last": True,
@@ -78,13 +110,16 @@ class MaskAware(DepthModel):
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""
         with torch.autocast(noisy_mm.device.type, enabled=False):
-            noisy_mm = noisy_mm.float()
+            stack = noisy_mm.float()
+            noisy_mm = stack[:, :1]
             fill_mm, channels, even = depth_features(noisy_mm)
             if self.surfaces:
                 around_mm = front_and_back(noisy_mm, fill_mm)
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
                 channels = torch.cat([offset, channels], dim=1)
-        valid = channels[:, -1:]
+            valid = channels[:, -1:]
+            # At the end: a network of single frames keeps its weights, see `warm_start`.
+            channels = torch.cat([channels, *self._extra(stack, fill_mm)], dim=1)
         out = self.backbone(channels, valid).float()
         correction = out[:, 0:1] - local_mean(out[:, 0:1], even)
         prediction = Prediction(
@@ -95,6 +130,19 @@ class MaskAware(DepthModel):
         if not self.surfaces:
             return prediction
         return self._with_likeliest_surface(prediction, around_mm, out[:, -4:])
+
+    def _extra(self, stack: Tensor, fill_mm: Tensor) -> list[Tensor]:
+        """Features of the inputs besides the frame's depth, `extra_channels` of them."""
+        named = self.inputs.named(stack)
+        features = []
+        if self.inputs.infrared:
+            log = log_counts(named[INFRARED])
+            surface_log = own_surface_mean(log, fill_mm, named[DEPTH], named[INFRARED] > 0)
+            features.append(infrared_features(named[INFRARED], surface_log))
+        neighbours = [named[name] for name in (BEFORE, AFTER) if name in named]
+        if neighbours:
+            features.append(neighbour_features(torch.cat(neighbours, dim=1), fill_mm))
+        return features
 
     def _with_likeliest_surface(
         self, own: Prediction, around_mm: Tensor, out: Tensor

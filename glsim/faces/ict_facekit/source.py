@@ -31,6 +31,7 @@ class IctFaceKit:
 
     root: the cloned repository or its FaceXModel folder; read once, then cached (see ``cache``).
     seed: determines every identity and performance. frames_per_sequence: length of a sequence.
+    frames_per_second: see ``performance_frames``.
     new_identity_every_frame: use another person in every frame, for benchmarks.
     Raises ConfigError if the model is missing or incomplete. ``load`` raises MeshError if one of
     its files is damaged.
@@ -47,6 +48,7 @@ class IctFaceKit:
         root: Path | str,
         seed: int = 0,
         frames_per_sequence: int = 30,
+        frames_per_second: float | None = None,
         *,
         new_identity_every_frame: bool = False,
     ) -> None:
@@ -55,6 +57,7 @@ class IctFaceKit:
         self.root = model_folder(Path(root))
         self.seed = seed
         self.frames_per_sequence = frames_per_sequence
+        self.frames_per_second = frames_per_second
         self.new_identity_every_frame = new_identity_every_frame
 
     def __getstate__(self) -> dict[str, Any]:
@@ -79,7 +82,9 @@ class IctFaceKit:
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
-        return performance_frames(self.seed, subject, count, self.frames_per_sequence)
+        return performance_frames(
+            self.seed, subject, count, self.frames_per_sequence, self.frames_per_second
+        )
 
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return a subject's (V, 3) float32 vertices without expression, mm, and (F, 3) faces."""

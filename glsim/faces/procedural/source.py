@@ -29,15 +29,22 @@ class ProceduralFaces:
     """A FaceSource of parametric heads, without data files.
 
     seed: determines every identity and performance. frames_per_sequence: length of a sequence.
+    frames_per_second: see ``performance_frames``.
     """
 
     name = "procedural"
 
-    def __init__(self, seed: int = 0, frames_per_sequence: int = 30) -> None:
+    def __init__(
+        self,
+        seed: int = 0,
+        frames_per_sequence: int = 30,
+        frames_per_second: float | None = None,
+    ) -> None:
         if frames_per_sequence < 1:
             raise ConfigError(f"frames_per_sequence is {frames_per_sequence}: give 1 or more")
         self.seed = seed
         self.frames_per_sequence = frames_per_sequence
+        self.frames_per_second = frames_per_second
         self._cache: OrderedDict[str, Subject] = OrderedDict()
 
     def __getstate__(self) -> dict[str, object]:
@@ -62,7 +69,9 @@ class ProceduralFaces:
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
-        return performance_frames(self.seed, subject, count, self.frames_per_sequence)
+        return performance_frames(
+            self.seed, subject, count, self.frames_per_sequence, self.frames_per_second
+        )
 
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return a subject's (V, 3) float32 vertices without expression, mm, and (F, 3) faces."""

@@ -1,0 +1,81 @@
+"""What a network sees besides the depth of its frame: infrared, and neighbours in time.
+
+A network's input is one stack of images, (C, H, W) float32:
+
+    0                    depth of the frame, mm, 0 = no return
+    1, if infrared       infrared of the frame, counts, 0 = not measured
+    then ``before``      depth of earlier frames, the latest first
+    then ``after``       depth of later frames, the next one first
+
+Images that do not exist (the start of a sequence, a camera without infrared) are zeros.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Most neighbours on each side; more than four add little (noise falls with the root of the
+#: number), and a head has moved by then.
+MAX_NEIGHBOURS: Final = 4
+#: Names of the inputs of exported networks, in the order of the stack.
+DEPTH, INFRARED, BEFORE, AFTER = "noisy_mm", "infrared", "before_mm", "after_mm"
+
+
+class Inputs(NamedTuple):
+    """The inputs of a network besides the frame's depth: infrared, and numbers of neighbours."""
+
+    infrared: bool = False
+    before: int = 0
+    after: int = 0
+
+    @property
+    def names(self) -> dict[str, int]:
+        """Name of each input -> its number of images, in the order of the stack."""
+        counts = {DEPTH: 1, INFRARED: int(self.infrared), BEFORE: self.before, AFTER: self.after}
+        return {name: count for name, count in counts.items() if count}
+
+    @property
+    def channels(self) -> int:
+        """Number of images in the stack."""
+        return sum(self.names.values())
+
+    @property
+    def temporal(self) -> bool:
+        """Whether neighbours in time are among the inputs."""
+        return bool(self.before or self.after)
+
+    def named(self, stack: Any) -> dict[str, Any]:
+        """Split a stack, (C, H, W), or a batch of them, (B, C, H, W): name -> its images."""
+        parts: dict[str, Any] = {}
+        first = 0
+        for name, count in self.names.items():
+            parts[name] = stack[..., first : first + count, :, :]
+            first += count
+        return parts
+
+
+def stack_inputs(
+    inputs: Inputs,
+    depth_mm: NDArray[Any],
+    before_mm: Sequence[NDArray[Any]] = (),
+    after_mm: Sequence[NDArray[Any]] = (),
+    infrared: NDArray[Any] | None = None,
+) -> NDArray[np.float32]:
+    """Return the stack of a frame, (C, H, W) float32.
+
+    depth_mm: (H, W). before_mm, after_mm: its neighbours, the nearest first; surplus ones are left
+    out. infrared: (H, W) counts, or None.
+    """
+    stack = np.zeros((inputs.channels, *depth_mm.shape), np.float32)
+    parts = inputs.named(stack)
+    parts[DEPTH][0] = depth_mm
+    if inputs.infrared and infrared is not None:
+        parts[INFRARED][0] = infrared
+    for name, given in ((BEFORE, before_mm), (AFTER, after_mm)):
+        for place, neighbour in zip(parts.get(name, ()), given, strict=False):
+            place[:] = neighbour
+    return stack

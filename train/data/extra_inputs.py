@@ -1,0 +1,87 @@
+"""Infrared and neighbours in time beside the depth of stored and simulated pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.denoise.inputs import AFTER, BEFORE, INFRARED, Inputs
+
+#: Infrared is multiplied by a factor within 1/4 and 4, log-uniform: light per distance and albedo
+#: differs by a factor of 5 between a real Kinect V2 and our model of it.
+_LARGEST_GAIN: Final = 4.0
+#: Share of frames whose infrared is left out, so that a camera without it may use the network.
+_WITHOUT_INFRARED: Final = 0.1
+#: Share of frames whose neighbours are not the nearest ones: cameras drop frames.
+_WITH_GAPS: Final = 0.25
+
+
+class Moment(NamedTuple):
+    """A frame's place in time: frames of one sequence have the same words."""
+
+    sequence: tuple[str, ...]
+    frame: int
+
+
+class Neighbours:
+    """The neighbours in time of each of some frames, by their positions in a list.
+
+    A neighbour is of the same sequence and at most ``inputs.before`` frames earlier or
+    ``inputs.after`` later by its number: frames may be missing.
+    """
+
+    def __init__(self, moments: Sequence[Moment], inputs: Inputs) -> None:
+        """moments: of all frames; those of a sequence are consecutive and in the order of time."""
+        self._inputs = inputs
+        words = dict.fromkeys(moment.sequence for moment in moments)
+        numbers = {sequence: number for number, sequence in enumerate(words)}
+        self._sequence = np.array([numbers[moment.sequence] for moment in moments], np.int64)
+        self._frame = np.array([moment.frame for moment in moments], np.int64)
+
+    def of(self, number: int) -> tuple[list[int], list[int]]:
+        """Return the positions of earlier and of later neighbours, the nearest first."""
+        return self._towards(number, -1, self._inputs.before), self._towards(
+            number, +1, self._inputs.after
+        )
+
+    def _towards(self, number: int, step: int, reach: int) -> list[int]:
+        found = []
+        last = self._frame[number]
+        for other in range(number + step, number + step * (reach + 1), step):
+            if not 0 <= other < len(self._frame) or self._sequence[other] != self._sequence[number]:
+                break
+            distance = step * int(self._frame[other] - self._frame[number])
+            if not (0 < distance <= reach) or step * int(self._frame[other] - last) <= 0:
+                break
+            last = self._frame[other]
+            found.append(other)
+        return found
+
+
+def vary_inputs(
+    stack: NDArray[np.float32], inputs: Inputs, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Return the stack of a frame, (C, H, W), with inputs changed as cameras and sequences differ.
+
+    Infrared gets a random gain or is left out. Of the neighbours that exist on each side, a random
+    number remains, the nearest ones or others, so that a network works with any number.
+    """
+    varied = stack.copy()
+    named = inputs.named(varied)
+    if INFRARED in named:
+        gain = np.exp(rng.uniform(-1.0, 1.0) * np.log(_LARGEST_GAIN))
+        named[INFRARED] *= np.float32(0.0 if rng.random() < _WITHOUT_INFRARED else gain)
+    for name in (BEFORE, AFTER):
+        if name not in named:
+            continue
+        images = named[name]
+        kept = np.arange(rng.integers(len(images) + 1))
+        if rng.random() < _WITH_GAPS:
+            kept = np.sort(rng.choice(len(images), len(kept), replace=False))
+        remaining = images[kept]
+        images[:] = 0
+        images[: len(kept)] = remaining
+    return varied

@@ -1,0 +1,60 @@
+"""Start a network from the weights of another one that sees fewer inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+
+from glsim.errors import ConfigError
+
+#: Buffers that describe a trained network; a new training begins without them.
+_NOT_COPIED = ("sigma_scale",)
+
+
+@torch.no_grad()
+def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) -> None:
+    """Copy weights, by name and shape, into a network with further inputs.
+
+    Further inputs come last: where a layer of ``network`` has more input channels (dimension 1)
+    than ``weights``, those in front are copied and the others become 0, so that the network gives
+    the same depth as the other one until it is trained. where: the file, for messages. Raises
+    ConfigError if the networks differ in more.
+    """
+    own = network.state_dict()
+    if odd := sorted((own.keys() ^ weights.keys()) - set(_NOT_COPIED)):
+        raise ConfigError(
+            f"{where}: is another architecture (it {'has' if odd[0] in weights else 'lacks'} "
+            f"{odd[0]}): start from a network with the same [model], or without --from"
+        )
+    extended = []
+    for name, target in own.items():
+        given = weights.get(name)
+        if name in _NOT_COPIED or given is None:
+            continue
+        if given.shape == target.shape:
+            target.copy_(given)
+        elif _has_more_inputs(target.shape, given.shape):
+            target.zero_()
+            target[:, : given.shape[1]].copy_(given)
+            extended.append(name)
+        else:
+            raise ConfigError(
+                f"{where}: {name} is {tuple(given.shape)}, this network needs "
+                f"{tuple(target.shape)}: start from a network with the same [model.backbone]"
+            )
+    if len(extended) > 1:
+        raise ConfigError(
+            f"{where}: {', '.join(extended)} have fewer inputs than in this network: only its "
+            "first layer may; start from a network with the same [model.backbone]"
+        )
+
+
+def _has_more_inputs(target: torch.Size, given: torch.Size) -> bool:
+    """Whether two shapes are equal but for a larger second dimension of the target."""
+    return (
+        len(target) == len(given) > 1
+        and target[1] > given[1]
+        and (target[0], *target[2:]) == (given[0], *given[2:])
+    )
