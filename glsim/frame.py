@@ -22,8 +22,9 @@ _UINT16_MAX = 65535
 
 #: The images of every frame: clean, noisy, infrared are uint16, reason is uint8.
 LAYERS = ("clean", "noisy", "infrared", "reason")
-#: The images that can be written to files; regions (uint8) is drawn on request only.
-WRITABLE = (*LAYERS, "regions")
+#: The images that can be written to files; regions (uint8) and expected (uint16) are drawn on
+#: request only.
+WRITABLE = (*LAYERS, "regions", "expected")
 
 
 def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray[np.uint16]:
@@ -60,20 +61,23 @@ class Frame:
     """A clean and a noisy depth map of one face, and the parameters that made them.
 
     The fields hold the window of the image that is not empty; the properties ``clean``, ``noisy``,
-    ``infrared``, ``reason`` and ``regions`` paste it into the frame, (height, width) of
-    ``intrinsics``.
+    ``infrared``, ``reason``, ``regions`` and ``expected`` paste it into the frame, (height, width)
+    of ``intrinsics``.
 
     key: subject, sequence and frame number. source: the name of the face source.
     seed: the frame's 64-bit seed.
     intrinsics: the pinhole camera of the delivered frame, crop included.
     window: the place of the arrays below in the delivered frame; all are (h, w) of it.
     clean_m, noisy_m: float32 metres along the optical axis, 0 = no surface or no return.
+    expected_m: float32 metres, what the sensor says of the surfaces without noise, blur, edges and
+        fixed pattern: clean plus the device's systematic error; > 0 where clean is. None if not
+        requested.
     infrared_counts: float32, in counts of the 16-bit image.
     reason_codes: uint8 codes of glsim.reason.Reason.
     region_codes: uint8 numbers of the parts of the face, 0 = none; None if not requested.
     region_numbers: part of the face -> its number.
     extra: further float32 layers of the stages, by name.
-    depth_unit_mm: millimetres per step of ``clean`` and ``noisy``.
+    depth_unit_mm: millimetres per step of ``clean``, ``expected`` and ``noisy``.
     depth_offset_mm: millimetres subtracted from every depth (0 unless normalised).
     pose: distance_mm, yaw_deg, ... as drawn, plus the motion of generated heads.
     expression: action unit or blend shape -> intensity in [0, 1].
@@ -91,6 +95,7 @@ class Frame:
     infrared_counts: NDArray[np.float32]
     reason_codes: NDArray[np.uint8]
     region_codes: NDArray[np.uint8] | None = None
+    expected_m: NDArray[np.float32] | None = None
     region_numbers: Mapping[str, int] = field(default_factory=dict)
     extra: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     depth_unit_mm: float = 1.0
@@ -109,6 +114,16 @@ class Frame:
     def noisy(self) -> NDArray[np.uint16]:
         """Noisy depth, (H, W) uint16 in steps of depth_unit_mm, 0 = no return."""
         return self._paste(encode_depth(self.noisy_m, self.depth_unit_mm))
+
+    @property
+    def expected(self) -> NDArray[np.uint16]:
+        """Depth with the device's systematic error alone, (H, W) uint16 like ``clean``.
+
+        Raises ConfigError if it was not requested.
+        """
+        if self.expected_m is None:
+            raise ConfigError(f"{self.source}: this frame was made without the layer 'expected'")
+        return self._paste(encode_depth(self.expected_m, self.depth_unit_mm))
 
     @property
     def infrared(self) -> NDArray[np.uint16]:

@@ -30,8 +30,8 @@ def assemble_frame(
 ) -> Frame:
     """Cut the crop, reconcile the reasons with the depths, and apply the output settings.
 
-    layers: (h, w) float32 of ``window``: clean and depth in metres, reason, and optionally infrared
-        (counts) and region (numbers).
+    layers: (h, w) float32 of ``window``: clean and depth in metres, reason, and optionally expected
+        (metres), infrared (counts) and region (numbers).
     window, crop: the rectangles of ``image`` that the layers hold and that is delivered.
     extra: names of layers to copy to ``Frame.extra``. identity: the other fields of Frame.
     Raises ConfigError if a stage wrote NaN or infinity.
@@ -41,7 +41,7 @@ def assemble_frame(
         visible.left - window.left, visible.top - window.top, visible.width, visible.height
     ).slices
     clean, noisy = layers["clean"][inside], layers["depth"][inside]
-    for name in ("depth", "reason", "infrared"):
+    for name in ("depth", "reason", "infrared", "expected"):
         if name in layers and not np.isfinite(layers[name][inside]).all():
             bad = int((~np.isfinite(layers[name][inside])).sum())
             raise ConfigError(
@@ -51,10 +51,14 @@ def assemble_frame(
     reason = reconcile_reasons(clean, noisy, layers["reason"][inside])
     if output.clean_mask == "as-noisy":
         clean = np.where(noisy > 0, clean, np.float32(0.0))
+    expected = layers.get("expected")
+    if expected is not None:
+        expected = _where_clean(expected[inside], clean, output)
     offset_mm = 0.0
     if output.nearest_to_mm is not None and (clean > 0).any():
         offset_mm = float(clean[clean > 0].min()) * 1000.0 - output.nearest_to_mm
         clean, noisy = (_shifted(depth, offset_mm, output) for depth in (clean, noisy))
+        expected = None if expected is None else _shifted(expected, offset_mm, output)
     infrared, region = layers.get("infrared"), layers.get("region")
     return Frame(
         intrinsics=image.cropped(*crop),
@@ -64,6 +68,7 @@ def assemble_frame(
         infrared_counts=np.zeros_like(clean) if infrared is None else infrared[inside],
         reason_codes=reason,
         region_codes=None if region is None else region[inside].astype(np.uint8),
+        expected_m=expected,
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
         extra={name: layers[name][inside] for name in extra if name in layers},
@@ -86,6 +91,14 @@ def reconcile_reasons(
     codes[has_depth & ~expects_depth] = Reason.VALID
     codes[has_depth & (codes == Reason.VALID) & (clean_m <= 0)] = Reason.GROWN
     return codes
+
+
+def _where_clean(
+    expected_m: NDArray[np.float32], clean_m: NDArray[np.float32], output: OutputSettings
+) -> NDArray[np.float32]:
+    """Return ``expected_m`` where clean has depth, at least one unit there, and 0 elsewhere."""
+    least_m = np.float32(output.depth_unit_mm / 1000.0)
+    return np.where(clean_m > 0, np.maximum(expected_m, least_m), np.float32(0.0))
 
 
 def _shifted(

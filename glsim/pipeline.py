@@ -93,7 +93,7 @@ def simulate(
     sources: the open face sources, any FaceSource (default: those of ``settings.source``).
     backend: "egl" or "osmesa". context: draws the frames; by default one of this thread is used.
     layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads it;
-    "regions", the parts of the face, are drawn on request only.
+    "regions", the parts of the face, and "expected" are drawn on request only.
     extra_layers: layers of the stages to copy to ``Frame.extra``.
     A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
     and MeshError for a bad face if ``settings.strict``.
@@ -136,6 +136,7 @@ class Simulator:
             self.sensor.stages,
             read_back,
             infrared="infrared" in layers,
+            expected="expected" in layers,
             pattern_mm=None if own is None else own.error_mm,
         )
         further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Makes the network that the package ships: data, training, glsim/denoise/shipped/face.onnx. Resumes.
+# Makes the networks that the package ships: data, trainings, glsim/denoise/shipped/*.onnx. Resumes.
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
-#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 2 GB of data and the run, default build/shipped.
-# An hour on two cores. The results are in docs/model_card.md.
+#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 3 GB of data and the runs, default build/shipped.
+# Two hours on two cores. The results are in docs/model_card.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 model=${1:?say where ICT-FaceKit\'s FaceXModel is}
@@ -10,35 +10,35 @@ out=${2:-build/shipped}
 glsim=${GLSIM:-.venv/bin/glsim}
 sets=()
 
-# generate NAME PEOPLE FRAMES OPTIONS...: a data set of embedded heads and one of ICT-FaceKit.
+# generate NAME SOURCE PEOPLE FRAMES OPTIONS...: a data set.
 generate() {
-    local name=$1 people=$2 frames=$3
-    shift 3
-    for source in procedural ict-facekit; do
-        local root=()
-        [ $source = procedural ] || root=(--root "$model")
-        "$glsim" generate -q -o "$out/$name-$source" --source $source "${root[@]}" --subjects "$people" \
-            --frames-per-subject "$frames" --crop 128 --depth-unit-mm 0.1 --split 0.94,0.06,0 \
-            --set devices=4096 "$@"
-        sets+=(--data "$out/$name-$source")
-    done
+    local name=$1 source=$2 people=$3 frames=$4
+    shift 4
+    local root=()
+    [ "$source" != ict-facekit ] || root=(--root "$model")
+    "$glsim" generate -q -o "$out/$name-$source" --source "$source" "${root[@]}" --subjects "$people" \
+        --frames-per-subject "$frames" --depth-unit-mm 0.1 --split 0.94,0.06,0 --set devices=4096 \
+        --layers clean,expected,noisy,infrared "$@"
+    sets+=(--data "$out/$name-$source")
 }
 
-# Any Kinect V2: parameters, distances, poses and variation are drawn; a third stands before a wall.
-any=(--config train/data/randomised.toml)
 wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
-generate kinect 400 16 "${any[@]}" --seed 101
-generate wall 200 16 "${any[@]}" --seed 102 "${wall[@]}"
-# Some pairs of every other sensor, and without noise (ideal), so that their frames are not harmed.
-pose=(--set 'pose.yaw_deg={ uniform = [-60, 60] }' --set 'pose.pitch_deg={ uniform = [-25, 25] }'
-    --set 'pose.distance_mm={ uniform = [550, 1400] }' --set variation.per=frame
-    --set 'variation.shape_mm={ uniform = [0, 5] }' --set 'variation.albedo={ uniform = [0, 1.2] }')
-for sensor in kinect-v2-fast kinect-v2-fankhauser kinect-v2-paper kinect-v1 azure-kinect led3d ideal; do
-    generate "$sensor" 50 8 --sensor "$sensor" --seed 103 "${pose[@]}"
-    generate "$sensor-wall" 25 8 --sensor "$sensor" --seed 104 "${pose[@]}" "${wall[@]}"
+# Cameras that nobody built, at four resolutions; half stand before a wall.
+seed=100
+for size in 320 512 640 1024; do
+    for source in procedural ict-facekit people; do
+        people=100
+        [ "$source" != people ] || people=40
+        generate "any-$size" "$source" $people 8 --config "train/data/any_camera_$size.toml" --seed $((++seed))
+        generate "any-$size-wall" "$source" $((people / 2)) 16 --config "train/data/any_camera_$size.toml" \
+            --seed $((++seed)) "${wall[@]}"
+    done
 done
-
-# In two parts, like the shipped weights: the second continues its cosine at step 6,000 of 10,000.
-"$glsim" train face "${sets[@]}" --resume --steps 6000 -o "$out/run"
-"$glsim" train face "${sets[@]}" --resume --steps 10000 -o "$out/run"
-"$glsim" export "$out/run/best.pt" -o glsim/denoise/shipped/face.onnx
+# Any Kinect V2.
+for source in procedural ict-facekit people; do
+    people=160
+    [ "$source" != people ] || people=40
+    generate kinect "$source" $people 12 --config train/data/randomised.toml --seed $((++seed))
+    generate kinect-wall "$source" $((people / 2)) 12 --config train/data/randomised.toml \
+        --seed $((++seed)) "${wall[@]}"
+done

@@ -9,7 +9,9 @@ declares a parameter: type, name and default in GLSL, then range, unit ("1" for 
 that it is written; ``//@ 1/3`` after an ``out`` makes the written layers a third of the frame's
 size. A line ``//@ sparse`` declares that a stage writes 0 (in the layer ``reason``: NO_SURFACE)
 where no surface is within a pixel and all the layers that it reads are blank too, so that it need
-not be drawn there. glsim binds the other ``u_`` uniforms, a fixed set (glsim.noise.chain).
+not be drawn there. What a stage does for the layer ``expected`` stands between ``#ifdef EXPECTED``
+and ``#endif``, its declarations too: it is compiled only where that layer is wanted. glsim binds
+the other ``u_`` uniforms, a fixed set (glsim.noise.chain).
 """
 
 from __future__ import annotations
@@ -153,14 +155,25 @@ class ShaderSource:
         more = f"; and {left} more lines" if left > 0 else ""
         return (text if len(text) <= _MAX_MESSAGE else f"{text[:_MAX_MESSAGE]}...") + more
 
+    def uses(self, constant: str) -> bool:
+        """Return whether the code, without its comments, contains a name."""
+        return re.search(rf"\b{constant}\b", _COMMENT.sub("", self.text)) is not None
+
+    def without(self, layer: str) -> ShaderSource:
+        """Leave out a layer, read or written, whose code the preprocessor removes."""
+        return replace(
+            self,
+            reads=tuple(name for name in self.reads if name != layer),
+            writes=tuple(written for written in self.writes if written.name != layer),
+        )
+
     def with_defines(self, **constants: int) -> ShaderSource:
         """Insert ``#define NAME VALUE`` lines after the first line, which is #version.
 
         Raises ShaderError for a name that the code, without its comments, does not contain.
         """
-        code = _COMMENT.sub("", self.text)
         for name in constants:
-            if not re.search(rf"\b{name}\b", code):
+            if not self.uses(name):
                 raise ShaderError(f"{self.file}: the constant {name} is defined but not used")
         first, *rest = self.text.splitlines()
         defines = [f"#define {name} {value}" for name, value in constants.items()]

@@ -27,7 +27,7 @@ from glsim.render.silhouette import Silhouette
 StageValues = Mapping[str, Mapping[str, float]]
 
 #: The layers that exist before the first stage.
-INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays")
+INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays", "expected")
 
 #: Layers of rigs that supersample -> the layer bound in their place for other rigs, whose stages do
 #: not read it. fine_seen: depth and albedo of the samples; uneven: how much these differ.
@@ -36,6 +36,10 @@ FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 #: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where unknown.
 #: Only chains of sensors with a map have it: their shaders see the constant PATTERN_MAP.
 PATTERN_LAYER, _PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
+
+#: Depth with the device's systematic error and without everything random: clean before the first
+#: stage. Stages add to it only in chains that need it: their shaders see the constant EXPECTED.
+EXPECTED_LAYER, _EXPECTED_CONSTANT = "expected", "EXPECTED"
 
 #: Stands for NaN, which GLSL compilers may assume away: larger than any error.
 NO_PATTERN = np.float32(1e6)
@@ -111,7 +115,8 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
 class ShaderChain:
     """The shader stages of a sensor, linked for one context.
 
-    infrared: whether to read the layer infrared back. extra_layers: further layers to read back.
+    infrared, expected: whether to read these layers back. extra_layers: further layers to read
+    back.
     pattern_mm: (H, W) map of the device's fixed pattern of the whole frame, NaN = unknown, or None.
     Stages whose layers are neither read back nor read by another stage are left out.
     """
@@ -123,6 +128,7 @@ class ShaderChain:
         extra_layers: Sequence[str] = (),
         *,
         infrared: bool = True,
+        expected: bool = False,
         pattern_mm: NDArray[np.float32] | None = None,
     ) -> None:
         self._context = context
@@ -130,12 +136,21 @@ class ShaderChain:
         wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         if any(stage.spec.function is not None for stage in stages):
             wanted = (*FRAME_LAYERS, "normal", "albedo", "lit")
+        if expected:
+            wanted = (*wanted, EXPECTED_LAYER)
         self._wanted: tuple[str, ...] = (*wanted, *extra_layers)
         self._passes: list[StagePass] = []
         needed = set(self._wanted)
         for stage in reversed(stages):
             source = stage.spec.source
-            if source is not None and needed & {layer.name for layer in source.writes}:
+            if source is None:
+                continue
+            if source.uses(_EXPECTED_CONSTANT):
+                if EXPECTED_LAYER in needed:
+                    source = source.with_defines(**{_EXPECTED_CONSTANT: 1})
+                else:
+                    source = source.without(EXPECTED_LAYER)
+            if needed & {layer.name for layer in source.writes}:
                 needed |= set(source.reads)
                 if pattern_mm is not None and PATTERN_LAYER in source.reads:
                     source = source.with_defines(**{_PATTERN_CONSTANT: 1})
@@ -170,6 +185,7 @@ class ShaderChain:
             layers = {
                 **rendered.layers,
                 "depth": rendered.layers["clean"],
+                EXPECTED_LAYER: rendered.layers["clean"],
                 "reason": own[0],
                 "rays": rendered.rays,
                 **self._pattern,
@@ -317,6 +333,8 @@ def _update(
 ) -> None:
     shape = (view.window.height, view.window.width)
     for name, array in written.items():
+        if name == EXPECTED_LAYER and EXPECTED_LAYER not in layers:
+            continue  # not wanted: this frame's other stages did not compute it
         if name in INITIAL_LAYERS and array.shape[:2] != shape:
             raise ConfigError(
                 f"stage {stage.name!r} returned {name!r} of shape {array.shape}, not {shape}"

@@ -1,5 +1,6 @@
 // surface_light: amplitude, distance and phasors of the light that a surface element returns.
 #include "lib/tof.glsl"
+#include "lib/turns.glsl"
 #include "lib/random.glsl"
 
 uniform float gain = 1894.0;       //@ [0, 1e6]   1  amplitude of white paper at 1 m, facing the camera; measured: 1/16 of the infrared's 30,300 counts
@@ -65,4 +66,20 @@ void correlate(float distance_m, Harmonics h, out vec3 real, out vec3 imaginary)
     vec3 c5 = c4 * c - s4 * s, s5 = s4 * c + c4 * s;
     real = c + h.real_2 * c2 + h.imaginary_2 * s2 + h.real_5 * c5 + h.imaginary_5 * s5;
     imaginary = s - h.real_2 * s2 + h.imaginary_2 * c2 - h.real_5 * s5 + h.imaginary_5 * c5;
+}
+
+// Depth, m, that the device measures of a lit surface without noise and blur: with its offset, its
+// harmonics and the delay in the material, decoded as libfreenect2 does. 0 without a surface. Light
+// by other ways (shadows, haze, bounces) depends on the scene and is not in it.
+float expected_depth(float z, vec2 ray, Harmonics harmonics) {
+    float distance_m = surface_light(z, vec4(0.0, 0.0, -1.0, 1.0), ray, 1.0).y;
+    vec3 real, imaginary;
+    correlate(distance_m, harmonics, real, imaginary);
+    float found = distance_of(unwrapped_cycles(fract(atan(imaginary, real) / TWO_PI)));
+    float decoded = along_axis(found, ray);
+    // One wrong turn of one phase moves the distance by this much: beyond half of it, the decoder
+    // took a wrong turn, or the phases repeat; then nothing is known of the error.
+    float turn_m = HALF_WAVE_M_MHZ / dot(u_modulation_mhz, vec3(1.0));
+    bool right = abs(found - distance_m) < 0.5 * turn_m && decoded > 0.0;
+    return z > 0.0 ? (right ? decoded : z) : 0.0;
 }

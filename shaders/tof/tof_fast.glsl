@@ -27,6 +27,9 @@ out float depth;
 out float reason;
 out float infrared;
 out vec2 decoded; // as in tof_unwrap
+#ifdef EXPECTED
+out float expected;
+#endif
 
 // Amplitude and phasors of a pixel that sees one surface.
 float seen(ivec2 pixel, Harmonics harmonics, out vec3 real, out vec3 imaginary) {
@@ -131,4 +134,7 @@ void main() {
     infrared = min(16.0 * amplitude, 65535.0);
     bool edge = beside_step && max(apart.x, max(apart.y, apart.z)) >= max_edge;
     decoded = vec2(edge ? 0.0 : depth, sum);
+#ifdef EXPECTED
+    expected = expected_depth(clean, ray, harmonics);
+#endif
 }

@@ -21,6 +21,9 @@ uniform float u_focal_px;
 
 out vec4 light_a; // real and imaginary part at the first and the second frequency
 out vec4 light_b; // at the third frequency; amplitude; unused
+#ifdef EXPECTED
+out float expected;
+#endif
 
 void main() {
     vec4 sum_a = vec4(0.0), sum_b = vec4(0.0);
@@ -65,4 +68,7 @@ void main() {
     } while (++k < samples);
     light_a = sum_a;
     light_b = sum_b;
+#ifdef EXPECTED
+    expected = expected_depth(textureLod(u_clean, at, 0.0).r, ray, harmonics);
+#endif
 }

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from glsim.geometry.rect import Rect
-from glsim.noise.numpy_twins.tof_decode import unwrapped
+from glsim.noise.numpy_twins.tof_turns import unwrapped_cycles
 from glsim.reason import Reason
 from tests.support.tof_harness import QUIET, Camera, Image, merged, quad
 
@@ -68,7 +68,7 @@ def test_any_distance_is_unwrapped() -> None:
     cycles = distance[:, None] * f / 150.0
     error = np.random.default_rng(0).normal(0, 0.02, cycles.shape)
     phase = np.mod(cycles + error, 1.0).astype(np.float32)
-    fast, slow, third = unwrapped(phase, f)
+    fast, slow, third = unwrapped_cycles(phase, f)
     found = (fast + slow + third) * 150.0 / f.sum()
     assert (np.abs(found - distance) < 0.2).mean() > 0.999
 

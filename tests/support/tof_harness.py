@@ -59,13 +59,20 @@ class Camera:
     renderer: Renderer
     chain: ShaderChain
     readback: Readback
+    expected: bool = False
 
     @classmethod
-    def open(cls, context: moderngl.Context, name: str = "kinect-v2", **rig: object) -> Camera:
+    def open(
+        cls,
+        context: moderngl.Context,
+        name: str = "kinect-v2",
+        expected: bool = False,
+        **rig: object,
+    ) -> Camera:
         sensor = load_sensor(name, rig_overrides=rig)
         renderer = Renderer(context, sensor.rig)
-        chain = ShaderChain(context, sensor.stages)
-        return cls(context, sensor, renderer, chain, Readback(context))
+        chain = ShaderChain(context, sensor.stages, expected=expected)
+        return cls(context, sensor, renderer, chain, Readback(context), expected)
 
     def frame(self, rendered: Rendered, seed: int, device: int = 5) -> FrameContext:
         return FrameContext.for_frame(
@@ -93,7 +100,7 @@ class Camera:
         crop: Rect | None = None,
     ) -> dict[str, Image]:
         """Return the layers of a frame's window after the whole chain."""
-        self.chain._wanted = FRAMED
+        self.chain._wanted = (*FRAMED, "expected") if self.expected else FRAMED
         with self.renderer.render(meshes, crop) as rendered:
             frame, values = self.frame(rendered, seed, device), self.values(changes or {})
             self.chain.run(rendered, frame, values, self.readback)
@@ -115,6 +122,8 @@ class Camera:
         """Run ``shoot`` with the stages' twins, from the same clean layers."""
         layers, frame = self.clean(meshes, seed)
         layers |= {"depth": layers["clean"], "reason": np.zeros_like(layers["clean"])}
+        if self.expected:
+            layers["expected"] = layers["clean"]
         run_twins(self.sensor.stages, layers, frame, self.values(changes or {}))
         return layers
 

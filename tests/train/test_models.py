@@ -74,7 +74,7 @@ def test_half_precision(wrapper: str, backbone: str) -> None:
     assert half.depth_mm.isfinite().all()
     if wrapper != "paper":
         difference = (half.depth_mm - exact.depth_mm).abs().max()
-        assert 0.0 < difference < 0.03 * (exact.depth_mm - frames())[frames() > 0].abs().max()
+        assert 0.0 < difference < 0.1 * (exact.depth_mm - frames())[frames() > 0].abs().max()
 
 
 @pytest.mark.parametrize(
@@ -99,8 +99,12 @@ def test_parameter_counts(spec: dict[str, Any], count: int) -> None:
 
 
 def test_the_small_unet_is_small_enough_to_ship() -> None:
-    for width, scales, count in ((24, 4, 228_422), (32, 3, 205_442), (32, 4, 405_042)):
-        spec = {"kind": "small_unet", "width": width, "scales": scales}
+    for width, scales, stem, count in (
+        (24, 4, 0, 228_638),
+        (32, 4, 0, 405_330),
+        (44, 3, 16, 442_902),
+    ):
+        spec = {"kind": "small_unet", "width": width, "scales": scales, "stem": stem}
         model = build_model({"kind": "mask_aware", "backbone": spec})
         assert parameter_count(model) == count
         assert 4 * count < 2e6  # bytes of float32

@@ -15,7 +15,7 @@ import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
 #: Channels of `depth_features`; the last one is validity.
-CHANNELS: Final = 5
+CHANNELS: Final = 6
 
 #: Hole filling from the rim: number of rounds, radius and sigma of the Gaussian, px. Three rounds
 #: of 9x9 close holes 24 px wide, more than any speckle of drop-outs.
@@ -27,9 +27,21 @@ _AROUND_RADIUS, _AROUND_SIGMA = 24, 12.0
 _SURFACE_MM: Final = 50.0
 #: 5x5 samples 3 px apart, 6 px to each side, determine a pixel's own surface.
 _TAPS, _TAP_STEP = 2, 3
+#: Share of the samples on the own surface beyond which a pixel is away from steps and holes: a
+#: straight rim 3 px away leaves 0.8.
+_EVEN_SUPPORT: Final = 0.75
+#: Noise is the difference of a pixel to the mean of four others at these distances, px. White noise
+#: has the same at both; noise that a filter made smooth over 3x3 pixels has more at the second.
+_NOISE_STEPS_PX: Final = (1, 3)
+#: Radius and sigma of the neighbourhood over which it is averaged, px.
+_NOISE_RADIUS, _NOISE_SIGMA = 12, 6.0
+#: Added to it before the logarithm, mm: less than rounding to whole millimetres gives.
+_LEAST_NOISE_MM: Final = 0.1
 #: Scales of channels 0 and 2. Noise of a time-of-flight camera at 0.9 m is 1-2 mm; a channel of 1
 #: is 10 mm.
 _RELATIVE_MM, _AROUND_MM = 10.0, 20.0
+#: Share of a neighbourhood that must be known for more than half of its mean to be believed.
+_LEAST_SHARE: Final = 0.02
 #: Sums of Gaussian weights below this are rounding, not neighbours.
 _TINY: Final = 1e-6
 
@@ -38,16 +50,21 @@ class Features(NamedTuple):
     """Features of a batch of frames; each float32 with H and W of the frames.
 
     fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
+    even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
     channels: (B, CHANNELS, H, W), about -5 to 5, 0 where nothing is known:
         0 depth relative to the pixel's own surface, in 10 mm: small at a step of any height
         1 share of the neighbourhood on that surface, 0-1: near 0 for a flying pixel
         2 depth relative to all depth around, asinh(mm / 20): which side of a step is in front
-        3 log(depth in metres): noise grows with distance
-        4 validity, 0 or 1
+        3, 4 log of the size of the noise around, in mm, of pixels 1 and 3 px apart
+        5 validity, 0 or 1
+
+    Depth enters by differences only. A network that sees the distance learns the noise and the
+    wiggling over distance of the cameras in its training, and bends the depth of any other one.
     """
 
     fill_mm: Tensor
     channels: Tensor
+    even: Tensor
 
 
 def depth_features(noisy_mm: Tensor) -> Features:
@@ -63,10 +80,11 @@ def depth_features(noisy_mm: Tensor) -> Features:
         (fill_mm - surface_mm) / _RELATIVE_MM,
         support,
         torch.asinh((fill_mm - around_mm) / _AROUND_MM) * near,
-        torch.log(torch.where(fill_mm > 0, fill_mm / 1000.0, 1.0)),
+        *(_log_noise(depth_mm, valid, step) for step in _NOISE_STEPS_PX),
         valid,
     ]
-    return Features(fill_mm, torch.cat(channels, dim=1))
+    even = valid * (support > _EVEN_SUPPORT)
+    return Features(fill_mm, torch.cat(channels, dim=1), even)
 
 
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
@@ -132,16 +150,51 @@ def _weighted_mean(
     depth_mm: Tensor, known: Tensor, radius: int, sigma: float
 ) -> tuple[Tensor, Tensor]:
     """Gaussian mean of the known pixels, and the mask (0 or 1) of where there are any; else 0."""
-    x = torch.arange(-radius, radius + 1, dtype=depth_mm.dtype, device=depth_mm.device)
-    kernel = torch.exp(-0.5 * (x / sigma) ** 2)
-    kernel = (kernel / kernel.sum()).view(1, 1, 1, -1)
-    both = torch.cat([depth_mm * known, known])
-    both = F.conv2d(both, kernel, padding=(0, radius))
-    both = F.conv2d(both, kernel.transpose(-1, -2), padding=(radius, 0))
-    total, weight = both.chunk(2)
+    total, weight = _weighted_sums(depth_mm, known, radius, sigma)
     reached = weight > _TINY
     mean = torch.where(reached, total / torch.where(reached, weight, 1.0), 0.0)
     return mean, reached.to(known.dtype)
+
+
+def _weighted_sums(
+    values: Tensor, known: Tensor, radius: int, sigma: float
+) -> tuple[Tensor, Tensor]:
+    """Gaussian sums of the known values and of their mask; all weights together are 1."""
+    x = torch.arange(-radius, radius + 1, dtype=values.dtype, device=values.device)
+    kernel = torch.exp(-0.5 * (x / sigma) ** 2)
+    kernel = (kernel / kernel.sum()).view(1, 1, 1, -1)
+    both = torch.cat([values * known, known])
+    both = F.conv2d(both, kernel, padding=(0, radius))
+    both = F.conv2d(both, kernel.transpose(-1, -2), padding=(radius, 0))
+    total, weight = both.chunk(2)
+    return total, weight
+
+
+def _log_noise(depth_mm: Tensor, valid: Tensor, step_px: int) -> Tensor:
+    """Log of the mean difference, mm, of pixels to the mean of four neighbours; 0 if unknown.
+
+    Only pixels count whose neighbours are measured and within 50 mm.
+    """
+    around = F.pad(torch.where(valid > 0, depth_mm, torch.inf), (step_px,) * 4, value=torch.inf)
+    height, width = depth_mm.shape[-2:]
+    total, known = torch.zeros_like(depth_mm), valid
+    for down, right in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        top, left = down * step_px, right * step_px
+        offset = around[..., top : top + height, left : left + width] - depth_mm
+        near = offset.abs() < _SURFACE_MM
+        total = total + torch.where(near, offset, 0.0)
+        known = known * near
+    mean_mm, reached = _weighted_mean((total / 4.0).abs(), known, _NOISE_RADIUS, _NOISE_SIGMA)
+    return torch.log(mean_mm + _LEAST_NOISE_MM) * reached
+
+
+def local_mean(values: Tensor, known: Tensor) -> Tensor:
+    """Mean of the known values around each pixel, Gaussian with a sigma of 12 px; 0 if none.
+
+    Where few are known, the mean is taken smaller: as if 2 % of the neighbourhood were zeros.
+    """
+    total, weight = _weighted_sums(values, known, _AROUND_RADIUS, _AROUND_SIGMA)
+    return total / (weight + _LEAST_SHARE)
 
 
 def _own_surface(fill_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:

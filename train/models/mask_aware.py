@@ -29,6 +29,7 @@ from glsim.train.models.features import (
     CHANNELS,
     depth_features,
     front_and_back,
+    local_mean,
     own_surface_mean,
 )
 
@@ -62,7 +63,11 @@ class MaskAware(DepthModel):
     Choosing a mode instead is the idea of Tosi et al., "SMD-Nets: Stereo Mixture Density Networks",
     CVPR 2021.
 
-    Parameters are those of the backbone, from 5 channels (7 with ``surfaces``) to 2 (1 more with
+    The correction of a surface has no mean: that of all measured pixels around (24 px), but those
+    near steps and holes, is subtracted. So the network cannot move a surface as a whole, which
+    would be right for the camera that it was trained on and wrong for others.
+
+    Parameters are those of the backbone, from 6 channels (8 with ``surfaces``) to 2 (1 more with
     ``uncertainty``, 4 more with ``surfaces``). ``sigma_scale`` (a buffer, 1 until
     `calibration.calibrate`) multiplies sigma.
     """
@@ -107,7 +112,7 @@ class MaskAware(DepthModel):
         with torch.autocast(noisy_mm.device.type, enabled=False):
             stack = noisy_mm.float()
             noisy_mm = stack[:, :1]
-            fill_mm, channels = depth_features(noisy_mm)
+            fill_mm, channels, even = depth_features(noisy_mm)
             if self.surfaces:
                 around_mm = front_and_back(noisy_mm, fill_mm)
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
@@ -116,8 +121,9 @@ class MaskAware(DepthModel):
             # At the end: a network of single frames keeps its weights, see `warm_start`.
             channels = torch.cat([channels, *self._extra(stack, fill_mm)], dim=1)
         out = self.backbone(channels, valid).float()
+        correction = out[:, 0:1] - local_mean(out[:, 0:1], even)
         prediction = Prediction(
-            depth_mm=fill_mm + _CORRECTION_MM * out[:, 0:1],
+            depth_mm=fill_mm + _CORRECTION_MM * correction,
             valid_logit=out[:, 1:2] + _PRIOR_LOGIT * (valid - 0.5),
             log_sigma=self._log_sigma(out[:, 2:3]) if self.uncertainty else None,
         )

@@ -11,13 +11,19 @@ from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.depth import moved_by_mm
 from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
 from glsim.noise.numpy_twins.random import KERNEL, correlated_noise
-from glsim.noise.numpy_twins.tof_light import TWO_PI, frequencies, half_wave_m_mhz
+from glsim.noise.numpy_twins.tof_turns import (
+    TWO_PI,
+    along_axis,
+    distance_of,
+    frequencies,
+    phases,
+    unwrapped_cycles,
+)
 from glsim.reason import Reason
 
 _STEEPEST = np.float32(12.0)
 LOG2_E = np.float32(1.442695)
 _LOG10_2, _LOG2_10 = np.float32(0.301030), np.float32(3.321928)
-_MOST_TURNS = 64
 _TINY = np.float32(1e-20)
 _HALF = np.float32(0.5)
 _ZERO = np.float32(0.0)
@@ -78,9 +84,8 @@ def decoded(
 ) -> tuple[Image, Image, Image]:
     """Depth (m), reason and sum of amplitudes from phasor parts (..., 3)."""
     amplitude = np.sqrt(real * real + imaginary * imaginary)
-    turns = (np.arctan2(imaginary, real) / TWO_PI).astype(np.float32)
     f = frequencies(view)
-    fast, slow, third = unwrapped(turns - np.floor(turns), f)
+    fast, slow, third = unwrapped_cycles(phases(real, imaginary), f)
     x, y, w = f / np.sqrt((f * f).sum())
     u, v, t = TWO_PI * fast, TWO_PI * slow, TWO_PI * third
     cross = v * w - t * y, t * x - u * w, u * y - v * x
@@ -88,7 +93,7 @@ def decoded(
     most = np.maximum(amplitude.max(axis=-1), np.float32(1e-6))
     power = (np.log(most) * p["slope"] * _LOG10_2 + p["offset"]) * _LOG2_10
     allowed = np.clip(np.exp(power), p["min_disagreement"], p["max_disagreement"])
-    z = along_axis(view, layers["rays"], (fast + slow + third) * half_wave_m_mhz() / f.sum())
+    z = along_axis(view, layers["rays"], distance_of(fast, slow, third, f))
     clean, sums = layers["clean"], amplitude[..., 0] + amplitude[..., 1] + amplitude[..., 2]
     dark = (amplitude.min(axis=-1) < p["min_amplitude"]) | (sums < p["min_sum"])
     why_dark = np.where(layers["lit"] < _HALF, Reason.SHADOW, Reason.LOW_SIGNAL)
@@ -102,36 +107,6 @@ def decoded(
         default=Reason.VALID,
     )
     return z, reason.astype(np.float32), sums
-
-
-def unwrapped(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image, Image]:
-    """Unwrapped cycles of the fast, slow and third frequency from (..., 3) phases in [0, 1]."""
-    ratio, turns_of_third = f[0] / f[1], f[2] / f[1]
-    fast = phase[..., 0] + np.floor(ratio * phase[..., 1] - phase[..., 0] + _HALF)
-    best, best_turn = np.full_like(fast, 1e6), np.zeros_like(fast)
-    for turn in range(_MOST_TURNS):
-        third = fast * f[2] / f[0] + np.float32(turn) * turns_of_third - phase[..., 2]
-        misfit = np.abs(third - np.floor(third + _HALF))
-        best_turn = np.where(misfit < best - np.float32(1e-4), np.float32(turn), best_turn)
-        best = np.minimum(best, misfit)
-        following = np.float32(turn + 1) * turns_of_third + _HALF
-        if abs(following - np.floor(following) - _HALF) <= 1e-3:
-            break
-    fast = fast + best_turn * ratio
-    slow = phase[..., 1] + best_turn
-    return fast, slow, phase[..., 2] + np.floor(fast * f[2] / f[0] - phase[..., 2] + _HALF)
-
-
-def along_axis(view: StageView, rays: Image, distance_m: Image) -> Image:
-    """Depth, m, from half the path emitter, surface, camera."""
-    emitter = np.asarray(view.optics.emitter_m, np.float32)
-    x, y = rays[..., 0], rays[..., 1]
-    path = np.float32(2.0) * distance_m
-    toward = x * emitter[0] + y * emitter[1] + emitter[2]
-    length = np.sqrt(x * x + y * y + np.float32(1.0))
-    below = np.float32(2.0) * np.maximum(path * length - toward, np.float32(1e-6))
-    depth: Image = (path * path - (emitter * emitter).sum()) / below
-    return depth
 
 
 def tof_edge(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:

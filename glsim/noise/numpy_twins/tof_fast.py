@@ -18,8 +18,9 @@ from glsim.noise.numpy_twins.random import (
     random_bits,
 )
 from glsim.noise.numpy_twins.tof_decode import LOG2_E, decoded, floor_variance
-from glsim.noise.numpy_twins.tof_light import TWO_PI, frequencies, half_wave_m_mhz, phasors
+from glsim.noise.numpy_twins.tof_light import expected_depth, phasors
 from glsim.noise.numpy_twins.tof_taps import CONTRAST_MULTIPLIER
+from glsim.noise.numpy_twins.tof_turns import TWO_PI, frequencies, half_wave_m_mhz
 from glsim.reason import Reason
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
@@ -71,6 +72,7 @@ def tof_fast(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]
         "reason": reason,
         "infrared": np.minimum(np.float32(16.0) * amplitude, np.float32(65535.0)),
         "decoded": np.stack([usable, sums], axis=-1),
+        **expected_depth(view, p, layers),
     }
 
 

@@ -7,23 +7,20 @@ from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
-from glsim.noise.light import SPEED_OF_LIGHT
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
 from glsim.noise.numpy_twins.random import pcg_word, uniform01
+from glsim.noise.numpy_twins.tof_turns import (
+    TWO_PI,
+    along_axis,
+    distance_of,
+    frequencies,
+    half_wave_m_mhz,
+    phases,
+    unwrapped_cycles,
+)
 
-TWO_PI = np.float32(6.28318530718)
 _MM = np.float32(0.001)
 _FARTHEST_PX = 128
-
-
-def frequencies(view: StageView) -> NDArray[np.float32]:
-    """(3,) modulation frequencies, MHz."""
-    return np.asarray(view.optics.modulation_mhz, np.float32)
-
-
-def half_wave_m_mhz() -> np.float32:
-    """Half a wavelength times its frequency, m MHz."""
-    return np.float32(SPEED_OF_LIGHT / 2e6)
 
 
 def tof_shadow(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -82,7 +79,11 @@ def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image
         total += share * phasors(view, p, seen[:, 0], shape, rays[row, column] + aside, lit)
     light[mixed] = total
     empty = np.zeros((*z.shape, 1), np.float32)
-    return {"light_a": light[..., :4], "light_b": np.concatenate([light[..., 4:], empty], -1)}
+    return {
+        "light_a": light[..., :4],
+        "light_b": np.concatenate([light[..., 4:], empty], -1),
+        **expected_depth(view, p, layers),
+    }
 
 
 def _around(
@@ -179,3 +180,19 @@ def phasors(
     both = np.stack([real, imaginary], axis=-1).reshape(*amplitude.shape, 6)
     together: Image = np.concatenate([amplitude[..., None] * both, amplitude[..., None]], axis=-1)
     return together
+
+
+def expected_depth(view: StageView, p: Parameters, layers: Layers) -> dict[str, Image]:
+    """The layer expected where it is wanted: depth of lit surfaces without noise and blur."""
+    if "expected" not in layers:
+        return {}
+    z, rays = layers["clean"], layers["rays"]
+    facing = np.broadcast_to(np.array([0.0, 0.0, -1.0, 1.0], np.float32), (*z.shape, 4))
+    _, distance = surface_light(view, p, z, facing, rays, np.ones_like(z))
+    f = frequencies(view)
+    whole = unwrapped_cycles(phases(*correlate(view, p, distance)), f)
+    found = distance_of(*whole, f)
+    decoded = along_axis(view, rays, found)
+    turn = half_wave_m_mhz() / f.sum()
+    right = (np.abs(found - distance) < np.float32(0.5) * turn) & (decoded > 0)
+    return {"expected": np.where(z > 0, np.where(right, decoded, z), np.float32(0.0))}
