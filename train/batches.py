@@ -56,7 +56,8 @@ class PairDataset(Protocol):
 class BatchSource(Protocol):
     """Source of a training's batches: (noisy_mm, clean_mm), float32 on the device.
 
-    noisy_mm: (B, C, H, W), see ``glsim.denoise.inputs``; C = 1 for depth alone. clean_mm: one image.
+    noisy_mm: (B, C, H, W), see ``glsim.denoise.inputs``; C = 1 for depth alone. clean_mm:
+    (B, 1, H, W).
 
     validation: the validation frames. fingerprint: plain values that are equal for equal data.
     """

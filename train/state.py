@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 from torch.optim.swa_utils import AveragedModel
 
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import DEPTH_ALONE
 from glsim.errors import ConfigError, TrainError
 from glsim.train.losses.base import Loss
 from glsim.train.losses.registry import build_loss
@@ -72,7 +72,7 @@ class TrainingState:
                 "and returning that would be best: set training.monitor = 'interior_rmse_mm'"
             )
         self.network: DepthModel = build_model(recipe.model).to(memory_format=torch.channels_last)
-        if self.loss.depth_alone and self.network.inputs != Inputs():
+        if self.loss.depth_alone and self.network.inputs != DEPTH_ALONE:
             raise ConfigError(
                 f"loss.kind = {recipe.loss['kind']!r} changes the measured depth and leaves other "
                 "inputs as they are: train networks with infrared or neighbours with loss.kind = "

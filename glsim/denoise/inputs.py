@@ -58,6 +58,10 @@ class Inputs(NamedTuple):
         return parts
 
 
+#: The inputs of a network of single depth frames.
+DEPTH_ALONE: Final = Inputs()
+
+
 def stack_inputs(
     inputs: Inputs,
     depth_mm: NDArray[Any],

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from glsim.denoise.inputs import Inputs, stack_inputs
+from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
 from glsim.errors import ConfigError, MeshError
 from glsim.frame import Frame, Skipped, to_mm
 from glsim.pipeline import open_sources, simulate
@@ -64,7 +64,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         batch: int = 4,
         seed: int = 0,
         split: str = "train",
-        inputs: Inputs = Inputs(),
+        inputs: Inputs = DEPTH_ALONE,
         vary_inputs: bool = False,
         reuse: int = 1,
         start: int = 0,
@@ -119,7 +119,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             "split": self.stream.split,
             "batch": self.stream.batch,
             "reuse": self.stream.reuse,
-        } | ({"inputs": list(self._inputs)} if self._inputs != Inputs() else {})
+        } | ({"inputs": list(self._inputs)} if self._inputs != DEPTH_ALONE else {})
 
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
         """Make a DataLoader of batches in order. Raises ConfigError.

@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
 from glsim.dataset import open_dataset
-from glsim.denoise.inputs import INFRARED, Inputs, stack_inputs
+from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs, stack_inputs
 from glsim.frame import to_mm
 from glsim.settings.seeds import stable_seed
 from glsim.train.data.checks import PAIR_LAYERS, Cut, checked_split
@@ -65,12 +65,13 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         crop: int | None = None,
         cut: Cut = "no",
         augmentation: Augmentation | None = None,
-        inputs: Inputs = Inputs(),
+        inputs: Inputs = DEPTH_ALONE,
         seed: int = 0,
         cache_mb: float = CACHE_MB,
     ) -> None:
         """crop: side of the square frames, px; default: whole frames, all of one size. cut: how
-        larger frames are cropped. inputs: what the network sees besides depth. seed: seed of ``augmentation`` and random crops.
+        larger frames are cropped. inputs: what the network sees besides depth. seed: seed
+        of ``augmentation`` and random crops.
 
         cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
         files in every epoch. Only the process that made this object has a cache: the workers of a

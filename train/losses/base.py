@@ -1,7 +1,8 @@
 """The interface of all losses. A loss is the table [loss] of a recipe and a callable.
 
 Arguments are a prediction, the noisy and the clean depth, each (B, 1, H, W) float32 millimetres
-with 0 = no depth. Only the network sees further inputs (``glsim.denoise.inputs``). Results are the total and its parts by name. All arithmetic is float32.
+with 0 = no depth. Only the network sees further inputs (``glsim.denoise.inputs``). Results are
+the total and its parts by name. All arithmetic is float32.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import DEPTH_ALONE, Inputs
 
 
 class Prediction(NamedTuple):
@@ -42,7 +42,7 @@ class DepthModel(nn.Module):
     model, so no caller can feed a wrong range.
     """
 
-    inputs: Inputs = Inputs()
+    inputs: Inputs = DEPTH_ALONE
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import torch
-from torch import Tensor, nn
+from torch import Size, Tensor, nn
 
 from glsim.errors import ConfigError
 
@@ -13,7 +12,6 @@ from glsim.errors import ConfigError
 _NOT_COPIED = ("sigma_scale",)
 
 
-@torch.no_grad()
 def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) -> None:
     """Copy weights, by name and shape, into a network with further inputs.
 
@@ -22,7 +20,7 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
     the same depth as the other one until it is trained. where: the file, for messages. Raises
     ConfigError if the networks differ in more.
     """
-    own = network.state_dict()
+    own = network.state_dict()  # detached, and in the same memory as the parameters
     if odd := sorted((own.keys() ^ weights.keys()) - set(_NOT_COPIED)):
         raise ConfigError(
             f"{where}: is another architecture (it {'has' if odd[0] in weights else 'lacks'} "
@@ -51,7 +49,7 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
         )
 
 
-def _has_more_inputs(target: torch.Size, given: torch.Size) -> bool:
+def _has_more_inputs(target: Size, given: Size) -> bool:
     """Whether two shapes are equal but for a larger second dimension of the target."""
     return (
         len(target) == len(given) > 1
