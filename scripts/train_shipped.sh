@@ -14,37 +14,38 @@ stills=() videos=()
 generate() {
     local name=$1 source=$2 people=$3 frames=$4
     shift 4
-    local root=()
+    local root=() seed
+    seed=$(printf %s "$name-$source" | cksum | cut -d ' ' -f 1) # of its own for each set
     [ "$source" != ict-facekit ] || root=(--root "$model")
     "$glsim" generate -q -o "$out/$name-$source" --source "$source" "${root[@]}" --subjects "$people" \
         --frames-per-subject "$frames" --depth-unit-mm 0.1 --split 0.94,0.06,0 --set devices=4096 \
-        --layers clean,expected,noisy,infrared --seed $((++seed)) "$@"
+        --layers clean,expected,noisy,infrared --seed "$seed" "$@"
 }
 # Frames of the same camera, 1/30 s apart; the last option of a set of videos.
 video=(--set redraw=sequence --set source.frames_per_sequence=8 --set source.frames_per_second=30)
 near_wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
 far_wall=(--set 'scene.wall_mm={ uniform = [2550, 4500] }')
-seed=100
 
 # Cameras that nobody built at four resolutions, and any Kinect V2; a third stands before a wall.
-for camera in any_camera_320 any_camera any_camera_640 any_camera_1024 randomised; do
+for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
     for source in procedural ict-facekit people; do
         config=(--config "train/data/$camera.toml")
         wall=("${near_wall[@]}")
         [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
-        people=90
-        [ $camera != randomised ] || people=240
+        people=60 frames=8
+        [ $camera != randomised ] || people=120 frames=12
         [ $source != people ] || people=$((people / 3))
-        generate "$camera" $source $people 12 "${config[@]}"
+        generate "$camera" $source $people $frames "${config[@]}"
         generate "$camera-wall" $source $((people / 3)) 16 "${config[@]}" "${wall[@]}"
         stills+=(--data "$out/$camera-$source" --data "$out/$camera-wall-$source")
     done
 done
 # People in rooms: whole frames, of which each step sees a random square.
-for room in office living-room; do
-    for camera in kinect-v2 any-depth-camera; do
-        generate "$room-$camera" people 60 4 --preset $room --sensor $camera
-        stills+=(--data "$out/$room-$camera-people")
+for camera in kinect-v2 any-depth-camera; do
+    for room in office living-room; do
+        generate "$room-$camera" people 40 4 --preset $room --sensor $camera
+        # Three times: a frame of a room has many squares.
+        for _ in 1 2 3; do stills+=(--data "$out/$room-$camera-people"); done
     done
 done
 # Clean frames stay as they are.
@@ -54,8 +55,8 @@ stills+=(--data "$out/ideal-procedural")
 # Videos of moving heads.
 for camera in any_camera any_camera_640 randomised; do
     for source in procedural ict-facekit; do
-        generate "video-$camera" $source 40 16 --config "train/data/$camera.toml" "${video[@]}"
-        generate "video-$camera-wall" $source 20 16 --config "train/data/$camera.toml" "${near_wall[@]}" \
+        generate "video-$camera" $source 30 16 --config "train/data/$camera.toml" "${video[@]}"
+        generate "video-$camera-wall" $source 15 16 --config "train/data/$camera.toml" "${near_wall[@]}" \
             "${video[@]}"
         videos+=(--data "$out/video-$camera-$source" --data "$out/video-$camera-wall-$source")
     done
