@@ -69,10 +69,10 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor) -> Tensor:
     four earlier frames) the interior error of frame plus mean is 1.33 mm, 1.51 without
     compensation; the noisy frame has 1.82.
     """
-    measured = (neighbours_mm > 0) & (fill_mm > 0)
-    difference = (neighbours_mm - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
-    near = (measured & (difference.abs() < _SURFACE_MM)).to(fill_mm.dtype)
-    difference = difference * near
+    difference = neighbours_mm - fill_mm
+    is_near = (neighbours_mm > 0) & (fill_mm > 0) & (difference.abs() < _SURFACE_MM)
+    difference = torch.where(is_near, difference, 0.0)
+    near = is_near.to(fill_mm.dtype)
     closeness = (1.0 - (difference / _SURFACE_MM).square()).square() * near
     total, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
     count = neighbours_mm.shape[1]
