@@ -1,4 +1,7 @@
-"""Sources of batches: stored or simulated pairs, in an order given by seed and epoch alone."""
+"""Sources of batches: stored or simulated pairs, in an order given by seed and epoch alone.
+
+``clean_mm`` is the target of the recipe: the clean depth, or the expected one (data.target).
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ from torch.utils.data import (
 
 from glsim.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
-from glsim.train.data.checks import fingerprint
+from glsim.train.data.checks import fingerprint, fingerprint_of
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
 from glsim.train.models.registry import inputs_of
@@ -127,6 +130,7 @@ class SimulatedBatches:
             split="val",
             inputs=inputs_of(recipe.model),
             length=steps,
+            target=recipe.data.target,
         )
         rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
         self.validation: Dataset[Batch] = Subset(rendered, range(count))
@@ -159,6 +163,7 @@ class SimulatedBatches:
             inputs=inputs_of(self._recipe.model),
             vary_inputs=True,
             start=start,
+            target=self._recipe.data.target,
         )
 
 
@@ -180,14 +185,17 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
             augmentation=Augmentation(data.flip, data.relief_mm, vary_inputs=True),
             inputs=inputs,
             seed=recipe.seed + number * _SEED_STRIDE,
+            target=data.target,
         )
         for number, dataset in enumerate(datasets)
     ]
     validation = [
-        StoredPairs(dataset, "val", crop=crop, cut=validation_cut, inputs=inputs)
+        StoredPairs(
+            dataset, "val", crop=crop, cut=validation_cut, inputs=inputs, target=data.target
+        )
         for dataset in datasets
     ]
-    fingerprints = [fingerprint(dataset) for dataset in datasets]
+    fingerprints = [fingerprint(dataset) | fingerprint_of(data.target) for dataset in datasets]
     joined = fingerprints[0] if len(fingerprints) == 1 else {"sets": fingerprints}
     return StoredBatches(
         JoinedPairs(train), _evenly_spaced(JoinedPairs(validation), data), joined, recipe

@@ -9,7 +9,8 @@ from typing import Any, Literal
 
 from glsim.dataset import Dataset, Split
 from glsim.dataset.disk_format import MANIFEST
-from glsim.dataset.reader import no_clean
+from glsim.dataset.reader import no_clean, no_expected
+from glsim.denoise.inputs import DEPTH_ALONE, Inputs
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum, wrap_read_errors
 from glsim.files.regular import open_regular
@@ -18,7 +19,18 @@ from glsim.settings.schema import SPLIT_NAMES
 #: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a
 #: place drawn anew in each epoch.
 Cut = Literal["no", "centre", "random"]
-PAIR_LAYERS = ("noisy", "clean")
+#: What a network learns to give: the true depth, or what the sensor says of it without noise.
+Target = Literal["clean", "expected"]
+
+
+def pair_layers(target: Target, inputs: Inputs = DEPTH_ALONE) -> tuple[str, ...]:
+    """Return the layers of a pair: the network's depth, its target, and infrared if it sees it."""
+    return ("noisy", target, "infrared") if inputs.infrared else ("noisy", target)
+
+
+def fingerprint_of(target: Target) -> dict[str, str]:
+    """Return the fingerprint's entry; none for clean, so that older trainings can be resumed."""
+    return {} if target == "clean" else {"target": target}
 
 
 def checked_split(
@@ -26,7 +38,7 @@ def checked_split(
     name: str,
     crop: int | None,
     cut: Cut,
-    layers: Sequence[str] = PAIR_LAYERS,
+    layers: Sequence[str] = ("noisy", "clean"),
 ) -> Split:
     """Return a split after checking that it can be trained on. Images are not decoded.
 
@@ -47,9 +59,11 @@ def checked_split(
         if layer not in dataset.layers:
             if layer == "clean":
                 raise DatasetError(no_clean(dataset.path))
+            if layer == "expected":
+                raise DatasetError(f"{no_expected(dataset.path)}, or set data.target = 'clean'")
             raise DatasetError(
                 f"{dataset.path}: has no layer {layer!r}: generate it with --layers "
-                f"{','.join(sorted({*PAIR_LAYERS, *layers}))}"
+                f"{','.join(sorted({'clean', *layers}))}"
             )
     _check_subjects(dataset)
     _check_frames(dataset, split, crop, cut, layers)

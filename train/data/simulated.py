@@ -24,6 +24,7 @@ from glsim.plan.tasks import Task
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
 from glsim.settings.seeds import stable_seed
+from glsim.train.data.checks import Target, fingerprint_of, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
 
@@ -48,7 +49,7 @@ def randomised(
 
 
 class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
-    """Batches (noisy_mm, clean_mm), each (batch, 1, H, W) float32 millimetres, 0 = no return.
+    """Batches (noisy_mm, target_mm), each (batch, 1, H, W) float32 millimetres, 0 = no return.
 
     With further ``inputs``, noisy_mm is the stack of all, (batch, C, H, W).
     ``loader`` makes the DataLoader. Your own DataLoader needs ``batch_size=None`` (batches are made
@@ -70,6 +71,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         start: int = 0,
         length: int | None = None,
         backend: str | None = None,
+        target: Target = "clean",
     ) -> None:
         """settings: faces, poses, sensor and crop; its seed determines the people, and ``seed``
         the choice and order of their frames and the noise.
@@ -81,7 +83,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         reuse: uses of each pair. N divides the cost of rendering per batch by N, and the network
         sees fewer new pairs. All uses of a pair lie within some hundred batches (one block, see
         ``stream``). start: number of the first batch, to resume. length: batches per iteration;
-        default: endless. backend: as in ``glsim.simulate``.
+        default: endless. backend: as in ``glsim.simulate``. target: as in ``StoredPairs``.
 
         A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
         while iterating also MeshError (a whole block of bad faces, or one if settings.strict) and
@@ -100,6 +102,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         )
         self._inputs, self._vary = inputs, vary_inputs
         self._start, self._length, self._backend = start, length, backend
+        self._target = target
 
     def __len__(self) -> int:
         """Batches per iteration. Raises TypeError, as DataLoader expects, if it is endless."""
@@ -119,6 +122,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             "split": self.stream.split,
             "batch": self.stream.batch,
             "reuse": self.stream.reuse,
+            **fingerprint_of(self._target),
         } | ({"inputs": list(self._inputs)} if self._inputs != DEPTH_ALONE else {})
 
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
@@ -159,6 +163,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             self.stream,
             [(lane, first[lane]) for lane in lanes],
             self._backend,
+            self._target,
             self._inputs,
             self._vary,
         )
@@ -186,10 +191,12 @@ class _BlockRenderer:
         stream: BatchStream,
         lanes: list[tuple[int, int]],
         backend: str | None,
+        target: Target,
         inputs: Inputs,
         vary: bool,
     ) -> None:
         self._stream, self._lanes, self._inputs, self._vary = stream, lanes, inputs, vary
+        self._target: Target = target
         self._planned: deque[tuple[int, int]] = deque()  # (lane, block) of each frame to come
         self._rendered: dict[tuple[int, int], list[Frame | Skipped]] = {}  # unfinished blocks
         self._pairs: dict[tuple[int, int], list[NDArray[np.float32]]] = {}
@@ -199,7 +206,7 @@ class _BlockRenderer:
             self._tasks(),
             sources=stream.sources,
             backend=backend,
-            layers=("clean", "noisy", "infrared") if inputs.infrared else ("clean", "noisy"),
+            layers=pair_layers(target, inputs),
         )
         self._frames = cast("Generator[Frame | Skipped]", frames)
 
@@ -235,19 +242,19 @@ class _BlockRenderer:
             self._pairs[block] = self._images(frames, block)
 
     def _images(self, frames: Sequence[Frame], block: tuple[int, int]) -> list[NDArray[np.float32]]:
-        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and clean."""
-        pairs = [_pair_mm(frame) for frame in frames]
+        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and the target."""
+        pairs = [_pair_mm(frame, pair_layers(self._target)) for frame in frames]
         moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
         neighbours = Neighbours(moments, self._inputs)
         rng = np.random.default_rng(stable_seed("inputs", self._stream.seed, *block))
         images = []
-        for number, (frame, (noisy_mm, clean_mm)) in enumerate(zip(frames, pairs, strict=True)):
+        for number, (frame, (noisy_mm, target_mm)) in enumerate(zip(frames, pairs, strict=True)):
             before, after = ([pairs[n][0] for n in side] for side in neighbours.of(number))
             infrared = frame.infrared if self._inputs.infrared else None
             stack = stack_inputs(self._inputs, noisy_mm, before, after, infrared)
             if self._vary:
                 stack = vary_inputs(stack, self._inputs, rng)
-            images.append(np.concatenate([stack, clean_mm[None]]))
+            images.append(np.concatenate([stack, target_mm[None]]))
         return images
 
     def close(self) -> None:
@@ -273,6 +280,7 @@ def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
     return frames
 
 
-def _pair_mm(frame: Frame) -> NDArray[np.float32]:
-    """Noisy and clean depth, (2, H, W) millimetres, rounded as in files."""
-    return to_mm(np.stack([frame.noisy, frame.clean]), frame.depth_unit_mm, frame.depth_offset_mm)
+def _pair_mm(frame: Frame, layers: Sequence[str]) -> NDArray[np.float32]:
+    """Noisy depth and target, (2, H, W) millimetres, rounded as in files."""
+    both = np.stack([frame.image(layer) for layer in layers])
+    return to_mm(both, frame.depth_unit_mm, frame.depth_offset_mm)
