@@ -17,6 +17,7 @@ from glsim.dataset import Split, open_dataset
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.reader import no_clean, no_expected
+from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
 from glsim.denoise.frames import Frames, Key, Sample, check_millimetres
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
@@ -145,13 +146,25 @@ def _checked(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> 
 
 
 def open_frames(
-    path: Path, split: str, focal_px: float | None = None, truth: TruthLayer = "clean"
+    path: Path,
+    split: str,
+    focal_px: float | None = None,
+    truth: TruthLayer = "clean",
+    device: Path | None = None,
 ) -> Frames:
     """Open a split of a data set, or the pairs of a folder (its sub-folder ``split`` if it exists).
 
-    truth: the layer that becomes ``Sample.clean_mm``. Raises DatasetError if there is no such
-    folder, split, layer or pair.
+    truth: the layer that becomes ``Sample.clean_mm``. device: sensor file whose fixed pattern and
+    wiggling are subtracted from the noisy maps. Raises DatasetError if there is no such folder,
+    split, layer or pair, ConfigError for an unusable device.
     """
+    frames = _open(path, split, focal_px, truth)
+    if device is None:
+        return frames
+    return CalibratedFrames(frames, DeviceCalibration(device), isinstance(frames, DatasetFrames))
+
+
+def _open(path: Path, split: str, focal_px: float | None, truth: TruthLayer) -> Frames:
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder")
     if (path / HEADER).exists() or (path / ".glsim").exists():

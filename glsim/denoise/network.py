@@ -82,7 +82,9 @@ class NetworkDenoiser:
         if noise_mm is not None and noise_mm < CLEAN_MM:  # unchanged; sigma is the input's noise
             input_sigma_mm = None if sigma_mm is None else np.full_like(frame, noise_mm)
             return frame, self._validity((frame > 0).astype(np.float32)), input_sigma_mm
-        probability = outputs["probability"] * trusted_mask(frame, outputs.get("risk_mm"))
+        # Runtimes compute the sigmoid with errors of some 1e-7, on either side of 1.
+        probability = np.clip(outputs["probability"], 0.0, 1.0)
+        probability *= trusted_mask(frame, outputs.get("risk_mm"))
         if self._min_probability and "choice" in outputs:
             probability *= outputs["choice"]
         return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm

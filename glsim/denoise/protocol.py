@@ -140,15 +140,8 @@ class Method:
         )
         return self._checked(result, shape)
 
-    def denoise_map(self, depth_mm: NDArray[Any]) -> Denoised:
-        """Denoise one depth map.
-
-        depth_mm: (H, W), float or integer millimetres, 0 = no return. Returns depth in millimetres
-        and its validity, bool or the probability of depth in [0, 1]: see ``Denoised``, and
-        ``compose`` for maps with 0 = no depth. A temporal denoiser gets no neighbours.
-
-        Raises ConfigError for an array that is no depth map, DenoiserError as a call does.
-        """
+    def check_map(self, depth_mm: NDArray[Any]) -> None:
+        """Raise ConfigError for an array that is no depth map, (H, W) millimetres."""
         if depth_mm.ndim != 2 or depth_mm.dtype.kind not in "fiu":
             raise ConfigError(
                 f"{self.label}: give depth of shape (H, W) in millimetres, float or integer, not "
@@ -156,6 +149,13 @@ class Method:
             )
         if not (np.isfinite(depth_mm) & (depth_mm >= 0)).all():
             raise ConfigError(f"{self.label}: depth must be finite and at least 0 (0 = no return)")
+
+    def denoise_map(self, depth_mm: NDArray[Any]) -> Denoised:
+        """Denoise one (H, W) depth map, float or integer millimetres, as a stack of one frame.
+
+        Raises ConfigError for an array that is no depth map, DenoiserError as a call does.
+        """
+        self.check_map(depth_mm)
         return self(depth_mm[None])
 
     @property
@@ -199,28 +199,5 @@ class Method:
         return Denoised(depth, kept)
 
 
-#: Ways to turn a soft validity into a depth map: name -> meaning.
-COMPOSITES: Final = {
-    "soft": "depth times probability, which minimises the squared error",
-    "hard": "depth where the probability exceeds 1/2",
-    "input mask": "depth where the input has depth: surface quality without guessing silhouettes",
-}
-
 #: Smallest depth that counts as depth, mm: a smaller one rounds to 0 in a 16-bit file in mm.
 MIN_DEPTH_MM: Final = 0.5
-
-
-def compose(denoised: Denoised, noisy_mm: Depth) -> dict[str, NDArray[Any]]:
-    """Return depth maps with 0 = no depth: key "" for a bool validity, else those of COMPOSITES.
-
-    noisy_mm: (H, W) the input. A soft product below half a millimetre becomes 0.
-    """
-    depth, valid = denoised
-    if valid.dtype.kind == "b":
-        return {"": np.where(valid, depth, depth.dtype.type(0))}
-    soft = depth * valid
-    return {
-        "soft": np.where(soft >= MIN_DEPTH_MM, soft, 0),
-        "hard": np.where(valid > 0.5, depth, depth.dtype.type(0)),
-        "input mask": np.where(noisy_mm > 0, depth, depth.dtype.type(0)),
-    }

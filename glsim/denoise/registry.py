@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from numpy.typing import NDArray
-
+from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.denoise.filters import masked, paper, temporal
 from glsim.denoise.loading import (
     ONNX_SUFFIX,
@@ -19,7 +18,8 @@ from glsim.denoise.loading import (
     from_file,
     from_shipped,
 )
-from glsim.denoise.protocol import Denoised, Method, build
+from glsim.denoise.map_denoiser import MapDenoiser
+from glsim.denoise.protocol import Method, build
 from glsim.errors import ConfigError, did_you_mean
 
 _FILTERS: Final[dict[str, type]] = {
@@ -117,13 +117,18 @@ def load(spec: str) -> Method:
     )
 
 
-def load_denoiser(spec: str) -> Callable[[NDArray[Any]], Denoised]:
+def load_denoiser(
+    spec: str, *, device: Path | str | None = None, composite: str | None = DEFAULT_COMPOSITE
+) -> MapDenoiser:
     """Load a denoiser as a function of one depth map: ``load_denoiser("face")(depth_mm)``.
 
     spec: as for ``load``. The function takes (H, W) float or integer millimetres, 0 = no return,
-    and returns ``Denoised``: see ``Method.denoise_map``. Raises what ``load`` raises.
+    and returns ``Denoised``, depth and the mask of depth. Its ``stream()`` takes the frames of a
+    camera one by one. device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are
+    subtracted first. composite: see COMPOSITES; None returns networks' probability of depth.
+    Raises what ``load`` and ``MapDenoiser`` raise.
     """
-    return load(spec).denoise_map
+    return MapDenoiser(load(spec), device, composite)
 
 
 def _network_options(text: str, spec: str) -> NetworkOptions:
