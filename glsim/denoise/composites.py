@@ -37,9 +37,9 @@ SAME_SURFACE_MM, SAME_SURFACE_MM_PER_M = 15.0, 15.0
 #: Surfaces are looked for this far around a pixel: the width of the widest hole that is closed.
 REACH_PX: Final = 2
 #: A pixel that is in doubt lies on a surface if so many of the 24 pixels around lie on the same
-#: surface and are in no doubt; or if so many lie on it at all, half of the window: the rim of
-#: something flat. Chosen by experiment: docs/denoise.md.
-LEAST_SURE, LEAST_PATCH = 3, 12
+#: surface and are in no doubt; or if this share of those in the image lie on it at all, as on a
+#: straight edge. Chosen by experiment: docs/denoise.md.
+LEAST_SURE, LEAST_PATCH = 3, 0.5
 #: A filled pixel touches at least so many measured ones: those in a gap 2 px wide touch 3. So no
 #: single pixel appears in a shadow.
 LEAST_TOUCHING: Final = 3
@@ -103,14 +103,15 @@ def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
     """Return the pixels of ``asked`` that lie on a surface. sure: measured, in no doubt."""
     own = noisy_mm[asked]
     allowed = tolerance_mm(own)
-    alike, surely = np.zeros(own.shape, np.uint8), np.zeros(own.shape, np.uint8)
-    beside = zip(_around(noisy_mm, asked, REACH_PX), _around(sure, asked, REACH_PX), strict=True)
-    for depth, known in beside:
+    alike, surely, places = (np.zeros(own.shape, np.uint8) for _ in range(3))
+    images = (noisy_mm, sure, np.ones_like(asked))
+    for depth, known, inside in zip(*(_around(i, asked, REACH_PX) for i in images), strict=True):
         near = (depth > 0) & (np.abs(depth - own) <= allowed)
         alike += near
         surely += near & known
+        places += inside
     found = np.zeros_like(asked)
-    found[asked] = (surely >= LEAST_SURE) | (alike >= LEAST_PATCH)
+    found[asked] = (surely >= LEAST_SURE) | (alike >= LEAST_PATCH * places)
     return found
 
 

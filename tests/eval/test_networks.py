@@ -11,6 +11,7 @@ import pytest
 import scipy.stats
 
 from glsim.cli import main
+from glsim.denoise import COMPOSITES
 from glsim.eval.paper.network_tables import network_table
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, printed_mse_mm2
 from glsim.eval.paper.runs import find_trained_runs, group_by_network

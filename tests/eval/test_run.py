@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.denoise import PAPER_FILTERS
+from glsim.denoise import COMPOSITES, PAPER_FILTERS
 from glsim.errors import ConfigError, DatasetError
 from glsim.eval.metrics import METRICS, Truth, score
 from glsim.eval.paper.filter_table import filter_table
