@@ -111,8 +111,9 @@ class _BlockScorer:
         for method in self._methods:
             stack, now = self._stacks.around(number, method.before, method.after)
             try:
+                infrared = self._frames.infrared(number) if method.infrared else None
                 start = time.perf_counter()
-                denoised = method(stack, now)
+                denoised = method(stack, now, infrared)
                 time_ms = 1000 * (time.perf_counter() - start)
                 parts = compose(denoised, sample.noisy_mm)
                 scores = {part: score(depth, truth) for part, depth in parts.items()}

@@ -9,9 +9,10 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.dataset import Split, open_dataset
 from glsim.dataset.disk_format import HEADER
@@ -58,6 +59,10 @@ class DatasetFrames:
         sample = _checked(truth_mm, pair.noisy_mm, pair.intrinsics, repr(pair))
         return replace(sample, regions=pair.regions.astype(np.uint8)) if self.regions else sample
 
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read a frame's infrared counts. Raises DatasetError if the set has none."""
+        return self._split[number].infrared
+
 
 class FolderFrames:
     """Pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits, millimetres.
@@ -101,6 +106,10 @@ class FolderFrames:
         clean, noisy = _read(clean_file, self._truth), _read(noisy_file, "noisy")
         rig = self._rig.for_map((clean.shape[0], clean.shape[1]), self._focal)
         return _checked(clean, noisy, rig.intrinsics, str(self._path / self._stems[number]))
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read the counts of ``*_infrared.png``. Raises DatasetError if it is missing."""
+        return _read(self._path / f"{self._stems[number]}_infrared.png", "infrared")
 
     def _files(self, stem: str) -> tuple[Path, Path]:
         return self._path / f"{stem}_{self._truth}.png", self._path / f"{stem}_noisy.png"

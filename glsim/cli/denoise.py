@@ -33,6 +33,8 @@ glsim denoise recording/ -o denoised/ --device my_kinect.toml    calibrated by g
 
 glsim denoise --watch recording/ -o denoised/            maps as they appear, until Ctrl-C
 
+glsim denoise noisy.png -o clean.png -d face-ir --infrared infrared.png
+
 glsim denoise 'maps/*_noisy.png' -o denoised/ -d run/best.pt
 """
 
@@ -66,6 +68,13 @@ def denoise(
         typer.Option(
             metavar="DIR",
             help="Denoise the depth PNGs of a folder and those that appear there, until Ctrl-C.",
+        ),
+    ] = None,
+    infrared: Annotated[
+        Path | None,
+        typer.Option(
+            help="16-bit infrared PNG, or a folder of them named as the maps, for networks that "
+            "use it. Default: those beside the maps (*_infrared.png, or *_ir.png of *_depth.png)."
         ),
     ] = None,
     uncertainty: Annotated[
@@ -112,21 +121,24 @@ def denoise(
     if watch is not None:
         if uncertainty is not None:
             raise ConfigError("--uncertainty does not go with --watch: denoise the files after it")
+        if infrared is not None:
+            raise ConfigError("--infrared does not go with --watch, which finds the images itself")
         _watch(watch, out, mapped, depth_unit_mm)
     else:
-        _denoise_files(noisy or [], out, mapped, uncertainty, depth_unit_mm)
+        _denoise_files(noisy or [], out, mapped, infrared, uncertainty, depth_unit_mm)
 
 
 def _denoise_files(
     noisy: list[str],
     out: Path,
     denoiser: MapDenoiser,
+    infrared: Path | None,
     uncertainty: Path | None,
     depth_unit_mm: float | None,
 ) -> None:
     import numpy as np
 
-    from glsim.denoise.depth_files import MapFrames, find_maps, unit_mm
+    from glsim.denoise.depth_files import MapFrames, find_maps, infrared_files, unit_mm
     from glsim.denoise.frames import Stacks
     from glsim.files.atomic import write_atomic
     from glsim.files.depth_folders import left_out, left_out_text
@@ -138,12 +150,16 @@ def _denoise_files(
     sigma_targets = _sigma_targets(noisy, out, uncertainty, method)
     sources = [source for source, _ in pairs]
     step_mm = unit_mm(sources, depth_unit_mm)
-    frames = MapFrames(sources, step_mm, denoiser.device)
+    if infrared is not None and not method.infrared:
+        raise ConfigError(f"--infrared: {method.label} does not use infrared; face-ir does")
+    images = infrared_files(sources, infrared) if method.infrared else ()
+    frames = MapFrames(sources, step_mm, denoiser.device, images)
     stacks = Stacks(frames, method.before, method.after)
     failures = 0
     for number, (source, target) in enumerate(pairs):
         try:
             stack, now = stacks.around(number, method.before, method.after)
+            counts = frames.infrared(number) if method.infrared else None
         except DatasetError as error:
             if len(pairs) == 1:
                 raise
@@ -151,9 +167,9 @@ def _denoise_files(
             console.print(f"skipped {source}: {error}", style="yellow", soft_wrap=True)
             continue
         if sigma_targets:
-            denoised, sigma_mm = method.with_sigma(stack[now])
+            denoised, sigma_mm = method.with_sigma(stack, now, counts)
         else:
-            denoised = method(stack, now)
+            denoised = method(stack, now, counts)
         depth_m = denoiser.finished(denoised, stack[now]).depth_mm * np.float32(0.001)
         write_atomic(encode_png(encode_depth(depth_m, step_mm)), target, sync=len(pairs) == 1)
         if sigma_targets:

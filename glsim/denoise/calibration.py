@@ -130,3 +130,7 @@ class CalibratedFrames:
         sample = self._frames.load(number)
         crop = sample.intrinsics if self._own_camera else None
         return replace(sample, noisy_mm=self._device(sample.noisy_mm, crop))
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read a frame's infrared."""
+        return self._frames.infrared(number)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import FORMAT, HEADER
 from glsim.dataset.header import read_header
@@ -19,6 +21,10 @@ from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
 from glsim.settings.schema import SPLIT_NAMES
 
+#: Endings of a depth map and of its infrared image, as glsim and as iai_kinect2 name them; for any
+#: other name it is NAME_infrared.png.
+INFRARED_BESIDE: Final = {"_noisy.png": "_infrared.png", "_depth.png": "_ir.png"}
+
 
 class MapFrames:
     """Depth-map files as frames without ground truth. The files of a folder are one sequence."""
@@ -27,13 +33,19 @@ class MapFrames:
     regions: Mapping[str, int] = {}
 
     def __init__(
-        self, files: Sequence[Path], depth_unit_mm: float, device: DeviceCalibration | None = None
+        self,
+        files: Sequence[Path],
+        depth_unit_mm: float,
+        device: DeviceCalibration | None = None,
+        infrared: Sequence[Path] = (),
     ) -> None:
         """device: subtract its errors from all maps; crops are those of the maps' data sets.
 
+        infrared: one 16-bit image for each map, see ``infrared_files``.
         Raises DatasetError if a data set is damaged.
         """
         self._files, self._unit_mm, self._device = files, depth_unit_mm, device
+        self._infrared = infrared
         self._cameras = _dataset_cameras(files) if device is not None else {}
 
     def __len__(self) -> int:
@@ -55,6 +67,40 @@ class MapFrames:
             depth = self._device(depth, self._cameras.get(file.absolute()))
         height, width = depth.shape
         return Sample(depth, depth, Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0))
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read the infrared counts of a map. Raises DatasetError if they are no 16-bit image."""
+        return read_depth_png(self._infrared[number])
+
+
+def infrared_files(maps: Sequence[Path], given: Path | None) -> list[Path]:
+    """Return the infrared image of each depth map.
+
+    given: an image, if there is one map, or a folder of images with the names of the maps; None:
+    the images beside them, see INFRARED_BESIDE. Raises ConfigError if one is missing.
+    """
+    if given is not None and not given.is_dir():
+        files = [given]
+        if len(maps) > 1:
+            raise ConfigError(f"--infrared {given}: for several maps give a folder")
+    elif given is not None:
+        files = [given / file.name for file in maps]
+    else:
+        files = [_infrared_beside(file) for file in maps]
+    for file, depth in zip(files, maps, strict=True):
+        if not file.is_file():
+            raise ConfigError(
+                f"{depth}: has no infrared image {file}, which this denoiser uses: give one with "
+                "--infrared, or choose the network face"
+            )
+    return files
+
+
+def _infrared_beside(file: Path) -> Path:
+    for ending, of_infrared in INFRARED_BESIDE.items():
+        if file.name.endswith(ending):
+            return file.with_name(file.name.removesuffix(ending) + of_infrared)
+    return file.with_name(f"{file.stem}_infrared.png")
 
 
 def unit_mm(files: Sequence[Path], given: float | None) -> float:

@@ -105,7 +105,7 @@ class DepthStream:
         if self._held and self._held[-1].shape != frame.shape:
             self.reset()
         self._held.append(frame)
-        denoised = method(np.stack(self._held), len(self._held) - 1)
+        denoised = method(np.stack(self._held), len(self._held) - 1, infrared)
         return self._denoiser.finished(denoised, frame)
 
     def reset(self) -> None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glsim.denoise.depth_files import MapFrames
+from glsim.denoise.depth_files import MapFrames, infrared_files
 from glsim.denoise.map_denoiser import MapDenoiser
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.arrivals import FolderArrivals
@@ -58,8 +58,10 @@ def watch_folder(
         start_s = time.monotonic()
         problem = ""
         try:
-            depth_mm = MapFrames([path], depth_unit_mm).load(0).noisy_mm
-            depth_m = stream.push(depth_mm).depth_mm * np.float32(0.001)
+            images = infrared_files([path], None) if denoiser.method.infrared else ()
+            frames = MapFrames([path], depth_unit_mm, infrared=images)
+            counts = frames.infrared(0) if images else None
+            depth_m = stream.push(frames.load(0).noisy_mm, counts).depth_mm * np.float32(0.001)
         except DatasetError as error:
             problem = str(error)
         else:
