@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from glsim import Frame, load_settings, simulate
 from glsim.dataset import available_workers
-from glsim.denoise import Method, compose, load
+from glsim.denoise import DEFAULT_COMPOSITE, Method, compose, load
 from glsim.errors import GlsimError
 from glsim.eval.metrics import Truth, score
 from glsim.eval.report.document import Document, TextTable
@@ -140,7 +140,7 @@ def _method(spec: str) -> Method:
 
 def _denoised(job: CardJob, noisy_mm: Depth) -> Depth:
     parts = compose(_method(job.denoiser)(noisy_mm[None]), noisy_mm)
-    depth: Depth = parts["" if "" in parts else "hard"]
+    depth: Depth = parts["" if "" in parts else DEFAULT_COMPOSITE]
     return depth
 
 
@@ -233,8 +233,8 @@ def card(job: CardJob, sections: Sequence[str], processes: int) -> str:
             [
                 f"{job.frames} frames of as many people ({job.source.get('kind', 'procedural')} "
                 f"faces, seed {_SEED}) a row; clean depth is not rounded to millimetres. RMSE: "
-                "where truth and map have depth, each by its own mask. A soft validity is cut at "
-                "1/2."
+                "where truth and map have depth, each by its own mask. The composite is "
+                f"{DEFAULT_COMPOSITE!r}, as `glsim denoise` writes it."
             ],
         )
     ]

@@ -233,3 +233,37 @@ def test_a_mesh_wound_inside_out_is_skipped_not_empty(context: moderngl.Context)
     (result,) = simulate(settings, sources=[OneMesh(inside_out)], context=context)
     assert isinstance(result, Skipped)
     assert "inside out" in result.why
+
+
+def test_settings_are_held_within_a_sequence_and_noise_is_not(context: moderngl.Context) -> None:
+    tree = {
+        "sensor": "kinect-v2-fast",
+        "pose": {"distance_mm": {"uniform": [800, 1200]}, "motion": 0},
+        "variation": {"shape_mm": {"uniform": [1, 3]}, "per": "frame"},
+        "stage": {"tof_fast": {"gain": {"uniform": [1000, 3000]}}},
+        "output": {"crop": 64},
+    }
+    drawn = {}
+    for redraw in (None, "sequence"):
+        settings = load_settings(overrides=tree | ({"redraw": redraw} if redraw else {}))
+        sources, tasks = plan_of(settings)
+        frames = list(simulate(settings, tasks, sources=sources, context=context))
+        assert all(isinstance(frame, Frame) for frame in frames)
+        drawn[redraw] = frames
+    held: dict[str, list[Frame]] = {}
+    for frame in drawn["sequence"]:
+        assert isinstance(frame, Frame)
+        held.setdefault(frame.key.sequence, []).append(frame)
+    assert len(held) == 2
+    for first, *others in held.values():
+        for other in others:
+            assert other.pose == first.pose
+            assert other.parameters == first.parameters
+            np.testing.assert_array_equal(other.clean, first.clean)
+            assert not np.array_equal(other.noisy, first.noisy)
+            assert other.seed != first.seed
+    one, other = (sequence[0] for sequence in held.values())
+    assert one.pose != other.pose
+    assert one.parameters != other.parameters
+    free = drawn[None]
+    assert len({json.dumps(dict(f.pose), sort_keys=True) for f in free}) == len(free)

@@ -14,7 +14,8 @@ import torch
 from numpy.typing import NDArray
 
 from glsim.denoise.inference import TorchNetwork, load_model
-from glsim.denoise.onnx_file import INPUT, OpenCvNetwork
+from glsim.denoise.inputs import Inputs, stack_inputs
+from glsim.denoise.onnx_file import OpenCvNetwork
 from glsim.errors import TrainError
 from glsim.files.atomic import write_atomic
 from glsim.train.models.base import DepthModel
@@ -32,8 +33,9 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
     """Write the network of a checkpoint (best.pt, last.pt) to an ONNX file.
 
     The graph maps ``noisy_mm``, (1, 1, H, W) float32 millimetres with 0 = no return, to the
-    outputs of ``glsim.train.models.named_outputs``, of the same shape. H and W are multiples of 16:
-    pad with zeros. The file is written after OpenCV gave PyTorch's results on two test frames.
+    outputs of ``glsim.train.models.named_outputs``, of the same shape. Further inputs are named as
+    in ``glsim.denoise.inputs``: (1, images, H, W), zeros for what is missing. H and W are multiples
+    of 16: pad with zeros. The file is written after OpenCV gave PyTorch's results on two test frames.
 
     Returns the largest difference of each output from PyTorch's. Raises DenoiserError for a bad
     checkpoint, TrainError if the network cannot be exported, OpenCV cannot run it
@@ -53,7 +55,8 @@ def _onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
     PyTorch's TorchScript exporter needs 1.5 s; its newer one, 60 s for the features of the
     mask-aware networks.
     """
-    example = torch.from_numpy(_test_frame())[None, None]
+    example = torch.from_numpy(_test_stack(model.inputs, 80, 96))[None]
+    inputs = model.inputs.named(example)
     with torch.inference_mode():
         names = list(named_outputs(model(example)))
     buffer = io.BytesIO()
@@ -63,11 +66,11 @@ def _onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
         try:
             torch.onnx.export(
                 NamedOutputs(model),
-                (example,),
+                tuple(inputs.values()),
                 buffer,
-                input_names=[INPUT],
+                input_names=[*inputs],
                 output_names=names,
-                dynamic_axes={name: {2: "rows", 3: "columns"} for name in (INPUT, *names)},
+                dynamic_axes={name: {2: "rows", 3: "columns"} for name in (*inputs, *names)},
                 opset_version=_OPSET,
                 dynamo=False,
             )
@@ -86,9 +89,18 @@ def _asinh(graph: Any, x: Any) -> Any:
     return graph.op("Asinh", x)
 
 
-def _test_frame(height: int = 80, width: int = 96) -> NDArray[np.float32]:
+def _test_stack(inputs: Inputs, height: int, width: int) -> NDArray[np.float32]:
+    """Return the inputs of a frame, (C, height, width); its neighbours have other noise."""
+    frames = [_test_frame(height, width, seed) for seed in range(1 + inputs.before + inputs.after)]
+    infrared = np.where(frames[0] > 0, 2e9 / np.maximum(frames[0], 1) ** 2, 0)
+    return stack_inputs(
+        inputs, frames[0], frames[1 : 1 + inputs.before], frames[1 + inputs.before :], infrared
+    )
+
+
+def _test_frame(height: int, width: int, seed: int) -> NDArray[np.float32]:
     """Return (height, width) float32 mm: a noisy surface, a step in depth, and holes."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     rows, columns = np.mgrid[:height, :width]
     depth_mm = 900 + 0.4 * columns + rng.normal(0, 1.6, rows.shape)
     depth_mm[:, 60:] += 300.0
@@ -100,7 +112,7 @@ def _compare(network: TorchNetwork, data: bytes, checkpoint: Path) -> dict[str, 
     """Return the largest difference of each output between OpenCV and PyTorch, for two sizes."""
     exported = OpenCvNetwork(data)
     differences: dict[str, float] = {}
-    for frame in (_test_frame(), _test_frame(128, 112)):
+    for frame in (_test_stack(exported.inputs, *size) for size in ((80, 96), (128, 112))):
         try:
             outputs = exported(frame)
         except cv2.error as error:

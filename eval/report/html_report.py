@@ -125,7 +125,8 @@ def example_frame(job: ScoringJob) -> GalleryFrame | None:
         predictions: dict[str, Depth] = {}
         for method in methods:
             try:
-                denoised = method(*stacks.around(number, method.before, method.after))
+                infrared = frames.infrared(number) if method.infrared else None
+                denoised = method(*stacks.around(number, method.before, method.after), infrared)
             except Exception:  # any error of a user's denoiser; scoring has counted it
                 continue
             for part, depth in compose(denoised, sample.noisy_mm).items():

@@ -60,7 +60,8 @@ class ScoringJob:
 
     truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
     baseline_every: score trivial baselines on every n-th frame; 0 is never.
-    stride: score only every n-th frame.
+    stride: score only every n-th frame. device: sensor file whose fixed pattern and wiggling are
+    subtracted from the input of all denoisers.
     """
 
     dataset: Path
@@ -71,10 +72,11 @@ class ScoringJob:
     mean_face: Depth | None = None
     stride: int = 1
     truth: TruthLayer = "clean"
+    device: Path | None = None
 
     def frames(self) -> Frames:
         """Open the frames to score. Raises DatasetError."""
-        return open_frames(self.dataset, self.split, self.focal_px, self.truth)
+        return open_frames(self.dataset, self.split, self.focal_px, self.truth, self.device)
 
     def start(self) -> Callable[[FrameBlock], ScoredBlock]:
         """Open the data set and load the denoisers, in the worker."""
@@ -109,8 +111,9 @@ class _BlockScorer:
         for method in self._methods:
             stack, now = self._stacks.around(number, method.before, method.after)
             try:
+                infrared = self._frames.infrared(number) if method.infrared else None
                 start = time.perf_counter()
-                denoised = method(stack, now)
+                denoised = method(stack, now, infrared)
                 time_ms = 1000 * (time.perf_counter() - start)
                 parts = compose(denoised, sample.noisy_mm)
                 scores = {part: score(depth, truth) for part, depth in parts.items()}

@@ -9,14 +9,16 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.dataset import Split, open_dataset
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.reader import no_clean, no_expected
+from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
 from glsim.denoise.frames import Frames, Key, Sample, check_millimetres
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
@@ -56,6 +58,10 @@ class DatasetFrames:
         truth_mm = pair.clean_mm if self._truth == "clean" else pair.expected_mm
         sample = _checked(truth_mm, pair.noisy_mm, pair.intrinsics, repr(pair))
         return replace(sample, regions=pair.regions.astype(np.uint8)) if self.regions else sample
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read a frame's infrared counts. Raises DatasetError if the set has none."""
+        return self._split[number].infrared
 
 
 class FolderFrames:
@@ -101,6 +107,10 @@ class FolderFrames:
         rig = self._rig.for_map((clean.shape[0], clean.shape[1]), self._focal)
         return _checked(clean, noisy, rig.intrinsics, str(self._path / self._stems[number]))
 
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read the counts of ``*_infrared.png``. Raises DatasetError if it is missing."""
+        return _read(self._path / f"{self._stems[number]}_infrared.png", "infrared")
+
     def _files(self, stem: str) -> tuple[Path, Path]:
         return self._path / f"{stem}_{self._truth}.png", self._path / f"{stem}_noisy.png"
 
@@ -145,13 +155,25 @@ def _checked(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> 
 
 
 def open_frames(
-    path: Path, split: str, focal_px: float | None = None, truth: TruthLayer = "clean"
+    path: Path,
+    split: str,
+    focal_px: float | None = None,
+    truth: TruthLayer = "clean",
+    device: Path | None = None,
 ) -> Frames:
     """Open a split of a data set, or the pairs of a folder (its sub-folder ``split`` if it exists).
 
-    truth: the layer that becomes ``Sample.clean_mm``. Raises DatasetError if there is no such
-    folder, split, layer or pair.
+    truth: the layer that becomes ``Sample.clean_mm``. device: sensor file whose fixed pattern and
+    wiggling are subtracted from the noisy maps. Raises DatasetError if there is no such folder,
+    split, layer or pair, ConfigError for an unusable device.
     """
+    frames = _open(path, split, focal_px, truth)
+    if device is None:
+        return frames
+    return CalibratedFrames(frames, DeviceCalibration(device), isinstance(frames, DatasetFrames))
+
+
+def _open(path: Path, split: str, focal_px: float | None, truth: TruthLayer) -> Frames:
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder")
     if (path / HEADER).exists() or (path / ".glsim").exists():

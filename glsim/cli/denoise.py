@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from glsim.denoise import Method
+    from glsim.denoise import MapDenoiser, Method
     from glsim.denoise.protocol import Depth, Mask
 
 EXAMPLES = """
@@ -28,14 +29,22 @@ glsim denoise noisy.png -o clean.png --denoiser quadric:sigma_px=2.5,cleanup=5
 
 glsim denoise recording/ -o denoised/ -d temporal_median
 
+glsim denoise recording/ -o denoised/ --device my_kinect.toml    calibrated by glsim fit
+
+glsim denoise --watch recording/ -o denoised/            maps as they appear, until Ctrl-C
+
+glsim denoise noisy.png -o clean.png -d face-ir --infrared infrared.png
+
 glsim denoise 'maps/*_noisy.png' -o denoised/ -d run/best.pt
 """
 
 
 def denoise(
     noisy: Annotated[
-        list[str], typer.Argument(help="16-bit depth PNGs, folders of them, or a glob pattern.")
-    ],
+        list[str] | None,
+        typer.Argument(help="16-bit depth PNGs, folders of them, or a glob pattern."),
+    ] = None,
+    *,
     out: Annotated[
         Path, typer.Option("-o", "--out", help="The denoised PNG, or a folder for them.")
     ],
@@ -47,6 +56,27 @@ def denoise(
             help="A name of glsim eval --list, or a checkpoint; face is the shipped network.",
         ),
     ] = "face",
+    device: Annotated[
+        Path | None,
+        typer.Option(
+            help="Sensor file of glsim fit: the device's fixed pattern and wiggling are subtracted "
+            "before denoising."
+        ),
+    ] = None,
+    watch: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Denoise the depth PNGs of a folder and those that appear there, until Ctrl-C.",
+        ),
+    ] = None,
+    infrared: Annotated[
+        Path | None,
+        typer.Option(
+            help="16-bit infrared PNG, or a folder of them named as the maps, for networks that "
+            "use it. Default: those beside the maps (*_infrared.png, or *_ir.png of *_depth.png)."
+        ),
+    ] = None,
     uncertainty: Annotated[
         Path | None,
         typer.Option(
@@ -55,8 +85,12 @@ def denoise(
         ),
     ] = None,
     composite: Annotated[
-        str, typer.Option(help="Use of a network's soft validity: soft, hard or 'input mask'.")
-    ] = "hard",
+        str,
+        typer.Option(
+            help="Use of a network's soft validity: measured (the input's depth, without pixels in "
+            "mid-air, small holes closed), soft, hard or 'input mask'."
+        ),
+    ] = "measured",
     depth_unit_mm: Annotated[
         float | None,
         typer.Option(
@@ -72,32 +106,60 @@ def denoise(
     """Denoise 16-bit depth maps; 0 means no depth, in and out.
 
     Maps keep their names. For denoisers that use neighbours in time, the maps of a folder are a
-    sequence in the order of their names. Maps that cannot be read are reported and skipped. Of a
-    folder that glsim wrote, only the noisy depth is taken.
+    sequence in the order of their names; while watching, they see earlier frames only. Maps that
+    cannot be read are reported and skipped. Of a folder that glsim wrote, only the noisy depth is
+    taken.
     """
+    from glsim.denoise import MapDenoiser, check_composite, load
+
+    check_composite(composite, "--composite")
+    if bool(noisy) == (watch is not None):
+        raise ConfigError("give either depth maps to denoise, or a folder with --watch")
+    mapped = MapDenoiser(load(denoiser), device, composite)
+    if mapped.device is not None:
+        print_message(f"{device}: subtracts {' and '.join(mapped.device.parts)}")
+    if watch is not None:
+        if uncertainty is not None:
+            raise ConfigError("--uncertainty does not go with --watch: denoise the files after it")
+        if infrared is not None:
+            raise ConfigError("--infrared does not go with --watch, which finds the images itself")
+        _watch(watch, out, mapped, depth_unit_mm)
+    else:
+        _denoise_files(noisy or [], out, mapped, infrared, uncertainty, depth_unit_mm)
+
+
+def _denoise_files(
+    noisy: list[str],
+    out: Path,
+    denoiser: MapDenoiser,
+    infrared: Path | None,
+    uncertainty: Path | None,
+    depth_unit_mm: float | None,
+) -> None:
     import numpy as np
 
-    from glsim.denoise import COMPOSITES, compose, load
-    from glsim.denoise.depth_files import MapFrames, find_maps, unit_mm
+    from glsim.denoise.depth_files import MapFrames, find_maps, infrared_files, unit_mm
     from glsim.denoise.frames import Stacks
     from glsim.files.atomic import write_atomic
     from glsim.files.depth_folders import left_out, left_out_text
     from glsim.files.png import encode_png
     from glsim.frame import encode_depth
 
-    if composite not in COMPOSITES:
-        raise ConfigError(f"--composite {composite}: choose one of {', '.join(COMPOSITES)}")
-    method = load(denoiser)
+    method = denoiser.method
     pairs = find_maps(noisy, out)
     sigma_targets = _sigma_targets(noisy, out, uncertainty, method)
     sources = [source for source, _ in pairs]
     step_mm = unit_mm(sources, depth_unit_mm)
-    frames = MapFrames(sources, step_mm)
+    if infrared is not None and not method.infrared:
+        raise ConfigError(f"--infrared: {method.label} does not use infrared; face-ir does")
+    images = infrared_files(sources, infrared) if method.infrared else ()
+    frames = MapFrames(sources, step_mm, denoiser.device, images)
     stacks = Stacks(frames, method.before, method.after)
     failures = 0
     for number, (source, target) in enumerate(pairs):
         try:
             stack, now = stacks.around(number, method.before, method.after)
+            counts = frames.infrared(number) if method.infrared else None
         except DatasetError as error:
             if len(pairs) == 1:
                 raise
@@ -105,11 +167,10 @@ def denoise(
             console.print(f"skipped {source}: {error}", style="yellow", soft_wrap=True)
             continue
         if sigma_targets:
-            denoised, sigma_mm = method.with_sigma(stack[now])
+            denoised, sigma_mm = method.with_sigma(stack, now, counts)
         else:
-            denoised = method(stack, now)
-        parts = compose(denoised, stack[now])
-        depth_m = parts["" if "" in parts else composite] * np.float32(0.001)
+            denoised = method(stack, now, counts)
+        depth_m = denoiser.finished(denoised, stack[now]).depth_mm * np.float32(0.001)
         write_atomic(encode_png(encode_depth(depth_m, step_mm)), target, sync=len(pairs) == 1)
         if sigma_targets:
             sigma = encode_png(_encode_sigma(sigma_mm, depth_m > 0))
@@ -119,6 +180,45 @@ def denoise(
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}")
     if failures:
         raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
+
+
+def _watch(folder: Path, out: Path, denoiser: MapDenoiser, depth_unit_mm: float | None) -> None:
+    """Denoise what appears in a folder until Ctrl-C; then say how many maps and how fast."""
+    from array import array
+
+    from glsim.denoise.depth_files import unit_mm
+    from glsim.denoise.watch import watch_folder
+
+    step_mm = unit_mm([folder / "*.png"], depth_unit_mm)
+    latency_s, busy_s, failures = array("d"), array("d"), 0
+    print_message(f"watching {folder}; Ctrl-C ends")
+    try:
+        for done in watch_folder(folder, out, denoiser, step_mm):
+            if done.problem:
+                failures += 1
+                message = f"skipped {done.source}: {done.problem}"
+                console.print(message, style="yellow", soft_wrap=True)
+                continue
+            busy_s.append(done.seconds)
+            if done.latency_s is not None:
+                latency_s.append(done.latency_s)
+    except KeyboardInterrupt:  # the way to end it; an unfinished file was removed
+        pass
+    finally:
+        print_message(f"wrote {len(busy_s)} denoised depth map(s) to {out}")
+        if busy_s:
+            print_message(f"time of a map: {_spread_ms(busy_s)}")
+        if latency_s:
+            print_message(f"latency, file complete to map written: {_spread_ms(latency_s)}")
+    if failures:
+        raise DatasetError(f"{failures} of {failures + len(busy_s)} maps could not be read")
+
+
+def _spread_ms(seconds: Sequence[float]) -> str:
+    import numpy as np
+
+    middle, most = 1000.0 * np.percentile(seconds, (50, 95))
+    return f"median {middle:.0f} ms, 95 % within {most:.0f} ms"
 
 
 def _sigma_targets(

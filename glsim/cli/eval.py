@@ -91,6 +91,13 @@ def evaluate(
         float | None,
         typer.Option(help="Focal length of plain PNG files, pixels. Default: the Kinect V2's."),
     ] = None,
+    device: Annotated[
+        Path | None,
+        typer.Option(
+            help="Sensor file of glsim fit: its fixed pattern and wiggling are subtracted from the "
+            "input of all denoisers."
+        ),
+    ] = None,
     list_denoisers: Annotated[
         bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
     ] = False,
@@ -124,7 +131,9 @@ def evaluate(
     count = worker_count(workers)
     if truth not in get_args(TruthLayer):
         raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
-    job = ScoringJob(dataset, split, tuple(specs), focal_px, truth=cast(TruthLayer, truth))
+    job = ScoringJob(
+        dataset, split, tuple(specs), focal_px, truth=cast(TruthLayer, truth), device=device
+    )
     if tune:
         job = _add_tuned_filters(job, out, count)
     with scoring_progress("scoring") as progress:

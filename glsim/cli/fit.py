@@ -128,7 +128,9 @@ def fit(
     ]
     picture = io.BytesIO()
     np.save(picture, statistics.pattern.map_mm)
-    text = sensor_toml(name, tree, values, image, comments, map_file.name if usable_map else "")
+    waves = wiggling.waves() if wiggling is not None else ()
+    named = map_file.name if usable_map else ""
+    text = sensor_toml(name, tree, values, image, comments, named, waves)
     write_atomic(picture.getvalue(), map_file)
     write_atomic(text.encode(), out)
     if not options.quiet:

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import FORMAT, HEADER
 from glsim.dataset.header import read_header
+from glsim.dataset.reader import open_dataset
 from glsim.dataset.schema import read_object
+from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import Key, Sample, check_millimetres
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.depth_folders import depth_pngs
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
 from glsim.settings.schema import SPLIT_NAMES
+
+#: Endings of a depth map and of its infrared image, as glsim and as iai_kinect2 name them; for any
+#: other name it is NAME_infrared.png.
+INFRARED_BESIDE: Final = {"_noisy.png": "_infrared.png", "_depth.png": "_ir.png"}
 
 
 class MapFrames:
@@ -24,8 +32,21 @@ class MapFrames:
     identity = ""
     regions: Mapping[str, int] = {}
 
-    def __init__(self, files: Sequence[Path], depth_unit_mm: float) -> None:
-        self._files, self._unit_mm = files, depth_unit_mm
+    def __init__(
+        self,
+        files: Sequence[Path],
+        depth_unit_mm: float,
+        device: DeviceCalibration | None = None,
+        infrared: Sequence[Path] = (),
+    ) -> None:
+        """device: subtract its errors from all maps; crops are those of the maps' data sets.
+
+        infrared: one 16-bit image for each map, see ``infrared_files``.
+        Raises DatasetError if a data set is damaged.
+        """
+        self._files, self._unit_mm, self._device = files, depth_unit_mm, device
+        self._infrared = infrared
+        self._cameras = _dataset_cameras(files) if device is not None else {}
 
     def __len__(self) -> int:
         return len(self._files)
@@ -35,12 +56,51 @@ class MapFrames:
         return Key(str(self._files[number].parent), "", number)
 
     def load(self, number: int) -> Sample:
-        """Read a map, also used as ``clean_mm``. Raises DatasetError if not a 16-bit depth map."""
+        """Read a map, also used as ``clean_mm``.
+
+        Raises DatasetError if it is no 16-bit depth map, ConfigError if it is none of the device.
+        """
         file = self._files[number]
         depth = read_depth_png(file) * np.float32(self._unit_mm)
         check_millimetres(depth, str(file))
+        if self._device is not None:
+            depth = self._device(depth, self._cameras.get(file.absolute()))
         height, width = depth.shape
         return Sample(depth, depth, Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0))
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read the infrared counts of a map. Raises DatasetError if they are no 16-bit image."""
+        return read_depth_png(self._infrared[number])
+
+
+def infrared_files(maps: Sequence[Path], given: Path | None) -> list[Path]:
+    """Return the infrared image of each depth map.
+
+    given: an image, if there is one map, or a folder of images with the names of the maps; None:
+    the images beside them, see INFRARED_BESIDE. Raises ConfigError if one is missing.
+    """
+    if given is not None and not given.is_dir():
+        files = [given]
+        if len(maps) > 1:
+            raise ConfigError(f"--infrared {given}: for several maps give a folder")
+    elif given is not None:
+        files = [given / file.name for file in maps]
+    else:
+        files = [_infrared_beside(file) for file in maps]
+    for file, depth in zip(files, maps, strict=True):
+        if not file.is_file():
+            raise ConfigError(
+                f"{depth}: has no infrared image {file}, which this denoiser uses: give one with "
+                "--infrared, or choose the network face"
+            )
+    return files
+
+
+def _infrared_beside(file: Path) -> Path:
+    for ending, of_infrared in INFRARED_BESIDE.items():
+        if file.name.endswith(ending):
+            return file.with_name(file.name.removesuffix(ending) + of_infrared)
+    return file.with_name(f"{file.stem}_infrared.png")
 
 
 def unit_mm(files: Sequence[Path], given: float | None) -> float:
@@ -65,7 +125,13 @@ def unit_mm(files: Sequence[Path], given: float | None) -> float:
 
 
 def _dataset_unit_mm(folder: Path) -> float | None:
-    """Return the step of the data set whose maps of a subject the folder holds, mm; else None.
+    """Return the step of the data set whose maps of a subject the folder holds, mm; else None."""
+    root = _dataset_root(folder)
+    return None if root is None else float(read_header(root)["depth_unit_mm"])
+
+
+def _dataset_root(folder: Path) -> Path | None:
+    """Return the data set whose maps of a subject the folder holds, else None.
 
     A map belongs to a data set if it is where one writes it: <split>/<subject>/ below the header.
     Any other dataset.json in a folder above says nothing about it.
@@ -78,7 +144,20 @@ def _dataset_unit_mm(folder: Path) -> float | None:
         header, _ = read_object(root / HEADER)
     except DatasetError:  # a file of that name may have another origin
         return None
-    return float(read_header(root)["depth_unit_mm"]) if header.get("format") == FORMAT else None
+    return root if header.get("format") == FORMAT else None
+
+
+def _dataset_cameras(files: Sequence[Path]) -> dict[Path, Intrinsics]:
+    """Return the intrinsics of those maps that belong to data sets, by absolute path."""
+    wanted = {file.absolute() for file in files}
+    roots = {root for folder in {f.parent for f in wanted} if (root := _dataset_root(folder))}
+    return {
+        path: pair.intrinsics
+        for root in sorted(roots)
+        for pair in open_dataset(root)
+        for file in pair.record["files"].values()
+        if (path := root / file["name"]) in wanted
+    }
 
 
 def _matching(pattern: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,10 @@ class Frames(Protocol):
 
     def load(self, number: int) -> Sample:
         """Read a frame. Raises DatasetError if it is missing, damaged, or no depth-map pair."""
+        ...
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read a frame's infrared, (H, W) counts. Raises DatasetError if there is none."""
         ...
 
 

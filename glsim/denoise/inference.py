@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 from glsim.denoise import checkpoint
-from glsim.denoise.network import Depth, NetworkDenoiser
+from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
 from glsim.errors import DenoiserError, GlsimError
 from glsim.train.models.base import DepthModel
 from glsim.train.models.named_outputs import named_outputs
@@ -29,8 +29,9 @@ class TorchNetwork:
         self._model = model.eval().to(self._device, memory_format=torch.channels_last)
 
     def __call__(self, noisy_mm: Depth) -> dict[str, Depth]:
-        """Run the model on (H, W) millimetres."""
-        noisy = torch.from_numpy(noisy_mm)[None, None].to(self._device)
+        """Run the model on (H, W) millimetres, or on the (C, H, W) stack of its inputs."""
+        stack = noisy_mm[None] if noisy_mm.ndim == 2 else noisy_mm
+        noisy = torch.from_numpy(stack)[None].to(self._device)
         with torch.inference_mode(), _FLOAT32():
             outputs = named_outputs(self._model(noisy))
         return {name: image[0, 0].float().cpu().numpy() for name, image in outputs.items()}
@@ -65,7 +66,9 @@ def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:
     """
     model = load_model(path)
     uncertain = bool(getattr(model, "uncertainty", False))
-    return NetworkDenoiser(TorchNetwork(model), str(path), uncertain, min_probability)
+    return network_denoiser(
+        TorchNetwork(model), str(path), uncertain, min_probability, model.inputs
+    )
 
 
 def _check_shapes(expected: Mapping[str, tuple[int, ...]], weights: Mapping[str, Any]) -> None:

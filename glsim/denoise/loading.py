@@ -7,6 +7,7 @@ import importlib
 import importlib.resources
 import sys
 from dataclasses import dataclass
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,9 +16,8 @@ from glsim.denoise import shipped
 from glsim.denoise.protocol import Method, parameter
 from glsim.errors import DenoiserError
 
-#: Package and file of the shipped network; docs/model_card.md describes it.
+#: Package of the shipped networks, one file each; docs/model_card.md describes them.
 _SHIPPED_PACKAGE: ModuleType | str = shipped
-_SHIPPED_FILE = "face.onnx"
 #: Suffix of networks that run without PyTorch; other suffixes are checkpoints of PyTorch.
 ONNX_SUFFIX = ".onnx"
 
@@ -88,19 +88,28 @@ def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()
     return as_method(label, network, f"{_version(path)} {options}")
 
 
-def from_shipped(label: str, options: NetworkOptions) -> Method:
-    """Load the network shipped with glsim. Raises DenoiserError without its file."""
-    try:
-        folder = importlib.resources.files(_SHIPPED_PACKAGE)
-        with importlib.resources.as_file(folder / _SHIPPED_FILE) as path:
-            if path.is_file():
-                return from_file(path, label, options)
-    except (ImportError, FileNotFoundError):
-        pass
+def from_shipped(name: str, label: str, options: NetworkOptions) -> Method:
+    """Load a network shipped with glsim. Raises DenoiserError without its file."""
+    file = f"{name}{ONNX_SUFFIX}"
+    if is_shipped(name):
+        with importlib.resources.as_file(_shipped_folder() / file) as path:
+            return from_file(path, label, options)
     raise DenoiserError(
-        f"{label}: this installation has no {_SHIPPED_FILE}, the weights of the shipped network: "
-        "install glsim again, or choose a network or filter with -d (glsim eval --list)"
+        f"{label}: this installation has no {file}, the weights of the shipped network: install "
+        "glsim again, or choose a network or filter with -d (glsim eval --list)"
     )
+
+
+def is_shipped(name: str) -> bool:
+    """Return whether this installation has the weights of a network."""
+    try:
+        return (_shipped_folder() / f"{name}{ONNX_SUFFIX}").is_file()
+    except (ImportError, FileNotFoundError):
+        return False
+
+
+def _shipped_folder() -> Traversable:
+    return importlib.resources.files(_SHIPPED_PACKAGE)
 
 
 def as_method(label: str, function: Any, version: str = "") -> Method:
@@ -109,7 +118,8 @@ def as_method(label: str, function: Any, version: str = "") -> Method:
         raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
     before, after = (int(getattr(function, name, 0)) for name in ("before", "after"))
     temporal = hasattr(function, "before") or hasattr(function, "after")
-    return Method(label, function, before, after, temporal, version)
+    infrared = bool(getattr(function, "infrared", False))
+    return Method(label, function, before, after, temporal, version, infrared)
 
 
 def _version(file: Path | str | None) -> str:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
 from glsim.denoise.protocol import MIN_DEPTH_MM
 from glsim.denoise.safeguards import CLEAN_MM, estimate_noise_mm, trusted_mask
 from glsim.errors import DenoiserError
@@ -16,7 +17,8 @@ Depth = NDArray[np.float32]
 Validity = NDArray[np.bool_] | NDArray[np.float32]
 
 #: Runs a network: (H, W) float32 millimetres, 0 = no return, to its outputs by name, (H, W) float32
-#: each; the names are those of glsim.train.models.named_outputs.
+#: each; the names are those of glsim.train.models.named_outputs. A network with further inputs
+#: takes their stack, (C, H, W): see glsim.denoise.inputs.
 Network = Callable[[Depth], Mapping[str, Depth]]
 
 #: Frames are padded with holes, to the right and below, to multiples of this, pixels: the shipped
@@ -27,23 +29,33 @@ SIZE_MULTIPLE_PX: Final = 16
 class NetworkDenoiser:
     """Denoises single frames of any size.
 
-    uncertain: whether the network predicts its uncertainty (``with_uncertainty``).
+    uncertain: whether the network predicts its uncertainty (``with_uncertainty``). infrared:
+    whether it sees the infrared image, (H, W) counts; without one it denoises by depth alone.
     """
 
     def __init__(
-        self, network: Network, name: str, uncertain: bool, min_probability: float = 0.0
+        self,
+        network: Network,
+        name: str,
+        uncertain: bool,
+        min_probability: float = 0.0,
+        inputs: Inputs = DEPTH_ALONE,
     ) -> None:
         """name: for messages, such as the path of the file.
 
         min_probability: keep a pixel if P(depth on the chosen surface) exceeds this; 0: return the
-        probability of depth instead of a mask.
+        probability of depth instead of a mask. inputs: what the network sees besides depth.
         """
         self._network = network
         self._name = name
         self._min_probability = min_probability
         self.uncertain = uncertain
+        self.infrared = inputs.infrared
+        self._inputs = inputs
 
-    def __call__(self, noisy_mm: Depth, valid: NDArray[np.bool_]) -> tuple[Depth, Validity]:
+    def __call__(
+        self, noisy_mm: Depth, valid: NDArray[np.bool_], infrared: Depth | None = None
+    ) -> tuple[Depth, Validity]:
         """Denoise (H, W) float32 millimetres, 0 = no return, with their (H, W) bool mask.
 
         Returns (H, W) float32 depth in millimetres and the probability of depth, float32; a bool
@@ -52,17 +64,21 @@ class NetworkDenoiser:
         outside ``trusted_mask`` have probability 0. See ``glsim.denoise.safeguards``. Raises
         DenoiserError if the network returns NaN or infinity.
         """
-        depth_mm, validity, _ = self._denoise(noisy_mm, valid)
-        return depth_mm, validity
+        stack = stack_inputs(self._inputs, np.where(valid, noisy_mm, 0), infrared=infrared)
+        return self._denoise(stack)[:2]
 
     def with_uncertainty(
-        self, noisy_mm: Depth, valid: NDArray[np.bool_]
+        self, noisy_mm: Depth, valid: NDArray[np.bool_], infrared: Depth | None = None
     ) -> tuple[Depth, Validity, Depth]:
         """Denoise as a call does; also return the standard deviation, (H, W) float32 millimetres.
 
         Raises DenoiserError for a network that was not trained to predict it.
         """
-        depth_mm, validity, sigma_mm = self._denoise(noisy_mm, valid)
+        stack = stack_inputs(self._inputs, np.where(valid, noisy_mm, 0), infrared=infrared)
+        return self._uncertain(stack)
+
+    def _uncertain(self, stack: Depth) -> tuple[Depth, Validity, Depth]:
+        depth_mm, validity, sigma_mm = self._denoise(stack)
         if sigma_mm is None:
             raise DenoiserError(
                 f"{self._name}: the network does not predict its uncertainty: train one with "
@@ -70,11 +86,9 @@ class NetworkDenoiser:
             )
         return depth_mm, validity, sigma_mm
 
-    def _denoise(
-        self, noisy_mm: Depth, valid: NDArray[np.bool_]
-    ) -> tuple[Depth, Validity, Depth | None]:
-        frame = np.where(valid, noisy_mm, 0).astype(np.float32)
-        outputs = self._run(frame)
+    def _denoise(self, stack: Depth) -> tuple[Depth, Validity, Depth | None]:
+        frame = stack[0]
+        outputs = self._run(stack)
         depth_mm, sigma_mm = outputs["depth_mm"], outputs.get("sigma_mm")
         if "probability" not in outputs:
             return depth_mm, depth_mm >= MIN_DEPTH_MM, sigma_mm
@@ -82,18 +96,21 @@ class NetworkDenoiser:
         if noise_mm is not None and noise_mm < CLEAN_MM:  # unchanged; sigma is the input's noise
             input_sigma_mm = None if sigma_mm is None else np.full_like(frame, noise_mm)
             return frame, self._validity((frame > 0).astype(np.float32)), input_sigma_mm
-        probability = outputs["probability"] * trusted_mask(frame, outputs.get("risk_mm"))
+        # Runtimes compute the sigmoid with errors of some 1e-7, on either side of 1.
+        probability = np.clip(outputs["probability"], 0.0, 1.0)
+        probability *= trusted_mask(frame, outputs.get("risk_mm"))
         if self._min_probability and "choice" in outputs:
             probability *= outputs["choice"]
         return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm
 
-    def _run(self, frame_mm: Depth) -> dict[str, Depth]:
-        """Run the network on a padded frame; return its outputs, cut to the frame."""
-        height, width = frame_mm.shape
-        padded = np.pad(frame_mm, [(0, -size % SIZE_MULTIPLE_PX) for size in (height, width)])
+    def _run(self, stack: Depth) -> dict[str, Depth]:
+        """Run the network on a padded stack; return its outputs, cut to the frame."""
+        height, width = stack.shape[1:]
+        below, right = (-size % SIZE_MULTIPLE_PX for size in (height, width))
+        padded = np.pad(stack, [(0, 0), (0, below), (0, right)])
         outputs = {
             name: np.ascontiguousarray(image[:height, :width])
-            for name, image in self._network(padded).items()
+            for name, image in self._network(padded if len(stack) > 1 else padded[0]).items()
         }
         if not all(np.isfinite(image).all() for image in outputs.values()):
             raise DenoiserError(
@@ -103,3 +120,57 @@ class NetworkDenoiser:
 
     def _validity(self, probability: Depth) -> Validity:
         return probability > self._min_probability if self._min_probability else probability
+
+
+class VideoDenoiser(NetworkDenoiser):
+    """Denoises a frame of a sequence with a network that sees its neighbours in time.
+
+    It is a ``glsim.denoise.SequenceDenoiser``; missing neighbours are allowed, all of them too.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        name: str,
+        uncertain: bool,
+        min_probability: float,
+        inputs: Inputs,
+    ) -> None:
+        """Arguments as of ``NetworkDenoiser``."""
+        super().__init__(network, name, uncertain, min_probability, inputs)
+        self.before, self.after = inputs.before, inputs.after
+
+    def __call__(  # type: ignore[override]
+        self,
+        noisy_mm: Depth,
+        valid: NDArray[np.bool_],
+        now: int,
+        infrared: Depth | None = None,
+    ) -> tuple[Depth, Validity]:
+        """Denoise frame ``now`` of (T, H, W) float32 millimetres; results as of the base class."""
+        return self._denoise(self._stack(noisy_mm, valid, now, infrared))[:2]
+
+    def with_uncertainty(  # type: ignore[override]
+        self,
+        noisy_mm: Depth,
+        valid: NDArray[np.bool_],
+        now: int,
+        infrared: Depth | None = None,
+    ) -> tuple[Depth, Validity, Depth]:
+        """Denoise as a call does; also return the standard deviation, as the base class."""
+        return self._uncertain(self._stack(noisy_mm, valid, now, infrared))
+
+    def _stack(
+        self, noisy_mm: Depth, valid: NDArray[np.bool_], now: int, infrared: Depth | None
+    ) -> Depth:
+        frames = np.where(valid, noisy_mm, 0)
+        earlier, later = frames[:now][::-1], frames[now + 1 :]
+        return stack_inputs(self._inputs, frames[now], [*earlier], [*later], infrared)
+
+
+def network_denoiser(
+    network: Network, name: str, uncertain: bool, min_probability: float, inputs: Inputs
+) -> NetworkDenoiser:
+    """Make the denoiser of a network: a ``VideoDenoiser`` if it sees neighbours in time."""
+    kind = VideoDenoiser if inputs.temporal else NetworkDenoiser
+    return kind(network, name, uncertain, min_probability, inputs)

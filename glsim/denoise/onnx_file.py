@@ -1,4 +1,8 @@
-"""Run the network of an ONNX file: by onnxruntime if it is installed, else by OpenCV."""
+"""Run the network of an ONNX file: by onnxruntime if it is installed, else by OpenCV.
+
+Each input of ``glsim.denoise.inputs`` is a named input of the graph, (1, images, H, W) float32; H
+and W are multiples of SIZE_MULTIPLE_PX.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +13,13 @@ from typing import Any, Final, Literal
 import cv2
 import numpy as np
 
-from glsim.denoise.network import Depth, NetworkDenoiser
+from glsim.denoise.inputs import Inputs
+from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
+from glsim.denoise.onnx_inputs import read_inputs
 from glsim.errors import DenoiserError
 from glsim.files.regular import read_regular
 
 Runtime = Literal["onnxruntime", "opencv"]
-
-#: Name of the input, (1, 1, H, W) float32 millimetres; H and W are multiples of SIZE_MULTIPLE_PX.
-INPUT: Final = "noisy_mm"
 
 #: Largest file that is read, bytes: four times the float32 weights of the largest shipped recipe
 #: (Restormer, 26 million).
@@ -27,14 +30,16 @@ class OpenCvNetwork:
     """Runs an ONNX graph by OpenCV, whose new engine (OpenCV 5) accepts frames of any size."""
 
     def __init__(self, data: bytes) -> None:
+        self.inputs = read_inputs(data)
         self._net = cv2.dnn.readNetFromONNX(
             np.frombuffer(data, np.uint8), engine=cv2.dnn.ENGINE_NEW
         )
         self.outputs: Sequence[str] = self._net.getUnconnectedOutLayersNames()
 
     def __call__(self, noisy_mm: Depth) -> Mapping[str, Depth]:
-        """Run the graph on (H, W) millimetres."""
-        self._net.setInput(noisy_mm[None, None], INPUT)
+        """Run the graph on (H, W) millimetres, or on the (C, H, W) stack of its inputs."""
+        for name, blob in _blobs(self.inputs, noisy_mm).items():
+            self._net.setInput(blob, name)
         images = self._net.forward(self.outputs)
         return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
 
@@ -45,6 +50,8 @@ class OnnxRuntimeNetwork:
     def __init__(self, data: bytes) -> None:
         import onnxruntime
 
+        self.inputs = read_inputs(data)
+
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = cv2.getNumThreads()
         options.log_severity_level = 3  # errors; warnings would go to stderr
@@ -54,9 +61,15 @@ class OnnxRuntimeNetwork:
         self.outputs: Sequence[str] = [output.name for output in self._session.get_outputs()]
 
     def __call__(self, noisy_mm: Depth) -> Mapping[str, Depth]:
-        """Run the graph on (H, W) millimetres."""
-        images = self._session.run(self.outputs, {INPUT: noisy_mm[None, None]})
+        """Run the graph on (H, W) millimetres, or on the (C, H, W) stack of its inputs."""
+        images = self._session.run(self.outputs, _blobs(self.inputs, noisy_mm))
         return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
+
+
+def _blobs(inputs: Inputs, noisy_mm: Depth) -> dict[str, Depth]:
+    """Return name -> (1, images, H, W) of each input of a graph."""
+    stack = noisy_mm[None] if noisy_mm.ndim == 2 else noisy_mm
+    return {name: np.ascontiguousarray(part[None]) for name, part in inputs.named(stack).items()}
 
 
 def load_onnx(
@@ -82,7 +95,8 @@ def load_onnx(
             f"{path}: has no output 'depth_mm' (but {', '.join(network.outputs)}): make it with "
             "glsim export"
         )
-    return NetworkDenoiser(network, str(path), "sigma_mm" in network.outputs, min_probability)
+    uncertain = "sigma_mm" in network.outputs
+    return network_denoiser(network, str(path), uncertain, min_probability, network.inputs)
 
 
 def _open(data: bytes, runtime: Runtime | None) -> Any:

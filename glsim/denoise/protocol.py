@@ -37,7 +37,9 @@ class Denoised(NamedTuple):
 class Denoiser(Protocol):
     """A denoiser of single frames.
 
-    It takes (H, W) float32 millimetres, 0 = no return, and the (H, W) bool mask of returns.
+    It takes (H, W) float32 millimetres, 0 = no return, and the (H, W) bool mask of returns. With the
+    attribute ``infrared = True`` it also gets the keyword argument ``infrared``: (H, W) float32
+    counts, or None. The same holds for a ``SequenceDenoiser``: the image of frame ``now``.
     """
 
     def __call__(self, noisy_mm: Depth, valid: Mask, /) -> tuple[Any, Any]:
@@ -113,7 +115,7 @@ def _log_renamed(old: str, new: str) -> None:
 class Method:
     """A loaded denoiser with its name in tables and the neighbours in time that it needs.
 
-    temporal: whether ``function`` is a SequenceDenoiser.
+    temporal: whether ``function`` is a SequenceDenoiser. infrared: whether it uses infrared.
     version: changes when the source file of the denoiser changes.
     """
 
@@ -123,32 +125,43 @@ class Method:
     after: int = 0
     temporal: bool = False
     version: str = ""
+    infrared: bool = False
 
-    def __call__(self, noisy_mm: Depth, now: int = 0) -> Denoised:
+    def __call__(
+        self, noisy_mm: Depth, now: int = 0, infrared: NDArray[Any] | None = None
+    ) -> Denoised:
         """Denoise frame ``now`` of a (T, H, W) stack in millimetres, 0 = no return.
 
-        Raises DenoiserError if the result is not two images of the frame's size. The denoiser gets
-        copies of the arrays, so it may work in place.
+        infrared: (H, W) counts of that frame; ignored by denoisers that do not use it. Raises
+        DenoiserError if the result is not two images of the frame's size. The denoiser gets copies
+        of the arrays, so it may work in place.
         """
+        result = self._run(self.function, noisy_mm, now, infrared)
+        return self._checked(result, noisy_mm.shape[1:])
+
+    def _run(
+        self,
+        function: Callable[..., Any],
+        noisy_mm: Depth,
+        now: int,
+        infrared: NDArray[Any] | None,
+    ) -> Any:
+        """Call a function of the denoiser with copies of the arrays that it takes."""
         stack = noisy_mm.astype(np.float32)
         valid = stack > 0
-        shape = stack.shape[1:]
-        result = (
-            self.function(stack, valid, now)
-            if self.temporal
-            else self.function(stack[now], valid[now])
-        )
-        return self._checked(result, shape)
+        arguments = (stack, valid, now) if self.temporal else (stack[now], valid[now])
+        if not self.infrared:
+            return function(*arguments)
+        if infrared is not None and infrared.shape != stack.shape[1:]:
+            raise DenoiserError(
+                f"{self.label}: infrared of shape {infrared.shape} for depth of shape "
+                f"{stack.shape[1:]}: give the infrared image of the same camera and crop"
+            )
+        counts = None if infrared is None else infrared.astype(np.float32)
+        return function(*arguments, infrared=counts)
 
-    def denoise_map(self, depth_mm: NDArray[Any]) -> Denoised:
-        """Denoise one depth map.
-
-        depth_mm: (H, W), float or integer millimetres, 0 = no return. Returns depth in millimetres
-        and its validity, bool or the probability of depth in [0, 1]: see ``Denoised``, and
-        ``compose`` for maps with 0 = no depth. A temporal denoiser gets no neighbours.
-
-        Raises ConfigError for an array that is no depth map, DenoiserError as a call does.
-        """
+    def check_map(self, depth_mm: NDArray[Any]) -> None:
+        """Raise ConfigError for an array that is no depth map, (H, W) millimetres."""
         if depth_mm.ndim != 2 or depth_mm.dtype.kind not in "fiu":
             raise ConfigError(
                 f"{self.label}: give depth of shape (H, W) in millimetres, float or integer, not "
@@ -156,6 +169,13 @@ class Method:
             )
         if not (np.isfinite(depth_mm) & (depth_mm >= 0)).all():
             raise ConfigError(f"{self.label}: depth must be finite and at least 0 (0 = no return)")
+
+    def denoise_map(self, depth_mm: NDArray[Any]) -> Denoised:
+        """Denoise one (H, W) depth map, float or integer millimetres, as a stack of one frame.
+
+        Raises ConfigError for an array that is no depth map, DenoiserError as a call does.
+        """
+        self.check_map(depth_mm)
         return self(depth_mm[None])
 
     @property
@@ -163,23 +183,26 @@ class Method:
         """Whether the denoiser predicts its uncertainty; ``with_sigma`` needs it."""
         return bool(getattr(self.function, "uncertain", False))
 
-    def with_sigma(self, noisy_mm: Depth) -> tuple[Denoised, Depth]:
-        """Denoise one (H, W) map; also return its standard deviation, (H, W) float32 mm.
+    def with_sigma(
+        self, noisy_mm: Depth, now: int = 0, infrared: NDArray[Any] | None = None
+    ) -> tuple[Denoised, Depth]:
+        """Denoise as a call does; also return the standard deviation, (H, W) float32 mm.
 
-        Needs a function with ``uncertain`` and ``with_uncertainty(noisy_mm, valid) -> (depth_mm,
-        valid, sigma_mm)``. Raises ConfigError without them, DenoiserError as a call does.
+        noisy_mm: a (T, H, W) stack, or one (H, W) map. Needs a function with ``uncertain`` and
+        ``with_uncertainty``, which takes what a call takes and returns (depth_mm, valid, sigma_mm).
+        Raises ConfigError without them, DenoiserError as a call does.
         """
         if not self.uncertain:
             raise ConfigError(f"{self.label}: this denoiser does not predict its uncertainty")
-        noisy = noisy_mm.astype(np.float32)
+        stack = noisy_mm[None] if noisy_mm.ndim == 2 else noisy_mm
         function: Any = self.function
-        result = function.with_uncertainty(noisy, noisy > 0)
+        result = self._run(function.with_uncertainty, stack, now, infrared)
         if not isinstance(result, tuple) or len(result) != 3:
             raise DenoiserError(f"{self.label}: must return (depth_mm, valid, sigma_mm)")
         sigma = np.asarray(result[2], np.float32)
-        if sigma.shape != noisy.shape or not (np.isfinite(sigma) & (sigma >= 0)).all():
+        if sigma.shape != stack.shape[1:] or not (np.isfinite(sigma) & (sigma >= 0)).all():
             raise DenoiserError(f"{self.label}: sigma must be finite, >= 0 and of the map's size")
-        return self._checked(result[:2], noisy.shape), sigma
+        return self._checked(result[:2], stack.shape[1:]), sigma
 
     def _checked(self, result: Any, shape: tuple[int, ...]) -> Denoised:
         if not isinstance(result, tuple) or len(result) != 2:
@@ -199,28 +222,5 @@ class Method:
         return Denoised(depth, kept)
 
 
-#: Ways to turn a soft validity into a depth map: name -> meaning.
-COMPOSITES: Final = {
-    "soft": "depth times probability, which minimises the squared error",
-    "hard": "depth where the probability exceeds 1/2",
-    "input mask": "depth where the input has depth: surface quality without guessing silhouettes",
-}
-
 #: Smallest depth that counts as depth, mm: a smaller one rounds to 0 in a 16-bit file in mm.
 MIN_DEPTH_MM: Final = 0.5
-
-
-def compose(denoised: Denoised, noisy_mm: Depth) -> dict[str, NDArray[Any]]:
-    """Return depth maps with 0 = no depth: key "" for a bool validity, else those of COMPOSITES.
-
-    noisy_mm: (H, W) the input. A soft product below half a millimetre becomes 0.
-    """
-    depth, valid = denoised
-    if valid.dtype.kind == "b":
-        return {"": np.where(valid, depth, depth.dtype.type(0))}
-    soft = depth * valid
-    return {
-        "soft": np.where(soft >= MIN_DEPTH_MM, soft, 0),
-        "hard": np.where(valid > 0.5, depth, depth.dtype.type(0)),
-        "input mask": np.where(noisy_mm > 0, depth, depth.dtype.type(0)),
-    }

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from numpy.typing import NDArray
-
+from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.denoise.filters import masked, paper, temporal
 from glsim.denoise.loading import (
     ONNX_SUFFIX,
@@ -18,8 +17,10 @@ from glsim.denoise.loading import (
     from_callable,
     from_file,
     from_shipped,
+    is_shipped,
 )
-from glsim.denoise.protocol import Denoised, Method, build
+from glsim.denoise.map_denoiser import MapDenoiser
+from glsim.denoise.protocol import Method, build
 from glsim.errors import ConfigError, did_you_mean
 
 _FILTERS: Final[dict[str, type]] = {
@@ -40,7 +41,12 @@ _FILTERS: Final[dict[str, type]] = {
 
 #: Name of the shipped network, the default of ``glsim denoise``.
 SHIPPED: Final = "face"
-_SHIPPED_HELP: Final = "the shipped network for faces before a Kinect V2"
+#: The networks that glsim ships, in the folder shipped/: name -> help.
+_NETWORKS: Final = {
+    SHIPPED: "the shipped network for faces before a Kinect V2",
+    "face-ir": "the shipped network that also sees the infrared image",
+    "face-video": "the shipped network that also sees up to four earlier frames",
+}
 
 #: The columns of the paper's table 1, in its order.
 PAPER_FILTERS: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
@@ -63,17 +69,17 @@ _SUFFIXES = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt")
 
 def denoiser_names() -> list[str]:
     """Return the names of the shipped denoisers."""
-    return [*_FILTERS, SHIPPED]
+    return [*_FILTERS, *(name for name in _NETWORKS if name == SHIPPED or is_shipped(name))]
 
 
 def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
     """Return a one-line description of a shipped denoiser, and parameter -> (default, help)."""
-    kind = NetworkOptions if name == SHIPPED else _FILTERS[name]
+    kind = NetworkOptions if name in _NETWORKS else _FILTERS[name]
     parameters = {
         field.name: (field.default, str(field.metadata["help"]))
         for field in dataclasses.fields(kind)
     }
-    description = _SHIPPED_HELP if name == SHIPPED else (kind.__doc__ or "").splitlines()[0]
+    description = _NETWORKS.get(name) or (kind.__doc__ or "").splitlines()[0]
     return description, parameters
 
 
@@ -106,8 +112,8 @@ def load(spec: str) -> Method:
     name, _, tail = text.partition(":")
     if name in _FILTERS:
         return as_method(label, build(_FILTERS[name], _assignments(tail, spec), spec))
-    if name == SHIPPED:
-        return from_shipped(label, _network_options(tail, spec))
+    if name in _NETWORKS:
+        return from_shipped(name, label, _network_options(tail, spec))
     function, _, parameters = tail.partition(":")
     if function and "=" not in function:
         return from_callable(name, function, _assignments(parameters, spec), label)
@@ -117,13 +123,18 @@ def load(spec: str) -> Method:
     )
 
 
-def load_denoiser(spec: str) -> Callable[[NDArray[Any]], Denoised]:
+def load_denoiser(
+    spec: str, *, device: Path | str | None = None, composite: str | None = DEFAULT_COMPOSITE
+) -> MapDenoiser:
     """Load a denoiser as a function of one depth map: ``load_denoiser("face")(depth_mm)``.
 
     spec: as for ``load``. The function takes (H, W) float or integer millimetres, 0 = no return,
-    and returns ``Denoised``: see ``Method.denoise_map``. Raises what ``load`` raises.
+    and returns ``Denoised``, depth and the mask of depth. Its ``stream()`` takes the frames of a
+    camera one by one. device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are
+    subtracted first. composite: see COMPOSITES; None returns networks' probability of depth.
+    Raises what ``load`` and ``MapDenoiser`` raise.
     """
-    return load(spec).denoise_map
+    return MapDenoiser(load(spec), device, composite)
 
 
 def _network_options(text: str, spec: str) -> NetworkOptions:

@@ -27,11 +27,8 @@ def depth_pngs(folder: Path, kind: Literal["clean", "noisy"]) -> tuple[list[Path
     """
     files, others = [], Counter[str]()
     for path in sorted(folder.rglob("*.png")):
-        ending = path.stem.rpartition("_")[2] if "_" in path.stem else ""
-        if path.name in _PICTURES:
-            others[path.name] += 1
-        elif ending in _ENDINGS and ending != kind:
-            others[f"*_{ending}.png"] += 1
+        if other := other_kind(path.name, kind):
+            others[other] += 1
         else:
             files.append(path)
     if files:
@@ -45,6 +42,15 @@ def depth_pngs(folder: Path, kind: Literal["clean", "noisy"]) -> tuple[list[Path
     if shards is not None:
         raise ConfigError(f"{folder}: its frames are in shards ({shards.name}): give .png files")
     raise ConfigError(f"{folder}: holds no .png files")
+
+
+def other_kind(name: str, kind: Literal["clean", "noisy"]) -> str:
+    """Return what a PNG file's name says it is, as a pattern, if it is no depth of that kind."""
+    stem = name.removesuffix(".png")
+    ending = stem.rpartition("_")[2] if "_" in stem else ""
+    if name in _PICTURES:
+        return name
+    return f"*_{ending}.png" if ending in _ENDINGS and ending != kind else ""
 
 
 def left_out(inputs: Sequence[Path], kind: Literal["clean", "noisy"]) -> Counter[str]:

@@ -16,6 +16,7 @@ from glsim.fit.wiggling import Wiggling
 from glsim.geometry.camera import Intrinsics
 from glsim.noise.registry import find_stage
 from glsim.sensors.sensor import SENSOR_FOLDER, sensor_names
+from glsim.sensors.wiggling import Wave
 from glsim.settings.tables import read_toml
 
 #: Sensors that a fit can start from, the cheapest first.
@@ -166,12 +167,13 @@ def sensor_toml(
     image: Intrinsics,
     comments: Sequence[str],
     pattern_map: str = "",
+    waves: Sequence[Wave] = (),
 ) -> str:
     """Write the TOML text: rig and stages of the base with fitted values and intrinsics.
 
     values: fitted values by name. image: intrinsics of the recording; the base's distortion is
     dropped. comments: lines at the top of the file. pattern_map: file name of the map of the fixed
-    pattern beside the sensor file, or empty.
+    pattern beside the sensor file, or empty. waves: the device's own wiggling.
     """
     rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}
     rig |= {
@@ -180,6 +182,8 @@ def sensor_toml(
     }  # fmt: skip
     if pattern_map:
         rig["fixed_pattern_map"] = pattern_map
+    if waves:
+        rig["wiggling"] = [wave.model_dump() for wave in waves]
     lines = [f"# {comment}".rstrip() for comment in comments]
     lines += [f"title = {_toml_value(f'fitted to a recording, from {base}')}", "", "[rig]"]
     lines += [f"{k} = {_toml_value(v)}" for k, v in rig.items() if k != "emitter"]

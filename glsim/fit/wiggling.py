@@ -9,6 +9,7 @@ distances, each a few tenths of a metre deep. The more, the smaller the error th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from glsim.fit.recording_statistics import RecordingStatistics
 from glsim.geometry.camera import Intrinsics
+from glsim.sensors.wiggling import CYCLES, Wave
 from glsim.validate.published_curves import FREQUENCIES_MHZ, FUSION_MM_PER_RAD
 
 Array = NDArray[np.float64]
@@ -23,16 +25,13 @@ Array = NDArray[np.float64]
 #: Half a wavelength at 1 MHz, mm: speed of light / 2.
 _HALF_WAVE_MM_MHZ = 149_896.229
 
-#: Harmonics that three taps alias to 3 and 6 cycles per half wave.
-_CYCLES = {2: 3, 5: 6}
-
 #: Frequencies, MHz, that are fitted: at 16 MHz a cycle is 3.1 m, which no plane of a room covers.
 #: Those waves are fitted along, held to the usual size, so that they do not pass for others.
 FITTED_MHZ = tuple(f for f in FREQUENCIES_MHZ if f > 16)
 
 #: Waves that are fitted, and the frequency of each coefficient: cosines, then sines.
-_WAVES = len(_CYCLES) * len(FREQUENCIES_MHZ)
-_MHZ_OF = 2 * len(_CYCLES) * FREQUENCIES_MHZ
+_WAVES = len(CYCLES) * len(FREQUENCIES_MHZ)
+_MHZ_OF = 2 * len(CYCLES) * FREQUENCIES_MHZ
 #: Usual size of a wave, mm: 1.2 and 1.4 mm in real frames of a Kinect V2.
 _USUAL_MM = 1.5
 #: Side of the tiles that are left out in turn to find the standard error.
@@ -52,8 +51,8 @@ _TRIALS = 200
 class Wiggling:
     """Harmonics of the correlation, as libfreenect2's fusion shows them in depth.
 
-    amplitude: harmonic -> size relative to the fundamental, mean over FITTED_MHZ. phase_rad:
-    harmonic -> (len(FITTED_MHZ),) phases: a harmonic of size h and phase p moves depth by
+    amplitude: harmonic -> size relative to the fundamental, mean over FITTED_MHZ. sizes, phase_rad:
+    harmonic -> (len(FITTED_MHZ),) sizes and phases: a harmonic of size h and phase p moves depth by
     -110.5 mm h sin(c - p), c = 3 (second) or 6 (fifth) times the phase of the light. error:
     standard error of the sizes. span_mm: nearest and farthest point of the planes, along the ray.
     planes: their number.
@@ -64,10 +63,27 @@ class Wiggling:
     error: dict[int, float]
     span_mm: tuple[float, float]
     planes: int
+    sizes: dict[int, Array]
 
     def known(self, harmonic: int) -> bool:
         """Whether the recording shows this harmonic: at least four standard errors."""
         return self.amplitude[harmonic] >= 4.0 * self.error[harmonic]
+
+    def waves(self) -> tuple[Wave, ...]:
+        """Return the waves of the known harmonics, as a sensor file holds them."""
+        return tuple(
+            Wave(
+                harmonic=2 if harmonic == 2 else 5,
+                modulation_mhz=mhz,
+                size=float(f"{min(size, 0.2):.5g}"),
+                phase_deg=float(f"{math.degrees(phase):.5g}"),
+            )
+            for harmonic in self.amplitude
+            if self.known(harmonic)
+            for mhz, size, phase in zip(
+                FITTED_MHZ, self.sizes[harmonic], self.phase_rad[harmonic], strict=True
+            )
+        )
 
 
 def fit_wiggling(
@@ -101,21 +117,23 @@ def fit_wiggling(
         blocks.add(design, depth[inside], distance[inside], lever, tile[inside])
     fit, error_mm = blocks.solve()
     amplitude: dict[int, float] = {}
+    sizes: dict[int, Array] = {}
     phase: dict[int, Array] = {}
     error: dict[int, float] = {}
-    for number, harmonic in enumerate(_CYCLES):
+    for number, harmonic in enumerate(CYCLES):
         first = number * len(FREQUENCIES_MHZ)
         own = first + np.array([FREQUENCIES_MHZ.index(f) for f in FITTED_MHZ])
         # Inverse depth falls where depth grows.
         a, b = -fit[own], -fit[own + _WAVES]
         size = np.hypot(a, b)  # mm: a cos c + b sin c = -size sin(c - phase)
-        amplitude[harmonic] = float(size.mean()) / FUSION_MM_PER_RAD
+        sizes[harmonic] = size / FUSION_MM_PER_RAD
+        amplitude[harmonic] = float(sizes[harmonic].mean())
         phase[harmonic] = np.arctan2(a, -b)
         squares = 0.5 * (error_mm[own] ** 2 + error_mm[own + _WAVES] ** 2)
         error[harmonic] = float(np.sqrt(squares.mean())) / FUSION_MM_PER_RAD
     every = np.concatenate([distance[inside] for inside in planes])
     near, far = (float(np.quantile(every, q)) for q in (0.01, 0.99))
-    return Wiggling(amplitude, phase, error, (near, far), len(planes))
+    return Wiggling(amplitude, phase, error, (near, far), len(planes), sizes)
 
 
 class _Blocks:
@@ -139,7 +157,7 @@ class _Blocks:
         distance_mm: half the way of the light. weight: an error along the ray moves inverse depth,
         1 / m, by minus the error over the weight. tile: number of the tile.
         """
-        cycles = np.array([n * f for n in _CYCLES.values() for f in FREQUENCIES_MHZ])
+        cycles = np.array([n * f for n in CYCLES.values() for f in FREQUENCIES_MHZ])
         angle = 2 * np.pi * distance_mm[:, None] * cycles / _HALF_WAVE_MM_MHZ
         waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
         target = weight * 1000.0 / depth_mm

@@ -11,6 +11,7 @@ supersample = 3           optional: samples per pixel along each axis (1, 3 or 5
 modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
 shadow_map = true         false: a stage casts the shadows instead of the renderer
 fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
+[[rig.wiggling]]          optional: the device's own, written by glsim fit (glsim.sensors.wiggling)
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
 spread_m = 0.005          optional: three points instead of one, this far apart
@@ -37,6 +38,7 @@ from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, make_stage
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
+from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.problems import first_problem
 from glsim.settings.schema import Settings
@@ -85,11 +87,14 @@ class _RigTable(_Table):
     modulation_mhz: tuple[float, float, float] | tuple[()] = ()
     shadow_map: bool = True
     fixed_pattern_map: str = ""
+    wiggling: tuple[Wave, ...] = ()
 
     @model_validator(mode="after")
     def _check(self) -> _RigTable:
         if min(self.focal_px) <= 0:
             raise ValueError("focal_px must be above 0")
+        if strange := {w.modulation_mhz for w in self.wiggling} - {*self.modulation_mhz}:
+            raise ValueError(f"wiggling: {min(strange):g} MHz is none of modulation_mhz")
         if self.near_m >= self.far_m:
             raise ValueError(f"near_m {self.near_m} must be less than far_m {self.far_m}")
         if any(e.position_m == (0.0, 0.0, 0.0) for e in self.emitter):
@@ -125,7 +130,8 @@ class Sensor:
     """A rig with its chain of noise stages.
 
     file: the TOML file it was read from. pattern_map: the device's own fixed pattern, which the
-    stage ``fixed_pattern`` adds; None: the stage draws one.
+    stage ``fixed_pattern`` adds; None: the stage draws one. wiggling: the device's own, for
+    ``remove_wiggling``; the light stage does not read it.
     """
 
     name: str
@@ -134,6 +140,7 @@ class Sensor:
     stages: tuple[Stage, ...]
     file: Path
     pattern_map: PatternMap | None = None
+    wiggling: tuple[Wave, ...] = ()
 
     def describe(self) -> dict[str, Any]:
         """The complete sensor as JSON values, for the header of a data set."""
@@ -224,7 +231,8 @@ def load_sensor(
     check_chain(stages, rig.baseline_m, str(file))
     _check_shadow(stages, rig, str(file))
     pattern_map = _pattern_map(table.rig, stages, file)
-    return Sensor(file.stem, table.title, rig, tuple(stages), file, pattern_map)
+    waves = table.rig.wiggling or stage_waves(stages, rig.modulation_mhz)
+    return Sensor(file.stem, table.title, rig, tuple(stages), file, pattern_map, waves)
 
 
 def _pattern_map(rig: _RigTable, stages: Sequence[Stage], file: Path) -> PatternMap | None:

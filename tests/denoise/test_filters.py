@@ -8,7 +8,16 @@ import cv2
 import numpy as np
 import pytest
 
-from glsim.denoise import GRIDS, PAPER_FILTERS, compose, denoiser_names, describe_denoiser, load
+from glsim.denoise import (
+    COMPOSITES,
+    DEFAULT_COMPOSITE,
+    GRIDS,
+    PAPER_FILTERS,
+    compose,
+    denoiser_names,
+    describe_denoiser,
+    load,
+)
 from glsim.denoise.registry import CLEANUPS, tuning_specs
 from glsim.errors import ConfigError, DenoiserError
 from tests.support.eval_scenes import Array, dome, noisy
@@ -59,7 +68,7 @@ def test_hard_inputs(spec: str, kind: str) -> None:
     method = load(spec)
     before = depth.copy()
     parts = compose(method(depth[None]), depth)
-    out = parts["" if "" in parts else "hard"]
+    out = parts["" if "" in parts else DEFAULT_COMPOSITE]
     np.testing.assert_array_equal(depth, before)
     assert np.isfinite(out).all()
     if kind == "empty":
@@ -140,7 +149,7 @@ def test_temporal_filters() -> None:
     np.testing.assert_array_equal(compose(adaptive(moved, 4), moved[4])[""], stack[4])
 
 
-def test_soft_validity_gives_three_composites(
+def test_soft_validity_gives_four_composites(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -162,6 +171,7 @@ def test_soft_validity_gives_three_composites(
     )
     parts = compose(load("my_denoiser:soft:level=0.5")(NOISY[None]), NOISY)
     np.testing.assert_allclose(parts["soft"][NOISY > 0], 0.5 * (NOISY[NOISY > 0] + 10))
+    assert set(parts) == set(COMPOSITES)
     assert not parts["hard"].any()
     np.testing.assert_array_equal(parts["input mask"], np.where(NOISY > 0, NOISY + 10, 0))
     later = load("mine@my_denoiser:Later")

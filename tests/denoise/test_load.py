@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.denoise import load, load_denoiser, protocol
+from glsim.denoise import compose, load, load_denoiser, protocol
 from glsim.errors import ConfigError
 from tests.support import checkpoint_stand_in
 from tests.support.eval_scenes import dome, noisy
@@ -38,9 +38,18 @@ def test_a_denoiser_of_one_map_is_the_method_on_a_stack_of_one(dtype: type) -> N
         assert valid.dtype == np.bool_
 
 
-def test_a_soft_validity_is_a_probability(checkpoint: Path) -> None:
-    denoised = load_denoiser(str(checkpoint))(NOISY.astype(np.uint16))
-    np.testing.assert_allclose(denoised.valid, np.where(NOISY > 0, 0.75, 0.25))
+def test_a_soft_validity_is_a_mask_by_a_composite_or_a_probability(checkpoint: Path) -> None:
+    noisy_mm = NOISY.astype(np.uint16)
+    raw = load_denoiser(str(checkpoint), composite=None)(noisy_mm)
+    np.testing.assert_allclose(raw.valid, np.where(NOISY > 0, 0.75, 0.25))
+    for composite, expected in compose(raw, NOISY.astype(np.uint16)).items():
+        depth_mm, valid = load_denoiser(str(checkpoint), composite=composite)(noisy_mm)
+        np.testing.assert_array_equal(depth_mm, expected)
+        np.testing.assert_array_equal(valid, expected > 0)
+    default = load_denoiser(str(checkpoint))(noisy_mm)
+    np.testing.assert_array_equal(default.depth_mm, compose(raw, noisy_mm)["measured"])
+    with pytest.raises(ConfigError, match="did you mean 'measured'"):
+        load_denoiser(str(checkpoint), composite="mesured")
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 import scipy.stats
 
 from glsim.cli import main
+from glsim.denoise import COMPOSITES
 from glsim.eval.paper.network_tables import network_table
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, printed_mse_mm2
 from glsim.eval.paper.runs import find_trained_runs, group_by_network
@@ -85,7 +86,7 @@ def test_both_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
     assert "AR D7" not in two
     assert "DnCNN D7, small: narrower" in two
     assert "Restormer" not in three
-    for part in ("soft", "hard", "input mask"):
+    for part in COMPOSITES:
         assert row_of(three, "-", f"ours [{part}]")[2] == "own"
     assert float(row_of(two, "Baseline", "filter")[5]) == round(PRINTED_FILTERS["noisy"][1])
 
@@ -167,7 +168,7 @@ def test_figures_are_of_the_methods_that_are_asked_for(runs: Path, tmp_path: Pat
     job = ScoringJob(write_pairs(tmp_path / "pairs", 2, 2), "test", ("noisy", "median", ours))
     found = evaluate(job, tmp_path / "o", workers=1, baselines=False)
     summary = found.summary
-    parts = ["ours [soft]", "ours [hard]", "ours [input mask]"]
+    parts = [f"ours [{composite}]" for composite in COMPOSITES]
     some = summary.only(["noisy", "ours"])
     assert some.methods == list(some.sampled) == list(some.histograms) == ["noisy", *parts]
     assert some.mean("noisy", "mse_mm2") == summary.mean("noisy", "mse_mm2")

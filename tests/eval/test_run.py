@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.denoise import PAPER_FILTERS
+from glsim.denoise import COMPOSITES, PAPER_FILTERS
 from glsim.errors import ConfigError, DatasetError
 from glsim.eval.metrics import METRICS, Truth, score
 from glsim.eval.paper.filter_table import filter_table
@@ -235,7 +235,7 @@ def test_paper_table_needs_its_columns(pairs: Path, tmp_path: Path) -> None:
     assert found.baselines.methods == []
 
 
-def test_soft_denoisers_get_three_rows(
+def test_soft_denoisers_get_a_row_for_each_composite(
     pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -243,7 +243,7 @@ def test_soft_denoisers_get_three_rows(
         "def soft(noisy, valid): return noisy, valid * 0.7 + 0.1\n"
     )
     found = run(pairs, tmp_path / "o", "net@soft_one:soft")
-    assert found.summary.methods == ["net [soft]", "net [hard]", "net [input mask]"]
+    assert found.summary.methods == [f"net [{composite}]" for composite in COMPOSITES]
     assert found.summary.mean("net [hard]", "flips_px") == found.summary.mean(
         "net [input mask]", "flips_px"
     )

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from glsim.dataset import Dataset, Split
 from glsim.dataset.disk_format import MANIFEST
 from glsim.dataset.reader import no_clean, no_expected
+from glsim.denoise.inputs import DEPTH_ALONE, Inputs
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum, wrap_read_errors
 from glsim.files.regular import open_regular
@@ -22,9 +23,9 @@ Cut = Literal["no", "centre", "random"]
 Target = Literal["clean", "expected"]
 
 
-def pair_layers(target: Target) -> tuple[str, str]:
-    """Return the layers of a pair: the network's input and its target."""
-    return "noisy", target
+def pair_layers(target: Target, inputs: Inputs = DEPTH_ALONE) -> tuple[str, ...]:
+    """Return the layers of a pair: the network's depth, its target, and infrared if it sees it."""
+    return ("noisy", target, "infrared") if inputs.infrared else ("noisy", target)
 
 
 def fingerprint_of(target: Target) -> dict[str, str]:

@@ -196,7 +196,7 @@ class _BlockRenderer:
         vary: bool,
     ) -> None:
         self._stream, self._lanes, self._inputs, self._vary = stream, lanes, inputs, vary
-        self._layers = pair_layers(target)
+        self._target: Target = target
         self._planned: deque[tuple[int, int]] = deque()  # (lane, block) of each frame to come
         self._rendered: dict[tuple[int, int], list[Frame | Skipped]] = {}  # unfinished blocks
         self._pairs: dict[tuple[int, int], list[NDArray[np.float32]]] = {}
@@ -206,7 +206,7 @@ class _BlockRenderer:
             self._tasks(),
             sources=stream.sources,
             backend=backend,
-            layers=(*self._layers, "infrared") if inputs.infrared else self._layers,
+            layers=pair_layers(target, inputs),
         )
         self._frames = cast("Generator[Frame | Skipped]", frames)
 
@@ -242,8 +242,8 @@ class _BlockRenderer:
             self._pairs[block] = self._images(frames, block)
 
     def _images(self, frames: Sequence[Frame], block: tuple[int, int]) -> list[NDArray[np.float32]]:
-        """Return the images of each frame of a block, (C + 1, H, W): its inputs and target."""
-        pairs = [_pair_mm(frame, self._layers) for frame in frames]
+        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and the target."""
+        pairs = [_pair_mm(frame, pair_layers(self._target)) for frame in frames]
         moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
         neighbours = Neighbours(moments, self._inputs)
         rng = np.random.default_rng(stable_seed("inputs", self._stream.seed, *block))
@@ -280,7 +280,7 @@ def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
     return frames
 
 
-def _pair_mm(frame: Frame, layers: tuple[str, str]) -> NDArray[np.float32]:
+def _pair_mm(frame: Frame, layers: Sequence[str]) -> NDArray[np.float32]:
     """Noisy depth and target, (2, H, W) millimetres, rounded as in files."""
     both = np.stack([frame.image(layer) for layer in layers])
     return to_mm(both, frame.depth_unit_mm, frame.depth_offset_mm)

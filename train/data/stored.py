@@ -71,8 +71,8 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         target: Target = "clean",
     ) -> None:
         """crop: side of the square frames, px; default: whole frames, all of one size. cut: how
-        larger frames are cropped. inputs: what the network sees besides depth. seed: seed
-        of ``augmentation`` and random crops. target: the layer that a network learns to give;
+        larger frames are cropped. inputs: what the network sees besides depth. seed: seed of
+        ``augmentation`` and random crops. target: the layer that a network learns to give;
         "expected" leaves the sensor's systematic error.
 
         cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
@@ -82,7 +82,7 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         Raises DatasetError and ConfigError, see ``glsim.train.data.checks.checked_split``.
         """
         self.dataset = open_dataset(dataset)
-        self._layers = (*pair_layers(target), *(["infrared"] if inputs.infrared else []))
+        self._layers = pair_layers(target, inputs)
         self.split = checked_split(self.dataset, split, crop, cut, self._layers)
         self._inputs = inputs
         self._neighbours: Neighbours | None = None
@@ -123,10 +123,10 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
             if self._inputs.infrared:
                 self._inputs.named(raised)[INFRARED][:] = self._inputs.named(images)[INFRARED]
             images = raised
-        noisy, clean = images[:-1], images[-1:]
+        noisy, target = images[:-1], images[-1:]
         if self._augmentation.vary_inputs:
             noisy = vary_inputs(noisy, self._inputs, rng)
-        return tuple(torch.from_numpy(np.ascontiguousarray(part)) for part in (noisy, clean))
+        return _tensor(noisy), _tensor(target)
 
     def _cropped(
         self, images: NDArray[np.float32], rng: np.random.Generator
@@ -141,7 +141,7 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         return images[:, top : top + side, left : left + side]
 
     def _images(self, number: int) -> NDArray[np.float32]:
-        """Read a frame, (C + 1, H, W): the stack of its inputs, and its target."""
+        """Read a frame, (C + 1, H, W): the stack of its inputs, and the target."""
         noisy_mm, target_mm, *infrared = self._layers_of(number)
         sides: list[list[NDArray[np.float32]]] = [[], []]
         if self._neighbours is not None:
@@ -149,24 +149,25 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
                 [
                     image
                     for other in others
-                    if (image := self._layers_of(other)[0]).shape == noisy_mm.shape
+                    if (image := self._layers_of(other, 1)[0]).shape == noisy_mm.shape
                 ]
                 for others in self._neighbours.of(number)
             ]
         stack = stack_inputs(self._inputs, noisy_mm, sides[0], sides[1], *infrared)
         return np.concatenate([stack, target_mm[None]])
 
-    def _layers_of(self, number: int) -> list[NDArray[np.float32]]:
+    def _layers_of(self, number: int, count: int | None = None) -> list[NDArray[np.float32]]:
         """Read the layers of a frame, (H, W) each: noisy and target in mm, and infrared if used.
 
-        From the cache if possible.
+        From the cache if possible. count: number of layers that are needed; default: all.
         """
         cache = self._cache_of_process()
         if cache is not None and cache.known[number]:
             units, offset_mm = cache.units[number], cache.offset_mm(number)
         else:
             pair = self.split[number]
-            units = np.stack([pair.image(layer) for layer in self._layers]).astype(np.uint16)
+            layers = self._layers[: count if cache is None else None]
+            units = np.stack([pair.image(layer) for layer in layers]).astype(np.uint16)
             offset_mm = pair.depth_offset_mm
             if cache is not None and units.shape[1:] == cache.units.shape[2:]:
                 cache.keep(number, units, offset_mm)
@@ -183,6 +184,10 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
                 return None
             self._cache = _Cache(shape)
         return self._cache
+
+
+def _tensor(images: NDArray[np.float32]) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(images))
 
 
 class _Cache:

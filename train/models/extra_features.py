@@ -8,14 +8,16 @@ import torch
 from torch import Tensor
 
 from glsim.denoise.inputs import Inputs
+from glsim.train.models.features import local_mean
 
 #: A neighbour whose depth differs by more shows another surface, mm: the limit between surfaces
 #: in `features`. A head moves by at most 10 mm from frame to frame at 30 Hz (0.3 m/s).
 _SURFACE_MM: Final = 50.0
 #: Differences enter as asinh(mm / this): linear for noise and motion, compressed beyond.
 _DIFFERENCE_MM: Final = 10.0
-#: Limit of the robust mean over time, mm: six times the noise of two frames at 2 m; a surface that
-#: moved by more is not averaged.
+#: Limit of the robust mean over time, mm: what moved by more, apart from the motion around it, is
+#: not averaged. With 10, 20 and 50 mm the error of that mean is 1.40, 1.34 and 1.30 mm (frames as
+#: in `neighbour_features`); a small limit is safer at the rims of what moves.
 _MEAN_LIMIT_MM: Final = 20.0
 #: Scale of the robust mean, mm: the correction that a network output of 1 makes.
 _RELATIVE_MM: Final = 10.0
@@ -55,25 +57,35 @@ def log_counts(infrared: Tensor) -> Tensor:
 def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor) -> Tensor:
     """Features of N neighbouring frames, (B, N, H, W) mm, 0 = no return, to (B, 2 N + 2, H, W).
 
-    fill_mm: (B, 1, H, W) depth of the present frame without holes. Channels: the differences to it
-    of all neighbours, asinh(mm / 10); how close each is, 1 for equal depth and 0 beyond 50 mm; the
-    robust mean over time of frame and neighbours relative to the frame, in 10 mm, with weights
-    (1 - (difference / 20 mm)^2)^2; and the sum of the neighbours' weights, divided by N. A
-    neighbour that is missing, invalid or more than 50 mm away adds nothing to any channel.
+    fill_mm: (B, 1, H, W) depth of the present frame without holes. Channels:
+        N differences to the frame, asinh(mm / 10)
+        N closeness of the neighbours: 1 for equal depth, 0 beyond 50 mm
+        1 robust mean over time of the frame and its neighbours, relative to the frame, in 10 mm
+        1 sum of the neighbours' weights in that mean, divided by N
+    A neighbour that is missing, invalid or more than 50 mm away adds nothing to any channel.
+
+    The mean compensates motion: the local mean of a neighbour's differences, by which the surface
+    around moved, is subtracted. On moving heads (84 frames of kinect-v2 at 0.5 to 1.45 m, 30 Hz,
+    four earlier frames) the interior error of frame plus mean is 1.33 mm, 1.51 without
+    compensation; the noisy frame has 1.82.
     """
     difference = neighbours_mm - fill_mm
-    measured = ((neighbours_mm > 0) & (fill_mm > 0)).to(fill_mm.dtype)
-    bounded = difference.clamp(-_SURFACE_MM, _SURFACE_MM)
-    closeness = (1.0 - (bounded / _SURFACE_MM).square()).square() * measured
-    near = (bounded.abs() < _SURFACE_MM).to(fill_mm.dtype) * measured
-    bounded = difference.clamp(-_MEAN_LIMIT_MM, _MEAN_LIMIT_MM)
-    weight = (1.0 - (bounded / _MEAN_LIMIT_MM).square()).square() * measured
-    total = weight.sum(dim=1, keepdim=True)
-    mean = (weight * bounded).sum(dim=1, keepdim=True) / (1.0 + total)
+    is_near = (neighbours_mm > 0) & (fill_mm > 0) & (difference.abs() < _SURFACE_MM)
+    difference = torch.where(is_near, difference, 0.0)
+    near = is_near.to(fill_mm.dtype)
+    closeness = (1.0 - (difference / _SURFACE_MM).square()).square() * near
+    total, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
+    count = neighbours_mm.shape[1]
+    for one, known in zip(difference.split(1, dim=1), near.split(1, dim=1), strict=True):
+        moved = one - local_mean(one, known) * known
+        bounded = moved.clamp(-_MEAN_LIMIT_MM, _MEAN_LIMIT_MM)
+        weight = (1.0 - (bounded / _MEAN_LIMIT_MM).square()).square() * known
+        total = total + weight * bounded
+        weight_sum = weight_sum + weight
     channels = [
-        torch.asinh(difference.clamp(-_SURFACE_MM, _SURFACE_MM) / _DIFFERENCE_MM) * near,
+        torch.asinh(difference / _DIFFERENCE_MM),
         closeness,
-        mean / _RELATIVE_MM,
-        total / neighbours_mm.shape[1],
+        total / (1.0 + weight_sum) / _RELATIVE_MM,
+        weight_sum / count,
     ]
     return torch.cat(channels, dim=1)

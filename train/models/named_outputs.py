@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+import torch
 from torch import Tensor, nn
 
 from glsim.train.models.base import DepthModel, Prediction
@@ -33,12 +34,16 @@ def named_outputs(prediction: Prediction) -> dict[str, Tensor]:
 
 
 class NamedOutputs(nn.Module):
-    """A network whose result is the tuple of its outputs, in the order of OUTPUTS."""
+    """A network whose result is the tuple of its outputs, in the order of OUTPUTS.
+
+    Its arguments are the inputs of the model by name, (B, images, H, W) each, in their order.
+    """
 
     def __init__(self, model: DepthModel) -> None:
         super().__init__()
         self.model = model
 
-    def forward(self, noisy_mm: Tensor) -> tuple[Tensor, ...]:
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         """Denoise (B, 1, H, W) millimetres."""
-        return tuple(named_outputs(self.model(noisy_mm)).values())
+        stack = inputs[0] if len(inputs) == 1 else torch.cat(inputs, dim=1)
+        return tuple(named_outputs(self.model(stack)).values())

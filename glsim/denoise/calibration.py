@@ -1,0 +1,136 @@
+"""Calibration: subtract from depth what is wrong in every frame of one device.
+
+A denoiser removes what is random. What is systematic, the fixed pattern and the wiggling that
+``glsim fit`` measured, is subtracted before, pixel by pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.denoise.frames import Frames, Key, Sample
+from glsim.denoise.protocol import Depth
+from glsim.errors import ConfigError
+from glsim.geometry.camera import Intrinsics
+from glsim.sensors.pattern_map import remove_fixed_pattern
+from glsim.sensors.sensor import load_sensor
+from glsim.sensors.wiggling import remove_wiggling
+
+#: A crop's principal point may be off a whole number of pixels by this much: float32 in files.
+_CROP_PX: Final = 0.02
+
+
+class DeviceCalibration:
+    """The measured systematic errors of one device.
+
+    file: of the device, a sensor file. parts: what is subtracted: "fixed pattern", "wiggling".
+    """
+
+    def __init__(self, file: Path | str) -> None:
+        """file: a sensor file with a map of the fixed pattern, or with fixed harmonics, or both.
+
+        Raises ConfigError if there is no such file, or if it holds neither.
+        """
+        self.file = Path(file)
+        if self.file.suffix != ".toml":
+            raise ConfigError(f"--device {file}: give the sensor file (.toml) that glsim fit wrote")
+        sensor = load_sensor(str(file))
+        self._rig, self._pattern, self._waves = sensor.rig, sensor.pattern_map, sensor.wiggling
+        found = {"fixed pattern": self._pattern is not None, "wiggling": bool(self._waves)}
+        self.parts = tuple(name for name, known in found.items() if known)
+        if not self.parts:
+            raise ConfigError(
+                f"--device {file}: holds neither a map of the fixed pattern "
+                "(rig.fixed_pattern_map) nor measured wiggling (rig.wiggling): fit it to at least "
+                "10 frames of walls with glsim fit"
+            )
+        pattern = "" if self._pattern is None else self._pattern.digest
+        #: Changes with what is subtracted.
+        self.identity = f"{pattern} {self._waves!r} {self._rig!r}"
+
+    def __call__(self, depth_mm: NDArray[Any], crop: Intrinsics | None = None) -> Depth:
+        """Subtract the errors: (H, W) float32 mm; 0 = no depth stays 0.
+
+        depth_mm: (H, W), a whole image of the device, or the crop whose intrinsics are given.
+        Raises ConfigError for another size, or a crop that is none of this device's image.
+        """
+        top, left = self._corner(depth_mm.shape, crop)
+        height, width = depth_mm.shape
+        part = np.s_[top : top + height, left : left + width]
+        result = np.asarray(depth_mm, np.float32)
+        if self._pattern is not None:
+            result = remove_fixed_pattern(result, self._pattern.error_mm[part])
+        if self._waves:
+            rig = self._rig
+            result = remove_wiggling(
+                result, self._waves, rig.modulation_mhz, rig.rays()[part], rig.emitter_m
+            )
+        # Depth never becomes a hole, or negative, which is no depth map.
+        return np.where(depth_mm > 0, np.maximum(result, np.float32(1.0)), 0).astype(np.float32)
+
+    def _corner(self, shape: tuple[int, ...], crop: Intrinsics | None) -> tuple[int, int]:
+        """Return row and column of the device's image where a map begins. Raises ConfigError."""
+        own = self._rig.intrinsics
+        size, whole = f"{shape[1]}x{shape[0]}", f"{own.width}x{own.height}"
+        if crop is None:
+            if shape != (own.height, own.width):
+                raise ConfigError(
+                    f"--device {self.file}: a map is {size}, the device's image {whole}: give "
+                    "whole images, or crops in a data set of glsim, whose intrinsics say where "
+                    "they lie (in Python: intrinsics=)"
+                )
+            return 0, 0
+        if max(abs(crop.fx - own.fx), abs(crop.fy - own.fy)) > 1e-3 * own.fx:
+            raise ConfigError(
+                f"--device {self.file}: the maps have a focal length of {crop.fx:.5g} px, the "
+                f"device {own.fx:.5g}: these are maps of another camera"
+            )
+        left, top = own.cx - crop.cx, own.cy - crop.cy
+        column, row = round(left), round(top)
+        if max(abs(left - column), abs(top - row)) > _CROP_PX:
+            raise ConfigError(
+                f"--device {self.file}: the principal point of the maps is no whole number of "
+                "pixels from the device's: these are maps of another camera"
+            )
+        inside = 0 <= column <= own.width - shape[1] and 0 <= row <= own.height - shape[0]
+        if not inside:
+            raise ConfigError(
+                f"--device {self.file}: a map of {size} at column {column}, row {row} is not "
+                f"within the device's image of {whole}"
+            )
+        return row, column
+
+
+class CalibratedFrames:
+    """Frames whose noisy maps are calibrated; clean maps stay.
+
+    own_camera: whether their intrinsics are those that a data set states, so that crops have a
+    place; otherwise maps must be whole images.
+    """
+
+    def __init__(self, frames: Frames, device: DeviceCalibration, own_camera: bool) -> None:
+        self._frames, self._device, self._own_camera = frames, device, own_camera
+        self.regions = frames.regions
+        self.identity = f"{frames.identity} {device.identity}"
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def key(self, number: int) -> Key:
+        """Return the key of a frame."""
+        return self._frames.key(number)
+
+    def load(self, number: int) -> Sample:
+        """Read and calibrate a frame. Raises as the frames and the calibration do."""
+        sample = self._frames.load(number)
+        crop = sample.intrinsics if self._own_camera else None
+        return replace(sample, noisy_mm=self._device(sample.noisy_mm, crop))
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read a frame's infrared."""
+        return self._frames.infrared(number)

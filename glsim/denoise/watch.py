@@ -1,0 +1,79 @@
+"""Denoise the depth maps of a folder as they appear there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from glsim.denoise.depth_files import MapFrames, infrared_files
+from glsim.denoise.map_denoiser import MapDenoiser
+from glsim.errors import ConfigError, DatasetError
+from glsim.files.arrivals import FolderArrivals
+from glsim.files.atomic import write_atomic
+from glsim.files.depth_folders import other_kind
+from glsim.files.png import encode_png
+from glsim.frame import encode_depth
+
+
+class Watched(NamedTuple):
+    """What became of one file.
+
+    problem: why it could not be read; "" if it was denoised. latency_s: from its appearance to the
+    written map; None for a file that was there before. seconds: reading, denoising and writing.
+    """
+
+    source: Path
+    problem: str
+    latency_s: float | None
+    seconds: float
+
+
+def watch_folder(
+    folder: Path, out: Path, denoiser: MapDenoiser, depth_unit_mm: float
+) -> Iterator[Watched]:
+    """Denoise the depth maps of a folder and those that appear there, into ``out``, for ever.
+
+    They are one sequence in the order of their names, in which numbers count by value. Maps keep
+    their names. A map whose denoised map exists and is not older is left out, so that a watch
+    can be interrupted and started again. depth_unit_mm: step of the files, in and out.
+
+    Raises ConfigError for folders that cannot be watched, DatasetError if one is removed.
+    """
+    if not folder.is_dir():
+        raise ConfigError(f"--watch {folder}: no such folder")
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"-o {out}: is a file; with --watch give a folder")
+    if out.resolve() == folder.resolve():
+        raise ConfigError(f"-o {out}: is the folder that is watched: give another one")
+    stream = denoiser.stream()
+    arrivals = FolderArrivals(folder, lambda name: not other_kind(name, "noisy"))
+    for path, appeared_s, complete in arrivals:
+        target = out / path.name
+        if appeared_s is None and complete and _is_current(target, path):
+            continue
+        start_s = time.monotonic()
+        problem = ""
+        try:
+            images = infrared_files([path], None) if denoiser.method.infrared else ()
+            frames = MapFrames([path], depth_unit_mm, infrared=images)
+            counts = frames.infrared(0) if images else None
+            depth_m = stream.push(frames.load(0).noisy_mm, counts).depth_mm * np.float32(0.001)
+        except DatasetError as error:
+            problem = str(error)
+        else:
+            write_atomic(encode_png(encode_depth(depth_m, depth_unit_mm)), target, sync=False)
+        end_s = time.monotonic()
+        latency_s = None if appeared_s is None or problem else end_s - appeared_s
+        yield Watched(path, problem, latency_s, end_s - start_s)
+
+
+def _is_current(target: Path, source: Path) -> bool:
+    """Return whether a map was denoised after it was written."""
+    try:
+        return target.stat().st_mtime_ns >= source.stat().st_mtime_ns
+    except OSError:
+        return False

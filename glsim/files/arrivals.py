@@ -1,0 +1,165 @@
+"""Notice PNG files as they appear in a folder, each once it is complete, in the order of names.
+
+The folder is listed again and again, which works on every file system; nothing has to be installed.
+A file is complete if it ends as PNG files end, so that a file that is being written is never read
+in half, whether its writer renames it or not.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from glsim.errors import DatasetError
+
+#: Seconds between two looks at the folder: less than a frame of a camera with 30 Hz.
+POLL_S: Final = 0.01
+#: A file that is not complete and has not grown for this long, seconds, is not waited for: chosen;
+#: a camera of 30 Hz writes 60 files in that time.
+STALLED_S: Final = 2.0
+
+#: The last chunk of every PNG file, which holds no data: length, type, CRC32 (W3C, PNG 3rd ed.).
+_END: Final = b"\0\0\0\0IEND\xaeB`\x82"
+
+
+class Arrival(NamedTuple):
+    """A new file.
+
+    appeared_s: when it was completed or renamed, on the clock of time.monotonic; None for a file
+    that was there at the first look. complete: False for a file that stopped growing too early.
+    """
+
+    path: Path
+    appeared_s: float | None
+    complete: bool
+
+
+class _Waiting(NamedTuple):
+    """size: bytes of an incomplete file when it last grew, at grown_s (time.monotonic)."""
+
+    size: int
+    grown_s: float
+
+
+def natural_order(name: str) -> tuple[tuple[str, int], ...]:
+    """Return a key that sorts numbers in names by value: frame_9 before frame_10."""
+    parts = re.split(r"(\d+)", name)
+    return tuple(
+        (text, int(digits or 0))
+        for text, digits in zip(parts[::2], [*parts[1::2], ""], strict=True)
+    )
+
+
+class FolderArrivals:
+    """The PNG files that appear in a folder, sub-folders left out; a replaced file appears again.
+
+    A file that is not complete holds up those after it, until it stalls.
+    """
+
+    def __init__(self, folder: Path, wanted: Callable[[str], bool]) -> None:
+        """wanted: which names to take. Names that begin with a dot are temporary files."""
+        self._folder, self._wanted = folder, wanted
+        self._known: dict[str, int] = {}  # name -> inode of what was given out
+        self._stalled: dict[str, int] = {}  # name -> size of what was given out incomplete
+        self._waiting: dict[str, _Waiting] = {}
+        self._absent_s: dict[str, float] = {}  # name -> the last look at which it was not there
+        self._first: set[str] | None = None
+        self._looked_s = time.monotonic()
+
+    def __iter__(self) -> Iterator[Arrival]:
+        """Yield files, for ever. Raises DatasetError if the folder cannot be read any more."""
+        while True:
+            arrival = self.look()
+            if arrival is None:
+                time.sleep(POLL_S)
+            else:
+                yield arrival
+
+    def look(self) -> Arrival | None:
+        """Return the next file if there is one now."""
+        before_s, self._looked_s = self._looked_s, time.monotonic()
+        new = self._new_names()
+        if self._first is None:
+            self._first = set(new)
+        for name in new:
+            self._absent_s.setdefault(name, before_s)
+        for name in sorted(new, key=natural_order):
+            path = self._folder / name
+            try:
+                status, complete = path.stat(), _is_complete(path)
+            except OSError:  # removed since, or not ours to read: reading it says why
+                if path.exists():
+                    return self._given(name, new[name], Arrival(path, None, False))
+                continue
+            if complete:
+                # When it was renamed or completed; a clock that is off cannot put this into a time
+                # when the file was not there, or into the future.
+                age_s = time.time() - status.st_ctime
+                appeared_s = max(self._looked_s - age_s, self._absent_s[name])
+                appeared_s = min(appeared_s, self._looked_s)
+                live = name not in self._first
+                arrival = Arrival(path, appeared_s if live else None, True)
+                return self._given(name, new[name], arrival)
+            now_s = time.monotonic()
+            waiting = self._waiting.get(name)
+            if waiting is None or waiting.size != status.st_size:
+                self._waiting[name] = _Waiting(status.st_size, now_s)
+            elif now_s - waiting.grown_s > STALLED_S:
+                self._stalled[name] = status.st_size
+                return self._given(name, new[name], Arrival(path, None, False))
+            return None
+        return None
+
+    def _new_names(self) -> dict[str, int]:
+        """Return name -> inode of the files that were not given out as they are now."""
+        try:
+            with os.scandir(self._folder) as entries:
+                there = {
+                    entry.name: entry.inode()
+                    for entry in entries
+                    if entry.name.endswith(".png")
+                    and not entry.name.startswith(".")
+                    and self._wanted(entry.name)
+                    and entry.is_file()
+                }
+        except OSError as error:
+            raise DatasetError(
+                f"{self._folder}: cannot be watched any more: {error.strerror}"
+            ) from None
+        for gone in self._known.keys() - there.keys():
+            del self._known[gone]
+            self._stalled.pop(gone, None)
+        return {
+            name: inode
+            for name, inode in there.items()
+            if self._known.get(name) != inode or self._has_grown(name)
+        }
+
+    def _has_grown(self, name: str) -> bool:
+        """Return whether a file that stalled has changed since."""
+        if name not in self._stalled:
+            return False
+        try:
+            return (self._folder / name).stat().st_size != self._stalled[name]
+        except OSError:
+            return False
+
+    def _given(self, name: str, inode: int, arrival: Arrival) -> Arrival:
+        self._known[name] = inode
+        self._waiting.pop(name, None)
+        self._absent_s.pop(name, None)
+        if arrival.complete:
+            self._stalled.pop(name, None)
+        return arrival
+
+
+def _is_complete(path: Path) -> bool:
+    """Return whether a file ends as PNG files do. Raises OSError if it cannot be read."""
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - len(_END)))
+        return file.read(len(_END)) == _END

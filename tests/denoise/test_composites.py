@@ -1,0 +1,230 @@
+"""The default composite: rims stay, mid-air pixels go, small holes close, shadows stay empty."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim import Frame, load_settings, simulate
+from glsim.cli.denoise import denoise
+from glsim.compare.frames import frame_set
+from glsim.compare.silhouettes import find_edges
+from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, composed, load
+from glsim.denoise.composites import measured_surfaces
+from glsim.denoise.loading import as_method
+from glsim.denoise.network import NetworkDenoiser
+from glsim.denoise.protocol import Denoised, Depth
+from glsim.files.png import read_depth_png
+from glsim.geometry.camera import Intrinsics
+
+#: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.
+REAL_FRAMES = Path(
+    os.environ.get(
+        "GLSIM_REAL_FRAMES", Path(__file__).resolve().parents[3] / "shared/data/kinect-v2-real"
+    )
+)
+needs_real_frames = pytest.mark.skipif(
+    not REAL_FRAMES.is_dir(),
+    reason="the real Kinect V2 frames are not here: GLSIM_REAL_FRAMES names their folder",
+)
+HEAD_MM, WALL_MM = 900.0, 1500.0
+_SQUARE = np.ones((3, 3), np.uint8)
+
+
+def head_before_wall() -> Depth:
+    """A ball of 90 mm radius at 900 mm, 2.5 mm per pixel, before a wall; a shadow of 4 px."""
+    y, x = np.mgrid[-50:50, -60:60] * 2.5
+    inside = x * x + y * y < 88**2
+    ball = HEAD_MM + 90 - np.sqrt(np.maximum(90**2 - x * x - y * y, 0))
+    depth = np.where(inside, ball, WALL_MM).astype(np.float32)
+    shadow = np.roll(inside, 4, axis=1) & ~inside
+    depth[shadow] = 0
+    return depth
+
+
+def measured(depth_mm: Depth, probability: Depth, noisy_mm: Depth) -> Depth:
+    return np.asarray(composed(Denoised(depth_mm, probability), noisy_mm, "measured"))
+
+
+def rings(mask: np.ndarray, count: int) -> list[np.ndarray]:
+    """The outermost rings of a mask, 1 px wide each."""
+    found = []
+    for _ in range(count):
+        inner = cv2.erode(mask.astype(np.uint8), _SQUARE, borderValue=1) > 0
+        found.append(mask & ~inner)
+        mask = inner
+    return found
+
+
+def few_neighbours(depth_mm: Depth) -> np.ndarray:
+    """Pixels with depth of whose 8 neighbours fewer than 3 have depth."""
+    valid = (depth_mm > 0).astype(np.float32)
+    return (valid > 0) & (cv2.filter2D(valid, -1, np.ones((3, 3)), borderType=0) - valid < 3)
+
+
+def test_the_default_is_the_first_and_is_that_of_the_command() -> None:
+    assert next(iter(COMPOSITES)) == DEFAULT_COMPOSITE
+    assert inspect.signature(denoise).parameters["composite"].default == DEFAULT_COMPOSITE
+
+
+def test_a_rim_that_the_network_doubts_is_kept() -> None:
+    noisy = head_before_wall()
+    head = (noisy > 0) & (noisy < 1200)
+    rim = np.logical_or(*rings(head, 2))
+    probability = np.where(rim | (noisy == 0), 0.1, 0.99).astype(np.float32)
+    out = measured(noisy + 1, probability, noisy)
+    np.testing.assert_array_equal(out > 0, noisy > 0)
+    np.testing.assert_allclose(out[rim], noisy[rim] + 1)
+
+
+def test_a_doubted_pixel_never_jumps_to_another_surface() -> None:
+    noisy = head_before_wall()
+    ring = rings((noisy > 0) & (noisy < 1200), 1)[0]
+    depth = np.where(ring, WALL_MM, noisy).astype(np.float32)
+    out = measured(depth, np.where(ring, 0.2, 0.9).astype(np.float32), noisy)
+    np.testing.assert_array_equal(out[ring], noisy[ring])
+
+
+def test_mid_air_pixels_are_dropped_only_where_the_network_doubts() -> None:
+    noisy = head_before_wall()
+    ring = rings((noisy == 0) | (noisy > 1200), 1)[0] & (noisy > 0)
+    flying = np.zeros_like(ring)
+    flying[np.nonzero(ring)[0][::7], np.nonzero(ring)[1][::7]] = True
+    noisy[flying] = 0.5 * (HEAD_MM + 90 + WALL_MM)
+    certain = np.where(noisy > 0, 0.99, 0.01).astype(np.float32)
+    doubted = np.where(flying, 0.3, certain).astype(np.float32)
+    assert flying.sum() > 20
+    assert not measured(noisy, doubted, noisy)[flying].any()
+    assert measured(noisy, certain, noisy)[flying].all()
+    assert (measured(noisy, doubted, noisy) > 0)[~flying & (noisy > 0)].all()
+
+
+def test_a_plane_that_the_network_doubts_as_a_whole_is_kept() -> None:
+    noisy = np.full((40, 50), 3000, np.float32)
+    out = measured(noisy, np.full_like(noisy, 0.2), noisy)
+    np.testing.assert_array_equal(out, noisy)
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "closes"),
+    [
+        (slice(10, 11), slice(12, 13), True),
+        (slice(10, 12), slice(12, 14), True),
+        (slice(10, 12), slice(12, 30), True),  # a long gap, 2 px wide
+        (slice(5, 30), slice(20, 21), True),
+        (slice(10, 13), slice(12, 15), False),
+        (slice(0, 2), slice(12, 14), False),  # open to the border
+    ],
+)
+def test_holes_of_at_most_two_pixels_are_closed(rows: slice, columns: slice, closes: bool) -> None:
+    y, x = np.mgrid[:40, :50].astype(np.float32)
+    surface = 900 + 4 * x + 2 * y
+    noisy = surface.copy()
+    noisy[rows, columns] = 0
+    sure = np.full_like(noisy, 0.99)
+    out = measured(surface, sure, noisy)
+    assert (out[rows, columns] > 0).all() == closes
+    assert (out[rows, columns] > 0).any() == closes
+    doubt = np.where(noisy > 0, 0.99, 0.4).astype(np.float32)
+    assert not measured(surface, doubt, noisy)[rows, columns].any()
+
+
+def test_a_gap_between_two_surfaces_stays_open() -> None:
+    noisy = np.full((40, 50), HEAD_MM, np.float32)
+    noisy[:, 26:] = WALL_MM
+    noisy[4:36, 24:26] = 0  # 2 px wide, enclosed
+    depth = np.where(noisy > 0, noisy, HEAD_MM).astype(np.float32)
+    assert not measured(depth, np.ones_like(noisy), noisy)[4:36, 24:26].any()
+    noisy[:, 26:] = HEAD_MM
+    wrong = np.where(noisy > 0, noisy, WALL_MM).astype(np.float32)
+    assert not measured(wrong, np.ones_like(noisy), noisy)[4:36, 24:26].any()
+
+
+def test_no_pixel_appears_in_a_shadow() -> None:
+    noisy = head_before_wall()
+    noisy[10:30, 60:100] = 0
+    rng = np.random.default_rng(0)
+    probability = np.where(noisy > 0, 0.9, rng.random(noisy.shape)).astype(np.float32)
+    depth = np.where(noisy > 0, noisy, WALL_MM).astype(np.float32)
+    hard = composed(Denoised(depth, probability), noisy, "hard")
+    assert (few_neighbours(hard) & (noisy == 0)).sum() > 20
+    assert not measured(depth, probability, noisy)[noisy == 0].any()
+
+
+def test_integers_bools_and_the_type_of_the_input() -> None:
+    noisy = head_before_wall()
+    whole = noisy.astype(np.uint16)
+    out = measured_surfaces(noisy.astype(np.float64), np.ones_like(noisy), whole)
+    assert out.dtype == np.float64
+    np.testing.assert_array_equal(out, np.where(whole > 0, noisy, 0))
+
+
+def _cut(depth_mm: Depth, clean_mm: Depth, ring: np.ndarray, noisy_mm: Depth) -> float:
+    """Share of a ring that is lost although it was measured within 50 mm."""
+    right = ring & (noisy_mm > 0) & (np.abs(noisy_mm - clean_mm) <= 50)
+    return float((right & (depth_mm == 0)).sum() / ring.sum())
+
+
+def test_rims_of_simulated_heads_before_walls() -> None:
+    overrides = {
+        "sensor": "kinect-v2-fast", "seed": 77, "output": {"crop": 128},
+        "pose": {"yaw_deg": {"uniform": [-40, 40]}},
+        "scene": {"wall_mm": {"uniform": [1100, 2200]}},
+    }  # fmt: skip
+    settings = load_settings(overrides=overrides, source={"subjects": 2, "frames_per_subject": 1})
+    network, lost, stray = load("face"), [], {"hard": 0, "measured": 0}
+    for frame in simulate(settings):
+        assert isinstance(frame, Frame)
+        noisy = frame.noisy.astype(np.float32)
+        clean = np.zeros_like(noisy)
+        clean[frame.window.slices] = 1000 * frame.clean_m
+        denoised = network(noisy[None])
+        first, second = rings((clean > 0) & (clean < clean.max() - 100), 2)
+        out = composed(denoised, noisy, "measured")
+        lost.append((_cut(out, clean, first, noisy), _cut(out, clean, second, noisy)))
+        for name in stray:
+            depth = composed(denoised, noisy, name)
+            stray[name] += int((few_neighbours(depth) & (noisy == 0)).sum())
+    assert np.mean(lost, axis=0)[0] < 0.05
+    assert np.mean(lost, axis=0)[1] < 0.01
+    assert stray["measured"] == 0
+
+
+@needs_real_frames
+def test_real_frames_keep_their_silhouettes_and_shadows() -> None:
+    network = load("face")
+    lost = {"hard": np.zeros(2), "measured": np.zeros(2)}
+    for name in ("0030",):
+        noisy = read_depth_png(REAL_FRAMES / f"{name}_depth.png").astype(np.float32)
+        camera = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
+        edges = find_edges(frame_set("real", [noisy], camera=camera).frames[0])
+        denoised = network(noisy[None])
+        for composite, total in lost.items():
+            out = composed(denoised, noisy, composite)
+            for ring in range(2):
+                column = edges.column + np.where(edges.side == 1, -ring, ring)
+                total[ring] += (out[edges.row, column] == 0).mean()
+            if composite == "measured":
+                assert not (few_neighbours(out) & (noisy == 0)).any()
+                assert ((out > 0) & (noisy == 0)).sum() < 0.05 * (noisy == 0).sum()
+    assert lost["measured"][0] < 0.05
+    assert lost["measured"][1] < 0.01
+    assert lost["measured"][0] <= lost["hard"][0]
+
+
+def test_a_networks_probability_is_cut_to_0_and_1() -> None:
+    """A runtime's sigmoid returned more than 1 in a real frame, which was refused."""
+    noisy = head_before_wall() + np.random.default_rng(0).normal(0, 2, (100, 120))
+    noisy = np.where(head_before_wall() > 0, noisy, 0).astype(np.float32)
+
+    def network(frame_mm: Depth) -> dict[str, Depth]:
+        above = np.nextafter(np.float32(1), np.float32(2))
+        return {"depth_mm": frame_mm, "probability": np.full_like(frame_mm, above)}
+
+    method = as_method("net", NetworkDenoiser(network, "net", False))
+    assert method(noisy[None]).valid.max() == 1

@@ -1,0 +1,43 @@
+"""Frames of generated sequences: whole performances, or parts of them at a camera's rate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from glsim.errors import ConfigError
+from glsim.faces import open_source
+from glsim.faces.performance import performance_for
+from glsim.faces.sequences import performance_frames
+from glsim.settings.schema import load_settings
+
+
+def test_frames_at_a_rate_are_parts_of_the_performances() -> None:
+    keys = performance_frames(3, "p0001", 50, 8, frames_per_second=30)
+    starts = []
+    for number, first in enumerate(range(0, 48, 8)):
+        times = np.array([key.time_s for key in keys[first : first + 8]])
+        assert len({key.sequence for key in keys[first : first + 8]}) == 1
+        np.testing.assert_allclose(np.diff(times), 1 / 30)
+        assert times[0] >= 0
+        assert times[-1] <= performance_for(3, "p0001", number).duration_s
+        starts.append(times[0])
+    assert np.ptp(starts) > 0.2
+    assert keys == performance_frames(3, "p0001", 50, 8, frames_per_second=30)
+    assert keys[:48] == performance_frames(3, "p0001", 48, 8, frames_per_second=30)
+
+
+def test_a_sequence_longer_than_the_performance_starts_with_it() -> None:
+    keys = performance_frames(3, "p0001", 100, 100, frames_per_second=30)
+    assert keys[0].time_s == 0
+    assert keys[-1].time_s == pytest.approx(3.3)
+
+
+def test_settings_choose_length_and_rate_of_generated_sequences() -> None:
+    tree = {"source": {"kind": "procedural", "frames_per_sequence": 5, "frames_per_second": 15}}
+    settings = load_settings(overrides=tree)
+    keys = open_source(settings.source[0], 0).frames("p0000", 6)
+    assert keys[4].time_s - keys[3].time_s == pytest.approx(1 / 15)
+    assert keys[5].sequence != keys[4].sequence
+    with pytest.raises(ConfigError, match="folder has no such option"):
+        load_settings(overrides={"source": {"kind": "folder", "frames_per_second": 30}})

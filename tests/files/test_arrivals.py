@@ -1,0 +1,120 @@
+"""Files that appear: only whole ones, in order, once."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glsim.errors import DatasetError
+from glsim.files import arrivals
+from glsim.files.arrivals import FolderArrivals, natural_order
+from glsim.files.atomic import write_atomic
+from glsim.files.png import encode_png
+
+PNG = encode_png(np.full((8, 9), 900, np.uint16))
+
+
+def watcher(folder: Path) -> FolderArrivals:
+    return FolderArrivals(folder, lambda name: not name.endswith("_clean.png"))
+
+
+def names(found: FolderArrivals) -> list[str]:
+    """All files that can be given out now."""
+    listed = []
+    while (arrival := found.look()) is not None:
+        assert arrival.complete
+        listed.append(arrival.path.name)
+    return listed
+
+
+def test_numbers_in_names_count_by_value() -> None:
+    given = ["frame_10.png", "frame_9.png", "a.png", "frame_9b.png", "frame_010.png"]
+    assert sorted(given, key=natural_order) == [
+        "a.png", "frame_9.png", "frame_9b.png", "frame_10.png", "frame_010.png",
+    ]  # fmt: skip
+
+
+def test_files_are_given_once_in_the_order_of_their_names(tmp_path: Path) -> None:
+    found = watcher(tmp_path)
+    assert found.look() is None
+    for name in ("10.png", "9.png", "9_clean.png", ".8.png", "x.txt"):
+        (tmp_path / name).write_bytes(PNG)
+    (tmp_path / "folder.png").mkdir()
+    assert names(found) == ["9.png", "10.png"]
+    assert found.look() is None
+    write_atomic(PNG, tmp_path / "11.png")
+    assert names(found) == ["11.png"]
+
+
+def test_a_file_that_is_being_written_holds_up_those_after_it(tmp_path: Path) -> None:
+    found = watcher(tmp_path)
+    with (tmp_path / "1.png").open("wb") as half:
+        for end in range(0, len(PNG), 7):
+            half.write(PNG[end : end + 7])
+            half.flush()
+            (tmp_path / "2.png").write_bytes(PNG)
+            if end + 7 < len(PNG):
+                assert found.look() is None
+    assert names(found) == ["1.png", "2.png"]
+
+
+def test_a_file_that_stops_growing_is_given_up_and_taken_when_it_is_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = watcher(tmp_path)
+    (tmp_path / "1.png").write_bytes(PNG[:-20])
+    (tmp_path / "2.png").write_bytes(PNG)
+    assert found.look() is None
+    monkeypatch.setattr(arrivals, "STALLED_S", -1.0)
+    given_up = found.look()
+    assert given_up is not None
+    assert (given_up.path.name, given_up.complete) == ("1.png", False)
+    assert names(found) == ["2.png"]
+    assert found.look() is None, "it is not given up again and again"
+    (tmp_path / "1.png").write_bytes(PNG)
+    assert names(found) == ["1.png"]
+
+
+def test_a_replaced_file_appears_again_and_a_touched_one_does_not(tmp_path: Path) -> None:
+    found = watcher(tmp_path)
+    file = tmp_path / "latest.png"
+    file.write_bytes(PNG)
+    assert names(found) == ["latest.png"]
+    os.utime(file)
+    assert found.look() is None
+    write_atomic(PNG, file)
+    assert names(found) == ["latest.png"]
+    file.unlink()
+    assert found.look() is None
+
+
+def test_times_are_those_of_appearance(tmp_path: Path) -> None:
+    (tmp_path / "0.png").write_bytes(PNG)
+    found = watcher(tmp_path)
+    first = found.look()
+    assert first is not None
+    assert first.appeared_s is None
+    before_s = time.monotonic()
+    other = tmp_path / "old.tmp"
+    other.write_bytes(PNG)
+    os.utime(other, (1.0, 1.0))  # a copy that keeps an old time
+    other.replace(tmp_path / "1.png")
+    second = found.look()
+    assert second is not None
+    assert second.appeared_s is not None
+    # A file system's clock ticks every few milliseconds.
+    assert before_s - 0.05 <= second.appeared_s <= time.monotonic()
+
+
+def test_a_folder_that_goes_away_is_an_error(tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    found = watcher(folder)
+    assert found.look() is None
+    folder.rmdir()
+    with pytest.raises(DatasetError, match="cannot be watched any more"):
+        next(iter(found))

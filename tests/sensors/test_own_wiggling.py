@@ -1,0 +1,158 @@
+"""A device's own wiggling: what the simulated sensor adds is what is subtracted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from glsim.errors import ConfigError
+from glsim.files.png import encode_png, read_depth_png
+from glsim.geometry.camera import Intrinsics
+from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
+from glsim.sensors.wiggling import Wave, remove_wiggling, wiggling_mm
+from glsim.validate import VirtualCamera, scenes
+
+MHZ = (80.0, 16.0, 120.0)
+HARMONICS = {
+    "harmonic_2": 0.012, "harmonic_2_phase_deg": 60.0,
+    "harmonic_5": 0.005, "harmonic_5_phase_deg": -100.0,
+    "harmonic_phase_spread": 0.0,
+}  # fmt: skip
+DISTANCES_MM = (700, 850, 1000, 1150, 1300)
+
+
+def device_file(folder: Path, pattern_mm: np.ndarray | None = None) -> Path:
+    """kinect-v2-fast with fixed harmonics, and the pattern of one device."""
+    text = (SENSOR_FOLDER / "kinect-v2-fast.toml").read_text()
+    values = "".join(f"{key} = {value}\n" for key, value in HARMONICS.items())
+    text = text.replace('use = "tof_fast"\n', f'use = "tof_fast"\n{values}')
+    if pattern_mm is not None:
+        np.save(folder / "pattern.npy", pattern_mm.astype(np.float32))
+        text = text.replace("[rig]\n", '[rig]\nfixed_pattern_map = "pattern.npy"\n', 1)
+    (folder / "device.toml").write_text(text)
+    return folder / "device.toml"
+
+
+def test_one_wave_has_its_size_period_and_phase() -> None:
+    distance = np.linspace(0.5, 4.0, 2001)
+    wave = Wave(harmonic=2, modulation_mhz=120, size=0.01, phase_deg=40)
+    found = wiggling_mm(distance, [wave], MHZ)
+    turn = 2 * np.pi * 3 * distance / (3e8 / 2 / 120e6)
+    np.testing.assert_allclose(found, -110.5 * 0.01 * np.sin(turn - np.radians(40)), atol=0.01)
+
+
+def test_removal_is_the_inverse_of_the_error() -> None:
+    camera = Intrinsics(64, 48, 60.0, 60.0, 32.0, 24.0)
+    rays, emitter = camera.rays(), (0.045, 0.0, 0.0)
+    waves = [
+        Wave(harmonic=h, modulation_mhz=f, size=0.013, phase_deg=p)
+        for h, f, p in ((2, 80, 10), (2, 120, -170), (5, 16, 80))
+    ]
+    true_mm = 600 + 2000 * np.random.default_rng(0).random((48, 64))
+    z = 1e-3 * true_mm[..., None] * np.concatenate([rays, np.ones((48, 64, 1))], -1)
+    half = 0.5 * (np.linalg.norm(z, axis=-1) + np.linalg.norm(z - emitter, axis=-1))
+    wrong = half + 1e-3 * wiggling_mm(half, waves, MHZ)
+    # libfreenect2: depth from the path, with the emitter beside the lens.
+    direction = np.concatenate([rays, np.ones((48, 64, 1))], -1)
+    stretch = np.linalg.norm(direction, axis=-1)
+    measured_mm = 1e3 * (4 * wrong**2 - 0.045**2) / (4 * wrong * stretch - 2 * 0.045 * rays[..., 0])
+    assert np.abs(measured_mm - true_mm).max() > 1
+    measured_mm[0, :5] = 0
+    found = remove_wiggling(measured_mm, waves, MHZ, rays, emitter)
+    assert not found[0, :5].any()
+    np.testing.assert_allclose(found[1:], true_mm[1:], atol=0.01)
+
+
+def test_calibration_takes_bias_and_pattern_from_planes(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    """Bias by distance falls from 1 mm and more to below 0.15 mm; the pattern goes."""
+    pattern = np.random.default_rng(0).normal(0, 0.8, (424, 512))
+    file = device_file(tmp_path, pattern)
+    camera = VirtualCamera(str(file), context, seed=3)
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    truth = {}
+    for distance in DISTANCES_MM:
+        shot = camera.capture(scenes.wall(distance), 1, None, scene=f"wall {distance}")
+        (frames / f"{distance}.png").write_bytes(encode_png(shot.encoded[0]))
+        truth[distance] = shot.clean_mm
+    for out, extra in (("raw", ()), ("calibrated", ("--device", str(file)))):
+        assert main(["denoise", str(frames), "-o", str(tmp_path / out), "-d", "noisy", *extra]) == 0
+    middle = np.s_[130:290, 170:340]
+    bias, spread = {}, {}
+    for out in ("raw", "calibrated"):
+        error = [
+            (read_depth_png(tmp_path / out / f"{d}.png").astype(float) - truth[d])[middle]
+            for d in DISTANCES_MM
+        ]
+        bias[out] = np.array([np.mean(e) for e in error])
+        spread[out] = np.mean(error, axis=0).std()
+    assert np.abs(bias["raw"]).max() > 1.0
+    assert np.abs(bias["calibrated"]).max() < 0.15
+    assert spread["calibrated"] ** 2 < spread["raw"] ** 2 - 0.7 * 0.8**2
+
+
+def test_a_fitted_sensor_holds_the_waves_that_it_measured(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    """Phases that differ between the frequencies have no place in a stage, but in the file."""
+    from glsim.fit import fit_wiggling, measure_recording, sensor_toml
+    from glsim.fit.recording import Recording
+    from glsim.fit.sensor_file import base_sensor
+    from tests.fit.test_wiggling import EMITTER_M, FRAMES, IMAGE, walls
+
+    changes = {"tof_fast": {"harmonic_2": 0.015, "harmonic_5": 0.0}}  # phases are drawn
+    camera = VirtualCamera("kinect-v2-fast", context, seed=5)
+    shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
+    statistics = measure_recording(Recording(shot.encoded, 1.0, "walls"), IMAGE)
+    wiggling = fit_wiggling(statistics, IMAGE, EMITTER_M)
+    assert wiggling is not None
+    name, tree = base_sensor()
+    file = tmp_path / "mine.toml"
+    file.write_text(sensor_toml(name, tree, {}, IMAGE, ["walls"], "", wiggling.waves()))
+    sensor = load_sensor(str(file))
+    assert [(w.harmonic, w.modulation_mhz) for w in sensor.wiggling] == [(2, 80), (2, 120)]
+    depth, clean = statistics.mean_mm, shot.clean_mm
+    known = np.isfinite(depth) & np.isfinite(clean)
+    kept = np.where(known, depth, 0)
+    rig = sensor.rig
+    better = remove_wiggling(kept, sensor.wiggling, MHZ, rig.rays(), rig.emitter_m)
+    bins = np.digitize(clean, np.arange(800, 3000, 50))
+
+    def bends(image: np.ndarray) -> float:
+        """Spread of the bias between bins of 50 mm within bins of 400 mm: what is fast."""
+        means = {
+            b: np.median((image - clean)[known & (bins == b)])
+            for b in np.unique(bins[known])
+            if (known & (bins == b)).sum() > 500
+        }
+        groups = [[m for b, m in means.items() if b // 8 == g] for g in range(6)]
+        return float(np.mean([np.std(g) for g in groups if len(g) > 3]))
+
+    assert bends(better) < 0.5 * bends(kept)
+
+
+@pytest.mark.parametrize(
+    ("waves", "words"),
+    [
+        ("{harmonic = 3, modulation_mhz = 80, size = 0.01, phase_deg = 0}", "not one of 2, 5"),
+        ("{harmonic = 2, modulation_mhz = 90, size = 0.01, phase_deg = 0}", "90 MHz is none"),
+        ("{harmonic = 2, modulation_mhz = 80, size = 2.0, phase_deg = 0}", "size"),
+    ],
+)
+def test_wrong_waves_are_refused(tmp_path: Path, waves: str, words: str) -> None:
+    text = (SENSOR_FOLDER / "kinect-v2-fast.toml").read_text()
+    text = text.replace("[rig]\n", f"[rig]\nwiggling = [{waves}]\n", 1)
+    (tmp_path / "x.toml").write_text(text)
+    with pytest.raises(ConfigError, match=words):
+        load_sensor(str(tmp_path / "x.toml"))
+
+
+def test_shipped_sensors_have_no_wiggling_of_their_own() -> None:
+    assert load_sensor("kinect-v2").wiggling == ()
+    assert load_sensor("led3d").wiggling == ()

@@ -1,0 +1,272 @@
+"""Infrared and neighbours in time: their stack, features, data, and the start from `face`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from glsim.dataset import open_dataset
+from glsim.denoise import checkpoint
+from glsim.denoise.inputs import Inputs, stack_inputs
+from glsim.errors import ConfigError, DatasetError
+from glsim.settings.schema import load_settings
+from glsim.train import Augmentation, SimulatedPairs, StoredPairs, fit
+from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
+from glsim.train.models.extra_features import neighbour_features
+from glsim.train.models.registry import build_model, inputs_of
+from glsim.train.models.warm_start import copy_weights
+from tests.support.dataset_fakes import make, make_settings, make_tasks
+from tests.support.networks import BACKBONES, build, frames
+from tests.support.train_fakes import Domes, batch_source, recipe
+
+FACE = {"kind": "mask_aware", "uncertainty": True, "surfaces": True}
+ALL: dict[str, Any] = {"infrared": True, "before": 2, "after": 1}
+
+
+def network(**inputs: Any) -> torch.nn.Module:
+    return build_model(FACE | inputs | {"backbone": BACKBONES["small_unet"]})
+
+
+def stack_of(depth_mm: Tensor) -> Tensor:
+    """Depth with infrared and three neighbours, as ALL asks for."""
+    return torch.cat([depth_mm, 500 + depth_mm, depth_mm + 1, depth_mm - 2, depth_mm + 3], 1)
+
+
+def test_the_stack_has_the_nearest_neighbours_first_and_zeros_for_what_is_missing() -> None:
+    inputs = Inputs(infrared=True, before=2, after=1)
+    images = [np.full((3, 4), value, np.float32) for value in (900, 40, 899, 898, 897)]
+    stack = stack_inputs(inputs, images[0], images[2:], (), images[1])
+    assert stack[:, 0, 0].tolist() == [900, 40, 899, 898, 0]
+    named = inputs.named(stack)
+    assert {name: len(part) for name, part in named.items()} == inputs.names
+    assert named["before_mm"][:, 0, 0].tolist() == [899, 898]
+    assert stack_inputs(Inputs(), images[0], images[1:], images[1:], images[1]).shape == (1, 3, 4)
+    assert inputs_of(FACE | ALL | {"backbone": BACKBONES["dncnn"]}) == inputs
+    with pytest.raises(ConfigError, match=r"model.before = 5"):
+        network(before=5)
+
+
+def test_a_neighbour_on_another_surface_adds_what_a_missing_one_adds() -> None:
+    fill_mm = frames(1).clamp_min(800)
+    near = fill_mm + 2.0
+    missing = torch.zeros_like(near)
+    expected = neighbour_features(torch.cat([near, missing], 1), fill_mm)
+    for far in (fill_mm + 60, fill_mm - 60, torch.full_like(near, torch.nan), -near):
+        found = neighbour_features(torch.cat([near, far], 1), fill_mm)
+        torch.testing.assert_close(found, expected, rtol=0, atol=0)
+    closeness, weight = expected[:, 2:4], expected[:, -1:]
+    assert float(closeness[:, 0].min()) > 0.99
+    assert not closeness[:, 1].any()
+    assert float(weight.max()) <= 0.5
+
+
+def test_the_order_of_neighbours_does_not_matter_to_their_mean() -> None:
+    fill_mm = frames(1).clamp_min(800)
+    near = torch.cat([fill_mm + 3, fill_mm - 1], 1)
+    mean = neighbour_features(near, fill_mm)[:, -2:]
+    torch.testing.assert_close(mean, neighbour_features(near.flip(1), fill_mm)[:, -2:])
+
+
+def test_the_mean_over_time_removes_noise_of_a_surface_that_moves() -> None:
+    generator = torch.Generator().manual_seed(1)
+    noise = torch.randn(5, 1, 96, 96, generator=generator)
+    now_mm = 900 + noise[:1]
+    earlier = torch.cat([900 + 3.0 * (n + 1) + noise[n + 1 : n + 2] for n in range(4)], 1)
+    mean_mm = now_mm + 10 * neighbour_features(earlier, now_mm)[:, -2:-1]
+    inner = np.s_[..., 24:-24, 24:-24]
+    assert float(mean_mm[inner].std()) < 0.6 * float(now_mm[inner].std())
+    assert abs(float(mean_mm[inner].mean()) - 900) < 0.3
+
+
+def test_before_training_a_network_with_further_inputs_equals_the_one_it_starts_from() -> None:
+    torch.manual_seed(2)
+    face = build("surfaces", "small_unet").eval()
+    for inputs in ({"infrared": True}, {"before": 4}, ALL):
+        started = network(**inputs).eval()
+        copy_weights(face.state_dict(), started, "best.pt")
+        depth_mm = frames()
+        count = started.inputs.channels - 1  # type: ignore[union-attr]
+        stack = torch.cat([depth_mm, stack_of(depth_mm)[:, 1:].repeat(1, 2, 1, 1)[:, :count]], 1)
+        for part, wanted in zip(started(stack), face(depth_mm), strict=True):
+            torch.testing.assert_close(part, wanted, rtol=0, atol=0)
+    narrow = build_model(FACE | {"backbone": BACKBONES["small_unet"] | {"width": 4}})
+    with pytest.raises(ConfigError, match=r"best.pt: backbone.* is \(.*this network needs"):
+        copy_weights(face.state_dict(), narrow, "best.pt")
+    with pytest.raises(ConfigError, match="is another architecture"):
+        copy_weights(build("surfaces", "dncnn").state_dict(), narrow, "best.pt")
+
+
+@pytest.mark.parametrize("inputs", [{"infrared": True}, {"before": 4}])
+def test_further_inputs_change_the_result_after_training(inputs: dict[str, Any]) -> None:
+    torch.manual_seed(4)
+    model = network(**inputs)
+    with torch.no_grad():
+        for parameter in model.parameters():
+            parameter.normal_(std=0.1)
+    depth_mm = frames()
+    names = model.inputs.channels - 1  # type: ignore[union-attr]
+    extra = (depth_mm + 2).repeat(1, names, 1, 1)  # type: ignore[operator]
+    with_inputs = model(torch.cat([depth_mm, extra], 1)).depth_mm
+    assert not torch.equal(with_inputs, model(torch.cat([depth_mm, 0 * extra], 1)).depth_mm)
+
+
+def test_infrared_of_another_gain_gives_the_same_relative_feature() -> None:
+    model: Any = network(infrared=True)
+    depth_mm = frames().clamp_min(800)
+    light = torch.rand(depth_mm.shape, generator=torch.Generator().manual_seed(0)) * 3000 + 1000
+    one, other = (
+        model._extra(torch.cat([depth_mm, gain * light], 1), depth_mm)[0] for gain in (1.0, 3.0)
+    )
+    torch.testing.assert_close(one[:, 0], other[:, 0], atol=2e-3, rtol=0)
+    assert float((other[:, 1] - one[:, 1]).mean()) == pytest.approx(np.log(3) / 8, rel=0.01)
+    none = model._extra(torch.cat([depth_mm, 0 * light], 1), depth_mm)[0]
+    assert not none.any()
+
+
+def test_neighbours_are_of_the_same_sequence_and_not_too_far_in_time() -> None:
+    words = [("a", "s")] * 4 + [("a", "t")] * 2 + [("b", "t")]
+    numbers = [0, 1, 2, 6, 7, 8, 9]
+    moments = [Moment(w, n) for w, n in zip(words, numbers, strict=True)]
+    neighbours = Neighbours(moments, Inputs(before=3, after=1))
+    assert neighbours.of(0) == ([], [1])
+    assert neighbours.of(2) == ([1, 0], [])
+    assert neighbours.of(3) == ([], [])  # four frames were lost
+    assert neighbours.of(5) == ([4], [])
+    assert neighbours.of(6) == ([], [])
+
+
+def test_training_sees_every_number_of_neighbours_and_every_gain() -> None:
+    inputs = Inputs(infrared=True, before=4)
+    stack = stack_inputs(inputs, np.ones((2, 2)), [np.full((2, 2), 9.0 - n) for n in range(4)], (),
+                         np.full((2, 2), 100.0))  # fmt: skip
+    drawn = [vary_inputs(stack, inputs, np.random.default_rng(n)) for n in range(300)]
+    counts = np.bincount([np.count_nonzero(one[2:, 0, 0]) for one in drawn])
+    assert len(counts) == 5
+    assert counts.min() > 30
+    for one in drawn:
+        order = one[2:, 0, 0][one[2:, 0, 0] > 0]
+        assert (np.diff(order) < 0).all()  # the nearest first
+        assert not one[2 + len(order) :].any()
+    light = np.array([one[1, 0, 0] for one in drawn])
+    assert 10 < np.count_nonzero(light == 0) < 60
+    assert light[light > 0].min() < 35
+    assert light.max() > 300
+    assert {one[0, 0, 0] for one in drawn} == {1.0}
+
+
+@pytest.fixture(scope="module")
+def videos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out: Path = tmp_path_factory.mktemp("data") / "videos"
+    make(out, make_settings(layers=("clean", "noisy", "infrared")), make_tasks(4, 6))
+    return out
+
+
+@pytest.mark.parametrize("cache_mb", [0, 1000])
+def test_stored_pairs_have_their_infrared_and_neighbours(videos: Path, cache_mb: float) -> None:
+    inputs = Inputs(infrared=True, before=2, after=1)
+    pairs = StoredPairs(videos, "train", inputs=inputs, cache_mb=cache_mb)
+    stored = open_dataset(videos).split("train")
+    for number, earlier, later in ((0, [], [1]), (4, [3, 2], [5]), (6, [], [7]), (11, [10, 9], [])):
+        noisy, clean_mm = (part.numpy() for part in pairs[number])
+        expected = [stored[number].noisy_mm, stored[number].infrared]
+        for side, length in ((earlier, 2), (later, 1)):
+            expected += [stored[n].noisy_mm for n in side]
+            expected += [0 * stored[number].noisy_mm] * (length - len(side))
+        np.testing.assert_array_equal(noisy, np.stack(expected))
+        np.testing.assert_array_equal(clean_mm[0], stored[number].clean_mm)
+
+
+def test_augmentation_applies_to_all_inputs_alike(videos: Path) -> None:
+    inputs = Inputs(infrared=True, before=2)
+    plain = StoredPairs(videos, "train", inputs=inputs)
+    bumpy = StoredPairs(
+        videos, "train", inputs=inputs, augmentation=Augmentation(True, 5.0), seed=1
+    )
+    mirrored = raised = 0
+    for number in range(2, 12):
+        (stack, clean_mm), (changed, raised_mm) = plain[number], bumpy[number]
+        if not torch.equal(changed[1], stack[1]):
+            mirrored += 1
+            stack, clean_mm = stack.flip(-1), clean_mm.flip(-1)
+        torch.testing.assert_close(changed[1], stack[1])  # infrared has no bumps
+        bumps_mm = raised_mm - clean_mm
+        raised += bool(bumps_mm.any())
+        for image, original in zip(changed[[0, 2, 3]], stack[[0, 2, 3]], strict=True):
+            both = (original > 0) & (clean_mm[0] > 0)
+            torch.testing.assert_close(
+                (image - original)[both], bumps_mm[0][both], atol=1e-3, rtol=0
+            )
+            assert torch.equal(image > 0, original > 0)
+    assert 0 < mirrored < 10
+    assert raised
+
+
+def test_a_set_without_infrared_is_refused(tmp_path: Path) -> None:
+    make(tmp_path / "data", make_settings(), make_tasks(4, 2))
+    with pytest.raises(DatasetError, match=r"no layer 'infrared'.*--layers clean,infrared,noisy"):
+        StoredPairs(tmp_path / "data", "train", inputs=Inputs(infrared=True))
+
+
+class Videos(Domes):
+    """Domes whose neighbours are other noise on the same surface."""
+
+    def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:
+        noisy_mm, clean_mm = super().__getitem__(index)
+        others = [self.noisy[(index + step) % len(self)] for step in (1, 2)]
+        return torch.cat([noisy_mm, *others]), clean_mm
+
+
+def test_a_training_starts_from_a_network_of_single_frames_and_records_it(tmp_path: Path) -> None:
+    face = recipe(training={"max_epochs": 1})
+    fit(face, batch_source(face), tmp_path / "face")
+    start = str(tmp_path / "face" / checkpoint.BEST)
+    video = recipe(model={"before": 2}, training={"max_epochs": 1, "start": start})
+    source = batch_source(video)
+    source._train, source.validation = Videos(10), Videos(3, first=100)
+    report = fit(video, source, tmp_path / "video")
+    assert report["start"]["file"] == start
+    assert len(report["start"]["crc32"]) == 8
+    saved = checkpoint.load(tmp_path / "video" / checkpoint.BEST)
+    assert saved["start"] == report["start"]
+    Path(start).unlink()  # a resumed training does not need it
+    more = recipe(model={"before": 2}, training={"max_epochs": 2, "start": start})
+    assert fit(more, source, tmp_path / "video", resume=True)["start"] == report["start"]
+
+
+def test_losses_that_change_the_measured_depth_refuse_further_inputs(tmp_path: Path) -> None:
+    bad = recipe(
+        model={"before": 2}, loss={"kind": "noise2void"}, training={"monitor": "interior_rmse_mm"}
+    )
+    with pytest.raises(ConfigError, match="train networks with infrared or neighbours"):
+        fit(bad, batch_source(bad), tmp_path)
+
+
+def test_simulated_pairs_have_neighbours_of_their_run() -> None:
+    settings = load_settings(
+        overrides={
+            "sensor": "kinect-v2-fast",
+            "split": [1.0, 0.0, 0.0],
+            "redraw": "sequence",
+            "source": {"subjects": 2, "frames_per_subject": 16, "frames_per_sequence": 8,
+                       "frames_per_second": 30},
+            "pose": {"distance_mm": {"uniform": [900, 1400]}},
+            "output": {"crop": 32, "depth_unit_mm": 0.1},
+        }
+    )  # fmt: skip
+    inputs = Inputs(infrared=True, before=4)
+    batches = list(SimulatedPairs(settings, batch=4, inputs=inputs, length=4))
+    stacks = torch.cat([noisy for noisy, _ in batches])
+    assert stacks.shape[1:] == (6, 32, 32)
+    assert float(stacks[:, 1].max()) > 100
+    counts = (stacks[:, 2:].flatten(2) > 0).any(-1).sum(1)
+    assert len(counts.unique()) > 2
+    for stack, count in zip(stacks, counts, strict=True):
+        for neighbour in stack[2 : 2 + int(count)]:
+            both = (stack[0] > 0) & (neighbour > 0)
+            difference_mm = (stack[0] - neighbour)[both]
+            assert 0 < float(difference_mm.abs().median()) < 12  # another frame of the same face
