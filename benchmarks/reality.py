@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.compare import compare, draw_comparison, read_frame_set
+from glsim.compare.boards import read_corners
 from glsim.compare.frames import DepthFrame
 from glsim.compare.temporal import static_pairs
 from glsim.files.atomic import write_atomic
@@ -208,12 +208,6 @@ def split_long(mesh: Mesh, longest_mm: float = 400.0) -> Mesh:
         halves = [np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)]
         faces = np.concatenate([faces[~long], *halves])
     return Mesh(vertices.astype(np.float32), faces.astype(np.int32), albedo.astype(np.float32))
-
-
-def read_corners(file: Path) -> Array:
-    """Read the corners of the board, (35, 2) px, row by row."""
-    numbers = re.findall(r"[-+]?\d+\.\d*(?:e[-+]?\d+)?", file.read_text().split("[", 1)[1])
-    return np.array(numbers, float).reshape(-1, 2)
 
 
 def simulate_counterparts(real: Path, out: Path, sensor: str, seed: int) -> None:

@@ -42,6 +42,7 @@ ROOMS = (
     "glsim.train",
     "glsim.eval.metrics",
     "glsim.eval.scoring",
+    "glsim.eval.real_frames",
     "glsim.eval.report",
     "glsim.eval.paper",
     "glsim.eval",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,6 +18,7 @@ from glsim.eval.report.figures.bias_curves import bias_curves
 from glsim.eval.report.figures.curves import disagreement, error_curves, frame_boxes
 from glsim.eval.report.figures.gallery import GalleryFrame, method_gallery
 from glsim.eval.report.figures.style import to_png
+from glsim.eval.report.page import html_figure, html_page
 from glsim.eval.report.tables import (
     BASELINE_METRICS,
     REGION_NOTE,
@@ -37,18 +37,6 @@ from glsim.files.atomic import write_atomic
 
 #: Largest number of methods side by side in a figure, which is as wide as a paper page.
 _COLUMNS: Final = 5
-
-_STYLE: Final = """
-body { font: 15px/1.45 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem;
-       color: #1a1a1a; }
-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
-th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #ddd; }
-th:first-child, td:first-child { text-align: left; }
-td small { color: #777; display: block; white-space: nowrap; }
-.wide { overflow-x: auto; }
-figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: 13px; }
-img { max-width: 100%; }
-"""
 
 
 def write_report(
@@ -196,13 +184,7 @@ def _html_text(
         head = ["prediction", *(f"{m.heading} {m.arrow}" for m in metrics)]
         body += ["<h2>Trivial predictions: a scale for the above</h2>", _html_table(head, rows)]
     body.append("<h2>Figures</h2>")
-    for name, caption, png in pictures:
-        data = base64.b64encode(png).decode()
-        body.append(
-            f'<figure id="{name}"><img alt="{html.escape(caption)}" '
-            f'src="data:image/png;base64,{data}"><figcaption>{html.escape(caption)}</figcaption>'
-            "</figure>"
-        )
+    body += [html_figure(name, caption, png) for name, caption, png in pictures]
     body.append("<h2>Definitions</h2><dl>")
     for metric in (TABLE_METRICS[name] for names in TABLE_SECTIONS.values() for name in names):
         name, definition = html.escape(metric.heading), html.escape(metric.help)
@@ -213,10 +195,7 @@ def _html_text(
         body.append("<h2>Remarks</h2><ul>")
         body += [f"<li>{html.escape(note)}</li>" for note in notes]
         body.append("</ul>")
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(heading)}'
-        f"</title><style>{_STYLE}</style></head><body>{''.join(body)}</body></html>\n"
-    )
+    return html_page(heading, body)
 
 
 def _html(cell: str) -> str:

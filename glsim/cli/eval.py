@@ -41,6 +41,8 @@ glsim eval data -d face --truth expected  needs generate --layers clean,expected
 
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
 
+glsim eval --real recording -d face --tune -o real    real frames, without any truth
+
 glsim eval --list
 
 Repeat the same command to resume an interrupted run.
@@ -91,6 +93,7 @@ def evaluate(
         float | None,
         typer.Option(help="Focal length of plain PNG files, pixels. Default: the Kinect V2's."),
     ] = None,
+<<<<<<< HEAD
     device: Annotated[
         Path | None,
         typer.Option(
@@ -98,6 +101,21 @@ def evaluate(
             "input of all denoisers."
         ),
     ] = None,
+=======
+    real: Annotated[
+        Path | None,
+        typer.Option(
+            help="Score on a folder of real frames, which have no clean truth: static pairs, a "
+            "chessboard's plane, shift of surfaces, edges."
+        ),
+    ] = None,
+    board: Annotated[
+        str, typer.Option(help="With --real: inner corners of the chessboard.")
+    ] = "5x7",
+    markdown: Annotated[
+        Path | None, typer.Option(help="With --real: also write the tables to this file.")
+    ] = None,
+>>>>>>> realeval
     list_denoisers: Annotated[
         bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
     ] = False,
@@ -120,8 +138,18 @@ def evaluate(
     if list_denoisers:
         _print_list()
         return
+    if real is not None:
+        from glsim.cli.eval_real import evaluate_real
+
+        if dataset is not None or paper_table or runs is not None:
+            raise ConfigError("--real takes no data set, --paper-table or --runs")
+        evaluate_real(
+            real, denoiser or (), out, tune=tune, figures=figures, focal_px=focal_px,
+            board=board, markdown=markdown, workers=worker_count(workers),
+        )  # fmt: skip
+        return
     if dataset is None:
-        raise ConfigError("give the folder of a data set")
+        raise ConfigError("give the folder of a data set, or --real and one of real frames")
     tables = sorted(set(paper_table or ()))
     networks = _find_networks(tables, runs)
     specs = list(denoiser or ())

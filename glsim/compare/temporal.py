@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.compare.frames import DepthFrame
+from glsim.compare.surfaces import fit_surfaces
 from glsim.validate.measure import mean_of, ratio
 
 Array = NDArray[np.float64]
@@ -42,6 +43,9 @@ _ALL_PAIRS_BELOW = 80
 #: Differences beyond five robust standard deviations of their distance, and beyond eight of the 5x5
 #: pixels around (dark surfaces have more noise), are edges and people, not noise.
 _CLIP, _LOCAL_CLIP = 5.0, 8.0
+#: The mean difference of a static pair is removed in bins of this width, mm: while a sensor warms
+#: up, its distances drift by up to 2 mm, by another amount at every distance (two frames of IA).
+_DRIFT_BIN_MM = 100.0
 
 
 def static_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
@@ -65,14 +69,21 @@ def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
     Its variance is that of one frame, rounding included. Pixels are of smooth surfaces in both
     frames; outliers are dropped, and the mean of all is subtracted (a sensor that warms up drifts).
     """
-    both = first.surfaces.smooth & second.surfaces.smooth
     noise = (second.depth_mm.astype(np.float64) - first.depth_mm) / np.sqrt(2.0)
-    noise[~both] = np.nan
-    size = np.abs(np.nan_to_num(noise)).astype(np.float32)
-    around = _LOCAL_CLIP * 1.4826 * cv2.medianBlur(size, 5)
     # Cells by the depth of the surface: by that of a noisy pixel, the pixels of a cell that are at
     # its bounds would all have noise of one sign.
     surface_mm = first.depth_mm - first.surfaces.residual_mm
+    both = first.surfaces.smooth & second.surfaces.smooth
+    noise = without_outliers(np.where(both, noise, np.nan), surface_mm)
+    return np.asarray(noise - mean_of(noise))
+
+
+def without_outliers(noise: Array, surface_mm: NDArray[np.floating]) -> Array:
+    """Return (H, W) noise with NaN for edges and people; surface_mm: distance of the surfaces."""
+    noise = noise.copy()
+    both = np.isfinite(noise)
+    size = np.abs(np.nan_to_num(noise)).astype(np.float32)
+    around = _LOCAL_CLIP * 1.4826 * cv2.medianBlur(size, 5)
     for near, far in pairwise((0.0, *DISTANCES_M, 100.0)):
         here = both & (surface_mm >= 1000 * near) & (surface_mm < 1000 * far)
         if here.any():
@@ -80,7 +91,34 @@ def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
             spread = 1.4826 * float(np.median(off))
             limit = np.maximum(_CLIP * max(spread, 0.5), around[here])
             noise[here] = np.where(off <= limit, noise[here], np.nan)
-    return np.asarray(noise - mean_of(noise))
+    return noise
+
+
+def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
+    """Return (H, W) second - first without drift, mm; NaN where either has no depth or moved.
+
+    Unlike ``pair_noise`` it holds all pixels whose 3 x 3 neighbours have depth without a step in
+    both frames: rough surfaces, corners and the vicinity of edges too. Its variance is the sum of
+    the variances of both frames.
+    """
+    whole = (fit_surfaces(f.depth_mm, f.rays, 3).rough_mm for f in (first, second))
+    both = np.isfinite(sum(whole))
+    difference = np.where(both, second.depth_mm.astype(np.float64) - first.depth_mm, np.nan)
+    # The mean of both frames does not correlate with their difference: bins keep all of its noise.
+    surface_mm = 0.5 * (first.depth_mm + second.depth_mm)
+    difference = without_outliers(difference, surface_mm)
+    # What moved differs by the same amount over a whole region, noise does not.
+    middle = cv2.medianBlur(np.nan_to_num(difference).astype(np.float32), 5)
+    known = np.isfinite(difference)
+    if known.any():
+        spread = 1.4826 * float(np.median(np.abs(difference[known])))
+        difference[np.abs(middle) > _CLIP * max(spread, 0.5)] = np.nan
+    known = np.isfinite(difference)
+    place = (surface_mm[known] / _DRIFT_BIN_MM).astype(int)
+    sums = np.bincount(place, difference[known])
+    drift = sums / np.maximum(np.bincount(place), 1)
+    difference[known] -= drift[place]
+    return difference
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,124 @@
+"""Score denoisers on every frame of a recording, in worker processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from glsim.compare.boards import board_corners, find_board
+from glsim.dataset import available_workers
+from glsim.denoise import Method, compose, load
+from glsim.errors import ConfigError, DenoiserError
+from glsim.eval.real_frames.measures import FrameTruth, Tally
+from glsim.eval.real_frames.recording import Recording, Source, open_recording
+from glsim.eval.real_frames.results import RealScores, add_up
+from glsim.eval.scoring.run import ScoringProgress
+from glsim.eval.scoring.workers import run_tasks
+
+#: Label of the first row, the raw frames.
+RAW = "raw"
+
+
+@dataclass(frozen=True)
+class RealJob:
+    """The task of a worker. denoisers: see ``glsim.denoise.load``."""
+
+    source: Source
+    denoisers: tuple[str, ...]
+    pairs_only: bool = False
+
+    def start(self) -> Callable[[int], ScoredFrame]:
+        """Read the recording and load the denoisers, in the worker."""
+        recording = open_recording(self.source)
+        methods = [load(spec) for spec in self.denoisers]
+        return lambda number: score_frame(recording, number, methods, self.pairs_only)
+
+
+class ScoredFrame(NamedTuple):
+    """The sums of one frame. tallies: method -> sums. own: ``FrameTruth.own_losses``."""
+
+    number: int
+    tallies: dict[str, Tally]
+    own: tuple[float, float, float, float]
+    board_mm: float | None
+
+
+def score_frame(
+    recording: Recording, number: int, methods: Sequence[Method], pairs_only: bool = False
+) -> ScoredFrame:
+    """Denoise one frame by every method and measure the maps.
+
+    Raises DenoiserError, naming method and frame, if a denoiser fails.
+    """
+    frame = recording.frames[number]
+    board = None
+    if not pairs_only:
+        source = recording.source
+        corners = board_corners(frame, source.path, source.pattern)
+        board = None if corners is None else find_board(frame, corners, source.pattern)
+    partner = recording.partner.get(number)
+    truth = FrameTruth(
+        frame,
+        None if partner is None else recording.frames[partner],
+        None if partner is None else recording.units(number),
+        board,
+        pairs_only,
+    )
+    raw = np.nan_to_num(frame.depth_mm)
+    tallies = {RAW: truth.tally(raw)}
+    for method in methods:
+        try:
+            parts = compose(method(raw[None]), raw)
+        except Exception as error:  # any error of a user's denoiser
+            raise DenoiserError(f"{method.label}: frame {frame.name}: {error}") from error
+        for part, depth in parts.items():
+            name = f"{method.label} [{part}]" if part else method.label
+            tallies[name] = truth.tally(depth)
+    return ScoredFrame(
+        number, tallies, truth.own_losses(), None if board is None else board.distance_mm
+    )
+
+
+def score_recording(
+    recording: Recording,
+    denoisers: Sequence[str],
+    *,
+    scoring_half: bool = False,
+    workers: int | None = None,
+    progress: Callable[[ScoringProgress], None] | None = None,
+) -> RealScores:
+    """Score denoisers (specs of ``glsim.denoise.load``) beside the raw frames.
+
+    scoring_half: static pairs without the half that ``tune_on_pairs`` has seen. workers: number of
+    processes; default: one per core. Raises ConfigError for a wrong denoiser or one given twice,
+    DenoiserError if one fails on a frame.
+    """
+    methods = [load(spec) for spec in denoisers]  # reports wrong ones before scoring starts
+    labels = [RAW, *(method.label for method in methods)]
+    if len(set(labels)) != len(labels):
+        twice = next(label for label in labels if labels.count(label) > 1)
+        raise ConfigError(f"--denoiser {twice}: is given twice: name one of them label@{twice}")
+    numbers = list(range(len(recording.frames)))
+    scored = run_frames(RealJob(recording.source, tuple(denoisers)), numbers, workers, progress)
+    versions = {method.label: method.version for method in methods}
+    chosen = (lambda unit: not recording.is_tuning_unit(unit)) if scoring_half else None
+    return add_up(recording, scored, versions, chosen)
+
+
+def run_frames(
+    job: RealJob,
+    numbers: Sequence[int],
+    workers: int | None,
+    progress: Callable[[ScoringProgress], None] | None,
+) -> list[ScoredFrame]:
+    """Score the frames ``numbers``; return them in order."""
+    found = []
+    processes = min(workers or available_workers(), len(numbers))
+    for frame in run_tasks(job, numbers, processes):
+        found.append(frame)
+        if progress is not None:
+            progress(ScoringProgress(len(found), len(numbers), 0, 0))
+    return sorted(found, key=lambda frame: frame.number)

@@ -1,0 +1,49 @@
+"""Choose the settings of classical filters on one half of a recording's static pairs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from glsim.denoise import GRIDS
+from glsim.denoise.registry import tuning_specs
+from glsim.errors import ConfigError
+from glsim.eval.real_frames.recording import Recording
+from glsim.eval.real_frames.results import RealScores, add_up
+from glsim.eval.real_frames.run import RealJob, run_frames
+from glsim.eval.scoring.run import ScoringProgress
+
+#: Most frames that tuning denoises by every setting, evenly spread over those of static pairs.
+_TUNING_FRAMES = 12
+
+
+def tune_on_pairs(
+    recording: Recording,
+    names: Sequence[str] | None = None,
+    *,
+    workers: int | None = None,
+    progress: Callable[[ScoringProgress], None] | None = None,
+) -> tuple[list[str], RealScores]:
+    """Return the best setting of each filter, as on the command line, and the scores of all.
+
+    names: filters of ``GRIDS``; default: all. The mean over distances of the static pairs' RMSE
+    relative to the raw frames decides, on the half for tuning. Raises ConfigError without static
+    pairs: there is nothing to tune on.
+    """
+    numbers = sorted(recording.partner)
+    if not numbers:
+        raise ConfigError(
+            f"--tune: {recording.source.path} has no two frames of one static view: give settings"
+        )
+    stride = max(1, len(numbers) // _TUNING_FRAMES)
+    by_name = {name: tuning_specs(name, (0,)) for name in names or GRIDS}
+    specs = tuple(spec for settings in by_name.values() for spec in settings)
+    job = RealJob(recording.source, specs, pairs_only=True)
+    scored = run_frames(job, numbers[::stride], workers, progress)
+    scores = add_up(recording, scored, {}, recording.is_tuning_unit)
+
+    def error(spec: str) -> float:
+        change = scores.methods[spec].pair_change.value
+        return math.inf if math.isnan(change) else change
+
+    return [min(settings, key=error) for settings in by_name.values()], scores

@@ -1,0 +1,190 @@
+"""The scores on a real recording as a document, as CSV and as one HTML page with figures."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from glsim.eval.real_frames.measures import BINS_M
+from glsim.eval.real_frames.results import EDGES, Interval, MethodScores, RealScores
+from glsim.eval.report.document import Document, Heading, TextTable
+from glsim.eval.report.page import html_figure, html_page
+from glsim.eval.report.tables import format_number
+from glsim.eval.scoring.run import write_csv
+from glsim.files.atomic import write_atomic
+
+#: Headings of EDGES, in order, and their factor: shares are printed in %.
+_EDGE_HEADS: Final = {
+    "ring_1_lost": ("outermost ring lost [%]", 100.0),
+    "ring_2_lost": ("second ring lost [%]", 100.0),
+    "surface_lost": ("smooth surfaces lost [%]", 100.0),
+    "shadow_filled": ("holes beside foregrounds filled [%]", 100.0),
+    "alone": ("lone pixels", 1.0),
+    "alone_filled": ("of them filled", 1.0),
+    "pinholes": ("pinholes", 1.0),
+}
+
+Picture = tuple[str, str, bytes]
+
+
+def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Document:
+    """Return the tables of all measures, with what they are measured on."""
+    distances = [f"{near:g}-{far:g} m" for near, far in pairwise(BINS_M)]
+    units = f"{scores.scenes} static scenes" if scores.by_scene else "tiles of 64 x 64 px"
+    page = Document(f"Real frames: {scores.title}")
+    page.parts += [
+        f"{len(scores.checksums)} frames (identity `{scores.identity}`), {scores.static_frames} of "
+        f"them of {scores.scenes} static scenes, {scores.boards} with a chessboard. Change: mean "
+        "over the distances of the RMSE relative to the raw frames; in brackets its 95 % interval "
+        "(bootstrap). Bold: the best of a column.",
+    ]
+    if scores.static_frames:
+        page.parts += [
+            Heading("Static pairs, RMSE [mm]"),
+            "Denoised frame against another raw frame of the same view, whose own noise is "
+            f"subtracted. Pixels by distance: {', '.join(str(n) for n in scores.pixels)}. The "
+            f"interval is over {units}.",
+            _table(scores, distances, lambda m: m.pair_rmse_mm, lambda m: m.pair_change),
+        ]
+    if scores.boards:
+        page.parts += [
+            Heading("Chessboard, paper: RMSE from its plane [mm]"),
+            "The white squares alone: print is seen farther away, and that is no noise. The "
+            "interval is over the boards.",
+            _table(scores, distances, lambda m: m.paper_rmse_mm, lambda m: m.paper_change),
+            Heading("Chessboard, paper: shift against the raw frames [mm]"),
+            _table(scores, distances, lambda m: m.board_shift_mm, zero_is_best=True),
+        ]
+    page.parts += [
+        Heading("Smooth surfaces: shift against the raw frames [mm]"),
+        "A denoiser removes noise and keeps surfaces in place: 0 is best. Last: the 100 mm with "
+        "the largest shift.",
+        _table(
+            scores,
+            [*distances, "largest"],
+            lambda m: (*m.shift_mm, m.largest_shift_mm),
+            zero_is_best=True,
+        ),
+        Heading("Edges"),
+        _own_losses(scores),
+        _table(
+            scores,
+            [heading for heading, _ in _EDGE_HEADS.values()],
+            lambda m: tuple(_EDGE_HEADS[name][1] * m.edges[name] for name in EDGES),
+            bold=False,
+        ),
+    ]
+    if remarks:
+        page.parts += [Heading("Remarks"), list(remarks)]
+    return page
+
+
+def _own_losses(scores: RealScores) -> str:
+    text = (
+        "Lost: no depth, or moved by more than 50 mm. Rings: the outermost and the second pixel of "
+        "foregrounds, row by row. Counts are per frame: pixels with depth and at most two of eight "
+        "neighbours with depth; those of them where the input has none; dropped pixels with at "
+        "least six neighbours with depth."
+    )
+    first, second = scores.own_ring_losses
+    if math.isnan(first):
+        return text
+    return (
+        f"{text} The sensor's own errors: another raw frame of the same view has lost "
+        f"{100 * first:.1f} % of the outermost and {100 * second:.1f} % of the second ring."
+    )
+
+
+def _table(
+    scores: RealScores,
+    heads: Sequence[str],
+    values: Callable[[MethodScores], tuple[float, ...]],
+    change: Callable[[MethodScores], Interval] | None = None,
+    *,
+    zero_is_best: bool = False,
+    bold: bool = True,
+) -> TextTable:
+    """Return a table with a row per method. Columns without any number are left out."""
+    rows = {name: values(method) for name, method in scores.methods.items()}
+    used = [k for k in range(len(heads)) if any(not math.isnan(row[k]) for row in rows.values())]
+    raw = next(iter(rows))
+    best = {k: _best(rows, k, raw if zero_is_best else None) for k in used} if bold else {}
+    lines = []
+    for name, method in scores.methods.items():
+        texts = [format_number(rows[name][k]) for k in used]
+        cells = [
+            f"**{text}**" if name in best.get(k, ()) else text
+            for k, text in zip(used, texts, strict=True)
+        ]
+        last = [] if change is None else [_interval(change(method))]
+        lines.append([f"`{name}`", *cells, *last])
+    titles = ["method", *(heads[k] for k in used)]
+    return TextTable(titles if change is None else [*titles, "change [%]"], lines)
+
+
+def _best(rows: Mapping[str, tuple[float, ...]], column: int, leave_out: str | None) -> set[str]:
+    """Return the methods with the smallest absolute value, compared as printed."""
+    sizes = {
+        name: format_number(abs(row[column]))
+        for name, row in rows.items()
+        if name != leave_out and not math.isnan(row[column])
+    }
+    if not sizes:
+        return set()
+    least = min(sizes.values(), key=float)
+    return {name for name, text in sizes.items() if text == least}
+
+
+def _interval(change: Interval) -> str:
+    if math.isnan(change.value):
+        return "n/a"
+    text = f"{change.value:+.0f}"
+    return text if math.isnan(change.low) else f"{text} [{change.low:+.0f}, {change.high:+.0f}]"
+
+
+def write_real_frames(
+    scores: RealScores, out: Path, pictures: Sequence[Picture] = (), remarks: Sequence[str] = ()
+) -> list[Path]:
+    """Write table.md, table.csv and scores.json; with pictures, report.html and figures/*.png.
+
+    Returns the paths. Raises DatasetError if writing fails.
+    """
+    page = real_frames_document(scores, remarks)
+    paths = [out / "table.md", out / "table.csv", out / "scores.json"]
+    write_atomic(page.markdown().encode(), paths[0])
+    write_csv(paths[1], ("method", "measure", "unit", "at", "value"), _csv_rows(scores))
+    write_atomic((json.dumps(scores.as_json(), indent=1) + "\n").encode(), paths[2])
+    if pictures:
+        for name, _, png in pictures:
+            write_atomic(png, out / "figures" / f"{name}.png")
+        body = [page.html(), *(html_figure(*picture) for picture in pictures)]
+        paths.append(out / "report.html")
+        write_atomic(html_page(page.title, body).encode(), paths[-1])
+    return paths
+
+
+def _csv_rows(scores: RealScores) -> list[dict[str, object]]:
+    """Return all numbers, one line each. at: lower bound of the distance, m, or nothing."""
+    rows: list[dict[str, object]] = []
+    for name, m in scores.methods.items():
+        found: list[tuple[str, str, object, float]] = []
+        for measure in ("pair_rmse", "paper_rmse", "board_rmse", "board_shift", "shift"):
+            numbers = getattr(m, f"{measure}_mm")
+            found += [(measure, "mm", a, v) for a, v in zip(BINS_M, numbers, strict=False)]
+        found += [("shift_by_100mm", "mm", mm / 1000, v) for mm, v in m.shift_by_100mm]
+        for measure, change in (("pair_change", m.pair_change), ("paper_change", m.paper_change)):
+            found += [
+                (measure, "%", "", change.value),
+                (f"{measure}_low_95", "%", "", change.low),
+                (f"{measure}_high_95", "%", "", change.high),
+            ]
+        found += [(key, "1" if key in EDGES[:4] else "px", "", m.edges[key]) for key in EDGES]
+        rows += [
+            {"method": name, "measure": measure, "unit": unit, "at": at, "value": value}
+            for measure, unit, at, value in found
+        ]
+    return rows

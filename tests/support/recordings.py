@@ -1,0 +1,61 @@
+"""Recordings with planted noise, a chessboard and silhouettes, in the layout of iai_kinect2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.files.atomic import write_atomic
+from glsim.files.png import encode_png
+from tests.support.planted_frames import SHAPE, noisy, plane
+
+Array = NDArray[np.float64]
+
+#: Centre and size of a square of the board, px; 5 x 7 inner corners as iai_kinect2's.
+BOARD_CENTRE = (205.0, 140.0)
+SQUARE_PX = 18
+
+
+def board_infrared(print_counts: float = 900.0, paper_counts: float = 12_000.0) -> Array:
+    """Infrared of a chessboard of 6 x 8 squares with a margin on a grey wall, (H, W) counts."""
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    across = (columns - BOARD_CENTRE[1]) / SQUARE_PX + 3.0
+    down = (rows - BOARD_CENTRE[0]) / SQUARE_PX + 4.0
+    squares = (across >= 0) & (across < 6) & (down >= 0) & (down < 8)
+    margin = (across >= -1) & (across < 7) & (down >= -1) & (down < 9)
+    dark = squares & ((np.floor(across) + np.floor(down)) % 2 == 1)
+    return np.where(dark, print_counts, np.where(margin, paper_counts, 4000.0))
+
+
+def printed(infrared: Array, offset_mm: float) -> Array:
+    """Depth that a camera adds on dark print, (H, W) mm."""
+    return np.where(infrared < 2000.0, offset_mm, 0.0)
+
+
+def scene(step: bool = True) -> Array:
+    """A slanted plane at 0.8 m; with a wall at 1.95 m on the right, behind 6 px without depth."""
+    depth = plane(800.0, 0.1, 0.05)
+    if step:
+        depth[:, 300:] = 1950.0
+        depth[:, 300:306] = 0.0
+    return depth
+
+
+def write_frame(folder: Path, name: str, depth: NDArray[np.uint16], infrared: Array) -> None:
+    """Write NAME_depth.png and NAME_ir.png."""
+    write_atomic(encode_png(depth), folder / f"{name}_depth.png")
+    counts = np.ascontiguousarray(np.rint(infrared)).astype(np.uint16)
+    write_atomic(encode_png(counts), folder / f"{name}_ir.png")
+
+
+def write_static_pair(
+    folder: Path, clean: Array, sigma_mm: float, *, drift_mm: float = 0.0, seed: int = 1
+) -> None:
+    """Write two frames of one view; the second has drifted."""
+    infrared = board_infrared()
+    for number in (0, 1):
+        moved = np.where(clean > 0, clean + drift_mm * number, 0.0)
+        depth = noisy(moved, sigma_mm, seed + number)
+        write_frame(folder, f"{number:04d}", depth, infrared)
