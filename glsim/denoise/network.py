@@ -96,11 +96,7 @@ class NetworkDenoiser:
         if noise_mm is not None and noise_mm < CLEAN_MM:  # unchanged; sigma is the input's noise
             input_sigma_mm = None if sigma_mm is None else np.full_like(frame, noise_mm)
             return frame, self._validity((frame > 0).astype(np.float32)), input_sigma_mm
-<<<<<<< HEAD
         # Runtimes compute the sigmoid with errors of some 1e-7, on either side of 1.
-=======
-        # A sum of rounded probabilities may exceed 1 by 1e-7: seen on a real frame.
->>>>>>> realeval
         probability = np.clip(outputs["probability"], 0.0, 1.0)
         probability *= trusted_mask(frame, outputs.get("risk_mm"))
         if self._min_probability and "choice" in outputs:
