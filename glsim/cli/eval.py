@@ -93,7 +93,6 @@ def evaluate(
         float | None,
         typer.Option(help="Focal length of plain PNG files, pixels. Default: the Kinect V2's."),
     ] = None,
-<<<<<<< HEAD
     device: Annotated[
         Path | None,
         typer.Option(
@@ -101,7 +100,6 @@ def evaluate(
             "input of all denoisers."
         ),
     ] = None,
-=======
     real: Annotated[
         Path | None,
         typer.Option(
@@ -115,7 +113,6 @@ def evaluate(
     markdown: Annotated[
         Path | None, typer.Option(help="With --real: also write the tables to this file.")
     ] = None,
->>>>>>> realeval
     list_denoisers: Annotated[
         bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
     ] = False,
@@ -141,8 +138,8 @@ def evaluate(
     if real is not None:
         from glsim.cli.eval_real import evaluate_real
 
-        if dataset is not None or paper_table or runs is not None:
-            raise ConfigError("--real takes no data set, --paper-table or --runs")
+        if dataset is not None or paper_table or runs is not None or device is not None:
+            raise ConfigError("--real takes no data set, --paper-table, --runs or --device")
         evaluate_real(
             real, denoiser or (), out, tune=tune, figures=figures, focal_px=focal_px,
             board=board, markdown=markdown, workers=worker_count(workers),
