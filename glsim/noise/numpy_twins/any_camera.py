@@ -17,6 +17,7 @@ _TWO_PI, _FAR, _MOST_HAZE_M = np.float32(6.28318530718), np.float32(1e4), np.flo
 _SKIN_ALBEDO, _USUAL_M, _DARKEST = np.float32(0.6), np.float32(0.9), np.float32(0.04)
 
 
+@np.errstate(under="ignore")
 def any_camera_edges(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Measures silhouettes, shadows and light as some unknown depth camera would."""
     x, y = pixels(view.window)
@@ -112,19 +113,20 @@ def _mixed(
     falls = np.float32(-0.5) / np.maximum(p["psf_px"] * p["psf_px"], np.float32(1e-6))
     for dx, dy in _SQUARE:
         there, bright = near.depth(dx, dy), near.brightness(dx, dy)
-        with np.errstate(under="ignore"):
-            share = np.exp(falls * np.float32(dx * dx + dy * dy))
-            weight = np.where(there > 0, share * mix(_ONE, bright, p["light_mix"]), _ZERO)
-            angle = _TWO_PI * (there - own) / p["wavelength_m"]
-            cosines = cosines + weight * np.cos(angle)
-            sines = sines + weight * np.sin(angle)
-            total = total + weight
-            alike = alike + np.where(np.abs(there - own) <= own_step, weight, _ZERO)
-            area = area + share
-            light = light + share * bright
-    blended = own + np.arctan2(sines, cosines) * p["wavelength_m"] / _TWO_PI
-    mixed = _ONE - alike / np.maximum(total, np.float32(1e-6))
-    return blended, mixed, light / area
+        share = np.exp(falls * np.float32(dx * dx + dy * dy))
+        counts = _ONE + p["light_mix"] * (bright - _ONE)
+        weight = np.where(there > 0, share * counts, _ZERO)
+        angle = _TWO_PI * (there - own) / p["wavelength_m"]
+        cosines = cosines + weight * np.cos(angle)
+        sines = sines + weight * np.sin(angle)
+        total = total + weight
+        alike = alike + np.where(np.abs(there - own) <= own_step, weight, _ZERO)
+        area = area + share
+        light = light + share * bright
+    blended: Image = own + np.arctan2(sines, cosines) * p["wavelength_m"] / _TWO_PI
+    mixed: Image = _ONE - alike / np.maximum(total, np.float32(1e-6))
+    collected: Image = light / area
+    return blended, mixed, collected
 
 
 def _hazed(
@@ -139,8 +141,7 @@ def _hazed(
         around = around + np.float32(0.125) * bright
         pull = pull + np.float32(0.125) * bright * (there - z)
         least = np.where(there > 0, np.minimum(least, there), least)
-    with np.errstate(under="ignore"):
-        moved = p["haze"] * pull / np.maximum(light + p["haze"] * around, _MM)
+    moved = p["haze"] * pull / np.maximum(light + p["haze"] * around, _MM)
     return z + np.where(own > 0, np.clip(moved, -_MOST_HAZE_M, _MOST_HAZE_M), _ZERO), least
 
 
@@ -154,7 +155,8 @@ def _infrared(view: StageView, layers: Layers, p: Parameters, light: Image) -> I
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 2)
     sigma = np.sqrt(p["read_counts"] * p["read_counts"] + p["shot_counts"] * counts)
     noisy = np.floor(counts + sigma * normal_pair(first, second)[0] + _HALF)
-    return np.clip(noisy, _ZERO, np.float32(65535.0))
+    clipped: Image = np.clip(noisy, _ZERO, np.float32(65535.0))
+    return clipped
 
 
 def _direction(rays: Image) -> Image:
@@ -172,6 +174,7 @@ def skin_signal(depth: Image, albedo: Image, normal: Image, ray: Image) -> Image
     return np.where(depth > 0, light, _ZERO)
 
 
+@np.errstate(under="ignore")
 def any_camera_noise(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds the noise and the systematic error of some unknown depth camera."""
     z, normal = layers["depth"], layers["normal"][..., :3]
@@ -179,10 +182,9 @@ def any_camera_noise(view: StageView, layers: Layers, p: Parameters) -> dict[str
     light = skin_signal(np.full_like(z, _USUAL_M), layers["albedo"], normal, layers["rays"])
     light = np.where(known, np.maximum(light, _DARKEST), _ONE)
     ratio = np.maximum(z, _MM) / _USUAL_M
-    with np.errstate(under="ignore"):
-        by_light = p["light_mm"] * np.power(ratio, p["distance_power"])
-        by_light = by_light * np.power(light, -p["light_power"])
-        sigma = np.sqrt(p["floor_mm"] * p["floor_mm"] + by_light * by_light)
+    by_light = p["light_mm"] * np.power(ratio, p["distance_power"])
+    by_light = by_light * np.power(light, -p["light_power"])
+    sigma = np.sqrt(p["floor_mm"] * p["floor_mm"] + by_light * by_light)
     sigma = np.minimum(sigma, p["max_sigma_mm"])
     bits = random_bits(*pixels(view.window), view.seed, 0)
     white, scale = normal_pair(bits[0], bits[1])

@@ -16,7 +16,8 @@ def _node(word: Words) -> Image:
     byte = np.uint32(255)
     parts = (word & byte, word >> np.uint32(8) & byte, word >> np.uint32(16) & byte)
     total = parts[0] + parts[1] + parts[2] + (word >> np.uint32(24))
-    return (total.astype(np.float32) - np.float32(510.0)) * np.float32(6.76583e-3)
+    number: Image = (total.astype(np.float32) - np.float32(510.0)) * np.float32(6.76583e-3)
+    return number
 
 
 def lattice_noise(window: Rect, spacing_px: tuple[np.float32, np.float32], seed: int) -> Image:
@@ -41,7 +42,8 @@ def lattice_noise(window: Rect, spacing_px: tuple[np.float32, np.float32], seed:
             weights[0][i] * _node(pcg_word(row + firsts[0] + np.uint32(i))) for i in range(3)
         )
         total = total + weights[1][j] * along
-    return total / np.sqrt(norms[0] * norms[1])
+    field: Image = total / np.sqrt(norms[0] * norms[1])
+    return field
 
 
 def normal_share(n: Image) -> Image:
