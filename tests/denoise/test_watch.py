@@ -118,9 +118,17 @@ def wait_for(true: Callable[[], bool]) -> None:
 
 def start(folder: Path, out: Path) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "glsim", "denoise", "--watch", str(folder), "-o", str(out)]
-    return subprocess.Popen(
-        [*command, "-d", "masked_median"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    # A process that a shell put into the background ignores Ctrl-C, and so do its children.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return subprocess.Popen(
+            [*command, "-d", "masked_median"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
