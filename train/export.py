@@ -35,7 +35,7 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
     The graph maps ``noisy_mm``, (1, 1, H, W) float32 millimetres with 0 = no return, to the
     outputs of ``glsim.train.models.named_outputs``, of the same shape. Further inputs are named as
     in ``glsim.denoise.inputs``: (1, images, H, W), zeros for what is missing. H and W are multiples
-    of 16: pad with zeros. The file is written after OpenCV gave PyTorch's results on two test frames.
+    of 16: pad with zeros. The file is written after OpenCV gave PyTorch's results on two frames.
 
     Returns the largest difference of each output from PyTorch's. Raises DenoiserError for a bad
     checkpoint, TrainError if the network cannot be exported, OpenCV cannot run it

@@ -37,8 +37,8 @@ class Denoised(NamedTuple):
 class Denoiser(Protocol):
     """A denoiser of single frames.
 
-    It takes (H, W) float32 millimetres, 0 = no return, and the (H, W) bool mask of returns. With the
-    attribute ``infrared = True`` it also gets the keyword argument ``infrared``: (H, W) float32
+    It takes (H, W) float32 millimetres, 0 = no return, and the (H, W) bool mask of returns. One
+    whose attribute ``infrared`` is true also gets the keyword argument ``infrared``: (H, W) float32
     counts, or None. The same holds for a ``SequenceDenoiser``: the image of frame ``now``.
     """
 
