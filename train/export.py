@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.denoise.inference import TorchNetwork, load_model
 from glsim.denoise.inputs import Inputs, stack_inputs
+from glsim.denoise.onnx_check import check_onnx
 from glsim.denoise.onnx_file import OpenCvNetwork
 from glsim.errors import TrainError
 from glsim.files.atomic import write_atomic
@@ -43,6 +44,10 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
     """
     model = load_model(checkpoint).cpu().eval()
     data = _onnx_bytes(model, checkpoint)
+    try:
+        check_onnx(data)
+    except ValueError as error:
+        raise TrainError(f"{checkpoint}: its network {error}, which no reader accepts") from None
     differences = _compare(TorchNetwork(model), data, checkpoint)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(data, out)

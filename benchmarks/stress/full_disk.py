@@ -1,8 +1,9 @@
 """Fill the disk while data sets are written: python -m benchmarks.stress full_disk [--count 12].
 
-Each trial gives ``glsim generate`` a folder on a tmpfs that is too small by a
-random amount. The command must fail in one line that says so, without a traceback; once there is
-room, the same command must end with the same bytes as an undisturbed run. Mounting needs root.
+Each trial gives ``glsim generate``, ``eval`` or ``train`` a folder on a tmpfs that is too small by
+a random amount. The command must fail in one line that says so, without a traceback; once there is
+room, the same command must end with the same bytes (scores, weights) as an undisturbed run.
+Mounting needs root.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import random
 import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -19,7 +21,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.stress.kills import _DATA, _GLSIM, _LIMIT_S, _content, _finish
+from benchmarks.stress.kills import LIMIT_S, cases, content_of, finish
 
 _FULL = "No space left on device"
 _ROOM_BYTES = 256_000_000
@@ -47,30 +49,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     trials = []
     with tempfile.TemporaryDirectory(prefix="glsim-full-") as name:
         folder = Path(name)
-        formats = ("png", "webdataset")
         commands = {
-            f"generate {format}": [*_GLSIM, "generate", *_DATA, "--format", format, "-q"]
-            for format in formats
+            case: command
+            for case, command in cases(folder).items()
+            if case in ("generate png 1", "generate webdataset 1", "eval png", "train png")
         }
         expected: dict[str, tuple[str, int]] = {}
         for number in range(options.count):
             case = list(commands)[number % len(commands)]
             if case not in expected:
                 out = folder / case.replace(" ", "-")
-                _finish([*commands[case], "-o", str(out)])
+                finish([*commands[case](), "-o", str(out)])
                 # Files take whole pages of a tmpfs.
                 pages = sum(-(-p.stat().st_size // 4096) for p in out.rglob("*") if p.is_file())
-                expected[case] = _content(out), 4096 * pages
+                expected[case] = content_of(out), 4096 * pages
             content, size = expected[case]
             limit = int(rng.uniform(0.02, 0.95) * size)
-            trials.append(_trial(folder, case, commands[case], content, limit))
+            trials.append(_trial(folder, case, commands[case](), content, limit))
+            print(f"{number + 1} of {options.count}", trials[-1], file=sys.stderr, flush=True)
     return _report(trials)
 
 
 def _trial(folder: Path, case: str, command: list[str], content: str, limit: int) -> Trial:
     with _disk(folder / "disk", limit) as disk:
         command = [*command, "-o", str(disk / "out")]
-        first = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT_S)
+        first = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
         lines = [line for line in first.stderr.splitlines() if line.strip()]
         said = lines[-1] if lines else ""
         problem = ""
@@ -79,10 +82,10 @@ def _trial(folder: Path, case: str, command: list[str], content: str, limit: int
         elif "Traceback" in first.stderr or "a bug" in first.stderr or _FULL not in said:
             problem = "says something else than a full disk"
         _mount("remount", disk, _ROOM_BYTES)
-        again = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT_S)
+        again = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
         if again.returncode != 0:
             problem = problem or f"does not go on: {again.stderr.splitlines()[-1:]}"
-        elif _content(disk / "out") != content:
+        elif content_of(disk / "out") != content:
             problem = problem or "differs from the undisturbed run"
     return Trial(case, limit // 1000, said, problem)
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from benchmarks.stress import networks
 from benchmarks.stress.damage import change_value, change_words
 from benchmarks.stress.meshes import write_mesh
 from glsim.files.atomic import file_checksum
@@ -256,6 +258,37 @@ def _checkpoint(folder: Path) -> Kind:
     return Kind(change, read)
 
 
+def _onnx(folder: Path, runtime: Literal["onnxruntime", "opencv"]) -> Kind:
+    """A network for an ONNX runtime, in a process of its own, as a runtime may crash."""
+    data = networks.onnx_bytes(folder)
+    path = folder / "net.onnx"
+
+    def change(rng: np.random.Generator) -> None:
+        path.write_bytes(mutations.mutate(data, rng))
+
+    return Kind(change, partial(networks.in_child, partial(networks.run_onnx, path, runtime)))
+
+
+def _drawn(folder: Path) -> Kind:
+    """A shader that the driver compiles and draws with, in a process of its own."""
+    import glsim.corrupt  # noqa: F401 (so that each process need not)
+
+    path = folder / "mine.glsl"
+    path.write_text(networks.SHADER)
+
+    def change(rng: np.random.Generator) -> None:
+        """Change words, or put one of the shader's own in the place of another."""
+        text = networks.SHADER
+        if rng.random() < 0.4:
+            path.write_bytes(change_words(text, rng))
+            return
+        words = list(re.finditer(r"[\w.]+|[-+*/=<>&|!]+", text))
+        old, new = (words[int(n)] for n in rng.integers(12, len(words), 2))
+        path.write_text(text[: old.start()] + new[0] + text[old.end() :])
+
+    return Kind(change, partial(networks.in_child, partial(networks.draw, path)))
+
+
 def read_dataset(root: Path) -> None:
     """Read a data set by its reader, frame by frame, and verify it; verify must not raise."""
     from glsim.dataset import open_dataset, verify
@@ -363,4 +396,7 @@ KINDS: dict[str, Callable[[Path], Kind]] = {
     "shard-values": partial(_dataset, file="manifest.jsonl", format="webdataset", signed=True),
     "chunk-record": _chunk,
     "checkpoint": _checkpoint,
+    "glsl-drawn": _drawn,
+    "onnx": partial(_onnx, runtime="onnxruntime"),
+    "onnx-opencv": partial(_onnx, runtime="opencv"),
 }

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, MERGED_INDEX, STATE
 from glsim.dataset.manifest import Manifest
-from glsim.dataset.schema import parse_checksum, parse_header, read_object
+from glsim.dataset.schema import MAX_HEADER_BYTES, parse_checksum, parse_header, read_object
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum
-from glsim.files.regular import open_regular
+from glsim.files.regular import open_regular, read_regular
 
 #: Bytes from the end of the index of chunks that surely hold its last line, the header's checksum.
 _LAST_LINE_BYTES = 4096
@@ -30,6 +31,7 @@ def read_header(path: Path) -> dict[str, Any]:
     if header.get("format") != FORMAT:
         raise DatasetError(f"{file}: is not the header of a glsim data set")
     version = header.get("format_version", 0)
+    del header  # a large one takes a hundred times its bytes
     if isinstance(version, int) and version > FORMAT_VERSION:
         raise DatasetError(
             f"{file}: format version {version} is newer than {FORMAT_VERSION}, "
@@ -59,11 +61,11 @@ def header_problem(path: Path) -> str | None:
     """
     index = path / STATE / MERGED_INDEX
     try:
-        with open_regular(index) as file:
-            file.seek(max(0, index.stat().st_size - _LAST_LINE_BYTES))
+        with open_regular(index, inside=path) as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - _LAST_LINE_BYTES))
             last = file.read(_LAST_LINE_BYTES).splitlines()[-1:]
         recorded = parse_checksum(last[0] if last else b"", str(index))
-        found = checksum(read_object(path / HEADER)[1])
+        found = checksum(read_regular(path / HEADER, MAX_HEADER_BYTES, inside=path))
     except (OSError, DatasetError):
         return None  # no index, or one that a run writes again
     if found == {"size": recorded["size"], "crc32": recorded["crc32"]}:

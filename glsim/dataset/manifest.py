@@ -17,6 +17,9 @@ from glsim.files.atomic import wrap_read_errors
 from glsim.files.regular import open_regular
 
 _BLOCK_BYTES = 1 << 24
+#: Fewest bytes of a line on average: the keys that each record has take 200. Below it, the places
+#: of the lines would take more memory than the file has bytes.
+_LEAST_LINE_BYTES = 64
 #: The end of messages about damage.
 REPAIR = "run glsim generate again with the same settings to repair it"
 
@@ -34,9 +37,12 @@ class Manifest:
         size = crc32 = 0
         with wrap_read_errors(self.path), self._open() as lines:
             while block := lines.read(_BLOCK_BYTES):
-                parts.append(np.flatnonzero(np.frombuffer(block, np.uint8) == 10) + size + 1)
+                ends = np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n"))
+                parts.append(ends + (size + 1))
                 crc32 = isal_zlib.crc32(block, crc32)
                 size += len(block)
+                if _LEAST_LINE_BYTES * sum(map(len, parts)) > size:
+                    raise DatasetError(f"{self.path}: is damaged: holds empty lines: {REPAIR}")
         self._ends = np.concatenate(parts) if parts else np.zeros(0, np.int64)
         self.checksum = {"size": size, "crc32": crc32}
 

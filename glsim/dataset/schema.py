@@ -22,9 +22,9 @@ from glsim.files.png import MAX_IMAGE_BYTES, MAX_SIDE_PX
 from glsim.files.regular import read_regular
 from glsim.settings.schema import DEPTH_UNIT_MM, LayerName
 
-#: Largest dataset.json, bytes: ten times the names of 100,000 subjects and the checksums of as
-#: many shards.
-MAX_HEADER_BYTES = 1 << 27
+#: Largest dataset.json, bytes: twice the names of 100,000 subjects and the checksums of as many
+#: shards. 17 MB of short keys take 400 MB and a second to parse.
+MAX_HEADER_BYTES = 1 << 24
 #: Largest line of a manifest, bytes; the longest that is written (52 expressions, notes) has 6,000.
 MAX_LINE_BYTES = 1 << 20
 #: Most frames of one data set: file names number them with eight digits.
@@ -218,7 +218,7 @@ def parse_header(data: bytes, where: str) -> dict[str, Any]:
 def read_object(path: Path) -> tuple[dict[str, Any], bytes]:
     """Read a header as any JSON object, not checked yet, and its bytes. Raises DatasetError."""
     with wrap_read_errors(path):
-        data = read_regular(path, MAX_HEADER_BYTES)
+        data = read_regular(path, MAX_HEADER_BYTES, inside=path.parent)
     return _parse(_OBJECT, data, f"{path}:"), data
 
 

@@ -133,7 +133,7 @@ class _Verification:
             if self._deep and not found:
                 yield from self._image_problems(name, layer, record)
         if images:
-            yield from self._unrecorded(self._root / split / subject, images)
+            yield from self._unrecorded(f"{split}/{subject}", images)
 
     def _note_member(self, shard: str, file: _Record) -> Iterator[str]:
         """Check that a member lies in a listed shard; its bytes are checked with the shard's."""
@@ -148,13 +148,18 @@ class _Verification:
             yield f"{shard} ({member}) is in two records"
         known[member] = (file["offset"], file["size"], file["crc32"])
 
-    def _unrecorded(self, folder: Path, images: Mapping[str, object]) -> Iterator[str]:
-        self._folders.add(folder)
-        if folder.is_dir():
-            for path in sorted(folder.iterdir()):
-                name = path.relative_to(self._root).as_posix()
-                if name not in images:
-                    yield f"{name} is in no record"
+    def _unrecorded(self, folder: str, images: Mapping[str, object]) -> Iterator[str]:
+        self._folders.add(self._root / folder)
+        for path in self._entries(folder):
+            name = path.relative_to(self._root).as_posix()
+            if name not in images:
+                yield f"{name} is in no record"
+
+    def _entries(self, folder: str) -> list[Path]:
+        """List a folder; nothing if it leads out of the data set."""
+        path = self._root / folder
+        inside = path.resolve().is_relative_to(self._root.resolve())
+        return sorted(path.iterdir()) if inside and path.is_dir() else []
 
     def _image_problems(self, name: str, layer: str, record: _Record) -> Iterator[str]:
         """Decode an image and compare its type and size with the record."""
@@ -198,9 +203,9 @@ class _Verification:
             for shard in sorted(self._root.glob(f"{split}-*.tar")):
                 if shard.name not in listed:
                     yield f"{shard.name} is in no record"
-            folder = self._root / split
-            entries = sorted(folder.iterdir()) if folder.is_dir() else []
-            for path in entries:
+            if not (self._root / split).resolve().is_relative_to(self._root.resolve()):
+                yield f"{split}: leads out of {self._root}"
+            for path in self._entries(split):
                 if path.is_dir() and path.name in seen:
                     yield f"subject {path.name} has a folder in {seen[path.name]} and in {split}"
                 seen[path.name] = split

@@ -61,7 +61,8 @@ class MapFrames:
         Raises DatasetError if it is no 16-bit depth map, ConfigError if it is none of the device.
         """
         file = self._files[number]
-        depth = read_depth_png(file) * np.float32(self._unit_mm)
+        inside = _dataset_root(file.parent)
+        depth = read_depth_png(file, inside=inside) * np.float32(self._unit_mm)
         check_millimetres(depth, str(file))
         if self._device is not None:
             depth = self._device(depth, self._cameras.get(file.absolute()))

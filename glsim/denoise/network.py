@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
 from glsim.denoise.protocol import MIN_DEPTH_MM
 from glsim.denoise.safeguards import CLEAN_MM, estimate_noise_mm, trusted_mask
+from glsim.denoise.tiles import run_tiled
 from glsim.errors import DenoiserError
 
 Depth = NDArray[np.float32]
@@ -104,13 +105,15 @@ class NetworkDenoiser:
         return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm
 
     def _run(self, stack: Depth) -> dict[str, Depth]:
-        """Run the network on a padded stack; return its outputs, cut to the frame."""
+        """Run the network on a padded stack, a large one in tiles; return outputs of its size."""
         height, width = stack.shape[1:]
         below, right = (-size % SIZE_MULTIPLE_PX for size in (height, width))
         padded = np.pad(stack, [(0, 0), (0, below), (0, right)])
         outputs = {
             name: np.ascontiguousarray(image[:height, :width])
-            for name, image in self._network(padded if len(stack) > 1 else padded[0]).items()
+            for name, image in run_tiled(
+                self._network, padded if len(stack) > 1 else padded[0]
+            ).items()
         }
         if not all(np.isfinite(image).all() for image in outputs.values()):
             raise DenoiserError(

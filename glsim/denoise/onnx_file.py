@@ -15,6 +15,7 @@ import numpy as np
 
 from glsim.denoise.inputs import Inputs
 from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
+from glsim.denoise.onnx_check import check_onnx
 from glsim.denoise.onnx_inputs import read_inputs
 from glsim.errors import DenoiserError
 from glsim.files.regular import read_regular
@@ -85,6 +86,12 @@ def load_onnx(
     except OSError as error:
         reason = error.strerror or error
         raise DenoiserError(f"{path}: cannot be read: {reason}") from None
+    try:
+        check_onnx(data)
+    except ValueError as error:
+        raise DenoiserError(
+            f"{path}: is damaged, or is no network of glsim export (it {error})"
+        ) from None
     try:
         network = _open(data, runtime)
     except Exception as error:  # both runtimes have their own classes of errors

@@ -32,6 +32,13 @@ MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
 MAX_MAP_PX = 1 << 22
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
+#: Colour type of a PNG -> channels after decoding (a palette becomes three or four).
+_PNG_CHANNELS = {0: 1, 2: 3, 4: 4}
+_ANIMATION = (b"acTL", b"fcTL", b"fdAT")
+#: Tags of a TIFF that decide how much memory it takes, and the types of whole numbers.
+_WIDTH, _LENGTH, _BITS, _SAMPLES, _TILE_WIDTH, _TILE_LENGTH = 256, 257, 258, 277, 322, 323
+_SIZE_TAGS = (_WIDTH, _LENGTH, _BITS, _SAMPLES, _TILE_WIDTH, _TILE_LENGTH)
+_SHORT, _LONG = 3, 4
 _GREY = 0
 _NO_FILTER = 0
 _ISAL_LEVEL = 1  # level 2 takes the same time and saves 0.1 %
@@ -56,37 +63,68 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 def image_size(data: bytes) -> tuple[int, int] | None:
     """Return (width, height) by the header of a PNG or TIFF file, pixels; None for other files."""
-    if data[:8] == _SIGNATURE and data[12:16] == b"IHDR" and len(data) >= 24:
+    if data[:8] == _SIGNATURE and data[12:16] == b"IHDR" and len(data) >= 26:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
-    if data[:4] in (b"II*\0", b"MM\0*"):
-        return _tiff_size(data, "<" if data[:1] == b"I" else ">")
-    return None
+    tags = _tiff_tags(data)
+    if tags is None or not {_WIDTH, _LENGTH} <= tags.keys():
+        return None
+    # A tile is decoded whole, however little of it lies in the image.
+    return max(tags[_WIDTH], tags.get(_TILE_WIDTH, 0)), max(
+        tags[_LENGTH], tags.get(_TILE_LENGTH, 0)
+    )
 
 
-def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
-    """Read the tags ImageWidth (256) and ImageLength (257) of a TIFF's first directory."""
-    sides: dict[int, int] = {}
+def _pixel_bytes(data: bytes) -> int:
+    """Return the bytes of a decoded pixel by the header of an image file."""
+    if data[:8] == _SIGNATURE:
+        return _PNG_CHANNELS.get(data[25], 4) * (2 if data[24] == 16 else 1)
+    tags = _tiff_tags(data) or {}
+    samples = tags.get(_SAMPLES, 1)
+    return 8 * samples if samples > 1 else -(-min(tags.get(_BITS, 1), 64) // 8)
+
+
+def _tiff_tags(data: bytes) -> dict[int, int] | None:
+    """Return the tags of a TIFF's first directory that decide its size; None for other files.
+
+    None too if one is there twice or is no plain number: readers differ in what they take then.
+    """
+    if data[:4] not in (b"II*\0", b"MM\0*"):
+        return None
+    order = "<" if data[:1] == b"I" else ">"
+    tags: dict[int, int] = {}
     try:
         (at,) = struct.unpack_from(f"{order}I", data, 4)
         (count,) = struct.unpack_from(f"{order}H", data, at)
         for entry in range(at + 2, at + 2 + 12 * count, 12):
-            tag, kind = struct.unpack_from(f"{order}HH", data, entry)
-            if tag in (256, 257):
-                form = "H" if kind == 3 else "I"
-                (sides[tag],) = struct.unpack_from(f"{order}{form}", data, entry + 8)
+            tag, kind, number = struct.unpack_from(f"{order}HHI", data, entry)
+            if tag not in _SIZE_TAGS:
+                continue
+            several = tag == _BITS and number > 1  # they stand elsewhere; _SAMPLES counts them
+            if tag in tags or kind not in (_SHORT, _LONG) or (number != 1 and not several):
+                return None
+            form = "H" if kind == _SHORT else "I"
+            (tags[tag],) = struct.unpack_from(f"{order}{form}", data, entry + 8)
     except struct.error:
         return None
-    return (sides[256], sides[257]) if len(sides) == 2 else None
+    return tags
 
 
 def size_problem(data: bytes, max_px: int = MAX_SIDE_PX**2) -> str | None:
-    """Return why an image file is too large to decode; None if it is small enough or no image."""
+    """Return why an image file is too large to decode; None if it is small enough or no image.
+
+    A pixel counts as two bytes: images of several channels may have fewer of them.
+    """
     size = image_size(data)
-    if size is None or (max(size) <= MAX_SIDE_PX and size[0] * size[1] <= max_px):
+    if size is None:
+        return None
+    width, height = size
+    pixel_bytes = max(2, _pixel_bytes(data))
+    if max(size) <= MAX_SIDE_PX and width * height * pixel_bytes <= 2 * max_px:
         return None
     side = min(MAX_SIDE_PX, int(max_px**0.5))
-    return f"is {size[0]} x {size[1]} pixels, more than the {side} x {side} that glsim reads"
+    of = f" of {pixel_bytes} bytes" if pixel_bytes > 2 else ""
+    return f"is {width} x {height} pixels{of}, more than the {side} x {side} that glsim reads"
 
 
 def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic] | None:
@@ -99,6 +137,8 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
 
     if image_size(data) is None or size_problem(data, max_px):
         return None
+    if data[:8] == _SIGNATURE and not _is_whole_png(data):
+        return None
     try:
         image: NDArray[np.generic] | None = cv2.imdecode(
             np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED
@@ -108,13 +148,30 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
     return image
 
 
-def read_depth_png(path: Path) -> NDArray[np.uint16]:
+def _is_whole_png(data: bytes) -> bool:
+    """Whether all chunks up to the last lie in the file, and none is of an animation.
+
+    OpenCV takes as much memory as the length of a chunk says, up to 2 GB, before it reads it.
+    """
+    at = len(_SIGNATURE)
+    while at + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, at)
+        at += 12 + length
+        if kind == b"IEND":
+            return bool(at <= len(data))
+        if kind in _ANIMATION or at > len(data):
+            return False
+    return False
+
+
+def read_depth_png(path: Path, *, inside: Path | None = None) -> NDArray[np.uint16]:
     """Read a 16-bit PNG of one channel, such as a user's own depth map: (H, W) uint16 as stored.
 
-    Raises DatasetError for anything else, and for more than MAX_MAP_PX pixels.
+    inside: a folder that no link may lead out of. Raises DatasetError for anything else, and for
+    more than MAX_MAP_PX pixels.
     """
     try:
-        data = read_regular(path, MAX_IMAGE_BYTES)
+        data = read_regular(path, MAX_IMAGE_BYTES, inside=inside)
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
     image = decode_png(data, MAX_MAP_PX)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Mapping, Sequence
 
 import moderngl
@@ -227,7 +228,7 @@ class StagePass:
         self._pass = FullscreenPass(context, self._program)
         self._reads = [n for n in source.reads if f"u_{n}" in self._program]
         for unit, layer in enumerate(self._reads):
-            self._program[f"u_{layer}"] = unit
+            self._set(f"u_{layer}", unit)
         self._bound = [n for n in source.bound if n in self._program]
         self._types = {n: p.type for n, p in source.parameters.items() if n in self._program}
         self._current: dict[str, float] = {}
@@ -246,10 +247,10 @@ class StagePass:
         """
         view = frame.view(self.name)
         for name in self._bound:
-            self._program[name] = _BOUND[name](view)
+            self._set(name, _BOUND[name](view))
         for name, kind in self._types.items():
             if self._current.get(name) != values[name]:
-                self._program[name] = values[name] if kind == "float" else int(values[name])
+                self._set(name, values[name] if kind == "float" else int(values[name]))
                 self._current[name] = values[name]
         for unit, name in enumerate(self._reads):
             if name not in layers:
@@ -271,6 +272,16 @@ class StagePass:
         buffer.viewport = targets[0].drawn
         self._pass.draw()
         return {target.layer.name: target for target in targets}
+
+    def _set(self, name: str, value: object) -> None:
+        """Set a uniform. Raises ConfigError if the shader declares it with another type."""
+        try:
+            self._program[name] = value
+        except (TypeError, struct.error):
+            raise ConfigError(
+                f"stage {self.name!r}: the shader declares {name} with a type that cannot hold "
+                f"{value!r}: see glsim stages and the shipped shaders for its type"
+            ) from None
 
 
 def pattern_layer(pattern_mm: NDArray[np.float32]) -> NDArray[np.float32]:

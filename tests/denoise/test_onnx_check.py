@@ -1,0 +1,120 @@
+"""ONNX files are checked before a runtime takes memory for them or opens what they name."""
+
+from __future__ import annotations
+
+import importlib.resources
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glsim.denoise import shipped
+from glsim.denoise.onnx_check import check_onnx
+from glsim.denoise.onnx_file import load_onnx
+from glsim.errors import DenoiserError
+
+
+def varint(value: int) -> bytes:
+    value %= 2**64
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def field(number: int, value: bytes | str | int) -> bytes:
+    if isinstance(value, int):
+        return varint(number << 3) + varint(value)
+    data = value.encode() if isinstance(value, str) else value
+    return varint(number << 3 | 2) + varint(len(data)) + data
+
+
+def tensor(*shape: int, more: bytes = b"", kind: int = 1, raw: bytes = bytes(16)) -> bytes:
+    return b"".join(field(1, side) for side in shape) + field(2, kind) + field(9, raw) + more
+
+
+def node(operator: str, attribute: bytes = b"", domain: str = "") -> bytes:
+    return field(4, operator) + field(7, domain) + field(5, attribute)
+
+
+def model(*graph: bytes, more: bytes = b"") -> bytes:
+    return field(1, 8) + field(7, b"".join(graph)) + more
+
+
+def whole(*values: int) -> bytes:
+    return tensor(len(values), kind=7, raw=struct.pack(f"<{len(values)}q", *values))
+
+
+SOUND = model(
+    field(1, node("Conv", field(8, varint(3) * 2))),
+    field(5, tensor(4)),
+    field(5, whole(-1, 2**63 - 1)),
+)
+ENTRY = field(1, "location") + field(2, "../secret.bin")
+BAD: dict[str, tuple[bytes, str]] = {
+    "external data": (
+        model(field(5, tensor(4, more=field(13, ENTRY) + field(14, 1)))),
+        "keeps weights in another file",
+    ),
+    "external data of a constant": (
+        model(field(1, node("Constant", field(5, tensor(4, more=field(13, ENTRY)))))),
+        "keeps weights in another file",
+    ),
+    "location alone": (model(field(5, tensor(4, more=field(14, 1)))), "in another file"),
+    "a tensor of 10^18": (model(field(5, tensor(10**9, 10**9))), "holds a tensor of shape"),
+    "a negative side": (model(field(5, tensor(-4))), "holds a tensor of shape"),
+    "packed sides": (
+        model(field(5, field(1, varint(10**6) * 2) + field(9, bytes(8)))),
+        "holds a tensor of shape",
+    ),
+    "a shape to fill": (
+        model(field(1, node("ConstantOfShape")), field(5, whole(8000, 8000, 8000))),
+        "holds the shape",
+    ),
+    "a large number": (model(field(5, whole(10**6))), "holds the number 1000000"),
+    "large pads": (model(field(1, node("Conv", field(8, 10**9)))), "holds the number"),
+    "a loop": (model(field(1, node("Loop"))), "uses the operator 'Loop'"),
+    "a foreign operator": (model(field(1, node("Conv", domain="evil"))), "'evil Conv'"),
+    "a graph in a node": (model(field(1, node("Conv", field(6, b"")))), "a graph in a node"),
+    "sparse": (model(field(15, b"")), "sparse"),
+    "functions": (model(field(5, tensor(4)), more=field(25, b"x")), "functions"),
+    "many nodes": (model(field(1, node("Add")) * 20_001), "has 20001 nodes"),
+    "no graph": (field(1, 8), "holds no graph"),
+    "two graphs": (SOUND + SOUND, "several graphs"),
+    "cut": (SOUND[:-3], "is cut short"),
+    "endless number": (b"\xff" * 30, "is damaged"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_file_that_asks_for_memory_or_other_files_is_refused(name: str, tmp_path: Path) -> None:
+    data, problem = BAD[name]
+    check_onnx(SOUND)
+    with pytest.raises(ValueError, match=problem):
+        check_onnx(data)
+    path = tmp_path / "net.onnx"
+    path.write_bytes(data)
+    with pytest.raises(DenoiserError, match=rf"net.onnx: .*{problem}"):
+        load_onnx(path)
+
+
+def test_the_shipped_network_passes() -> None:
+    check_onnx((importlib.resources.files(shipped) / "face.onnx").read_bytes())
+
+
+@pytest.mark.parametrize("damage", [lambda d, n: d[:n], lambda d, n: d[:n] + b"\xff" + d[n + 1 :]])
+def test_damage_ends_in_a_reason_or_in_another_network(
+    damage: Callable[[bytes, int], bytes],
+) -> None:
+    rng = np.random.default_rng(0)
+    reasons = set()
+    for place in rng.integers(0, len(SOUND), 200):
+        try:
+            check_onnx(damage(SOUND, int(place)))
+        except ValueError as error:
+            reasons.add(str(error))
+    assert len(reasons) > 1
+    assert "" not in reasons

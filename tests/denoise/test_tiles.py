@@ -1,0 +1,86 @@
+"""Large frames are denoised in tiles, with the result of the whole frame."""
+
+from __future__ import annotations
+
+import importlib.resources
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.denoise import shipped
+from glsim.denoise.network import SIZE_MULTIPLE_PX, NetworkDenoiser
+from glsim.denoise.onnx_file import OpenCvNetwork
+from glsim.denoise.tiles import MARGIN_PX, TILE_PX, run_tiled
+
+Image = NDArray[np.float32]
+
+
+def scene(height: int, width: int) -> Image:
+    """A wavy noisy surface with steps of 200 mm and holes, mm."""
+    rng = np.random.default_rng(3)
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    depth = 900 + 40 * np.sin(rows / 31) * np.cos(columns / 47)
+    depth += 200 * ((rows // 90 + columns // 110) % 2) + rng.normal(0, 1.5, rows.shape)
+    depth[rng.random(rows.shape) < 0.05] = 0
+    return depth.astype(np.float32)
+
+
+class Blur:
+    """Averages as far as a margin reaches, and notes the sizes of what it gets."""
+
+    def __init__(self, margin_px: int) -> None:
+        self.side = 2 * margin_px + 1
+        self.shapes: list[tuple[int, ...]] = []
+
+    def __call__(self, noisy_mm: Image) -> Mapping[str, Image]:
+        self.shapes.append(noisy_mm.shape)
+        mean = cv2.blur(noisy_mm, (self.side, self.side), borderType=cv2.BORDER_CONSTANT)
+        return {"depth_mm": mean, "probability": (noisy_mm > 0).astype(np.float32)}
+
+
+@pytest.mark.parametrize("shape", [(96, 96), (96, 112), (160, 64), (304, 208), (64, 1024)])
+def test_tiles_give_what_the_whole_frame_gives(shape: tuple[int, int]) -> None:
+    frame = scene(*shape)
+    network = Blur(16)
+    tiled = run_tiled(network, frame, tile_px=96, margin_px=16)
+    whole = Blur(16)(frame)
+    assert tiled.keys() == whole.keys()
+    for name, image in whole.items():
+        np.testing.assert_allclose(tiled[name], image, atol=1e-3)
+    if shape[0] * shape[1] <= 96 * 96:
+        assert network.shapes == [shape]
+    else:  # of one size each: a runtime plans its memory once
+        assert {*network.shapes} == {(min(96, shape[0]), min(96, shape[1]))}
+
+
+def test_a_network_that_sees_farther_than_the_margin_differs() -> None:
+    frame = scene(208, 208)
+    tiled = run_tiled(Blur(40), frame, tile_px=96, margin_px=16)
+    assert np.abs(tiled["depth_mm"] - Blur(40)(frame)["depth_mm"]).max() > 1
+
+
+def test_the_shipped_network_gives_the_same_to_a_hundredth_of_a_millimetre() -> None:
+    file = importlib.resources.files(shipped) / "face.onnx"
+    network = OpenCvNetwork(file.read_bytes())
+    frame = scene(288, 304)
+    whole = network(frame)
+    tiled = run_tiled(network, frame, tile_px=272)
+    assert tiled.keys() == whole.keys()
+    known = whole["depth_mm"] > 0
+    assert np.abs(tiled["depth_mm"] - whole["depth_mm"])[known].max() < 0.01
+    assert np.abs(tiled["probability"] - whole["probability"]).max() < 1e-4
+
+
+def test_a_denoiser_divides_large_frames_only() -> None:
+    for unit in (TILE_PX, MARGIN_PX):
+        assert unit % SIZE_MULTIPLE_PX == 0
+    network = Blur(2)
+    denoise = NetworkDenoiser(network, "blur", uncertain=False)
+    for shape in ((800, 1280), (1032, 1030)):
+        frame = np.zeros(shape, np.float32)
+        depth, _ = denoise(frame, frame > 0)
+        assert depth.shape == shape
+    assert network.shapes == [(800, 1280), *[(1024, 1024)] * 4]
