@@ -9,7 +9,7 @@ float lattice_node(uint word) {
     return (float(sum) - 510.0) * 6.76583e-3;
 }
 
-// The field at a pixel. spacing_px: between nodes along x and y; at 0.83 of it the correlation is
+// The field at a pixel. spacing_px: between nodes along x and y; at 0.87 of it the correlation is
 // one half. The origin is random, and the variance is 1 between nodes as it is at them.
 float lattice_noise(ivec2 pixel, vec2 spacing_px, uint seed) {
     uint key = pcg_word(seed);

@@ -108,14 +108,15 @@ def _mixed(
     near: _Neighbours, own: Image, own_step: Image, p: Parameters
 ) -> tuple[Image, Image, Image]:
     """Depth of the light that a pixel collects, share of other surfaces in it, and the light."""
-    total, alike, light, cosines, sines = (np.zeros_like(own) for _ in range(5))
+    zeros: Image = np.zeros_like(own)
+    total = alike = light = cosines = sines = zeros
     area = _ZERO
     falls = np.float32(-0.5) / np.maximum(p["psf_px"] * p["psf_px"], np.float32(1e-6))
     for dx, dy in _SQUARE:
         there, bright = near.depth(dx, dy), near.brightness(dx, dy)
         share = np.exp(falls * np.float32(dx * dx + dy * dy))
         counts = _ONE + p["light_mix"] * (bright - _ONE)
-        weight = np.where(there > 0, share * counts, _ZERO)
+        weight: Image = np.where(there > 0, share * counts, _ZERO)
         angle = _TWO_PI * (there - own) / p["wavelength_m"]
         cosines = cosines + weight * np.cos(angle)
         sines = sines + weight * np.sin(angle)
@@ -124,7 +125,7 @@ def _mixed(
         area = area + share
         light = light + share * bright
     blended: Image = own + np.arctan2(sines, cosines) * p["wavelength_m"] / _TWO_PI
-    mixed: Image = _ONE - alike / np.maximum(total, np.float32(1e-6))
+    mixed = (_ONE - alike / np.maximum(total, np.float32(1e-6))).astype(np.float32)
     collected: Image = light / area
     return blended, mixed, collected
 
