@@ -9,6 +9,7 @@
     train_people = 0                    default: as in [train]; 0: only tested, never trained on
     optional = true                     left out, instead of an error, where glsim has no such one
     settings = { devices = 64 }         settings of its data sets, as in a file for glsim generate
+    train_variants = { wide = { } }     further settings, each with training sets of its own
     [[source]]                          one source of faces each
     name = "heads"
     kind = "procedural"                 as source.kind of glsim generate; root: its folder
@@ -73,6 +74,7 @@ class SensorFamily(_Table):
     train_people: int | None = Field(None, ge=0)
     optional: bool = False
     settings: dict[str, Any] = Field(default_factory=dict)
+    train_variants: dict[_Name, dict[str, Any]] = Field(default_factory=dict)
 
     @property
     def file(self) -> str:
@@ -124,7 +126,7 @@ class Training(_DataTable):
 
 @dataclass(frozen=True)
 class DataSet:
-    """A data set of the study. people: (train, val, test)."""
+    """A data set of the study. people: (train, val, test). variant: one of the sensor's, or ""."""
 
     part: Literal["train", "test"]
     sensor: SensorFamily
@@ -132,11 +134,18 @@ class DataSet:
     scene: SceneFamily
     people: tuple[int, int, int]
     frames_per_person: int
+    variant: str = ""
+
+    @property
+    def cell(self) -> Path:
+        """Names of its sensor, source and scene."""
+        sensor = f"{self.sensor.name}-{self.variant}" if self.variant else self.sensor.name
+        return Path(sensor) / self.source.name / self.scene.name
 
     @property
     def place(self) -> Path:
         """Its folder in the folder of the study."""
-        return Path("data") / self.part / self.sensor.name / self.source.name / self.scene.name
+        return Path("data") / self.part / self.cell
 
     @property
     def frames(self) -> int:
@@ -171,29 +180,31 @@ class TransferStudy(_Table):
         """The sensors that training may use."""
         return tuple(sensor for sensor in self.sensor if sensor.train_people != 0)
 
-    def data_set(
-        self,
-        part: Literal["train", "test"],
-        sensor: SensorFamily,
-        source: FaceFamily,
-        scene: SceneFamily,
-    ) -> DataSet:
-        """Return a data set of the study."""
-        if part == "test":
-            test = self.test
-            people = (0, test.tune_people, test.people)
-            return DataSet(part, sensor, source, scene, people, test.frames)
+    def test_sets(self, sensor: SensorFamily, source: FaceFamily) -> list[DataSet]:
+        """Return the test sets of a cell, one per scene."""
+        people = (0, self.test.tune_people, self.test.people)
+        return [
+            DataSet("test", sensor, source, scene, people, self.test.frames) for scene in self.scene
+        ]
+
+    def training_sets(self, sensor: SensorFamily, source: FaceFamily) -> list[DataSet]:
+        """Return the data sets of a cell to train on, one per scene and variant of the sensor."""
         count = self.train.people if sensor.train_people is None else sensor.train_people
         people = (count, self.train.val_people, 0)
-        return DataSet(part, sensor, source, scene, people, self.train.frames)
+        return [
+            DataSet("train", sensor, source, scene, people, self.train.frames, variant)
+            for variant in ("", *sensor.train_variants)
+            for scene in self.scene
+        ]
 
     def settings_of(self, data: DataSet) -> Settings:
         """Return the settings of a data set. Raises ConfigError."""
         common = self.test if data.part == "test" else self.train
         total = sum(data.people)
         tree: dict[str, Any] = copy.deepcopy(common.settings)
-        for entry in (data.scene, data.sensor, data.source):
-            merge_tables(tree, copy.deepcopy(entry.settings))
+        variant = data.sensor.train_variants[data.variant] if data.variant else {}
+        for table in (data.scene.settings, data.sensor.settings, variant, data.source.settings):
+            merge_tables(tree, copy.deepcopy(table))
         layers = ("clean", "noisy") if self.truth == "clean" else ("clean", "expected", "noisy")
         fixed = {
             "sensor": data.sensor.file,
@@ -251,9 +262,12 @@ def prepare_study(
         "source": [s.model_dump() for s in kept_sources],
     }
     chosen = parse_table(TransferStudy, tree, "study")
+    source = chosen.source[0]
     for sensor in chosen.sensor:
-        for scene in chosen.scene:
-            data = chosen.data_set("test", sensor, chosen.source[0], scene)
+        sets = chosen.test_sets(sensor, source)
+        if sensor.train_people != 0:
+            sets += chosen.training_sets(sensor, source)
+        for data in sets:
             sensor_of(chosen.settings_of(data))
     return chosen, reasons
 

@@ -111,10 +111,10 @@ class StudyRun:
     def training_steps(self, training: TrainingSet, recipe: Recipe) -> Iterator[Step]:
         """Yield the steps that make the data of a training, and the training."""
         sets = [
-            self.study.data_set("train", sensor, source, scene)
+            data
             for sensor in training.sensors
             for source in training.sources
-            for scene in self.study.scene
+            for data in self.study.training_sets(sensor, source)
         ]
         yield from map(self._generate, sets)
         yield self._train(training, sets, recipe)
@@ -149,9 +149,7 @@ class StudyRun:
 
     def _tests(self, case: Case) -> list[DataSet]:
         return [
-            self.study.data_set("test", sensor, source, scene)
-            for sensor, source in case.cells
-            for scene in self.study.scene
+            data for sensor, source in case.cells for data in self.study.test_sets(sensor, source)
         ]
 
     def _generate(self, data: DataSet) -> Step:
@@ -167,7 +165,7 @@ class StudyRun:
                 raise DatasetError(f"{folder}: {count} frames could not be made: {why}")
             return summary.rendered
 
-        title = f"{data.frames} frames to {data.part} with: {_cell(data)}"
+        title = f"{data.frames} frames to {data.part} with: {data.cell}"
         return Step("generate", title, data.frames, (folder / HEADER).exists, run)
 
     def _score_filters(self, data: DataSet) -> Step:
@@ -183,7 +181,7 @@ class StudyRun:
                 )
             return amount if fresh else 0
 
-        title = f"filters, tuned and scored: {_cell(data)}"
+        title = f"filters, tuned and scored: {data.cell}"
         return Step("filters", title, amount, (out / "rows.csv").exists, run)
 
     def _score_network(self, data: DataSet, network: Network) -> Step:
@@ -199,7 +197,7 @@ class StudyRun:
                 )  # fmt: skip
             return frames if fresh else 0
 
-        title = f"{network.name}, scored: {_cell(data)}"
+        title = f"{network.name}, scored: {data.cell}"
         return Step("network", title, frames, (out / "rows.csv").exists, run)
 
     def _train(self, training: TrainingSet, sets: Sequence[DataSet], recipe: Recipe) -> Step:
@@ -225,12 +223,7 @@ class StudyRun:
         return ScoringJob(self.out / data.place, "test", ())
 
     def _scores(self, data: DataSet, name: str) -> Path:
-        cell = Path(data.sensor.name) / data.source.name / data.scene.name
-        return self.out / "scores" / cell / name
-
-
-def _cell(data: DataSet) -> str:
-    return f"{data.sensor.name}, {data.source.name}, {data.scene.name}"
+        return self.out / "scores" / data.cell / name
 
 
 def _steps_done(run: Path) -> int:
