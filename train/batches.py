@@ -1,4 +1,7 @@
-"""Sources of batches: stored or simulated pairs, in an order given by seed and epoch alone."""
+"""Sources of batches: stored or simulated pairs, in an order given by seed and epoch alone.
+
+``clean_mm`` is the target of the recipe: the clean depth, or the expected one (data.target).
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ from torch.utils.data import (
 
 from glsim.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
-from glsim.train.data.checks import fingerprint
+from glsim.train.data.checks import fingerprint, fingerprint_of
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
 from glsim.train.recipe import DataSettings, Recipe
@@ -116,7 +119,13 @@ class SimulatedBatches:
         self.fingerprint = self._pairs(0, 0).fingerprint()
         count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
         steps = -(-count // VALIDATION_BATCH)
-        held_out = SimulatedPairs(settings, batch=VALIDATION_BATCH, split="val", length=steps)
+        held_out = SimulatedPairs(
+            settings,
+            batch=VALIDATION_BATCH,
+            split="val",
+            length=steps,
+            target=recipe.data.target,
+        )
         rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
         self.validation: Dataset[Batch] = Subset(rendered, range(count))
         self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
@@ -146,6 +155,7 @@ class SimulatedBatches:
             seed=self._recipe.seed + rank * _SEED_STRIDE,
             reuse=self._recipe.data.reuse,
             start=start,
+            target=self._recipe.data.target,
         )
 
 
@@ -165,13 +175,15 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
             cut=data.cut,
             augmentation=Augmentation(flip=data.flip, relief_mm=data.relief_mm),
             seed=recipe.seed + number * _SEED_STRIDE,
+            target=data.target,
         )
         for number, dataset in enumerate(datasets)
     ]
     validation = [
-        StoredPairs(dataset, "val", crop=crop, cut=validation_cut) for dataset in datasets
+        StoredPairs(dataset, "val", crop=crop, cut=validation_cut, target=data.target)
+        for dataset in datasets
     ]
-    fingerprints = [fingerprint(dataset) for dataset in datasets]
+    fingerprints = [fingerprint(dataset) | fingerprint_of(data.target) for dataset in datasets]
     joined = fingerprints[0] if len(fingerprints) == 1 else {"sets": fingerprints}
     return StoredBatches(
         JoinedPairs(train), _evenly_spaced(JoinedPairs(validation), data), joined, recipe

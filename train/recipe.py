@@ -108,6 +108,10 @@ class DataSettings(_Table):
     cut: Literal["no", "centre", "random"] = Field(
         "no", description="how frames larger than crop are cropped; no: they are an error"
     )
+    target: Literal["clean", "expected"] = Field(
+        "clean",
+        description="what is learnt: the true depth, or what the sensor says without noise",
+    )
     flip: bool = Field(False, description="mirror left and right, at random")
     relief_mm: float = Field(
         0.0, ge=0, le=1000, description="height of random surface bumps on stored pairs; 0: none"

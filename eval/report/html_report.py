@@ -13,6 +13,7 @@ from glsim.denoise import compose, load
 from glsim.denoise.frames import Frames, Stacks
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
+from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
 from glsim.eval.report.document import Document
 from glsim.eval.report.figures.curves import disagreement, error_curves, frame_boxes
 from glsim.eval.report.figures.gallery import GalleryFrame, method_gallery
@@ -172,6 +173,10 @@ def _html_text(
             f"<h3>{title}</h3>",
             _html_table(head, [[_html(cell) for cell in r] for r in rows]),
         ]
+    head, rows = bias_table(evaluation.summary)
+    if rows:
+        body += [f"<h2>{BIAS_TITLE}</h2>", f"<p>{html.escape(BIAS_NOTE)}</p>"]
+        body.append(_html_table(head, [[_html(cell) for cell in r] for r in rows]))
     baselines = evaluation.baselines
     if baselines.methods:
         metrics = [TABLE_METRICS[name] for name in BASELINE_METRICS]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from glsim.eval.metrics import METRICS, REGION_METRICS, Metric
+from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
 from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean
 from glsim.eval.scoring.run import Evaluation, write_csv
 from glsim.files.markdown import markdown_table
@@ -89,6 +90,9 @@ def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> 
         lines += [f"## {REGION_TITLE}", "", REGION_NOTE, ""]
         for title, head, rows in regions:
             lines += [f"**{title}**", "", *markdown_table(head, rows), ""]
+    head, rows = bias_table(summary)
+    if rows:
+        lines += [f"## {BIAS_TITLE}", "", BIAS_NOTE, "", *markdown_table(head, rows), ""]
     if evaluation.baselines.methods:
         lines += [
             "## Trivial predictions: a scale for the above",

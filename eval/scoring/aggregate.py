@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.eval.metrics import METRICS, Metric
 from glsim.eval.metrics.score import psnr_db
+from glsim.eval.scoring.bias import BiasBin, BiasSums, add_bias, bias_by_distance
 from glsim.eval.scoring.blocks import BINS, Row
 from glsim.eval.scoring.statistics import (
     SubjectSums,
@@ -84,12 +85,14 @@ class ScoreSummary:
     metrics: the columns of the rows. sampled: method -> SAMPLED_METRICS of frames spread evenly
     over the set.
     histograms: method -> counts of |error| in bins of ``blocks.BIN_MM``.
+    bias_sums: method -> subject -> errors over distance, see ``bias_by_distance``.
     """
 
     total_frames: int
     metrics: Mapping[str, Metric] = field(default_factory=lambda: METRICS)
     sampled: dict[str, list[list[float]]] = field(default_factory=dict)
     histograms: dict[str, NDArray[np.int64]] = field(default_factory=dict)
+    bias_sums: BiasSums = field(default_factory=dict)
     _totals: dict[str, _Totals] = field(default_factory=dict)
     _rows: dict[str, int] = field(default_factory=dict)
 
@@ -111,7 +114,7 @@ class ScoreSummary:
                 name: value for name, value in values.items() if name.split(" [")[0] in denoisers
             }
 
-        parts = (self.sampled, self.histograms, self._totals, self._rows)
+        parts = (self.sampled, self.histograms, self.bias_sums, self._totals, self._rows)
         return ScoreSummary(self.total_frames, self.metrics, *(chosen(part) for part in parts))
 
     def add(self, row: Row) -> None:
@@ -130,6 +133,16 @@ class ScoreSummary:
         """Add the error histogram of a block."""
         total = self.histograms.setdefault(method, np.zeros(BINS + 1, np.int64))
         total += np.asarray(counts)
+
+    def add_bias(self, sums: BiasSums) -> None:
+        """Add the errors over distance of a block."""
+        for method, subjects in sums.items():
+            for subject, bins in subjects.items():
+                add_bias(self.bias_sums, method, subject, bins)
+
+    def bias_by_distance(self, method: str) -> list[BiasBin]:
+        """Return the bias of a method per 100 mm of distance, near to far."""
+        return bias_by_distance(self.bias_sums.get(method, {}))
 
     def sampled_frames(self, method: str, *metrics: str) -> NDArray[np.float64]:
         """Return (N, K) values of K SAMPLED_METRICS for sampled frames (< 2000) that have all K."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -16,7 +16,8 @@ from glsim.denoise.frames import Frames, Stacks
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError, DenoiserError
 from glsim.eval.metrics import Regions, Truth, score
-from glsim.eval.scoring.pairs import open_frames
+from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
+from glsim.eval.scoring.pairs import TruthLayer, open_frames
 from glsim.eval.scoring.trivial_baselines import TRIVIAL_BASELINES
 
 #: Histograms of absolute errors have BINS bins of this width, and one more for larger errors.
@@ -40,6 +41,7 @@ class ScoredBlock:
 
     rows: one per frame and method. probes: one per frame and trivial baseline.
     histograms: method -> counts of |error| on pixels where input and clean are valid.
+    bias: method -> subject -> see ``glsim.eval.scoring.bias``.
     bad: frames, with the reason why they (or a method on them) could not be scored.
     """
 
@@ -49,12 +51,14 @@ class ScoredBlock:
     probes: list[Row]
     histograms: dict[str, list[int]]
     bad: list[dict[str, str]]
+    bias: BiasSums = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class ScoringJob:
     """The task of an evaluation, sent to each worker. denoisers: see ``glsim.denoise.load``.
 
+    truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
     baseline_every: score trivial baselines on every n-th frame; 0 is never.
     stride: score only every n-th frame.
     """
@@ -66,10 +70,11 @@ class ScoringJob:
     baseline_every: int = 0
     mean_face: Depth | None = None
     stride: int = 1
+    truth: TruthLayer = "clean"
 
     def frames(self) -> Frames:
         """Open the frames to score. Raises DatasetError."""
-        return open_frames(self.dataset, self.split, self.focal_px)
+        return open_frames(self.dataset, self.split, self.focal_px, self.truth)
 
     def start(self) -> Callable[[FrameBlock], ScoredBlock]:
         """Open the data set and load the denoisers, in the worker."""
@@ -122,6 +127,7 @@ class _BlockScorer:
                 counts = _histogram(depth, truth)
                 before = result.histograms.get(name)
                 result.histograms[name] = (counts if before is None else counts + before).tolist()
+                add_bias(result.bias, name, key.subject, bias_bins(depth, truth))
         if self._job.baseline_every and number % self._job.baseline_every == 0:
             for name, predict in TRIVIAL_BASELINES.items():
                 prediction = predict(sample.clean_mm, self._job.mean_face)

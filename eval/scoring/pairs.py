@@ -1,4 +1,7 @@
-"""Pairs of clean and noisy frames to score: a data set of glsim, or a folder of PNG files."""
+"""Pairs of true and noisy frames to score: a data set of glsim, or a folder of PNG files.
+
+The truth is the layer clean, or expected: clean with the sensor's systematic error.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,14 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from glsim.dataset import Split, open_dataset
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.layer_images import decode_layer
-from glsim.dataset.reader import no_clean
+from glsim.dataset.reader import no_clean, no_expected
 from glsim.denoise.frames import Frames, Key, Sample, check_millimetres
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
@@ -22,17 +26,21 @@ from glsim.geometry.camera import Intrinsics
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 
+#: The layer that predictions are compared with.
+TruthLayer = Literal["clean", "expected"]
+
 
 class DatasetFrames:
-    """The frames of one split of a data set of glsim. DatasetError if it has no clean maps."""
+    """The frames of one split of a data set of glsim. DatasetError if it lacks the truth's maps."""
 
-    def __init__(self, path: Path, split: str) -> None:
+    def __init__(self, path: Path, split: str, truth: TruthLayer = "clean") -> None:
         dataset = open_dataset(path)
-        if "clean" not in dataset.layers:
-            raise DatasetError(no_clean(path))
+        if truth not in dataset.layers:
+            raise DatasetError(no_clean(path) if truth == "clean" else no_expected(path))
+        self._truth = truth
         self.regions: Mapping[str, int] = dataset.regions
         self._split: Split = dataset.split(split)
-        self.identity = f"{zlib.crc32((path / HEADER).read_bytes()):08x} {split}"
+        self.identity = f"{zlib.crc32((path / HEADER).read_bytes()):08x} {split} {truth}"
 
     def __len__(self) -> int:
         return len(self._split)
@@ -45,12 +53,13 @@ class DatasetFrames:
     def load(self, number: int) -> Sample:
         """Read a pair and check it against the manifest. Raises DatasetError."""
         pair = self._split[number]
-        sample = _checked(pair.clean_mm, pair.noisy_mm, pair.intrinsics, repr(pair))
+        truth_mm = pair.clean_mm if self._truth == "clean" else pair.expected_mm
+        sample = _checked(truth_mm, pair.noisy_mm, pair.intrinsics, repr(pair))
         return replace(sample, regions=pair.regions.astype(np.uint8)) if self.regions else sample
 
 
 class FolderFrames:
-    """Pairs of ``*_clean.png`` and ``*_noisy.png`` in a folder, 16 bits, in millimetres.
+    """Pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits, millimetres.
 
     The folder of a file is the subject; a number at the end of its stem is the frame. The camera is
     a Kinect V2, or one with focal length ``focal_px`` and its axis through the image centre.
@@ -58,23 +67,25 @@ class FolderFrames:
 
     regions: Mapping[str, int] = {}
 
-    def __init__(self, path: Path, focal_px: float | None = None) -> None:
-        self._path = path
+    def __init__(
+        self, path: Path, focal_px: float | None = None, truth: TruthLayer = "clean"
+    ) -> None:
+        self._path, self._truth = path, truth
         self._rig = load_sensor(DEFAULT_SENSOR).rig
         self._focal = None if focal_px is None else (focal_px, focal_px)
         stems = {
-            str(file.relative_to(path))[: -len("_clean.png")]
-            for layer in ("clean", "noisy")
+            str(file.relative_to(path))[: -len(f"_{layer}.png")]
+            for layer in (truth, "noisy")
             for file in path.rglob(f"*_{layer}.png")
         }
         if not stems:
             raise DatasetError(
                 f"{path}: is no data set of glsim (it has no {HEADER}), and holds no pairs of "
-                "*_clean.png and *_noisy.png"
+                f"*_{truth}.png and *_noisy.png"
             )
         self._stems = sorted(stems, key=lambda stem: (_key(stem), stem))
         listing = [(stem, *map(_size, self._files(stem))) for stem in self._stems]
-        self.identity = f"{zlib.crc32(repr(listing).encode()):08x} {self._focal}"
+        self.identity = f"{zlib.crc32(repr(listing).encode()):08x} {self._focal} {truth}"
 
     def __len__(self) -> int:
         return len(self._stems)
@@ -86,12 +97,12 @@ class FolderFrames:
     def load(self, number: int) -> Sample:
         """Read both files of a pair. Raises DatasetError."""
         clean_file, noisy_file = self._files(self._stems[number])
-        clean, noisy = _read(clean_file, "clean"), _read(noisy_file, "noisy")
+        clean, noisy = _read(clean_file, self._truth), _read(noisy_file, "noisy")
         rig = self._rig.for_map((clean.shape[0], clean.shape[1]), self._focal)
         return _checked(clean, noisy, rig.intrinsics, str(self._path / self._stems[number]))
 
     def _files(self, stem: str) -> tuple[Path, Path]:
-        return self._path / f"{stem}_clean.png", self._path / f"{stem}_noisy.png"
+        return self._path / f"{stem}_{self._truth}.png", self._path / f"{stem}_noisy.png"
 
 
 def _size(file: Path) -> tuple[int, int]:
@@ -133,14 +144,17 @@ def _checked(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> 
     return Sample(clean, noisy, intrinsics)
 
 
-def open_frames(path: Path, split: str, focal_px: float | None = None) -> Frames:
+def open_frames(
+    path: Path, split: str, focal_px: float | None = None, truth: TruthLayer = "clean"
+) -> Frames:
     """Open a split of a data set, or the pairs of a folder (its sub-folder ``split`` if it exists).
 
-    Raises DatasetError if there is no such folder, split, or pair.
+    truth: the layer that becomes ``Sample.clean_mm``. Raises DatasetError if there is no such
+    folder, split, layer or pair.
     """
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder")
     if (path / HEADER).exists() or (path / ".glsim").exists():
-        return DatasetFrames(path, split)
+        return DatasetFrames(path, split, truth)
     part = path / split
-    return FolderFrames(part if part.is_dir() else path, focal_px)
+    return FolderFrames(part if part.is_dir() else path, focal_px, truth)

@@ -31,7 +31,7 @@ from glsim.files.atomic import AtomicFile, to_json, wrap_write_errors, write_ato
 #: Frames in a block: few enough that a crash costs little and all cores end together.
 _BLOCK: Final = 25
 #: Version of the scores; to be increased by a change that alters the scores of a frame.
-_VERSION: Final = 1
+_VERSION: Final = 2
 
 
 @dataclass(frozen=True)
@@ -161,6 +161,7 @@ def _collect(
                 baselines.add(row)
             for method, counts in scored.histograms.items():
                 summary.add_histogram(method, counts)
+            summary.add_bias(scored.bias)
             bad += len(scored.bad)
             first_bad.extend(f"{item['frame']}: {item['why']}" for item in scored.bad[:10])
 

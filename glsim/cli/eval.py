@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple, cast, get_args
 
 import typer
 
@@ -17,7 +17,7 @@ from glsim.cli.common import (
     print_written,
 )
 from glsim.cli.progress import scoring_progress
-from glsim.errors import ConfigError, DatasetError, DenoiserError
+from glsim.errors import ConfigError, DatasetError, DenoiserError, did_you_mean
 
 if TYPE_CHECKING:
     from glsim.eval.paper.runs import TrainedRun
@@ -36,6 +36,8 @@ glsim eval data --paper-table 2 --paper-table 3 --runs runs -o tables    checkpo
 glsim eval data --tune -o scores         all classical filters, tuned on the validation split
 
 glsim eval data -d noisy -d mine@my_module:my_function -d run/best.pt
+
+glsim eval data -d face --truth expected  needs generate --layers clean,expected,noisy
 
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
 
@@ -68,6 +70,13 @@ def evaluate(
             help="Write the paper's table beside ours: 1 (filters), 2 or 3 (networks). Repeatable."
         ),
     ] = None,
+    truth: Annotated[
+        str,
+        typer.Option(
+            help="What predictions are compared with: clean, or expected (clean with the sensor's "
+            "systematic error, which a denoiser leaves)."
+        ),
+    ] = "clean",
     runs: Annotated[
         Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
     ] = None,
@@ -97,6 +106,7 @@ def evaluate(
     """
     from glsim.denoise import PAPER_FILTERS
     from glsim.eval.scoring.blocks import ScoringJob
+    from glsim.eval.scoring.pairs import TruthLayer
     from glsim.eval.scoring.run import evaluate as run
     from glsim.worker_processes import worker_count
 
@@ -112,7 +122,9 @@ def evaluate(
         specs = [*PAPER_FILTERS, *(spec for spec in specs if spec not in PAPER_FILTERS)]
     specs += [network.spec for network in networks.trained]
     count = worker_count(workers)
-    job = ScoringJob(dataset, split, tuple(specs), focal_px)
+    if truth not in get_args(TruthLayer):
+        raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
+    job = ScoringJob(dataset, split, tuple(specs), focal_px, truth=cast(TruthLayer, truth))
     if tune:
         job = _add_tuned_filters(job, out, count)
     with scoring_progress("scoring") as progress:
@@ -192,11 +204,18 @@ def _write_results(
     from glsim.eval.paper.filter_table import filter_table
     from glsim.eval.paper.network_tables import network_table
     from glsim.eval.paper.runs import group_by_network
-    from glsim.eval.report.tables import table_latex, table_markdown, write_table_csv
+    from glsim.eval.report.bias_table import write_bias_csv
+    from glsim.eval.report.tables import (
+        table_latex,
+        table_markdown,
+        write_table_csv,
+    )
     from glsim.files.atomic import write_atomic
 
     table = evaluation.summary.compared()
     heading = f"{job.dataset.name}, {job.split}"
+    if job.truth != "clean":
+        heading += f", compared with the {job.truth} depth"
     pages = {
         which: filter_table(evaluation, table)
         if which == 1
@@ -211,7 +230,9 @@ def _write_results(
     for name, text in texts.items():
         write_atomic(text.encode(), out / name)
     write_table_csv(out / "table.csv", table)
-    paths = [out / "rows.csv", out / "table.csv", *(out / name for name in texts)]
+    write_bias_csv(out / "bias_by_distance.csv", evaluation.summary)
+    paths = [out / name for name in ("rows.csv", "table.csv", "bias_by_distance.csv")]
+    paths += [out / name for name in texts]
     if figures:
         from glsim.eval.report.html_report import write_report
 

@@ -93,7 +93,8 @@ def generate(
     layers: Annotated[
         str | None,
         typer.Option(
-            help="Layers to write, of clean,noisy,infrared,reason,regions. Default: clean,noisy."
+            help="Layers to write, of clean,noisy,infrared,reason,regions,expected (clean with the "
+            "sensor's systematic error). Default: clean,noisy."
         ),
     ] = None,
     depth_unit_mm: Annotated[

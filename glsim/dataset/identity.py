@@ -25,6 +25,7 @@ from glsim.settings.schema import Settings
 _FREE_SETTINGS = ("settings.strict",)
 
 
+#: What the layers of any data set hold, and those that only some have.
 _UNITS = {
     "clean, noisy": "uint16 steps of depth_unit_mm along the optical axis, 0 = no return; "
     "add depth_offset_mm of the record",
@@ -33,6 +34,9 @@ _UNITS = {
     "intrinsics": "pixels; the centre of the first pixel is at (0.5, 0.5)",
     "time_s": "seconds since the start of the sequence",
     "seeds": "64 bits as hexadecimal digits",
+}
+_OPTIONAL_UNITS = {
+    "expected": "as clean, with the sensor's systematic error: wiggling, offset, delay in skin",
 }
 
 
@@ -75,6 +79,7 @@ def make_identity(
     settings: Settings, plan: ChunkPlan, sensor: Mapping[str, Any], renderer: str
 ) -> dict[str, Any]:
     """Return the part of the header that determines the bytes and says how to read them."""
+    optional = {n: text for n, text in _OPTIONAL_UNITS.items() if n in settings.output.layers}
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -85,7 +90,7 @@ def make_identity(
         "planned_frames": plan.frames,
         "plan": plan.fingerprint(),
         "depth_unit_mm": settings.output.depth_unit_mm,
-        "units": _UNITS,
+        "units": _UNITS | optional,
         "reasons": {str(int(r)): {"name": r.name.lower(), "help": r.help} for r in Reason},
     }
 

@@ -22,6 +22,7 @@ LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
     "infrared": np.dtype(np.uint16),
     "reason": np.dtype(np.uint8),
     "regions": np.dtype(np.uint8),
+    "expected": np.dtype(np.uint16),
 }
 
 

@@ -95,6 +95,14 @@ class Pair:
         return self._depth_mm("clean")
 
     @cached_property
+    def expected_mm(self) -> NDArray[np.float32]:
+        """(H, W) float32 true depth with the sensor's systematic error, millimetres, 0 = none.
+
+        Raises DatasetError in a data set that was generated without the layer.
+        """
+        return self._depth_mm("expected")
+
+    @cached_property
     def noisy_mm(self) -> NDArray[np.float32]:
         """(H, W) float32 measured depth, millimetres from the camera, 0 = no return."""
         return self._depth_mm("noisy")
@@ -124,6 +132,8 @@ class Pair:
         if layer not in files:
             if layer == "clean":
                 raise DatasetError(no_clean(self._root))
+            if layer == "expected":
+                raise DatasetError(no_expected(self._root))
             raise DatasetError(
                 f"{self._root}: has no layer {layer!r} ({did_you_mean(layer, files)})"
             )
@@ -280,6 +290,14 @@ def no_clean(path: Path) -> str:
         f"{path}: has no layer 'clean', the true depth that this needs: generate a data set with "
         "--layers clean,noisy (recordings of a real camera have none: glsim compare and glsim "
         "denoise take them)"
+    )
+
+
+def no_expected(path: Path) -> str:
+    """Return the error message for a data set without maps of the expected depth."""
+    return (
+        f"{path}: has no layer 'expected', the true depth with the sensor's systematic error: "
+        "generate a data set with --layers clean,expected,noisy"
     )
 
 

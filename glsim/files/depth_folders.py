@@ -10,7 +10,10 @@ from typing import Literal
 from glsim.errors import ConfigError
 
 #: Ends of the names of what glsim writes: the layers of frames, recordings, pictures for people.
-_ENDINGS = ("clean", "noisy", "infrared", "ir", "reason", "regions", "preview", "sigma", "figure")
+_ENDINGS = (
+    *("clean", "expected", "noisy", "infrared", "ir", "reason", "regions"),
+    *("preview", "sigma", "figure"),
+)
 #: Pictures that carry no such ending.
 _PICTURES = ("contact_sheet.png", "preview.png")
 

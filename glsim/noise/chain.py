@@ -38,7 +38,13 @@ FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 PATTERN_LAYER, _PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
 
 #: Depth with the device's systematic error and without everything random: clean before the first
-#: stage. Stages add to it only in chains that need it: their shaders see the constant EXPECTED.
+#: stage. Stages write it only in chains that need it: their shaders see the constant EXPECTED.
+#: tof_light and tof_fast do. The other stages have nothing to add: axial, gaussian, perlin,
+#: simplex, lateral, tof_taps and tof_floor are noise with a mean of 0; millimetre_quantise and
+#: disparity_quantise round, which noise before them turns into noise; fixed_pattern is a map that
+#: differs between pixels, to be removed; dot_spread, correlation_window, max_filter, tof_bilateral
+#: and the edges' stages blur, move or drop; haze, bounces (tof_multipath) and light in shadows
+#: depend on the scene.
 EXPECTED_LAYER, _EXPECTED_CONSTANT = "expected", "EXPECTED"
 
 #: Stands for NaN, which GLSL compilers may assume away: larger than any error.

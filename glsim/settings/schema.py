@@ -43,7 +43,7 @@ from glsim.settings.presets import read_preset
 from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
 
-LayerName = Literal["clean", "noisy", "infrared", "reason", "regions"]
+LayerName = Literal["clean", "noisy", "infrared", "reason", "regions", "expected"]
 DEPTH_UNIT_MM = (0.01, 10.0)
 """Smallest and largest step of depth files, mm."""
 DEFAULT_SUBJECTS = 10

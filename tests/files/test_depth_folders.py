@@ -18,7 +18,10 @@ def touch(folder: Path, *names: str) -> Path:
     return folder
 
 
-LAYERS = [f"test/p1/s_{layer}.png" for layer in ("clean", "noisy", "infrared", "reason", "regions")]
+LAYERS = [
+    f"test/p1/s_{layer}.png"
+    for layer in ("clean", "expected", "noisy", "infrared", "reason", "regions")
+]
 
 
 def test_layers_of_frames_are_told_apart(tmp_path: Path) -> None:
@@ -28,7 +31,10 @@ def test_layers_of_frames_are_told_apart(tmp_path: Path) -> None:
         own = [tmp_path / "frame1.png", tmp_path / "my_map.png"]
         assert files == [*own, tmp_path / f"test/p1/s_{kind}.png"]
         assert others == Counter(
-            {f"*_{layer}.png": 1 for layer in ("infrared", "reason", "regions", "preview")}
+            {
+                f"*_{layer}.png": 1
+                for layer in ("expected", "infrared", "reason", "regions", "preview")
+            }
             | {f"*_{'noisy' if kind == 'clean' else 'clean'}.png": 1, "contact_sheet.png": 1}
         )
 

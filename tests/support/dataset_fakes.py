@@ -142,6 +142,7 @@ def fake_frame(task: Task, unit_mm: float = 1.0, offset_mm: float = 0.0) -> Fram
         noisy,
         rng.uniform(0, 70000, shape).astype(np.float32),
         rng.integers(0, 12, shape).astype(np.uint8),
+        expected_m=clean + np.float32(0.002),
         depth_unit_mm=unit_mm,
         depth_offset_mm=offset_mm,
         pose={"yaw_deg": float(rng.normal()), "distance_mm": numpy_distance_mm},

@@ -15,10 +15,11 @@ from torch.utils.data import DataLoader
 
 from glsim.dataset import open_dataset
 from glsim.errors import ConfigError, DatasetError
-from glsim.train import Augmentation, StoredPairs
+from glsim.train import Augmentation, StoredPairs, stored_batches
 from glsim.train.data.checks import fingerprint
 from glsim.train.data.surface_bumps import draw_surface_bumps
 from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
+from tests.support.train_fakes import recipe
 
 #: The fakes are 32 x 24 pixels, 4 frames of 8 subjects, 4 of which are in train.
 FRAMES = 16
@@ -50,6 +51,43 @@ def test_a_pair_is_the_data_sets_in_millimetres(dataset: Path, cache_mb: float) 
             np.testing.assert_array_equal(clean_mm[0], stored[number].clean_mm)
     with pytest.raises(IndexError):
         pairs[FRAMES]
+
+
+def test_the_target_may_be_the_expected_depth(tmp_path: Path) -> None:
+    layers = ["clean", "expected", "noisy"]
+    make(tmp_path / "d", make_settings(layers=layers, depth_unit_mm=0.1), make_tasks(8, 2))
+    pairs = StoredPairs(tmp_path / "d", "train", target="expected")
+    stored = open_dataset(tmp_path / "d").split("train")
+    for number in (0, 0, 3):  # the second time from the cache
+        noisy_mm, expected_mm = pairs[number]
+        np.testing.assert_array_equal(noisy_mm[0], stored[number].noisy_mm)
+        np.testing.assert_array_equal(expected_mm[0], stored[number].expected_mm)
+    # The fake's error is 2 mm.
+    seen = stored[0].clean_mm > 0
+    apart = (stored[0].expected_mm - stored[0].clean_mm)[seen]
+    np.testing.assert_allclose(apart, 2.0, atol=0.11)
+
+
+def test_a_data_set_without_the_expected_depth_is_refused(dataset: Path) -> None:
+    with pytest.raises(
+        DatasetError, match=r"no layer 'expected'.*--layers clean,expected,noisy.*data.target"
+    ):
+        StoredPairs(dataset, "train", target="expected")
+
+
+def test_the_target_is_in_the_recipe_and_in_the_fingerprint(tmp_path: Path) -> None:
+    layers = ["clean", "expected", "noisy"]
+    make(tmp_path / "d", make_settings(layers=layers), make_tasks(8, 2))
+    both = [
+        stored_batches([tmp_path / "d"], recipe(data={"crop": 0, "target": target}))
+        for target in ("clean", "expected")
+    ]
+    prints = [source.fingerprint for source in both]
+    assert prints[0] == fingerprint(tmp_path / "d")
+    assert prints[1] == prints[0] | {"target": "expected"}
+    truths = [source.validation[0][1] for source in both]
+    np.testing.assert_array_equal(*(truth > 0 for truth in truths))
+    assert float((truths[1] - truths[0])[truths[0] > 0].mean()) == pytest.approx(2.0, abs=0.1)
 
 
 def test_the_cache_spares_the_files_and_its_limit_is_kept(copy: Path) -> None:

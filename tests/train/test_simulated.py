@@ -84,7 +84,20 @@ def test_pairs_are_those_of_a_data_set(tmp_path: Path) -> None:
     from glsim.train.data.simulated import _pair_mm
 
     for number, frame in enumerate(frames):
-        np.testing.assert_array_equal(torch.cat(stored[number]).numpy(), _pair_mm(frame))
+        given = _pair_mm(frame, ("noisy", "clean"))
+        np.testing.assert_array_equal(torch.cat(stored[number]).numpy(), given)
+
+
+def test_the_target_may_be_the_expected_depth() -> None:
+    """Same noisy frames; the target differs by the wiggling, and by nothing random."""
+    clean, expected = (
+        next(iter(SimulatedPairs(small(), batch=2, length=1, target=target)))
+        for target in ("clean", "expected")
+    )
+    assert torch.equal(clean[0], expected[0])
+    assert torch.equal(clean[1] > 0, expected[1] > 0)
+    error_mm = (expected[1] - clean[1])[clean[1] > 0]
+    assert 0.05 < error_mm.abs().mean() < 5
 
 
 def test_each_pair_is_given_as_often_as_it_is_to_be_reused() -> None:
@@ -195,10 +208,11 @@ def test_the_fingerprint_is_of_what_is_rendered() -> None:
             ((small(),), {"start": 5}),
             ((small(seed=1),), {}),
             ((small(),), {"reuse": 2}),
+            ((small(),), {"target": "expected"}),
         )
     ]
     assert prints[0] == prints[1]
-    assert len({str(p) for p in prints}) == 3
+    assert len({str(p) for p in prints}) == 4
 
 
 def test_the_shipped_distribution_is_one_of_kinect_v2() -> None:

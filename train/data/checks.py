@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from glsim.dataset import Dataset, Split
 from glsim.dataset.disk_format import MANIFEST
-from glsim.dataset.reader import no_clean
+from glsim.dataset.reader import no_clean, no_expected
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum, wrap_read_errors
 from glsim.files.regular import open_regular
@@ -18,10 +18,23 @@ from glsim.settings.schema import SPLIT_NAMES
 #: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a
 #: place drawn anew in each epoch.
 Cut = Literal["no", "centre", "random"]
-PAIR_LAYERS = ("noisy", "clean")
+#: What a network learns to give: the true depth, or what the sensor says of it without noise.
+Target = Literal["clean", "expected"]
 
 
-def checked_split(dataset: Dataset, name: str, crop: int | None, cut: Cut) -> Split:
+def pair_layers(target: Target) -> tuple[str, str]:
+    """Return the layers of a pair: the network's input and its target."""
+    return "noisy", target
+
+
+def fingerprint_of(target: Target) -> dict[str, str]:
+    """Return the fingerprint's entry; none for clean, so that older trainings can be resumed."""
+    return {} if target == "clean" else {"target": target}
+
+
+def checked_split(
+    dataset: Dataset, name: str, crop: int | None, cut: Cut, target: Target = "clean"
+) -> Split:
     """Return a split after checking that it can be trained on. Images are not decoded.
 
     Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits, a
@@ -37,15 +50,17 @@ def checked_split(dataset: Dataset, name: str, crop: int | None, cut: Cut) -> Sp
             f"{dataset.path}: has no frames in its split {name!r} (frames: {have}): generate one "
             "with other shares (--split)"
         )
-    for layer in PAIR_LAYERS:
+    for layer in pair_layers(target):
         if layer not in dataset.layers:
             if layer == "clean":
                 raise DatasetError(no_clean(dataset.path))
+            if layer == "expected":
+                raise DatasetError(f"{no_expected(dataset.path)}, or set data.target = 'clean'")
             raise DatasetError(
                 f"{dataset.path}: has no layer {layer!r}: generate it with --layers clean,noisy"
             )
     _check_subjects(dataset)
-    _check_frames(dataset, split, crop, cut)
+    _check_frames(dataset, split, crop, cut, pair_layers(target))
     return split
 
 
@@ -61,7 +76,9 @@ def _check_subjects(dataset: Dataset) -> None:
             )
 
 
-def _check_frames(dataset: Dataset, split: Split, crop: int | None, cut: Cut) -> None:
+def _check_frames(
+    dataset: Dataset, split: Split, crop: int | None, cut: Cut, layers: tuple[str, ...]
+) -> None:
     first = (split[0].intrinsics.height, split[0].intrinsics.width)
     sizes: dict[str, int] = {}
     for pair in split:
@@ -72,7 +89,7 @@ def _check_frames(dataset: Dataset, split: Split, crop: int | None, cut: Cut) ->
                 f"{dataset.path}: {pair!r} is {size[1]} x {size[0]} pixels, frames before it "
                 f"{first[1]} x {first[0]}: a batch needs one size: give a crop"
             )
-        for layer in PAIR_LAYERS:
+        for layer in layers:
             _check_file(dataset.path, pair.record["files"][layer], sizes)
 
 

@@ -22,6 +22,7 @@ from glsim.pipeline import open_sources, simulate
 from glsim.plan.tasks import Task
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
+from glsim.train.data.checks import Target, fingerprint_of, pair_layers
 from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
 
 log = logging.getLogger(__name__)
@@ -45,7 +46,7 @@ def randomised(
 
 
 class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
-    """Batches (noisy_mm, clean_mm), each (batch, 1, H, W) float32 millimetres, 0 = no return.
+    """Batches (noisy_mm, target_mm), each (batch, 1, H, W) float32 millimetres, 0 = no return.
 
     ``loader`` makes the DataLoader. Your own DataLoader needs ``batch_size=None`` (batches are made
     here) and a ``multiprocessing_context`` of "forkserver" or "spawn" (OpenGL does not survive a
@@ -64,6 +65,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         start: int = 0,
         length: int | None = None,
         backend: str | None = None,
+        target: Target = "clean",
     ) -> None:
         """settings: faces, poses, sensor and crop; its seed determines the people, and ``seed``
         the choice and order of their frames and the noise.
@@ -71,7 +73,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         reuse: uses of each pair. N divides the cost of rendering per batch by N, and the network
         sees fewer new pairs. All uses of a pair lie within some hundred batches (one block, see
         ``stream``). start: number of the first batch, to resume. length: batches per iteration;
-        default: endless. backend: as in ``glsim.simulate``.
+        default: endless. backend: as in ``glsim.simulate``. target: as in ``StoredPairs``.
 
         A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
         while iterating also MeshError (a whole block of bad faces, or one if settings.strict) and
@@ -87,6 +89,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         people = split_people(settings, sources, split)
         self.stream = BatchStream(settings, sources, people, split, batch, reuse, seed)
         self._start, self._length, self._backend = start, length, backend
+        self._target = target
 
     def __len__(self) -> int:
         """Batches per iteration. Raises TypeError, as DataLoader expects, if it is endless."""
@@ -106,6 +109,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             "split": self.stream.split,
             "batch": self.stream.batch,
             "reuse": self.stream.reuse,
+            **fingerprint_of(self._target),
         }
 
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
@@ -142,7 +146,9 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             place.lane: place.block
             for place in map(self.stream.place, range(self._start, self._start + LANES))
         }
-        blocks = _BlockRenderer(self.stream, [(lane, first[lane]) for lane in lanes], self._backend)
+        blocks = _BlockRenderer(
+            self.stream, [(lane, first[lane]) for lane in lanes], self._backend, self._target
+        )
         try:
             for place in places:
                 yield blocks.batch(place)
@@ -163,9 +169,13 @@ class _BlockRenderer:
     """
 
     def __init__(
-        self, stream: BatchStream, lanes: list[tuple[int, int]], backend: str | None
+        self,
+        stream: BatchStream,
+        lanes: list[tuple[int, int]],
+        backend: str | None,
+        target: Target,
     ) -> None:
-        self._stream, self._lanes = stream, lanes
+        self._stream, self._lanes, self._layers = stream, lanes, pair_layers(target)
         self._planned: deque[tuple[int, int]] = deque()  # (lane, block) of each frame to come
         self._rendered: dict[tuple[int, int], list[Frame | Skipped]] = {}  # unfinished blocks
         self._pairs: dict[tuple[int, int], list[NDArray[np.float32]]] = {}
@@ -175,7 +185,7 @@ class _BlockRenderer:
             self._tasks(),
             sources=stream.sources,
             backend=backend,
-            layers=("clean", "noisy"),
+            layers=self._layers,
         )
         self._frames = cast("Generator[Frame | Skipped]", frames)
 
@@ -208,7 +218,7 @@ class _BlockRenderer:
         rendered.append(result)
         if len(rendered) == self._stream.block_pairs:
             frames = replace_skipped(self._rendered.pop(block))
-            self._pairs[block] = [_pair_mm(frame) for frame in frames]
+            self._pairs[block] = [_pair_mm(frame, self._layers) for frame in frames]
 
     def close(self) -> None:
         """Release the OpenGL context."""
@@ -233,6 +243,7 @@ def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
     return frames
 
 
-def _pair_mm(frame: Frame) -> NDArray[np.float32]:
-    """Noisy and clean depth, (2, H, W) millimetres, rounded as in files."""
-    return to_mm(np.stack([frame.noisy, frame.clean]), frame.depth_unit_mm, frame.depth_offset_mm)
+def _pair_mm(frame: Frame, layers: tuple[str, str]) -> NDArray[np.float32]:
+    """Noisy depth and target, (2, H, W) millimetres, rounded as in files."""
+    both = np.stack([frame.image(layer) for layer in layers])
+    return to_mm(both, frame.depth_unit_mm, frame.depth_offset_mm)

@@ -14,7 +14,7 @@ from torch.utils.data import Dataset, get_worker_info
 from glsim.dataset import open_dataset
 from glsim.frame import to_mm
 from glsim.settings.seeds import stable_seed
-from glsim.train.data.checks import PAIR_LAYERS, Cut, checked_split
+from glsim.train.data.checks import Cut, Target, checked_split, pair_layers
 from glsim.train.data.surface_bumps import draw_surface_bumps
 
 __all__ = ["CACHE_MB", "Augmentation", "StoredPairs"]
@@ -45,7 +45,7 @@ class Augmentation:
 
 
 class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
-    """``pairs[n]`` is (noisy_mm, clean_mm), each (1, H, W) float32 millimetres, 0 = no return.
+    """``pairs[n]`` is (noisy_mm, target_mm), each (1, H, W) float32 millimetres, 0 = no return.
 
     The same (seed, epoch, n) gives the same pair in any process and order.
     """
@@ -60,9 +60,11 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         augmentation: Augmentation | None = None,
         seed: int = 0,
         cache_mb: float = CACHE_MB,
+        target: Target = "clean",
     ) -> None:
         """crop: side of the square frames, px; default: whole frames, all of one size. cut: how
-        larger frames are cropped. seed: seed of ``augmentation`` and random crops.
+        larger frames are cropped. seed: seed of ``augmentation`` and random crops. target: the
+        layer that a network learns to give; "expected" leaves the sensor's systematic error.
 
         cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
         files in every epoch. Only the process that made this object has a cache: the workers of a
@@ -71,8 +73,9 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         Raises DatasetError and ConfigError, see ``glsim.train.data.checks.checked_split``.
         """
         self.dataset = open_dataset(dataset)
-        self.split = checked_split(self.dataset, split, crop, cut)
+        self.split = checked_split(self.dataset, split, crop, cut, target)
         self._crop, self._cut, self._seed = crop, cut, seed
+        self._layers = pair_layers(target)
         self._augmentation = augmentation or Augmentation()
         # In shared memory, so that persistent workers see the new epoch.
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
@@ -119,12 +122,12 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         return pair_mm[:, top : top + side, left : left + side]
 
     def _pair_mm(self, number: int) -> NDArray[np.float32]:
-        """Read a pair, (2, H, W): noisy, clean; from the cache if possible."""
+        """Read a pair, (2, H, W): noisy, target; from the cache if possible."""
         cache = self._cache_of_process()
         if cache is not None and cache.known[number]:
             return cache.pair_mm(number)
         pair = self.split[number]
-        units = np.stack([pair.image(layer) for layer in PAIR_LAYERS]).astype(np.uint16)
+        units = np.stack([pair.image(layer) for layer in self._layers]).astype(np.uint16)
         if cache is not None and units.shape[1:] == cache.units.shape[2:]:
             cache.keep(number, units, pair.depth_offset_mm)
         return to_mm(units, self.dataset.depth_unit_mm, pair.depth_offset_mm)
@@ -134,7 +137,7 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
             return None
         if self._cache is None:
             camera = self.split[0].intrinsics
-            shape = (len(self), len(PAIR_LAYERS), camera.height, camera.width)
+            shape = (len(self), len(self._layers), camera.height, camera.width)
             if np.prod(shape, dtype=np.float64) * np.dtype(np.uint16).itemsize > self._cache_bytes:
                 return None
             self._cache = _Cache(shape, self.dataset.depth_unit_mm)

@@ -1,0 +1,137 @@
+"""The layer expected in frames and data sets: written, read, verified, refused where it lacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glsim import simulate
+from glsim.cli import main
+from glsim.dataset import generate, open_dataset, verify
+from glsim.errors import ConfigError, DatasetError
+from glsim.frame import Frame
+from glsim.settings.schema import Settings, load_settings
+
+LAYERS = ["clean", "expected", "noisy"]
+
+
+def small(**output: Any) -> Settings:
+    tree: dict[str, Any] = {
+        "sensor": "kinect-v2-fast",
+        "split": [0.0, 0.0, 1.0],
+        "source": {"subjects": 2, "frames_per_subject": 1},
+        "output": {"crop": 48, "depth_unit_mm": 0.1, **output},
+    }
+    return load_settings(overrides=tree)
+
+
+@pytest.mark.parametrize("format", ["png", "webdataset"])
+def test_a_data_set_holds_it(tmp_path: Path, format: str) -> None:
+    generate(small(layers=LAYERS, format=format), tmp_path / "d", workers=1)
+    generate(small(format=format), tmp_path / "plain", workers=1)
+    dataset, plain = open_dataset(tmp_path / "d"), open_dataset(tmp_path / "plain")
+    assert set(dataset.layers) == set(LAYERS)
+    assert "systematic" in dataset.header["units"]["expected"]
+    assert "expected" not in plain.header["units"]
+    assert verify(tmp_path / "d", deep=True) == []
+    for pair, other in zip(dataset, plain, strict=True):
+        for layer in ("clean", "noisy"):
+            np.testing.assert_array_equal(pair.image(layer), other.image(layer))
+        assert pair.image("expected").dtype == np.uint16
+        seen = pair.clean_mm > 0
+        np.testing.assert_array_equal(pair.expected_mm > 0, seen)
+        error_mm = np.abs(pair.expected_mm - pair.clean_mm)[seen]
+        assert 0.05 < error_mm.mean() < 5
+    with pytest.raises(DatasetError, match="generate a data set with --layers clean,expected"):
+        next(iter(plain)).image("expected")
+
+
+def test_unit_shift_and_mask_are_those_of_the_clean_depth() -> None:
+    frames = simulate(
+        small(nearest_to_mm=600.0, clean_mask="as-noisy"), layers=("clean", "expected", "noisy")
+    )
+    for frame in frames:
+        assert isinstance(frame, Frame)
+        assert frame.expected_m is not None
+        np.testing.assert_array_equal(frame.expected > 0, frame.clean > 0)
+        units = np.abs(frame.expected.astype(int) - frame.clean.astype(int))
+        assert 0 < units.max() < 100  # of 0.1 mm
+        np.testing.assert_array_equal(frame.image("expected"), frame.expected)
+
+
+def test_it_is_the_clean_depth_for_sensors_without_a_systematic_error() -> None:
+    settings = load_settings(
+        overrides={
+            "sensor": "kinect-v1",
+            "source": {"subjects": 1, "frames_per_subject": 1},
+            "output": {"crop": 48},
+        }
+    )
+    (frame,) = simulate(settings, layers=("clean", "expected", "noisy"))
+    assert isinstance(frame, Frame)
+    assert frame.expected_m is not None
+    assert frame.expected_m.tobytes() == frame.clean_m.tobytes()
+
+
+def test_a_frame_without_it_says_so() -> None:
+    (frame, _) = simulate(small())
+    assert isinstance(frame, Frame)
+    assert frame.expected_m is None
+    with pytest.raises(ConfigError, match="made without the layer 'expected'"):
+        frame.image("expected")
+
+
+STAGE = """#version 330 core
+// bend: moves all depths by a share, and says so.
+uniform float share = 0.01;  //@ [0, 1] 1 share of the depth
+uniform sampler2D u_depth;
+{guard}
+uniform sampler2D u_expected;
+out float expected;
+{end}
+out float depth;
+void main() {{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    depth = texelFetch(u_depth, pixel, 0).r * (1.0 + share);
+{guard}
+    expected = texelFetch(u_expected, pixel, 0).r * (1.0 + share);
+{end}
+}}
+"""
+
+
+@pytest.mark.parametrize(("guard", "end"), [("#ifdef EXPECTED", "#endif"), ("", "")])
+def test_a_stage_of_the_users_own_adds_to_it(tmp_path: Path, guard: str, end: str) -> None:
+    """After the shipped stages, with and without the guard that saves time."""
+    (tmp_path / "bend.glsl").write_text(STAGE.format(guard=guard, end=end))
+    (tmp_path / "mine.toml").write_text(
+        'title = "mine"\n[rig]\nwidth = 128\nheight = 128\nfocal_px = [365.0, 365.0]\n'
+        "centre_px = [64.0, 64.0]\nmodulation_mhz = [80, 16, 120]\n"
+        "[[rig.emitter]]\nposition_m = [0.049, 0, 0]\n"
+        '[[stage]]\nuse = "tof_fast"\n[[stage]]\nuse = "bend.glsl"\n'
+    )
+    settings = load_settings(
+        overrides={
+            "sensor": str(tmp_path / "mine.toml"),
+            "source": {"subjects": 1, "frames_per_subject": 1},
+        }
+    )
+    (with_it,) = simulate(settings, layers=("clean", "expected", "noisy"))
+    (without,) = simulate(settings, layers=("clean", "noisy"))
+    assert isinstance(with_it, Frame)
+    assert isinstance(without, Frame)
+    assert with_it.expected_m is not None
+    assert without.noisy_m.tobytes() == with_it.noisy_m.tobytes()
+    assert without.expected_m is None
+    seen = with_it.clean_m > 0
+    share = (with_it.expected_m / np.where(seen, with_it.clean_m, 1))[seen]
+    assert np.abs(share - 1.01).max() < 0.01
+    assert share.std() > 1e-5  # the wiggling of tof_fast is in it
+
+
+def test_preview_shows_a_data_set_that_holds_it(tmp_path: Path) -> None:
+    generate(small(layers=LAYERS), tmp_path / "d", workers=1)
+    assert main(["preview", str(tmp_path / "d"), "-o", str(tmp_path / "p.png"), "-q"]) == 0
