@@ -57,65 +57,58 @@ def find_cases(
     """
     by_sensor = {sensor.name: sensor for sensor in study.sensor}
     by_source = {source.name: source for source in study.source}
-    chosen = [_known(name, by_sensor, "--train-on", name) for name in dict.fromkeys(train_on)]
+    chosen = tuple(
+        _known(name, by_sensor, f"--train-on {name}") for name in dict.fromkeys(train_on)
+    )
     for sensor in chosen:
         if sensor.train_people == 0:
             raise ConfigError(f"--train-on {sensor.name}: this sensor is only tested")
-    base = tuple(chosen) or study.trainable
-    left_sensors, left_sources = _left_out(leave, by_sensor, by_source, bool(chosen), given)
-    if chosen and ALL in (*leave, *([] if leave else [ALL])):
-        left_sensors = [sensor for sensor in left_sensors if sensor not in chosen]
+    base = chosen or study.trainable
+    unseen = tuple(sensor for sensor in study.sensor if sensor not in chosen)
+    if given and not leave:
+        return [Case("-", study.sensor, study.source, None)]
+    left = {text: _parsed(text, by_sensor, by_source) for text in leave if text != ALL}
+    if ALL in leave or not leave:
+        left |= {f"sensor:{sensor.name}": sensor for sensor in unseen}
+        # One training on chosen sensors is the short form: it leaves out faces on request only.
+        if not given and (leave or not chosen):
+            left |= {f"source:{source.name}": source for source in study.source}
     cases = []
-    for sensor in left_sensors:
-        kept = tuple(other for other in base if other != sensor)
-        training = None if given else _training_set(study, kept, study.source)
+    for text, family in left.items():
+        sensors, sources = base, study.source
+        tested_sensors, tested_sources = unseen or study.sensor, study.source
+        if isinstance(family, SensorFamily):
+            tested_sensors = (family,)
+            sensors = tuple(sensor for sensor in base if sensor != family)
+        else:
+            tested_sources = (family,)
+            sources = tuple(source for source in study.source if source != family)
+        training = None if given else _training_set(study, sensors, sources)
         if given or training is not None:
-            cases.append(Case(f"sensor {sensor.name}", (sensor,), study.source, training))
-        elif f"sensor:{sensor.name}" in leave:
-            raise ConfigError(f"--leave sensor:{sensor.name}: no other sensor is left to train on")
-    for source in left_sources:
-        others = tuple(other for other in study.source if other != source)
-        tested = tuple(s for s in study.sensor if s not in chosen) or study.sensor
-        training = None if given else _training_set(study, base, others)
-        if given or training is not None:
-            cases.append(Case(f"faces {source.name}", tested, (source,), training))
-        elif f"source:{source.name}" in leave:
-            raise ConfigError(f"--leave source:{source.name}: no other source is left to train on")
+            title = text.replace(":", " ")
+            cases.append(Case(title, tested_sensors, tested_sources, training))
+        elif text in leave:
+            raise ConfigError(f"--leave {text}: nothing else is left to train on")
     if not cases:
         raise ConfigError("nothing can be left out: the study needs two sensors or two sources")
     return cases
 
 
-def _left_out(
-    leave: Sequence[str],
-    by_sensor: dict[str, SensorFamily],
-    by_source: dict[str, FaceFamily],
-    one_training: bool,
-    given: bool,
-) -> tuple[list[SensorFamily], list[FaceFamily]]:
-    """Return the sensors and sources that ``--leave`` names, each once and in its order."""
-    if not leave:
-        sources = [] if one_training or given else list(by_source.values())
-        return list(by_sensor.values()), sources
-    sensors: dict[str, SensorFamily] = {}
-    sources_left: dict[str, FaceFamily] = {}
-    for text in leave:
-        kind, _, name = text.partition(":")
-        if text == ALL:
-            sensors |= by_sensor
-            sources_left |= {} if given else by_source
-        elif kind == "sensor" and name:
-            sensors[name] = _known(name, by_sensor, "--leave", text)
-        elif kind == "source" and name:
-            sources_left[name] = _known(name, by_source, "--leave", text)
-        else:
-            raise ConfigError(f"--leave {text}: write sensor:NAME, source:NAME or {ALL}")
-    return list(sensors.values()), list(sources_left.values())
+def _parsed(
+    text: str, by_sensor: dict[str, SensorFamily], by_source: dict[str, FaceFamily]
+) -> SensorFamily | FaceFamily:
+    """Return what a ``--leave`` names. Raises ConfigError."""
+    kind, _, name = text.partition(":")
+    if kind == "sensor" and name:
+        return _known(name, by_sensor, f"--leave {text}")
+    if kind == "source" and name:
+        return _known(name, by_source, f"--leave {text}")
+    raise ConfigError(f"--leave {text}: write sensor:NAME, source:NAME or {ALL}")
 
 
-def _known(name: str, families: dict[str, _Family], option: str, text: str) -> _Family:
+def _known(name: str, families: dict[str, _Family], option: str) -> _Family:
     if name not in families:
-        raise ConfigError(f"{option} {text}: not in this study ({did_you_mean(name, families)})")
+        raise ConfigError(f"{option}: not in this study ({did_you_mean(name, families)})")
     return families[name]
 
 

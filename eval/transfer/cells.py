@@ -12,6 +12,7 @@ import numpy as np
 
 from glsim.denoise import GRIDS, load
 from glsim.errors import DatasetError
+from glsim.eval.scoring.bias import BiasSums, BinSums, add_bias
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.run import Evaluation, ScoringProgress, evaluate
 from glsim.eval.scoring.statistics import SubjectSums
@@ -34,14 +35,16 @@ Watch = Callable[[ScoringProgress], None] | None
 
 @dataclass
 class MethodScores:
-    """The scores of a method: metric -> person -> (sum, defined frames, all frames).
+    """The scores of a method.
 
-    settings: what tuning chose for it; one text per data set.
+    settings: what tuning chose for it; one text per data set. sums: metric -> person -> (sum,
+    defined frames, all frames). bias: person -> errors over distance, see ``add_bias``.
     """
 
     name: str
     settings: list[str] = field(default_factory=list)
     sums: dict[str, dict[str, _Sums]] = field(default_factory=dict)
+    bias: dict[str, BinSums] = field(default_factory=dict)
 
     @property
     def people(self) -> list[str]:
@@ -119,6 +122,7 @@ def _scores(evaluation: Evaluation, label: str, name: str, settings: str) -> Met
         table = zip(values.sums.tolist(), values.counts.tolist(), values.frames.tolist(),
                     strict=True)  # fmt: skip
         scores.sums[metric] = dict(zip(summary.subjects, table, strict=True))
+    scores.bias = summary.bias_sums.get(label, {})
     return scores
 
 
@@ -127,6 +131,7 @@ def pool(cells: Sequence[tuple[str, CellScores]]) -> CellScores:
     of another text, and the same as those of an equal one.
     """
     pooled = CellScores()
+    bias: BiasSums = {}
     for faces, cell in cells:
         for name, scores in cell.methods.items():
             target = pooled.methods.setdefault(name, MethodScores(name))
@@ -136,6 +141,10 @@ def pool(cells: Sequence[tuple[str, CellScores]]) -> CellScores:
                 for person, sums in people.items():
                     key = f"{faces}/{person}"
                     table[key] = _added((table.get(key, (0.0, 0.0, 0.0)), sums))
+            for person, bins in scores.bias.items():
+                add_bias(bias, name, f"{faces}/{person}", bins)
+    for name, target in pooled.methods.items():
+        target.bias = bias.get(name, {})
     return pooled
 
 

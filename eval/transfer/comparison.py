@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
+from glsim.eval.scoring.bias import BiasBin, bias_by_distance, largest_bias
 from glsim.eval.scoring.statistics import ratio_interval
 from glsim.eval.scoring.tune import SURFACE
 from glsim.eval.transfer.cells import NOISY, CellScores, pool
@@ -87,10 +88,11 @@ class Comparison:
 
     @property
     def verdict(self) -> bool | None:
-        """Whether the goal is met; None if there is no ratio, as where the input has no error."""
-        if math.isnan(self.judged.value):
+        """Whether the goal is met, also where the other mean is 0; None for an undefined mean."""
+        other = self.filter_mean if self.figure.against == "filter" else self.noisy
+        if math.isnan(self.network_mean) or math.isnan(other):
             return None
-        return self.judged.value <= self.goal
+        return self.network_mean <= self.goal * other
 
     @property
     def sure(self) -> bool:
@@ -108,6 +110,26 @@ class Comparison:
         return text if self.verdict else f"**{text}**"
 
 
+@dataclass(frozen=True)
+class BiasComparison:
+    """Bias over distance of a network, the input and a filter, over all faces and scenes.
+
+    filter: the best one by SURFACE. bins: role ("noisy", "filter", "network") -> bins.
+    """
+
+    network: str
+    left_out: str
+    sensor: str
+    filter: str
+    bins: dict[str, list[BiasBin]]
+
+    @property
+    def largest_mm(self) -> float:
+        """The network's largest |bias| in a bin with enough pixels; NaN without such bins."""
+        largest = largest_bias(self.bins["network"])
+        return math.nan if largest is None else abs(largest.mean_mm)
+
+
 def compare(results: Sequence[CellResult], goals: Goals) -> list[Comparison]:
     """Compare the network of each result by each figure."""
     return [
@@ -117,21 +139,36 @@ def compare(results: Sequence[CellResult], goals: Goals) -> list[Comparison]:
     ]
 
 
-def compare_pooled(results: Sequence[CellResult], goals: Goals) -> list[Comparison]:
-    """Compare by sensor and what was left out: over all faces and scenes of its cells."""
+def pool_by_sensor(results: Sequence[CellResult]) -> list[CellResult]:
+    """Join the results of a network under a sensor over all faces and scenes."""
     groups: dict[tuple[str, str, str], list[CellResult]] = {}
     for result in results:
         key = (result.network, result.left_out, result.sensor.name)
         groups.setdefault(key, []).append(result)
-    pooled = [
-        CellResult(
-            *(members[0].network, members[0].left_out, members[0].sensor),
-            *("", ""),
-            pool([(member.source, member.scores) for member in members]),
+    return [
+        replace(
+            members[0],
+            source="",
+            scene="",
+            scores=pool([(member.source, member.scores) for member in members]),
         )
         for members in groups.values()
     ]
-    return compare(pooled, goals)
+
+
+def compare_bias(pooled: Sequence[CellResult]) -> list[BiasComparison]:
+    """Compare the bias over distance. pooled: see ``pool_by_sensor``."""
+    compared = []
+    for result in pooled:
+        best = result.scores.best_filter(SURFACE)
+        roles = {NOISY: NOISY, "filter": best.name, "network": result.network}
+        bins = {
+            role: bias_by_distance(result.scores.methods[name].bias) for role, name in roles.items()
+        }
+        compared.append(
+            BiasComparison(result.network, result.left_out, result.sensor.name, best.name, bins)
+        )
+    return compared
 
 
 def goal_of(figure: Figure, sensor: SensorFamily, goals: Goals) -> float:

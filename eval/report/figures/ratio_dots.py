@@ -12,8 +12,12 @@ from glsim.eval.report.figures.style import method_style, new_figure
 _TEXT_SIZE: Final = 7
 #: Height of a dot's line and of the gap between groups, inch.
 _LINE_IN, _GAP = 0.085, 1.2
-#: Ticks of the logarithmic axis, as far as it reaches.
-_TICKS: Final = (0.02, 0.05, 0.1, 0.2, 0.5, 0.7, 1.0, 1.5, 2.0, 5.0, 10.0, 20.0)
+#: Ends of the logarithmic axis at most; dots beyond are drawn at the edge.
+_ENDS: Final = (0.04, 25.0)
+#: Ticks: fine ones where the axis spans less than a factor of _FINE, else coarse ones.
+_FINE: Final = 5.0
+_FINE_TICKS: Final = (0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0, 4.0)
+_COARSE_TICKS: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
 @dataclass(frozen=True)
@@ -100,12 +104,25 @@ def _draw(
         if dot.low > 0:
             axis.plot([dot.low, dot.high], [y, y], color=colour, linewidth=1.0)
         axis.plot(
-            [dot.ratio], [y], marker="o", markersize=3.2, color=colour, markeredgewidth=0.8,
-            markerfacecolor="white" if dot.open_circle else colour, linestyle="none",
-        )  # fmt: skip
+            [min(max(dot.ratio, _ENDS[0]), _ENDS[1])],
+            [y],
+            marker="o",
+            markersize=3.2,
+            color=colour,
+            markeredgewidth=0.8,
+            markerfacecolor="white" if dot.open_circle else colour,
+            linestyle="none",
+            clip_on=False,
+            zorder=3,
+        )
     ends = [v for dot in dots for v in (dot.ratio, dot.low, dot.high, dot.goal) if v > 0]
     low, high = min([0.7, *(0.9 * v for v in ends)]), max([1.15, *(1.1 * v for v in ends)])
-    ticks = [tick for tick in _TICKS if low <= tick <= high]
+    low, high = max(low, _ENDS[0]), min(high, _ENDS[1])
+    ticks = [
+        tick
+        for tick in (_FINE_TICKS if high < _FINE * low else _COARSE_TICKS)
+        if low <= tick <= high
+    ]
     axis.set_xscale("log")
     axis.set_xlim(low, high)
     axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])

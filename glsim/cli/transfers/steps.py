@@ -129,23 +129,21 @@ class StudyRun:
 
     def results(self, networks: Sequence[Network]) -> list[CellResult]:
         """Return what has been scored, in the order of the networks and their cells."""
-        found = []
+        found: dict[tuple[str, str, Path], CellResult] = {}
         for network in networks:
             for data in self._tests(network.case):
                 scored = self._networks.get((data.place, network.name))
                 if scored is not None and data.place in self._filters:
                     methods = self._filters[data.place].methods | scored.methods
-                    found.append(
-                        CellResult(
-                            network.name,
-                            network.case.title,
-                            data.sensor,
-                            data.source.name,
-                            data.scene.name,
-                            CellScores(methods),
-                        )
+                    found[network.name, network.case.title, data.place] = CellResult(
+                        network.name,
+                        network.case.title,
+                        data.sensor,
+                        data.source.name,
+                        data.scene.name,
+                        CellScores(methods),
                     )
-        return found
+        return list(found.values())
 
     def _tests(self, case: Case) -> list[DataSet]:
         return [
@@ -220,7 +218,7 @@ class StudyRun:
         return Step("train", title, steps, lambda: _steps_done(folder) >= steps, run)
 
     def _job(self, data: DataSet) -> ScoringJob:
-        return ScoringJob(self.out / data.place, "test", ())
+        return ScoringJob(self.out / data.place, "test", (), truth=self.study.truth)
 
     def _scores(self, data: DataSet, name: str) -> Path:
         return self.out / "scores" / data.cell / name
