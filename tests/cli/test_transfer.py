@@ -83,7 +83,7 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert recipe["data"]["target"] == "expected"
 
     # The same command does nothing again; a further sensor adds to what is there.
-    run = out / "runs" / "fankhauser_all-faces" / "last.pt"
+    run = out / "runs" / "fankhauser_all-faces" / "best.pt"
     before = run.read_bytes(), (out / "transfer.csv").read_bytes()
     assert main(study(tmp_path, "--leave", "sensor:led3d")) == 0
     assert "1/5, 0 s, about 0 s left, was complete: " in capsys.readouterr().err
