@@ -18,7 +18,7 @@ from glsim.eval.scoring.run import Evaluation, ScoringProgress, evaluate
 from glsim.eval.scoring.statistics import SubjectSums
 from glsim.eval.scoring.tune import SURFACE, tune
 
-#: The map of a network with a soft validity that is scored: the default of glsim denoise.
+#: Default map of a network with a soft validity, as that of glsim denoise: one of COMPOSITES.
 COMPOSITE: Final = "hard"
 #: The input, as a method.
 NOISY: Final = "noisy"
@@ -93,11 +93,21 @@ def score_filters(job: ScoringJob, out: Path, *, workers: int, watch: Watch = No
 
 
 def score_network(
-    job: ScoringJob, name: str, network: str, out: Path, *, workers: int, watch: Watch = None
+    job: ScoringJob,
+    name: str,
+    network: str,
+    out: Path,
+    *,
+    composite: str = COMPOSITE,
+    workers: int,
+    watch: Watch = None,
 ) -> CellScores:
-    """Score a network on the test people of a data set. network: see ``glsim.denoise.load``."""
+    """Score a network on the test people of a data set. network: see ``glsim.denoise.load``.
+
+    composite: the map of a soft validity, one of COMPOSITES.
+    """
     evaluation = _whole(replace(job, denoisers=(f"network@{network}",)), out, workers, watch)
-    label = f"network [{COMPOSITE}]"
+    label = f"network [{composite}]"
     if label not in evaluation.summary.methods:
         label = "network"  # its validity is not soft
     return CellScores({name: _scores(evaluation, label, name, "")})

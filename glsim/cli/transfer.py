@@ -88,6 +88,9 @@ def transfer(
         Path | None,
         typer.Option(help="Your own study, a .toml file like glsim/cli/transfers/full.toml."),
     ] = None,
+    composite: Annotated[
+        str, typer.Option(help="Scored map of a network's soft validity, as for glsim denoise.")
+    ] = "hard",
     figures: Annotated[bool, typer.Option(help="Draw transfer.png.")] = True,
     plan: Annotated[
         bool, typer.Option("--plan", help="Print the steps and their time without running them.")
@@ -105,10 +108,13 @@ def transfer(
     """
     from glsim.cli.transfers.networks import steps_of_given, steps_of_trainings
     from glsim.cli.transfers.steps import Pace, StudyRun
+    from glsim.denoise import COMPOSITES
     from glsim.eval.transfer.cases import find_cases
     from glsim.eval.transfer.report import write_results
     from glsim.worker_processes import worker_count
 
+    if composite not in COMPOSITES:
+        raise ConfigError(f"--composite {composite}: choose one of {', '.join(COMPOSITES)}")
     if network and (train_on or steps):
         raise ConfigError("--network trains nothing: leave out --train-on and --steps")
     chosen = _load(small, study, sensor or [], ict_root)
@@ -118,7 +124,11 @@ def transfer(
         )
     cases = find_cases(chosen, leave or (), train_on or (), given=bool(network))
     run = StudyRun(chosen, cases, out, worker_count(workers))
-    work = steps_of_given(run, network) if network else steps_of_trainings(run)
+    if network:
+        work = steps_of_given(run, network, composite)
+    else:
+        work = steps_of_trainings(run, composite)
+    work.notes.append(f"A soft validity becomes a map by the composite `{composite}`")
     todo = [step for group in work.groups for step in group]
     pace = Pace(run.workers)
     if plan:

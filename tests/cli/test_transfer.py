@@ -144,6 +144,7 @@ def test_given_networks_and_a_sensor_of_ones_own(tmp_path: Path) -> None:
         (["--network", "nowhere.pt"], "nowhere.pt: no such file"),
         (["--network", "a@noisy", "--network", "a@median"], "name it another than a"),
         (["--small"], "give --small or --study"),
+        (["--composite", "hardest"], "--composite hardest: choose one of"),
         (["--ict-root", "nowhere"], "--ict-root nowhere: no such folder"),
         (["--sensor", "nowhere.toml"], "nowhere.toml: no such file"),
         (["--sensor", "kinect-v2"], "give a sensor file, which ends in .toml"),

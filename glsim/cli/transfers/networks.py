@@ -26,7 +26,7 @@ class Work(NamedTuple):
     notes: list[str]
 
 
-def steps_of_given(run: StudyRun, specs: Sequence[str]) -> Work:
+def steps_of_given(run: StudyRun, specs: Sequence[str], composite: str) -> Work:
     """Return the work for given networks. Raises ConfigError, DenoiserError."""
     named: dict[str, str] = {}
     for spec in specs:
@@ -39,7 +39,7 @@ def steps_of_given(run: StudyRun, specs: Sequence[str]) -> Work:
             raise ConfigError(f"--network {spec}: name it another than {name}: LABEL@{file}")
         named[name] = file
     networks = [
-        Network(name, file, replace(case, title="-"))
+        Network(name, file, replace(case, title="-"), composite)
         for name, file in named.items()
         for case in run.cases
     ]
@@ -48,7 +48,7 @@ def steps_of_given(run: StudyRun, specs: Sequence[str]) -> Work:
     return Work(groups, networks, notes)
 
 
-def steps_of_trainings(run: StudyRun) -> Work:
+def steps_of_trainings(run: StudyRun, composite: str) -> Work:
     """Return the work with a training for each training set.
 
     Raises ConfigError for a wrong recipe, TrainError without PyTorch.
@@ -58,7 +58,7 @@ def steps_of_trainings(run: StudyRun) -> Work:
     for case in run.cases:
         training = case.training
         assert training is not None  # find_cases was asked for trainings
-        network = Network(training.name, str(run.checkpoint(training)), case)
+        network = Network(training.name, str(run.checkpoint(training)), case, composite)
         networks.append(network)
         groups.append([*run.training_steps(training, recipe), *run.network_steps(network)])
         notes.append(_training_note(training, recipe))

@@ -84,11 +84,15 @@ class Pace:
 
 @dataclass(frozen=True)
 class Network:
-    """A network to score. name: in tables and folders. case: the cells that test it."""
+    """A network to score. name: in tables and folders. case: the cells that test it.
+
+    composite: its map, if its validity is soft.
+    """
 
     name: str
     file: str
     case: Case
+    composite: str
 
 
 class StudyRun:
@@ -191,7 +195,7 @@ class StudyRun:
             with scoring_progress(network.name) as watch:
                 self._networks[data.place, network.name] = score_network(
                     self._job(data), network.name, network.file, out,
-                    workers=self.workers, watch=watch,
+                    composite=network.composite, workers=self.workers, watch=watch,
                 )  # fmt: skip
             return frames if fresh else 0
 
