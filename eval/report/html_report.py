@@ -15,6 +15,7 @@ from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
 from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
 from glsim.eval.report.document import Document
+from glsim.eval.report.figures.bias_curves import bias_curves
 from glsim.eval.report.figures.curves import disagreement, error_curves, frame_boxes
 from glsim.eval.report.figures.gallery import GalleryFrame, method_gallery
 from glsim.eval.report.figures.style import to_png
@@ -88,6 +89,10 @@ def write_report(
             to_png(frame_boxes(evaluation.summary)),
         ),
     ]
+    over_distance = bias_curves(summary)
+    if over_distance is not None:
+        caption = "Bias over distance: mean error per 100 mm, with its 95 % interval over subjects."
+        pictures.append(("bias_by_distance", caption, to_png(over_distance)))
     frame = example_frame(job)
     if frame is not None:
         names = list(frame.predictions)

@@ -132,6 +132,45 @@ def test_a_stage_of_the_users_own_adds_to_it(tmp_path: Path, guard: str, end: st
     assert share.std() > 1e-5  # the wiggling of tof_fast is in it
 
 
+BEND = """
+import numpy as np
+from glsim.noise.stage import array_stage
+
+@array_stage(share=("float", 0.01, 0, 1, "1", "share of the depth"))
+def bend(view, layers, p):
+    factor = np.float32(1 + p["share"])
+    written = {"depth": layers["depth"] * factor}
+    if "expected" in layers:
+        written["expected"] = layers["expected"] * factor
+    return written
+
+@array_stage()
+def always(view, layers, p):
+    return {"expected": layers["clean"] * np.float32(1.01)}
+"""
+
+
+@pytest.mark.parametrize("function", ["bend", "always"])
+def test_an_array_stage_of_the_users_own_adds_to_it(tmp_path: Path, function: str) -> None:
+    (tmp_path / "bend.py").write_text(BEND)
+    (tmp_path / "mine.toml").write_text(
+        'title = "mine"\n[rig]\nwidth = 128\nheight = 128\nfocal_px = [365.0, 365.0]\n'
+        f'centre_px = [64.0, 64.0]\n[[stage]]\nuse = "bend.py:{function}"\n'
+    )
+    settings = load_settings(
+        overrides={
+            "sensor": str(tmp_path / "mine.toml"),
+            "source": {"subjects": 1, "frames_per_subject": 1},
+        }
+    )
+    (with_it,) = simulate(settings, layers=("clean", "expected", "noisy"))
+    (without,) = simulate(settings, layers=("clean", "noisy"))
+    assert isinstance(with_it, Frame)
+    assert isinstance(without, Frame)
+    assert without.expected_m is None
+    np.testing.assert_allclose(with_it.expected_m, with_it.clean_m * 1.01, rtol=1e-6)
+
+
 def test_preview_shows_a_data_set_that_holds_it(tmp_path: Path) -> None:
     generate(small(layers=LAYERS), tmp_path / "d", workers=1)
     assert main(["preview", str(tmp_path / "d"), "-o", str(tmp_path / "p.png"), "-q"]) == 0
