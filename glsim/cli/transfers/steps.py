@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
+from glsim.cli.common import print_message
 from glsim.cli.progress import generation_progress, scoring_progress
 from glsim.cli.train import stopping, training_progress
 from glsim.dataset import generate
@@ -162,9 +163,10 @@ class StudyRun:
                 summary = generate(
                     self.study.settings_of(data), folder, workers=self.workers, progress=progress
                 )
-            if summary.skipped:
-                why, count = max(summary.skipped.items(), key=lambda item: item[1])
-                raise DatasetError(f"{folder}: {count} frames could not be made: {why}")
+            for why, count in summary.skipped.items():
+                print_message(f"skipped {count}: {why}")
+            if not sum(summary.frames.values()):
+                raise DatasetError(f"{folder}: no frame could be made, see skipped.jsonl there")
             return summary.rendered
 
         title = f"{data.frames} frames to {data.part} with: {data.cell}"
