@@ -58,12 +58,39 @@ def bootstrap_interval(values: SubjectSums, level: float = 0.95) -> tuple[float,
     subjects = len(values.sums)
     if np.count_nonzero(values.counts) < 2:
         return float("nan"), float("nan")
-    rng = np.random.default_rng(_SEED)
-    times = rng.multinomial(subjects, np.full(subjects, 1 / subjects), _DRAWS).astype(np.float64)
+    times = _resampled(subjects)
     sums, counts = times @ values.sums, times @ values.counts
     means = sums[counts > 0] / counts[counts > 0]
     low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2])
     return float(low), float(high)
+
+
+def ratio_interval(
+    first: SubjectSums, second: SubjectSums, level: float = 0.95
+) -> tuple[float, float, float]:
+    """Compute the ratio of two means over the same S subjects, and its bootstrap interval.
+
+    Both means of a draw are over the same resampled subjects. Returns ratio, low, high; NaN where a
+    mean is undefined or the second is 0, and for the interval of fewer than 2 subjects.
+    """
+    ratio = first.mean / second.mean if second.mean else float("nan")
+    if min(np.count_nonzero(first.counts), np.count_nonzero(second.counts)) < 2:
+        return ratio, float("nan"), float("nan")
+    times = _resampled(len(first.sums))
+    # (a / b) / (c / d) as a d / (b c): the zeros of a draw are found before it divides.
+    above = (times @ first.sums) * (times @ second.counts)
+    below = (times @ second.sums) * (times @ first.counts)
+    if not (below > 0).any():
+        return ratio, float("nan"), float("nan")
+    ratios = above[below > 0] / below[below > 0]
+    low, high = np.quantile(ratios, [(1 - level) / 2, (1 + level) / 2])
+    return ratio, float(low), float(high)
+
+
+def _resampled(subjects: int) -> _Array:
+    """Return (_DRAWS, S) numbers of times that each draw takes each of S subjects."""
+    rng = np.random.default_rng(_SEED)
+    return rng.multinomial(subjects, np.full(subjects, 1 / subjects), _DRAWS).astype(np.float64)
 
 
 def sign_flip_test(first: SubjectSums, second: SubjectSums) -> float:

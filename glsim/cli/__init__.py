@@ -21,6 +21,7 @@ from glsim.cli import (
     stages,
     study,
     train,
+    transfer,
     validate,
     verify,
 )
@@ -55,6 +56,7 @@ app.command("eval", epilog=evaluate.EXAMPLES)(evaluate.evaluate)
 app.command("denoise", epilog=denoise.EXAMPLES)(denoise.denoise)
 app.command("export", epilog=export.EXAMPLES)(export.export)
 app.command("study", epilog=study.EXAMPLES)(study.study)
+app.command("transfer", epilog=transfer.EXAMPLES)(transfer.transfer)
 
 
 def main(arguments: list[str] | None = None) -> int:

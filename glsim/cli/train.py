@@ -138,7 +138,7 @@ def train(
         ) from None
 
     pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen)
-    with stopping() as stop, _progress(chosen.title) as show:
+    with stopping() as stop, training_progress(chosen.title) as show:
         report = fit(chosen, pairs, folder, resume=resume, on_step=show, should_stop=stop)
     _print_result(report, folder)
     if report["state"] == "interrupted":
@@ -164,7 +164,7 @@ def stopping() -> Iterator[Callable[[], bool]]:
 
 
 @contextmanager
-def _progress(title: str) -> Iterator[Callable[[StepStatus], None] | None]:
+def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | None]:
     """Print a line per validation and, on a terminal, a bar below them; None if --quiet."""
     if options.quiet:
         yield None

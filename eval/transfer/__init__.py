@@ -1,0 +1,1 @@
+"""Transfer: networks on sensors and faces that were not in training, beside tuned filters."""

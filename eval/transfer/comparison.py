@@ -1,0 +1,203 @@
+"""Compare a network with the input and the best filter, cell by cell, and with the goals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+from glsim.eval.scoring.bias import BiasBin, bias_by_distance, largest_bias
+from glsim.eval.scoring.statistics import ratio_interval
+from glsim.eval.scoring.tune import SURFACE
+from glsim.eval.transfer.cells import NOISY, CellScores, pool
+from glsim.eval.transfer.study import Goals, SensorFamily
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the tables. against: what its goal compares the network with."""
+
+    metric: str
+    title: str
+    unit: str
+    against: Literal["filter", "input"]
+
+
+FIGURES: Final = (
+    Figure(SURFACE, "interior RMSE", "mm", "filter"),
+    Figure("normal_mean_deg", "normals", "°", "filter"),
+    Figure("flips_px", "flips", "px", "input"),
+    Figure("flying_px", "flying pixels", "px", "input"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class CellResult:
+    """The scores of a cell in one scene. left_out: what the network was not trained on.
+
+    scores: holds the input, the filters, and the network under its name.
+    """
+
+    network: str
+    left_out: str
+    sensor: SensorFamily
+    source: str
+    scene: str
+    scores: CellScores
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A ratio of two means with its 95 % interval over people."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One figure of a network on a cell or on several: means, ratios, and the verdict.
+
+    source, scene: "" if pooled. filter: the best one by this figure. settings: as it was tuned, one
+    per data set. verdict: whether the goal is met; None if the ratio is undefined. sure: the
+    interval of the ratio does not hold the goal.
+    """
+
+    network: str
+    left_out: str
+    sensor: str
+    source: str
+    scene: str
+    figure: Figure
+    noisy: float
+    filter: str
+    settings: tuple[str, ...]
+    filter_mean: float
+    network_mean: float
+    to_filter: Ratio
+    to_input: Ratio
+    goal: float
+    people: int
+
+    @property
+    def judged(self) -> Ratio:
+        """The ratio that the goal is about."""
+        return self.to_filter if self.figure.against == "filter" else self.to_input
+
+    @property
+    def verdict(self) -> bool | None:
+        """Whether the goal is met, also where the other mean is 0; None for an undefined mean."""
+        other = self.filter_mean if self.figure.against == "filter" else self.noisy
+        if math.isnan(self.network_mean) or math.isnan(other):
+            return None
+        return self.network_mean <= self.goal * other
+
+    @property
+    def sure(self) -> bool:
+        """Whether the whole interval is on the side of the verdict."""
+        judged = self.judged
+        return not judged.low <= self.goal <= judged.high
+
+    @property
+    def verdict_text(self) -> str:
+        """Text of the verdict: pass or fail, with a question mark unless it is sure."""
+        if self.verdict is None:
+            return "n/a"
+        text = "pass" if self.verdict else "fail"
+        text += "" if self.sure else "?"
+        return text if self.verdict else f"**{text}**"
+
+
+@dataclass(frozen=True)
+class BiasComparison:
+    """Bias over distance of a network, the input and a filter, over all faces and scenes.
+
+    filter: the best one by SURFACE. bins: role ("noisy", "filter", "network") -> bins.
+    """
+
+    network: str
+    left_out: str
+    sensor: str
+    filter: str
+    bins: dict[str, list[BiasBin]]
+
+    @property
+    def largest_mm(self) -> float:
+        """The network's largest |bias| in a bin with enough pixels; NaN without such bins."""
+        largest = largest_bias(self.bins["network"])
+        return math.nan if largest is None else abs(largest.mean_mm)
+
+
+def compare(results: Sequence[CellResult], goals: Goals) -> list[Comparison]:
+    """Compare the network of each result by each figure."""
+    return [
+        _comparison(result, result.scores, figure, goals)
+        for figure in FIGURES
+        for result in results
+    ]
+
+
+def pool_by_sensor(results: Sequence[CellResult]) -> list[CellResult]:
+    """Join the results of a network under a sensor over all faces and scenes."""
+    groups: dict[tuple[str, str, str], list[CellResult]] = {}
+    for result in results:
+        key = (result.network, result.left_out, result.sensor.name)
+        groups.setdefault(key, []).append(result)
+    return [
+        replace(
+            members[0],
+            source="",
+            scene="",
+            scores=pool([(member.source, member.scores) for member in members]),
+        )
+        for members in groups.values()
+    ]
+
+
+def compare_bias(pooled: Sequence[CellResult]) -> list[BiasComparison]:
+    """Compare the bias over distance. pooled: see ``pool_by_sensor``."""
+    compared = []
+    for result in pooled:
+        best = result.scores.best_filter(SURFACE)
+        roles = {NOISY: NOISY, "filter": best.name, "network": result.network}
+        bins = {
+            role: bias_by_distance(result.scores.methods[name].bias) for role, name in roles.items()
+        }
+        compared.append(
+            BiasComparison(result.network, result.left_out, result.sensor.name, best.name, bins)
+        )
+    return compared
+
+
+def goal_of(figure: Figure, sensor: SensorFamily, goals: Goals) -> float:
+    """Return the largest ratio that meets the goal of a figure."""
+    if figure.metric == "flips_px":
+        return goals.flips_ratio
+    if figure.metric == "flying_px":
+        return goals.flying_ratio
+    return goals.tof_ratio if sensor.tof else goals.other_ratio
+
+
+def _comparison(result: CellResult, scores: CellScores, figure: Figure, goals: Goals) -> Comparison:
+    metric = figure.metric
+    best, noisy = scores.best_filter(metric), scores.methods[NOISY]
+    network = scores.methods[result.network].values(metric)
+    return Comparison(
+        network=result.network,
+        left_out=result.left_out,
+        sensor=result.sensor.name,
+        source=result.source,
+        scene=result.scene,
+        figure=figure,
+        noisy=noisy.mean(metric),
+        filter=best.name,
+        settings=tuple(best.settings),
+        filter_mean=best.mean(metric),
+        network_mean=network.mean,
+        to_filter=Ratio(*ratio_interval(network, best.values(metric))),
+        to_input=Ratio(*ratio_interval(network, noisy.values(metric))),
+        goal=goal_of(figure, result.sensor, goals),
+        people=len(best.people),
+    )
