@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -27,9 +28,12 @@ from torch.utils.data import (
 
 from glsim.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
+from glsim.train.data.captures import StoredCaptures
 from glsim.train.data.checks import fingerprint, fingerprint_of
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
+from glsim.train.losses.registry import build_loss
+from glsim.train.losses.second_capture import SecondCaptureLoss
 from glsim.train.models.registry import inputs_of
 from glsim.train.recipe import DataSettings, Recipe
 
@@ -45,7 +49,10 @@ Batch = tuple[Tensor, Tensor]
 
 
 class PairDataset(Protocol):
-    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), (C, H, W) and (1, H, W)."""
+    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
+
+    Training pairs for a `SecondCaptureLoss` are (noisy_mm, second_mm): see `StoredCaptures`.
+    """
 
     def __len__(self) -> int: ...
 
@@ -170,14 +177,19 @@ class SimulatedBatches:
 def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     """Open the splits train and val of one or several data sets on disk, and join them.
 
+    The loss of the recipe decides whether training pairs hold the clean frame or a second capture.
     Raises DatasetError, ConfigError.
     """
     data = recipe.data
+    loss = build_loss(recipe.loss)
+    open_pairs: Callable[..., StoredPairs] = StoredPairs
+    if isinstance(loss, SecondCaptureLoss):
+        open_pairs = partial(StoredCaptures, frames_apart=loss.frames_apart)
     crop = data.crop or None
     inputs = inputs_of(recipe.model)
     validation_cut = "centre" if data.cut == "random" else data.cut
     train = [
-        StoredPairs(
+        open_pairs(
             dataset,
             "train",
             crop=crop,
@@ -220,6 +232,11 @@ def simulated_batches(recipe: Recipe) -> SimulatedBatches:
 
     Raises ConfigError, MeshError, DeviceError.
     """
+    if isinstance(build_loss(recipe.loss), SecondCaptureLoss):
+        raise ConfigError(
+            f"loss.kind = {recipe.loss['kind']!r} needs two frames of a sequence, and --simulate "
+            "renders single frames: make sequences with glsim generate, then give --data"
+        )
     changes = dict(recipe.simulate)
     if recipe.data.crop:
         changes["output"] = {"crop": recipe.data.crop, **changes.get("output", {})}

@@ -8,8 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from numpy.typing import NDArray
+
 from glsim.denoise.composites import DEFAULT_COMPOSITE
-from glsim.denoise.filters import masked, paper, temporal
+from glsim.denoise.filters import led3d, masked, paper, temporal
 from glsim.denoise.loading import (
     ONNX_SUFFIX,
     NetworkOptions,
@@ -36,6 +38,7 @@ _FILTERS: Final[dict[str, type]] = {
     "quadric": masked.LocalQuadric,
     "guided": masked.Guided,
     "rolling_guidance": masked.RollingGuidance,
+    "led3d": led3d.Led3DCleanUp,
     "temporal_median": temporal.TemporalMedian,
 }
 

@@ -29,6 +29,7 @@ BACKBONES: dict[str, dict[str, Any]] = {
 }
 WRAPPERS: dict[str, dict[str, Any]] = {
     "paper": {"kind": "paper_input"},
+    "kept mask": {"kind": "masked_depth"},
     "masked": {"kind": "mask_aware"},
     "uncertain": {"kind": "mask_aware", "uncertainty": True},
     "surfaces": {"kind": "mask_aware", "uncertainty": True, "surfaces": True},

@@ -29,7 +29,8 @@ def test_shapes_and_types(wrapper: str, backbone: str) -> None:
         prediction = model(noisy_mm)
         given = [part is not None for part in prediction]
         chooses, sure = wrapper == "surfaces", wrapper in ("uncertain", "surfaces")
-        assert given == [True, wrapper != "paper", sure, chooses, chooses]
+        masks = wrapper not in ("paper", "kept mask")
+        assert given == [True, masks, sure, chooses, chooses]
         for number, part in enumerate(parts(model, noisy_mm)):
             candidates = 3 if number >= 3 else 1
             assert part.shape == (len(noisy_mm), candidates, *noisy_mm.shape[2:])
@@ -89,6 +90,8 @@ def test_half_precision(wrapper: str, backbone: str) -> None:
         ({"kind": "restormer", "dim": 16, "blocks": [1, 1, 1, 2], "refinement": 1}, 1_004_819),
         ({"kind": "partial_conv", "depth": 7}, 185_857),
         ({"kind": "normalized_conv", "depth": 7}, 185_857),
+        ({"kind": "partial_autoencoder"}, 468_209),
+        ({"kind": "partial_autoencoder", "width": 4}, 117_433),
     ],
     ids=lambda value: value["kind"] if isinstance(value, dict) else str(value),
 )

@@ -23,7 +23,7 @@ from glsim.train.models.base import Prediction
 _TRIES: Final = 10
 
 
-class _NoisyTargetLoss(Loss):
+class NoisyTargetLoss(Loss):
     """Base class of losses whose target is the measured depth."""
 
     can_be_monitored: ClassVar[bool] = False
@@ -52,7 +52,7 @@ class _NoisyTargetLoss(Loss):
         return weighted_mean(per_pixel, mask.float())
 
 
-class Noise2Void(_NoisyTargetLoss):
+class Noise2Void(NoisyTargetLoss):
     """The blind spot of Krull, Buchholz, Jug, "Noise2Void", CVPR 2019, for maps with holes.
 
     Some measured pixels are replaced by a measured neighbour; the target is their measured depth.
@@ -118,7 +118,7 @@ def blind_spots(noisy_mm: Tensor, share: float, radius_px: int, generator: Gener
     return BlindSpots(replaced_mm, mask)
 
 
-class Recorrupted(_NoisyTargetLoss):
+class Recorrupted(NoisyTargetLoss):
     """Recorrupted-to-recorrupted, for Gaussian noise of a known size on the measured pixels.
 
     Pang, Zheng, Quan, Ji, CVPR 2021, in the form of Monroy, Bacca, Tachella, "Generalized

@@ -14,20 +14,22 @@ from glsim.train.models.masked_stack import MaskedStack
 
 
 class PartialConv2d(nn.Conv2d):
-    """3x3: w * (x m) * 9 / sum(m) + b where the window holds a measured pixel, 0 where it does not.
+    """w * (x m) * n / sum(m) + b where a window of n pixels holds a measured one, 0 elsewhere.
 
     x (B, before, H, W) and mask (B, 1, H, W) of 0 and 1 to (B, after, H, W) and the mask grown by
-    one pixel. Pixels beyond the image count as not measured.
+    half a window, both of H / stride x W / stride. Pixels beyond the image count as not measured.
+    size: side of the window, odd.
     """
 
-    def __init__(self, before: int, after: int) -> None:
-        super().__init__(before, after, 3, padding=1)
+    def __init__(self, before: int, after: int, size: int = 3, stride: int = 1) -> None:
+        super().__init__(before, after, size, stride=stride, padding=size // 2)
 
     def forward(self, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
         """Convolve."""
-        share = F.avg_pool2d(mask, 3, stride=1, padding=1)
+        share = F.avg_pool2d(mask, self.kernel_size, self.stride, self.padding)
         seen = share > 0
-        summed = F.conv2d(torch.where(mask > 0, x, 0.0), self.weight, padding=1)
+        known = torch.where(mask > 0, x, 0.0)
+        summed = F.conv2d(known, self.weight, stride=self.stride, padding=self.padding)
         grown = seen.to(mask.dtype)
         bias = self.bias.view(1, -1, 1, 1)
         return (summed / torch.where(seen, share, 1.0) + bias) * grown, grown

@@ -17,16 +17,19 @@ from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel
 from glsim.train.models.dncnn import DnCNN
 from glsim.train.models.mask_aware import MaskAware
+from glsim.train.models.masked_depth import MaskedDepth
 from glsim.train.models.normalized_conv import NormalizedConvNet
 from glsim.train.models.paper_input import PaperInput
+from glsim.train.models.partial_autoencoder import PartialAutoencoder
 from glsim.train.models.partial_conv import PartialConvNet
 from glsim.train.models.restormer import Restormer
 from glsim.train.models.small_unet import SmallUNet
 from glsim.train.models.unet import UNet
 
-MODELS: Final[dict[str, type[PaperInput] | type[MaskAware]]] = {
+MODELS: Final[dict[str, type[PaperInput] | type[MaskAware] | type[MaskedDepth]]] = {
     "paper_input": PaperInput,
     "mask_aware": MaskAware,
+    "masked_depth": MaskedDepth,
 }
 BACKBONES: Final[dict[str, type[Backbone]]] = {
     "dncnn": DnCNN,
@@ -34,6 +37,7 @@ BACKBONES: Final[dict[str, type[Backbone]]] = {
     "restormer": Restormer,
     "small_unet": SmallUNet,
     "partial_conv": PartialConvNet,
+    "partial_autoencoder": PartialAutoencoder,
     "normalized_conv": NormalizedConvNet,
     "artifact_removal": ArtifactRemoval,
 }
