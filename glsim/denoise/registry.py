@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from numpy.typing import NDArray
-
 from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.denoise.filters import led3d, masked, paper, temporal
 from glsim.denoise.loading import (
