@@ -49,9 +49,12 @@ for camera in kinect-v2 any-depth-camera; do
     done
 done
 # Clean frames stay as they are.
-generate ideal procedural 40 8 --config train/data/randomised.toml --sensor ideal
+generate ideal procedural 40 8 --sensor ideal --crop 128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
+    --set 'pose.distance_mm={ uniform = [520, 1450] }'
 stills+=(--data "$out/ideal-procedural")
 
+"$glsim" train face "${stills[@]}" --resume -o "$out/face"
+"$glsim" train face-ir "${stills[@]}" --from "$out/face/best.pt" --resume -o "$out/face-ir"
 # Videos of moving heads.
 for camera in any_camera any_camera_640 randomised; do
     for source in procedural ict-facekit; do
@@ -62,8 +65,6 @@ for camera in any_camera any_camera_640 randomised; do
     done
 done
 
-"$glsim" train face "${stills[@]}" --resume -o "$out/face"
-"$glsim" train face-ir "${stills[@]}" --from "$out/face/best.pt" --resume -o "$out/face-ir"
 "$glsim" train face-video "${videos[@]}" --from "$out/face/best.pt" --resume -o "$out/face-video"
 for network in face face-ir face-video; do
     "$glsim" export "$out/$network/best.pt" -o "glsim/denoise/shipped/$network.onnx"
