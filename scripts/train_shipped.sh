@@ -1,44 +1,71 @@
 #!/usr/bin/env bash
 # Makes the networks that the package ships: data, trainings, glsim/denoise/shipped/*.onnx. Resumes.
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
-#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 3 GB of data and the runs, default build/shipped.
+#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 4 GB of data and the runs, default build/shipped.
 # Two hours on two cores. The results are in docs/model_card.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 model=${1:?say where ICT-FaceKit\'s FaceXModel is}
 out=${2:-build/shipped}
 glsim=${GLSIM:-.venv/bin/glsim}
-sets=()
+stills=() videos=()
 
-# generate NAME SOURCE PEOPLE FRAMES OPTIONS...: a data set.
+# generate NAME SOURCE PEOPLE FRAMES OPTIONS...: makes a data set, by two workers.
 generate() {
     local name=$1 source=$2 people=$3 frames=$4
     shift 4
-    local root=()
+    local root=() seed
+    seed=$(printf %s "$name-$source" | cksum | cut -d ' ' -f 1) # of its own for each set
     [ "$source" != ict-facekit ] || root=(--root "$model")
     "$glsim" generate -q -o "$out/$name-$source" --source "$source" "${root[@]}" --subjects "$people" \
         --frames-per-subject "$frames" --depth-unit-mm 0.1 --split 0.94,0.06,0 --set devices=4096 \
-        --layers clean,expected,noisy,infrared "$@"
-    sets+=(--data "$out/$name-$source")
+        --layers clean,expected,noisy,infrared --seed "$seed" "$@"
 }
+# Frames of the same camera, 1/30 s apart; the last option of a set of videos.
+video=(--set redraw=sequence --set source.frames_per_sequence=8 --set source.frames_per_second=30)
+near_wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
+far_wall=(--set 'scene.wall_mm={ uniform = [2550, 4500] }')
 
-wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
-# Cameras that nobody built, at four resolutions; half stand before a wall.
-seed=100
-for size in 320 512 640 1024; do
+# Cameras that nobody built at four resolutions, and any Kinect V2; a third stands before a wall.
+for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
     for source in procedural ict-facekit people; do
-        people=100
-        [ "$source" != people ] || people=40
-        generate "any-$size" "$source" $people 8 --config "train/data/any_camera_$size.toml" --seed $((++seed))
-        generate "any-$size-wall" "$source" $((people / 2)) 16 --config "train/data/any_camera_$size.toml" \
-            --seed $((++seed)) "${wall[@]}"
+        config=(--config "train/data/$camera.toml")
+        wall=("${near_wall[@]}")
+        [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
+        people=60 frames=8
+        [ $camera != randomised ] || people=120 frames=12
+        [ $source != people ] || people=$((people / 3))
+        generate "$camera" $source $people $frames "${config[@]}"
+        generate "$camera-wall" $source $((people / 3)) 16 "${config[@]}" "${wall[@]}"
+        stills+=(--data "$out/$camera-$source" --data "$out/$camera-wall-$source")
     done
 done
-# Any Kinect V2.
-for source in procedural ict-facekit people; do
-    people=160
-    [ "$source" != people ] || people=40
-    generate kinect "$source" $people 12 --config train/data/randomised.toml --seed $((++seed))
-    generate kinect-wall "$source" $((people / 2)) 12 --config train/data/randomised.toml \
-        --seed $((++seed)) "${wall[@]}"
+# People in rooms: whole frames, of which each step sees a random square.
+for camera in kinect-v2 any-depth-camera; do
+    for room in office living-room; do
+        generate "$room-$camera" people 40 4 --preset $room --sensor $camera
+        # Three times: a frame of a room has many squares.
+        for _ in 1 2 3; do stills+=(--data "$out/$room-$camera-people"); done
+    done
+done
+# Clean frames stay as they are.
+generate ideal procedural 40 8 --sensor ideal --crop 128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
+    --set 'pose.distance_mm={ uniform = [520, 1450] }'
+stills+=(--data "$out/ideal-procedural")
+
+"$glsim" train face "${stills[@]}" --resume -o "$out/face"
+"$glsim" train face-ir "${stills[@]}" --from "$out/face/best.pt" --resume -o "$out/face-ir"
+# Videos of moving heads.
+for camera in any_camera any_camera_640 randomised; do
+    for source in procedural ict-facekit; do
+        generate "video-$camera" $source 30 16 --config "train/data/$camera.toml" "${video[@]}"
+        generate "video-$camera-wall" $source 15 16 --config "train/data/$camera.toml" "${near_wall[@]}" \
+            "${video[@]}"
+        videos+=(--data "$out/video-$camera-$source" --data "$out/video-$camera-wall-$source")
+    done
+done
+
+"$glsim" train face-video "${videos[@]}" --from "$out/face/best.pt" --resume -o "$out/face-video"
+for network in face face-ir face-video; do
+    "$glsim" export "$out/$network/best.pt" -o "glsim/denoise/shipped/$network.onnx"
 done

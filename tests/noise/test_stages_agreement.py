@@ -22,6 +22,13 @@ STAGES = [use for use in TWINS if not use.startswith("tof_")]
 #: Every stage with its defaults, and settings that reach other branches.
 CASES: list[tuple[str, dict[str, float]]] = [
     *((use, {}) for use in STAGES),
+    ("any_camera_edges", {"growth_px": 2.5, "rough_px": 1.0, "cut_px": 0.0, "max_mixed": 1.0}),
+    ("any_camera_edges", {"growth_px": -1.5, "edge_holes": 0.3, "wavelength_m": 1e4}),
+    ("any_camera_edges", {"light_mix": 0, "psf_px": 1.0, "haze": 0.1, "shadow_kept": 0.5}),
+    ("any_camera_noise", {"tail": 0.8, "outlier_share": 0.02, "light_power": 0.5}),
+    ("any_camera_noise", {"length_x_px": 6.0, "white_share": 0.0, "wiggle_mm": 6, "tilt_x_mm": 3}),
+    ("any_camera_losses", {"single_share": 0.1, "cluster_share": 0.1, "step_mm_per_m2": 3}),
+    ("any_camera_losses", {"dark_signal": 0.3, "dark_spread": 1, "saturated_signal": 1}),
     ("axial", {"angle_from_deg": 60, "angle_power": -0.5, "quadratic_from_m": 0.4}),
     ("disparity_quantise", {"step_px": 0.3}),
     ("dot_spread", {"radius_px": 3.9, "edge_mm": 1.0}),
@@ -68,6 +75,7 @@ NEUTRAL: list[tuple[str, dict[str, float]]] = [
 
 #: Reach of a stage, px: nearer to the border of a window the result depends on the window.
 REACH = {
+    "any_camera_edges": 6,
     "lateral": 9,
     "edge_dropout": 4,
     "max_filter": 4,

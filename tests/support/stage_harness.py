@@ -71,7 +71,7 @@ def run_shader(
     pool = _pool(context, at.width, at.height)
     targets = {name: _upload(pool, name, image, at.window) for name, image in layers.items()}
     context.enable_only(moderngl.NOTHING)
-    written = _pass(context, use).draw(pool, targets, at, values(use, p))
+    written = _pass(context, use, "expected" in layers).draw(pool, targets, at, values(use, p))
     readback = Readback(context)
     readback.request(pool, written, at.window)
     arrays = {name: array.copy() for name, array in readback.arrays().items()}
@@ -86,9 +86,11 @@ def _pool(context: moderngl.Context, width: int, height: int) -> TargetPool:
 
 
 @lru_cache(maxsize=32)
-def _pass(context: moderngl.Context, use: str) -> StagePass:
+def _pass(context: moderngl.Context, use: str, expected: bool) -> StagePass:
     source = shipped_stages()[use].source
     assert source is not None
+    if source.uses("EXPECTED"):
+        source = source.with_defines(EXPECTED=1) if expected else source.without("expected")
     return StagePass(context, use, source)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins import (
+    any_camera,
     edges,
     signal,
     tof_decode,
@@ -68,5 +69,8 @@ TWINS: Final[dict[str, Twin]] = {
         tof_decode.tof_floor,
         tof_fast.tof_fast,
         tof_multipath.tof_multipath,
+        any_camera.any_camera_edges,
+        any_camera.any_camera_noise,
+        any_camera.any_camera_losses,
     )
 }

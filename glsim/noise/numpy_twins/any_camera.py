@@ -1,0 +1,259 @@
+"""Twins of the stages of unknown depth cameras: any_camera_edges, _noise and _losses."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.numpy_twins.depth import moved_by_mm
+from glsim.noise.numpy_twins.lattice import lattice_noise, normal_share
+from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, mix, pixels
+from glsim.noise.numpy_twins.random import normal_pair, pcg_word, random_bits, uniform01
+from glsim.reason import Reason
+
+_ZERO, _ONE, _HALF, _MM = (np.float32(n) for n in (0.0, 1.0, 0.5, 0.001))
+_TWO_PI, _FAR, _MOST_HAZE_M = np.float32(6.28318530718), np.float32(1e4), np.float32(0.04)
+_SKIN_ALBEDO, _USUAL_M, _DARKEST = np.float32(0.6), np.float32(0.9), np.float32(0.04)
+
+
+def any_camera_edges(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Measures silhouettes, shadows and light as some unknown depth camera would."""
+    x, y = pixels(view.window)
+    clean, albedo = layers["clean"], layers["albedo"]
+    near = _Neighbours(view, clean, albedo)
+    step = _MM * p["step_mm_per_m"] * clean
+    bumps = lattice_noise(view.window, (p["rough_length_px"],) * 2, view.seed)
+    growth = p["growth_px"] + p["rough_px"] * bumps + (normal_share(bumps) - _HALF)
+
+    to_front, to_behind = np.full_like(clean, _FAR), np.full_like(clean, _FAR)
+    front, behind = np.full_like(clean, _FAR), np.zeros_like(clean)
+    for dx, dy in _SQUARE:
+        away = np.sqrt(np.float32(dx * dx + dy * dy)) - _HALF
+        there = near.depth(dx, dy)
+        nearer = (there > 0) & ((clean <= 0) | (there < clean - step))
+        farther = (clean > 0) & ((there <= 0) | (there > clean + step))
+        front = np.where(nearer & (away <= growth), np.minimum(front, there), front)
+        to_front = np.where(nearer, np.minimum(to_front, away), to_front)
+        behind = np.where(farther & (away < to_behind), there, behind)
+        to_behind = np.where(farther, np.minimum(to_behind, away), to_behind)
+    chance = [uniform01(word) for word in random_bits(x, y, view.seed, 1)]
+    grows = front < _FAR
+    shrinks = ~grows & (to_behind <= -growth)
+    band = np.maximum(growth, _ZERO) + p["cut_px"]
+    cut = ~grows & (clean > 0) & (p["cut_px"] > 0) & (to_front <= band)
+    lost = shrinks & ((behind <= 0) | (chance[0] < p["edge_holes"]))
+    own = np.where(grows, front, np.where(shrinks, behind, clean))
+
+    own_step = _MM * p["step_mm_per_m"] * own
+    mixes = (np.minimum(to_front, to_behind) < _FAR) & (p["psf_px"] > 0)
+    blended, mixed, light = _mixed(near, own, own_step, p)
+    blended, mixed = np.where(mixes, blended, own), np.where(mixes & (own > 0), mixed, _ZERO)
+    light = np.where(mixes, light, near.brightness(0, 0))
+    z = np.where(mixed > 0, np.maximum(blended, np.float32(0.05)), own)
+    z, least = _hazed(near, z, own, light, p)
+
+    shadowed = ~grows & (clean > 0) & (layers["lit"] < p["shadow_lit"])
+    between = shadowed & (chance[2] < p["shadow_between"])
+    z = np.where(between, mix(z, least, chance[3]), z)
+
+    other = np.abs(z - clean) > np.maximum(own_step, step)
+    reason = np.where(other, np.float32(Reason.MOVED), np.float32(Reason.VALID))
+    reason = np.where(clean <= 0, np.float32(Reason.GROWN), reason)
+    reason = np.where(mixed > p["max_mixed"], np.float32(Reason.MIXED), reason)
+    reason = np.where(lost | cut, np.float32(Reason.EDGE), reason)
+    hidden = shadowed & ~(chance[1] < p["shadow_kept"])
+    reason = np.where(hidden, np.float32(Reason.SHADOW), reason)
+    nothing = np.where(clean > 0, np.float32(Reason.EDGE), np.float32(Reason.NO_SURFACE))
+    reason = np.where(own <= 0, nothing, reason)
+    valid = np.isin(reason, [r for r in Reason if r.has_depth])
+    return {
+        "depth": np.where(valid, z, _ZERO),
+        "reason": reason,
+        "infrared": _infrared(view, layers, p, light),
+    }
+
+
+#: The offsets of 5x5 pixels, row by row.
+_SQUARE = [(dx, dy) for dy in range(-2, 3) for dx in range(-2, 3)]
+
+
+class _Neighbours:
+    """Depth and brightness of the pixels at an offset; beside the frame, of its border."""
+
+    def __init__(self, view: StageView, clean: Image, albedo: Image) -> None:
+        self._view, self._clean, self._albedo = view, clean, albedo
+
+    def _read(self, layer: Image, dx: int, dy: int) -> Image:
+        x, y = pixels(self._view.window)
+        right, bottom = self._view.width - 1, self._view.height - 1
+        return fetch(
+            layer, self._view.window, np.clip(x + dx, 0, right), np.clip(y + dy, 0, bottom)
+        )
+
+    def depth(self, dx: int, dy: int) -> Image:
+        """Clean depth, m."""
+        return self._read(self._clean, dx, dy)
+
+    def brightness(self, dx: int, dy: int) -> Image:
+        """Light of surfaces that face the sensor, over that of skin at 0.9 m."""
+        facing = np.array([0.0, 0.0, -1.0], np.float32)
+        return skin_signal(
+            self.depth(dx, dy), self._read(self._albedo, dx, dy), facing, np.zeros(2, np.float32)
+        )
+
+
+def _mixed(
+    near: _Neighbours, own: Image, own_step: Image, p: Parameters
+) -> tuple[Image, Image, Image]:
+    """Depth of the light that a pixel collects, share of other surfaces in it, and the light."""
+    total, alike, light, cosines, sines = (np.zeros_like(own) for _ in range(5))
+    area = _ZERO
+    falls = np.float32(-0.5) / np.maximum(p["psf_px"] * p["psf_px"], np.float32(1e-6))
+    for dx, dy in _SQUARE:
+        there, bright = near.depth(dx, dy), near.brightness(dx, dy)
+        with np.errstate(under="ignore"):
+            share = np.exp(falls * np.float32(dx * dx + dy * dy))
+            weight = np.where(there > 0, share * mix(_ONE, bright, p["light_mix"]), _ZERO)
+            angle = _TWO_PI * (there - own) / p["wavelength_m"]
+            cosines = cosines + weight * np.cos(angle)
+            sines = sines + weight * np.sin(angle)
+            total = total + weight
+            alike = alike + np.where(np.abs(there - own) <= own_step, weight, _ZERO)
+            area = area + share
+            light = light + share * bright
+    blended = own + np.arctan2(sines, cosines) * p["wavelength_m"] / _TWO_PI
+    mixed = _ONE - alike / np.maximum(total, np.float32(1e-6))
+    return blended, mixed, light / area
+
+
+def _hazed(
+    near: _Neighbours, z: Image, own: Image, light: Image, p: Parameters
+) -> tuple[Image, Image]:
+    """Depth pulled towards the surroundings', and the least depth of these."""
+    around, pull, least = np.zeros_like(z), np.zeros_like(z), near.depth(0, 0)
+    for n in range(8):
+        angle, reach = 0.785398163 * n, float(p["haze_px"]) * (1.0 if n % 2 == 0 else 0.6)
+        dx, dy = (int(np.floor(reach * way + 0.5)) for way in (np.cos(angle), np.sin(angle)))
+        there, bright = near.depth(dx, dy), near.brightness(dx, dy)
+        around = around + np.float32(0.125) * bright
+        pull = pull + np.float32(0.125) * bright * (there - z)
+        least = np.where(there > 0, np.minimum(least, there), least)
+    with np.errstate(under="ignore"):
+        moved = p["haze"] * pull / np.maximum(light + p["haze"] * around, _MM)
+    return z + np.where(own > 0, np.clip(moved, -_MOST_HAZE_M, _MOST_HAZE_M), _ZERO), least
+
+
+def _infrared(view: StageView, layers: Layers, p: Parameters, light: Image) -> Image:
+    """Infrared counts with noise."""
+    direction = _direction(layers["rays"])
+    squared = (direction * direction).sum(axis=-1, dtype=np.float32)
+    facing = np.maximum(-(layers["normal"][..., :3] * direction).sum(axis=-1), _ZERO)
+    facing = facing / np.sqrt(squared) * layers["lit"]
+    counts = p["gain_counts"] * light * np.where(layers["clean"] > 0, facing, _ONE) / squared
+    first, second, _, _ = random_bits(*pixels(view.window), view.seed, 2)
+    sigma = np.sqrt(p["read_counts"] * p["read_counts"] + p["shot_counts"] * counts)
+    noisy = np.floor(counts + sigma * normal_pair(first, second)[0] + _HALF)
+    return np.clip(noisy, _ZERO, np.float32(65535.0))
+
+
+def _direction(rays: Image) -> Image:
+    """(h, w, 3) directions of the pixels, z = 1."""
+    return np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1)
+
+
+def skin_signal(depth: Image, albedo: Image, normal: Image, ray: Image) -> Image:
+    """Twin of shaders/lib/skin_signal.glsl. normal: (..., 3); ray: (..., 2)."""
+    direction = _direction(ray)
+    squared = (direction * direction).sum(axis=-1, dtype=np.float32)
+    facing = np.maximum(-(normal * direction).sum(axis=-1, dtype=np.float32), _ZERO)
+    near = _USUAL_M / np.maximum(depth, _MM)
+    light = albedo / _SKIN_ALBEDO * (facing / np.sqrt(squared)) * near * near / squared
+    return np.where(depth > 0, light, _ZERO)
+
+
+def any_camera_noise(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Adds the noise and the systematic error of some unknown depth camera."""
+    z, normal = layers["depth"], layers["normal"][..., :3]
+    known = (normal * normal).sum(axis=-1) > 0
+    light = skin_signal(np.full_like(z, _USUAL_M), layers["albedo"], normal, layers["rays"])
+    light = np.where(known, np.maximum(light, _DARKEST), _ONE)
+    ratio = np.maximum(z, _MM) / _USUAL_M
+    with np.errstate(under="ignore"):
+        by_light = p["light_mm"] * np.power(ratio, p["distance_power"])
+        by_light = by_light * np.power(light, -p["light_power"])
+        sigma = np.sqrt(p["floor_mm"] * p["floor_mm"] + by_light * by_light)
+    sigma = np.minimum(sigma, p["max_sigma_mm"])
+    bits = random_bits(*pixels(view.window), view.seed, 0)
+    white, scale = normal_pair(bits[0], bits[1])
+    field = lattice_noise(view.window, (p["length_x_px"], p["length_y_px"]), view.seed)
+    noise = np.sqrt(p["white_share"]) * white + np.sqrt(_ONE - p["white_share"]) * field
+    noise = noise * np.exp(p["tail"] * scale - p["tail"] * p["tail"])
+    smooth = lattice_noise(view.window, (p["smooth_px"],) * 2, (view.seed + 1) % 2**32)
+    error = sigma * noise + p["smooth_mm"] * smooth
+    far_off = uniform01(pcg_word(bits[0])) < p["outlier_share"]
+    second = normal_pair(bits[2], bits[3])[0]
+    error = error + np.where(far_off, p["outlier_mm"] * second, _ZERO)
+    written = {"depth": moved_by_mm(z, error + _systematic_mm(view, p, z))}
+    if "expected" in layers:
+        right = layers["expected"]
+        written["expected"] = moved_by_mm(right, _systematic_mm(view, p, right))
+    return written
+
+
+def _systematic_mm(view: StageView, p: Parameters, z: Image) -> Image:
+    """What the device measures too much at a depth, mm."""
+    phase = uniform01(pcg_word(np.array([view.device_seed], np.uint32)))
+    x, y = (n.astype(np.float32) + _HALF for n in pixels(view.window))
+    beside_x = np.float32(2.0) * x / np.float32(view.width) - _ONE
+    beside_y = np.float32(2.0) * y / np.float32(view.height) - _ONE
+    turns = z / p["wiggle_period_m"] + phase
+    wave = np.sin(_TWO_PI * (turns - np.floor(turns)))
+    linear = p["offset_mm"] + p["scale_mm_per_m"] * z
+    tilted = p["tilt_x_mm"] * beside_x + p["tilt_y_mm"] * beside_y
+    error: Image = linear + tilted + p["wiggle_mm"] * wave
+    return error
+
+
+def any_camera_losses(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Removes pixels as some unknown depth camera would, and rounds disparities."""
+    depth, normal, rays = layers["depth"], layers["normal"][..., :3], layers["rays"]
+    known = (normal * normal).sum(axis=-1) > 0
+    signal = np.where(known, skin_signal(depth, layers["albedo"], normal, rays), _ONE)
+    direction = _direction(rays)
+    length = np.sqrt((direction * direction).sum(axis=-1))
+    cosine = np.where(known, -(normal * direction).sum(axis=-1) / length, _ONE)
+    bits = random_bits(*pixels(view.window), view.seed, 0)
+    white, second = normal_pair(bits[0], bits[1])
+    spacing = (p["cluster_px"],) * 2
+    clusters = normal_share(lattice_noise(view.window, spacing, view.seed))
+    more = lattice_noise(view.window, spacing, (view.seed + 1) % 2**32)
+    limit = p["dark_signal"] * np.exp(p["dark_spread"] * np.float32(0.70710678) * (white + more))
+    reason = _first_that_holds(
+        (signal < limit, Reason.LOW_SIGNAL),
+        (cosine < p["grazing_cosine"] + p["grazing_spread"] * second, Reason.LOW_SIGNAL),
+        (signal > p["saturated_signal"], Reason.SATURATED),
+        (clusters < p["cluster_share"], Reason.DROPPED),
+        (uniform01(bits[2]) < p["single_share"], Reason.DROPPED),
+    )
+    lost = (reason != Reason.VALID) & (depth > 0)
+    rounded = _rounded(depth, _MM * p["step_mm_per_m2"])
+    return {
+        "depth": np.where(lost, _ZERO, rounded),
+        "reason": np.where(lost, reason, layers["reason"]),
+    }
+
+
+def _first_that_holds(*causes: tuple[NDArray[np.bool_], Reason]) -> Image:
+    """The reason of the first cause that holds at each pixel; VALID where none does."""
+    holds, reasons = [cause[0] for cause in causes], [np.float32(cause[1]) for cause in causes]
+    return np.select(holds, reasons, np.float32(Reason.VALID)).astype(np.float32)
+
+
+def _rounded(depth: Image, step_per_m: np.float32) -> Image:
+    """Depth whose inverse is a multiple of ``step_per_m``; 0: not rounded."""
+    if step_per_m <= 0:
+        return depth
+    known = np.where(depth > 0, depth, _ONE)
+    steps = np.maximum(np.floor(_ONE / (known * step_per_m) + _HALF), _ONE)
+    return np.where(depth > 0, _ONE / (step_per_m * steps), _ZERO)
