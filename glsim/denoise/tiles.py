@@ -1,7 +1,7 @@
 """Run a network over a large frame in tiles, so that its memory is that of one tile.
 
-The shipped network takes about 1 kB a pixel: 4.5 GB for 2048 x 2048 pixels at once, 1.1 GB in
-tiles.
+The shipped network takes about 1 kB a pixel: 4.5 GB for 2048 x 2048 pixels at once, 1.1 GB for the
+1024 x 1024 of a tile.
 """
 
 from __future__ import annotations
