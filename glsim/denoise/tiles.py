@@ -18,8 +18,8 @@ _Image = NDArray[np.float32]
 #: by measurement. Frames of depth cameras (1024 x 1024 and less) are never divided.
 TILE_PX: Final = 1024
 #: Pixels at a tile's inner borders that are computed and not used. The shipped network sees 122 px
-#: to each side: its features 36 (a Gaussian of radius 24, three of 4), its convolutions 62, the mean
-#: that its correction is freed of 24.
+#: to each side: its features 36 (a Gaussian of radius 24, three of 4), its convolutions 62, and the
+#: mean that is taken from its correction 24.
 #: A multiple of 16, as TILE_PX, since networks halve the size up to four times.
 MARGIN_PX: Final = 128
 
