@@ -211,7 +211,9 @@ def load_sensor(
         )
     tree = read_toml(file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
-    places = {("rig", key): place("rig", key) for key in rig_overrides or {}}
+    places: dict[tuple[str, ...], str] = {
+        ("rig", key): place("rig", key) for key in rig_overrides or {}
+    }
     table = parse_table(_SensorTable, tree, str(file), places)
     overrides = dict(overrides or {})
     stages: list[Stage] = []
