@@ -44,7 +44,8 @@ def depth_batch(depth: Any, shape: tuple[int, int]) -> DepthBatch:
     kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")
     if kind not in _FLOATS or not hasattr(depth, "shape"):
         raise ConfigError(
-            f"depth must be an array or a tensor of float metres ({', '.join(_FLOATS)}), not {kind}: "
+            f"depth must be an array or a tensor of float metres ({', '.join(_FLOATS)}), "
+            f"not {kind}: "
             "of whole millimetres give depth.astype('float32') / 1000"
         )
     full = tuple(int(side) for side in depth.shape)

@@ -111,7 +111,9 @@ def test_draws_per_sequence_are_held_within_it() -> None:
     )
     with Corrupter.for_camera(settings, **CAMERA, first_pixel=0.5, backend="numpy") as corrupt:
         drawn = [
-            corrupt.corrupt_depth(maps(1)[0], frame=n, sequence=name).parameters["axial.base_sigma_mm"]
+            corrupt.corrupt_depth(maps(1)[0], frame=n, sequence=name).parameters[
+                "axial.base_sigma_mm"
+            ]
             for name in "ab"
             for n in range(2)
         ]
@@ -147,7 +149,7 @@ def face_in_camera() -> tuple[NDArray[np.float64], NDArray[np.int32]]:
 
 
 def test_depth_that_pyrender_made_comes_back_with_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """pyrender's principal point counts from the image's edge: first_pixel is 0.5."""
+    """The principal point of pyrender counts from the image's edge: first_pixel is 0.5."""
     pytest.importorskip("OpenGL")
     monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
     pyrender = pytest.importorskip("pyrender")

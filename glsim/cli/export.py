@@ -63,7 +63,9 @@ def export(
     if not source.exists():
         raise ConfigError(f"{source}: no such data set or checkpoint")
     if any(option is not None for option in (to, layers, split, frames)):
-        raise ConfigError(f"{source}: is no data set: --to, --layers, --split and --frames need one")
+        raise ConfigError(
+            f"{source}: is no data set: --to, --layers, --split and --frames need one"
+        )
     _export_network(source, out)
 
 

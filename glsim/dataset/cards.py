@@ -70,8 +70,8 @@ def hub_card(header: Mapping[str, Any]) -> bytes:
         f"{total} {_kind(header)} frames of a depth camera, written by glsim "
         f"{header['glsim_version']}. "
         f"Sensor: {header['sensor'].get('title') or _sensor(header)}.",
-        f"Layers: {', '.join(header['settings']['output']['layers'])}. Depth is 16-bit, in steps of "
-        f"{unit_mm:g} mm; 0 = no return.",
+        f"Layers: {', '.join(header['settings']['output']['layers'])}. Depth is 16-bit, in steps "
+        f"of {unit_mm:g} mm; 0 = no return.",
         "",
         "| split | frames | subjects |",
         "|---|---|---|",
@@ -151,8 +151,7 @@ def croissant(header: Mapping[str, Any], manifest_sha256: str) -> bytes:
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
         "name": f"glsim-{_sensor(header)}",
-        "description": f"{_title(header)}: "
-        f"{sum(header['frames'].values())} {_kind(header)} frames",
+        "description": f"{_title(header)}: {sum(header['frames'].values())} {_kind(header)} frames",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "version": "1.0.0",
         "distribution": files,

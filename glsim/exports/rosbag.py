@@ -75,7 +75,7 @@ def _open(out: Path, version: int) -> Any:
         return Writer(out)
     from rosbags.rosbag2 import Writer as Writer2
 
-    return Writer2(out, version=9)  # the newest that ROS 2 Humble and Iron both read is checked
+    return Writer2(out, version=8)  # the older of the two versions that rosbags writes
 
 
 def _messages(

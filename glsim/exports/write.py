@@ -50,7 +50,7 @@ FORMATS: Final[Mapping[str, str]] = {
 
 def export_dataset(
     dataset: Dataset,
-    out: Path,
+    out: Path | str,
     formats: Sequence[str],
     *,
     layers: Sequence[str] | None = None,
@@ -61,11 +61,12 @@ def export_dataset(
     """Write the frames of a data set to the folder ``out`` in other formats.
 
     formats: names of FORMATS. layers: depth layers, by default all (of DEPTH_LAYERS). split: one
-    split only. count: the first so many frames. progress: is called with the number of files.
+    split only. count: the first so many frames. progress: is called with the frames done.
     Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set.
     Returns the number of frames. Raises ConfigError, and DatasetError if there is no frame, one
     cannot be read, or a file cannot be written.
     """
+    out = Path(out)
     for name in formats:
         if name not in FORMATS:
             raise ConfigError(f"no such format {name!r}: {did_you_mean(name, FORMATS)}")
@@ -77,16 +78,14 @@ def export_dataset(
     def frames() -> Iterator[ExportFrame]:
         return export_frames(dataset, layers, split, count)
 
-    done = files = 0
+    done = 0
     writers = [_PER_FRAME[name] for name in formats if name in _PER_FRAME]
-    for frame in frames() if writers else ():
+    for done, frame in enumerate(frames() if writers else (), start=1):
         for writer in writers:
             for end, data in writer(frame):
                 write_atomic(data, out / f"{frame.stem}{end}", sync=False)
-                files += 1
-        done += 1
         if progress is not None:
-            progress(files)
+            progress(done)
     for name in formats:
         if name in _WHOLE:
             out.mkdir(parents=True, exist_ok=True)

@@ -31,8 +31,6 @@ def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
     return np.asarray(indices, np.int64)
 
 
-def to_camera(
-    vertices_mm: NDArray[np.float32], view: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def to_camera(vertices_mm: NDArray[np.float32], view: NDArray[np.float64]) -> NDArray[np.float64]:
     """Move (N, 3) vertices of a head, mm, by a (4, 4) view to camera-frame metres."""
     return vertices_mm.astype(np.float64) @ view[:3, :3].T + view[:3, 3]

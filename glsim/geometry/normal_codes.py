@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 _ZERO, _STEPS = 32768, 32767
 
 
-def encode_normals(
-    normals: NDArray[np.floating], seen: NDArray[np.bool_]
-) -> NDArray[np.uint16]:
+def encode_normals(normals: NDArray[np.floating], seen: NDArray[np.bool_]) -> NDArray[np.uint16]:
     """Return (..., 3) uint16 codes of (..., 3) unit normals; 0, 0, 0 where ``seen`` is False."""
     codes = np.rint(np.clip(normals, -1, 1) * _STEPS) + _ZERO
     return np.where(seen[..., None], codes, 0).astype(np.uint16)
