@@ -71,19 +71,10 @@ def assemble_frame(
         expected_m=expected,
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
-        normal=_normal(layers, inside, output),
+        normal=layers["normal"][inside][..., :3] if "normal" in layers else None,
         extra={name: layers[name][inside] for name in extra if name in layers},
         **identity,
     )
-
-
-def _normal(
-    layers: Mapping[str, NDArray[np.float32]], inside: tuple[slice, slice], output: OutputSettings
-) -> NDArray[np.float32] | None:
-    """Return the (h, w, 3) normals of the crop if the layer "normals" is to be written."""
-    if "normals" not in output.layers or "normal" not in layers:
-        return None
-    return layers["normal"][inside][..., :3]
 
 
 def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:

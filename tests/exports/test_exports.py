@@ -140,8 +140,7 @@ def read_exr(data: bytes, tmp_path: Path) -> NDArray[np.float32]:
     """Read an EXR file with OpenCV, which must be told before it starts that it may."""
     (tmp_path / "depth.exr").write_bytes(data)
     code = (
-        "import cv2, numpy; "
-        "numpy.save('read.npy', cv2.imread('depth.exr', cv2.IMREAD_UNCHANGED))"
+        "import cv2, numpy; numpy.save('read.npy', cv2.imread('depth.exr', cv2.IMREAD_UNCHANGED))"
     )
     allowed = os.environ | {"OPENCV_IO_ENABLE_OPENEXR": "1"}
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=allowed, check=True)
@@ -227,9 +226,7 @@ def test_a_bag_has_the_images_and_cameras_in_order(
     export_dataset(dataset, tmp_path, ["rosbag" if version == 1 else "rosbag2"])
     store = Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE
     frames, stamps = [], []
-    with highlevel.AnyReader(
-        [tmp_path / name], default_typestore=get_typestore(store)
-    ) as reader:
+    with highlevel.AnyReader([tmp_path / name], default_typestore=get_typestore(store)) as reader:
         assert {c.topic for c in reader.connections} == {
             "/camera/depth/image_rect",
             "/camera/depth/camera_info",
