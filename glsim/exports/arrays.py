@@ -74,9 +74,9 @@ def geometry_arrays(frame: ExportFrame) -> dict[str, NDArray[Any]]:
 def encode_exr(depth_m: NDArray[np.float32]) -> bytes:
     """Return an OpenEXR file of one part with the float32 channel Y; 16 rows a ZIP block.
 
-    Depth has the name Y, luminance: OpenCV, Blender and imageio read such a file as one grey image.
+    Y is luminance: programs read a file with this channel alone as one grey image.
     The container is written here (OpenEXR file layout, version 2, Academy Software Foundation):
-    OpenCV's writer must be enabled by an environment variable before it is loaded.
+    the wheels of OpenCV 5 are built without OpenEXR.
     """
     height, width = depth_m.shape
     window = struct.pack("<4i", 0, 0, width - 1, height - 1)

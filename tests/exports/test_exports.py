@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import subprocess
-import sys
+import struct
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -136,25 +135,38 @@ def test_the_lens_is_that_of_the_header() -> None:
     assert kept_lens({}) == Distortion()
 
 
-def read_exr(data: bytes, tmp_path: Path) -> NDArray[np.float32]:
-    """Read an EXR file with OpenCV, which must be told before it starts that it may."""
-    (tmp_path / "depth.exr").write_bytes(data)
-    code = (
-        "import cv2, numpy; numpy.save('read.npy', cv2.imread('depth.exr', cv2.IMREAD_UNCHANGED))"
-    )
-    allowed = os.environ | {"OPENCV_IO_ENABLE_OPENEXR": "1"}
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=allowed, check=True)
-    read: NDArray[np.float32] = np.load(tmp_path / "read.npy")
-    return read
+def read_exr(data: bytes, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Undo the blocks of an EXR file as its description says: deflate, sums, two halves."""
+    header = data.index(b"screenWindowWidth")
+    start = header + len(b"screenWindowWidth\0float\0") + 4 + 4 + 1
+    count = -(-shape[0] // 16)
+    rows = []
+    for at in struct.unpack_from(f"<{count}Q", data, start):
+        top, size = struct.unpack_from("<ii", data, at)
+        raw = data[at + 8 : at + 8 + size]
+        whole = 4 * shape[1] * min(16, shape[0] - top)
+        if size < whole:
+            steps = np.frombuffer(zlib.decompress(raw), np.uint8).astype(np.int64)
+            halves = ((np.cumsum(steps) - 128 * np.arange(whole)) % 256).astype(np.uint8)
+            middle = (whole + 1) // 2
+            mixed = np.empty(whole, np.uint8)
+            mixed[0::2], mixed[1::2] = halves[:middle], halves[middle:]
+            raw = mixed.tobytes()
+        rows.append(np.frombuffer(raw, "<f4").reshape(-1, shape[1]))
+    return np.concatenate(rows)
 
 
-@pytest.mark.parametrize("shape", [(37, 41)])
-def test_opencv_reads_the_exr_bit_by_bit(shape: tuple[int, int], tmp_path: Path) -> None:
+def test_the_exr_holds_the_depth_bit_by_bit(tmp_path: Path) -> None:
     """Rows that are no multiple of a block's 16; noise, which does not compress, and flat parts."""
     rng = np.random.default_rng(1)
-    depth = rng.uniform(0.5, 2.0, shape).astype(np.float32)
+    depth = rng.uniform(0.5, 2.0, (37, 41)).astype(np.float32)
     depth[:20, :30] = 0
-    np.testing.assert_array_equal(read_exr(encode_exr(depth), tmp_path), depth)
+    data = encode_exr(depth)
+    np.testing.assert_array_equal(read_exr(data, (37, 41)), depth)
+    library = pytest.importorskip("OpenEXR")  # no wheel of OpenCV 5 reads the format
+    (tmp_path / "depth.exr").write_bytes(data)
+    with library.File(str(tmp_path / "depth.exr")) as file:
+        np.testing.assert_array_equal(file.channels()["Y"].pixels, depth)
 
 
 def test_arrays_hold_metres_and_everything_of_a_frame(data: Path, tmp_path: Path) -> None:
