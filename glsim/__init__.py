@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from glsim.errors import GlsimError
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.run import evaluate
+    from glsim.exports import export_dataset
     from glsim.faces.one_mesh import OneMesh
     from glsim.frame import Frame, Skipped
     from glsim.geometry.camera import Intrinsics, SensorRig
@@ -48,6 +49,7 @@ _HOME = {
     "Skipped": "glsim.frame",
     "array_stage": "glsim.noise.stage",
     "evaluate": "glsim.eval.scoring.run",
+    "export_dataset": "glsim.exports",
     "generate": "glsim.dataset",
     "load_denoiser": "glsim.denoise",
     "load_mesh": "glsim.meshio",
@@ -76,6 +78,7 @@ __all__ = [
     "Skipped",
     "array_stage",
     "evaluate",
+    "export_dataset",
     "generate",
     "load_denoiser",
     "load_mesh",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
-from glsim.frame import Frame
+from glsim.frame import Frame, Landmarks
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.rect import Rect
 from glsim.reason import Reason
@@ -71,9 +71,26 @@ def assemble_frame(
         expected_m=expected,
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
+        normal=layers["normal"][inside][..., :3] if "normal" in layers else None,
         extra={name: layers[name][inside] for name in extra if name in layers},
         **identity,
     )
+
+
+def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
+    """Return landmarks at (68, 3) camera-frame metres with their pixels in a frame.
+
+    One is visible if the clean depth of its pixel lies within 5 mm of it: vertices lie on the
+    surface, which changes by less within a pixel unless it is seen edge on. Chosen.
+    """
+    image = frame.intrinsics
+    pixels = image.project(points_m)
+    column, row = np.floor(pixels - (frame.window.left, frame.window.top)).astype(np.int64).T
+    height, width = frame.clean_m.shape
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    clean = frame.clean_m[row.clip(0, height - 1), column.clip(0, width - 1)]
+    depth = points_m[:, 2] - frame.depth_offset_mm / 1000.0
+    return Landmarks(points_m, pixels, inside & (clean > 0) & (np.abs(clean - depth) < 0.005))
 
 
 def reconcile_reasons(

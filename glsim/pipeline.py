@@ -32,11 +32,12 @@ from glsim.errors import ConfigError, GlsimError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
 from glsim.faces.head_motion import head_motion, move_pose
+from glsim.faces.landmarks import landmark_vertices, to_camera
 from glsim.faces.neck import bend_neck
 from glsim.faces.regions import RegionLabels
 from glsim.faces.variation import draw_variation, vary
 from glsim.frame import LAYERS, Frame, Skipped
-from glsim.frame_assembly import assemble_frame
+from glsim.frame_assembly import assemble_frame, seen_landmarks
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
@@ -47,7 +48,7 @@ from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
-from glsim.render.renderer import Renderer
+from glsim.render.renderer import NORMAL, Renderer
 from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
@@ -76,6 +77,8 @@ class _InFlight:
     values: dict[str, dict[str, float]]
     pose: dict[str, float]
     drawn: dict[str, float]
+    head_to_camera: NDArray[np.float64]
+    landmarks_m: NDArray[np.float64] | None
 
 
 def simulate(
@@ -129,7 +132,11 @@ class Simulator:
         self.sensor: Sensor = sensor_of(settings)
         make_current(context)
         self._renderer = Renderer(context, self.sensor.rig)
-        read_back = (*self._extra, REGION.name) if "regions" in layers else self._extra
+        read_back = (
+            *self._extra,
+            *((REGION.name,) if "regions" in layers else ()),
+            *((NORMAL.name,) if "normals" in layers and NORMAL.name not in self._extra else ()),
+        )
         own = self.sensor.pattern_map
         self._chain = ShaderChain(
             context,
@@ -279,7 +286,14 @@ class Simulator:
                 nearest_m=rendered.nearest_m,
             )
             self._chain.run(rendered, frame, values, readback)
-        return _InFlight(readback, task, face, crop, frame, values, pose, drawn)
+        head_to_camera, landmarks_m = view.astype(np.float64), None
+        if settings.output.landmarks:
+            chosen = landmark_vertices(self._sources[task.source])
+            landmarks_m = to_camera(person[0].vertices_mm[chosen], head_to_camera)
+        head_to_camera[:3, :3] *= 1000.0  # the view takes millimetres, this matrix metres
+        return _InFlight(
+            readback, task, face, crop, frame, values, pose, drawn, head_to_camera, landmarks_m
+        )
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:
         """Wait for one frame's layers, run the array stages, and assemble the Frame."""
@@ -296,7 +310,7 @@ class Simulator:
             )
         run_array_stages(self.sensor.stages, layers, item.frame, item.values)
         task, face = item.task, item.face
-        return assemble_frame(
+        made = assemble_frame(
             layers,
             item.frame.window,
             item.crop,
@@ -311,7 +325,11 @@ class Simulator:
             parameters=item.drawn,
             notes=face.notes,
             region_numbers={} if self._labels is None else self._labels.numbers,
+            head_to_camera=item.head_to_camera,
         )
+        if item.landmarks_m is None:
+            return made
+        return replace(made, landmarks=seen_landmarks(item.landmarks_m, made))
 
 
 def _unusable(task: Task, error: Exception) -> MeshError:

@@ -44,7 +44,7 @@ from glsim.settings.presets import read_preset
 from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
 
-LayerName = Literal["clean", "noisy", "infrared", "reason", "regions", "expected"]
+LayerName = Literal["clean", "noisy", "infrared", "reason", "regions", "expected", "normals"]
 DEPTH_UNIT_MM = (0.01, 10.0)
 """Smallest and largest step of depth files, mm."""
 DEFAULT_SUBJECTS = 10
@@ -181,6 +181,9 @@ class OutputSettings(_Table):
     )
     clean_mask: Literal["dense", "as-noisy"] = Field(
         "dense", description="as-noisy: remove clean depth where the noisy map has none"
+    )
+    landmarks: bool = Field(
+        False, description="record the 68 landmarks of the face: 3D points, pixels, visibility"
     )
     nearest_to_mm: float | None = Field(
         None, ge=1, description="shift each frame so that its nearest clean point has this depth"
