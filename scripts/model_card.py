@@ -120,17 +120,22 @@ class CardJob:
 
 
 def _frames(job: CardJob, row: CardRow) -> Iterator[tuple[Depth, Depth, Truth]]:
-    """Yield clean and noisy millimetres, and truth; clean is unrounded, noisy rounded as stored."""
+    """Yield clean and noisy millimetres, and truth: what the sensor would say without noise.
+
+    Clean and truth are unrounded, noisy is rounded as stored.
+    """
     people = {"subjects": job.frames, "frames_per_subject": 1}
     base = {"sensor": "kinect-v2", "seed": _SEED, "output": {"crop": row.crop}}
     settings = load_settings(overrides=base | row.settings, source=job.source | people)
-    for frame in simulate(settings):
+    for frame in simulate(settings, layers=("clean", "expected", "noisy")):
         if not isinstance(frame, Frame):
             raise SystemExit(f"{row.name}: {frame.why}")
+        assert frame.expected_m is not None
         noisy = frame.noisy.astype(np.float32)
-        clean = np.zeros_like(noisy)
+        clean, expected = np.zeros_like(noisy), np.zeros_like(noisy)
         clean[frame.window.slices] = 1000 * frame.clean_m
-        yield clean, noisy, Truth(clean, noisy, frame.intrinsics.rays())
+        expected[frame.window.slices] = 1000 * frame.expected_m
+        yield clean, noisy, Truth(expected, noisy, frame.intrinsics.rays())
 
 
 @cache
@@ -232,7 +237,7 @@ def card(job: CardJob, sections: Sequence[str], processes: int) -> str:
             f"`{Path(job.denoiser).name}` where it was not tuned",
             [
                 f"{job.frames} frames of as many people ({job.source.get('kind', 'procedural')} "
-                f"faces, seed {_SEED}) a row; clean depth is not rounded to millimetres. RMSE: "
+                f"faces, seed {_SEED}) a row; truth is the layer `expected`, not rounded. RMSE: "
                 "where truth and map have depth, each by its own mask. The composite is "
                 f"{DEFAULT_COMPOSITE!r}, as `glsim denoise` writes it."
             ],

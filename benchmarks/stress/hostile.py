@@ -107,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__,
         formatter_class=argparse.RawTextHelpFormatter,
     )
-    parser.add_argument("--sets", default="", help="only sets whose name holds this text")
+    parser.add_argument("--sets", default="", help="only sets whose names hold one of these texts")
     parser.add_argument("--readers", default=",".join(READERS), help="some of them")
     options = parser.parse_args(arguments)
     load_readers()
@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sets = failures = 0
     for format in SETS:
         for name in ("sound", *SETS[format]):
-            if options.sets not in name:
+            if not any(text in name for text in options.sets.split(",")):
                 continue
             sets += name != "sound"
             for result in open_set(format, name, options.readers.split(",")):
@@ -222,6 +222,7 @@ def _run(box: Path, read: Callable[[Path, Path], int]) -> None:
         said = os.open(box / "said", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(said, 1)
         os.dup2(said, 2)
+        sys.stdout = sys.stderr = open(said, "w", closefd=False)  # noqa: SIM115 (until it ends)
         os.environ["NO_COLOR"] = "1"
         resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS + 1))
         _watch(box)

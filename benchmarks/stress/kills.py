@@ -40,7 +40,7 @@ _FORMATS = ("png", "webdataset")
 _SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 _VICTIMS = ("group", "parent", "worker")
 _WAYS = tuple(product(_VICTIMS, _SIGNALS))
-LIMIT_S = 300.0
+LIMIT_S = 1800.0
 
 #: Returns a command line.
 Case = Callable[[], list[str]]

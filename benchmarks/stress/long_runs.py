@@ -1,9 +1,9 @@
 """Memory of one process that runs long: python -m benchmarks.stress long_runs [--count 20000].
 
 Three runs, each in a process of its own: ``count`` frames of procedural faces; as many of meshes of
-300 topologies in turn (at least one of each, twice); and count / 100 simulations opened and closed
-(200 for 20,000). Memory is read after the first tenth (of topologies: after the first turn), when
-caches are full, and at the end. Growth must stay under 2 %, or under 4 MB in a short run.
+300 topologies in turn (each at least three times); and count / 100 simulations opened and closed
+(200 for 20,000). Memory is read after the first tenth (of topologies: after two turns), when caches
+are full, and at the end. Growth must stay under 2 %, or under 4 MB in a short run.
 """
 
 from __future__ import annotations
@@ -104,8 +104,8 @@ def topologies(count: int) -> Iterator[bool]:
     from glsim.pipeline import simulate
     from glsim.settings.schema import load_settings
 
-    kinds = min(_TOPOLOGIES, max(2, count // 2))
-    turns = max(2, count // kinds)
+    kinds = min(_TOPOLOGIES, max(2, count // 3))
+    turns = max(3, count // kinds)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for kind in range(kinds):
@@ -118,7 +118,7 @@ def topologies(count: int) -> Iterator[bool]:
             for frame in simulate(settings):
                 assert isinstance(frame, Frame), frame
                 done += 1
-                yield done == kinds
+                yield done == 2 * kinds
 
 
 def _write_head(path: Path, columns: int) -> None:

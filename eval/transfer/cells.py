@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from glsim.denoise import GRIDS, load
+from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.errors import DatasetError
 from glsim.eval.scoring.bias import BiasSums, BinSums, add_bias
 from glsim.eval.scoring.blocks import ScoringJob
@@ -18,8 +19,6 @@ from glsim.eval.scoring.run import Evaluation, ScoringProgress, evaluate
 from glsim.eval.scoring.statistics import SubjectSums
 from glsim.eval.scoring.tune import SURFACE, tune
 
-#: Default map of a network with a soft validity, as that of glsim denoise: one of COMPOSITES.
-COMPOSITE: Final = "hard"
 #: The input, as a method.
 NOISY: Final = "noisy"
 #: Suffix of the name of a filter that also cleans up the mask; others keep the input's.
@@ -98,7 +97,7 @@ def score_network(
     network: str,
     out: Path,
     *,
-    composite: str = COMPOSITE,
+    composite: str = DEFAULT_COMPOSITE,
     workers: int,
     watch: Watch = None,
 ) -> CellScores:

@@ -67,7 +67,7 @@ def corrupt(
     glsim wrote, only the clean depth is taken.
     """
     from glsim.corrupt import Corrupter
-    from glsim.files.atomic import write_atomic
+    from glsim.files.atomic import flush_outputs, write_atomic
     from glsim.files.depth_folders import left_out, left_out_text
     from glsim.files.png import encode_png, read_depth_png
     from glsim.settings.schema import load_settings
@@ -98,6 +98,8 @@ def corrupt(
                 by_shape[shape] = stack.enter_context(corrupter)
             noisy = encode_png(by_shape[shape].corrupt(depth, name).noisy)
             write_atomic(noisy, target, sync=len(pairs) == 1)
+    if len(pairs) > 1:
+        flush_outputs([target for _, target, _ in pairs], out)
     if others := left_out([clean], "clean"):
         print_message(f"left out {left_out_text(others)}: no clean depth")
     print_message(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")

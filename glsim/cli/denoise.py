@@ -140,7 +140,7 @@ def _denoise_files(
 
     from glsim.denoise.depth_files import MapFrames, find_maps, infrared_files, unit_mm
     from glsim.denoise.frames import Stacks
-    from glsim.files.atomic import write_atomic
+    from glsim.files.atomic import flush_outputs, write_atomic
     from glsim.files.depth_folders import left_out, left_out_text
     from glsim.files.png import encode_png
     from glsim.frame import encode_depth
@@ -175,6 +175,10 @@ def _denoise_files(
         if sigma_targets:
             sigma = encode_png(_encode_sigma(sigma_mm, depth_m > 0))
             write_atomic(sigma, sigma_targets[number], sync=len(pairs) == 1)
+    if len(pairs) > 1:
+        flush_outputs([target for _, target in pairs], out)
+        if uncertainty is not None:
+            flush_outputs(sigma_targets, uncertainty)
     if others := left_out([Path(text) for text in noisy], "noisy"):
         print_message(f"left out {left_out_text(others)}: no noisy depth")
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}")

@@ -90,7 +90,7 @@ def transfer(
     ] = None,
     composite: Annotated[
         str, typer.Option(help="Scored map of a network's soft validity, as for glsim denoise.")
-    ] = "hard",
+    ] = "measured",
     figures: Annotated[bool, typer.Option(help="Draw transfer.png.")] = True,
     plan: Annotated[
         bool, typer.Option("--plan", help="Print the steps and their time without running them.")

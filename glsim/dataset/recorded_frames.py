@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -11,9 +12,12 @@ from typing import Any
 import numpy as np
 
 from glsim.dataset.driver import GenerateProgress, GenerateSummary, write_dataset
-from glsim.dataset.recordings import FrameFiles, find_frames
+from glsim.dataset.identity import Inputs
+from glsim.dataset.inputs import source_hashes
+from glsim.dataset.recordings import CALIBRATION, FrameFiles, find_frames
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.files.contents import content_hash
 from glsim.frame import Frame, Skipped
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.rect import Rect
@@ -53,7 +57,7 @@ class Recordings:
                 raise DatasetError(
                     f"{root}: two folders have the same name without spaces: rename one"
                 ) from None
-        self._every = every
+        self._every, self._mirror = every, mirror
 
     def subjects(self, count: int | None) -> list[str]:
         """Return the names of the recordings."""
@@ -74,6 +78,16 @@ class Recordings:
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Raise: recordings hold images, not faces."""
         raise ConfigError(f"{self.root}: recordings have no meshes: use glsim import kinect2")
+
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Hash the files of recordings, and what else decides their frames: name -> hash."""
+        hashes = {"mirror": str(self._mirror)}
+        for files in (self.folders[subject] for subject in subjects):
+            paths = [files.root / CALIBRATION]
+            for frame in files.frames[:: self._every]:
+                paths += [p for p in (frame.depth_file, frame.infrared_file) if p is not None]
+            hashes |= {os.path.relpath(path, self.root): content_hash(path) for path in paths}
+        return hashes
 
     def _path(self, subject: str, number: int) -> str:
         recorded = self.folders[subject].frames[number]
@@ -120,15 +134,17 @@ def import_recordings(
     camera = _camera(next(iter(source.folders.values())), None)
     sensor: dict[str, Any] = {"name": "recording", "title": TITLE, "stages": []}
     sensor |= {"width": camera.width, "height": camera.height}
+    tasks = make_tasks(settings, [source])
     return write_dataset(
         settings,
-        make_tasks(settings, [source]),
+        tasks,
         out,
         partial(recorded_frames, source=source),
         sensor=sensor,
         renderer="none: recorded",
         workers=workers,
         progress=progress,
+        inputs=lambda: Inputs(sources=source_hashes([source], tasks)),
     )
 
 

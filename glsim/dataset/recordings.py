@@ -33,6 +33,8 @@ Array = NDArray[np.float32]
 DUMP_SHAPE = (424, 512)
 _METRES_BELOW = 20.0
 _IMAGES = (".png", ".tif", ".tiff")
+#: The calibration of iai_kinect2, in the folder of its frames.
+CALIBRATION = "calib_ir.yaml"
 _DUMPS = (".bin", ".raw", ".depth")
 _INFRARED_FOLDERS = ("ir", "infrared")
 #: How the name of a depth file ends, and those of its infrared image.
@@ -235,7 +237,7 @@ def _in_metres(file: Path) -> bool:
 
 def _calibration(root: Path, mirror: bool) -> tuple[Intrinsics | None, tuple[float, ...]]:
     """Read ``calib_ir.yaml`` of iai_kinect2. OpenCV counts from the first pixel's centre."""
-    file = root / "calib_ir.yaml"
+    file = root / CALIBRATION
     if not file.is_file():
         return None, ()
     import cv2

@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from glsim.denoise import shipped
+from glsim.denoise.inputs import MAX_NEIGHBOURS
 from glsim.denoise.protocol import Method, parameter
 from glsim.errors import DenoiserError
 
@@ -60,6 +61,12 @@ class NetworkOptions:
         "keep a pixel if P(depth on the chosen surface) exceeds this; 0: see --composite",
         former_names=("sure",),
     )
+    before: int = parameter(
+        MAX_NEIGHBOURS,
+        0,
+        MAX_NEIGHBOURS,
+        "networks of video: use at most this many earlier frames",
+    )
 
 
 def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()) -> Method:
@@ -85,6 +92,10 @@ def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()
                 f"where PyTorch is (glsim export {path} -o network.onnx) ({error})"
             ) from None
         network = load_network(path, options.min_probability)
+    from glsim.denoise.network import VideoDenoiser
+
+    if isinstance(network, VideoDenoiser):
+        network.before = min(network.before, options.before)
     return as_method(label, network, f"{_version(path)} {options}")
 
 

@@ -1,7 +1,7 @@
 """Run a network over a large frame in tiles, so that its memory is that of one tile.
 
-The shipped network takes about 1 kB a pixel: 4.5 GB for 2048 x 2048 pixels at once, 1.1 GB in
-tiles.
+The shipped network takes about 1 kB a pixel: 4.5 GB for 2048 x 2048 pixels at once, 1.1 GB for the
+1024 x 1024 of a tile.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ _Image = NDArray[np.float32]
 #: Largest frame that is run at once, pixels, and side of a tile: 1.1 GB with the shipped network,
 #: by measurement. Frames of depth cameras (1024 x 1024 and less) are never divided.
 TILE_PX: Final = 1024
-#: Pixels at a tile's inner borders that are computed and not used. The shipped network sees 105 px
-#: to each side: its features 36 (a Gaussian of radius 24, three of 4), its convolutions the rest.
+#: Pixels at a tile's inner borders that are computed and not used. The shipped network sees 122 px
+#: to each side: its features 36 (a Gaussian of radius 24, three of 4), its convolutions 62, and the
+#: mean that is taken from its correction 24.
 #: A multiple of 16, as TILE_PX, since networks halve the size up to four times.
 MARGIN_PX: Final = 128
 

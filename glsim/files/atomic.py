@@ -16,7 +16,7 @@ import secrets
 import stat
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -26,7 +26,7 @@ from typing import IO, Any
 import numpy as np
 
 from glsim.errors import DatasetError
-from glsim.files.flush import flush_file
+from glsim.files.flush import flush_file, flush_files
 
 #: Advice on common file system errors.
 _ADVICE = {
@@ -194,6 +194,17 @@ def write_atomic(
     with AtomicFile(path, temporary, sync=sync) as file:
         file.write(data)
     return file.checksum
+
+
+def flush_outputs(files: Iterable[Path], folder: Path) -> None:
+    """Flush files of a folder that were written with ``sync`` false, all at once.
+
+    Files that are not there are left out. Raises DatasetError.
+    """
+    there = [file for file in files if file.is_file()]
+    if there:
+        with wrap_write_errors(folder):
+            flush_files(there, folder)
 
 
 def _is_device(path: Path) -> bool:

@@ -153,7 +153,7 @@ def _is_whole_png(data: bytes) -> bool:
 
     OpenCV takes as much memory as the length of a chunk says, up to 2 GB, before it reads it.
     """
-    at = len(_SIGNATURE)
+    at: int = len(_SIGNATURE)
     while at + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)
         at += 12 + length

@@ -24,8 +24,9 @@ base_sigma_mm = 1.5       parameters: numbers or distributions
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -41,7 +42,7 @@ from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.problems import first_problem
-from glsim.settings.schema import Settings
+from glsim.settings.schema import Settings, place_of
 from glsim.settings.tables import merge_tables, parse_table, read_toml
 
 SENSOR_FOLDER = Path(__file__).parent
@@ -49,8 +50,8 @@ SENSOR_FOLDER = Path(__file__).parent
 #: Stages that do nothing without an emitter.
 _SHADOW_STAGES = ("shadow", "tof_shadow")
 
-#: The place of overrides in messages: they come from --set or from a file of settings.
-_OVERRIDES = "settings (--set or --config)"
+#: Returns the place of a setting for messages, see ``glsim.settings.schema.place_of``.
+_Place = Callable[..., str]
 
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 
@@ -175,7 +176,7 @@ def sensor_names() -> list[str]:
 
 def sensor_of(settings: Settings) -> Sensor:
     """Load the sensor that the settings name, with their overrides of its rig and stages."""
-    return load_sensor(settings.sensor, settings.stage, settings.rig)
+    return load_sensor(settings.sensor, settings.stage, settings.rig, partial(place_of, settings))
 
 
 def sensor_code(settings: Settings) -> list[str]:
@@ -194,10 +195,12 @@ def load_sensor(
     name: str,
     overrides: Mapping[str, Mapping[str, Distribution]] | None = None,
     rig_overrides: Mapping[str, Any] | None = None,
+    place: _Place = lambda *path: "the overrides",
 ) -> Sensor:
     """Load a shipped sensor by name, or a sensor file by path.
 
-    overrides: stage -> parameter -> setting. rig_overrides: keys of the file's [rig].
+    overrides: stage -> parameter -> setting. rig_overrides: keys of the file's [rig]. place: of an
+    override, by its path ("rig", key) or ("stage", name, parameter), for messages.
     Raises ConfigError for an unknown sensor, key, stage or parameter, or a value out of range.
     """
     file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
@@ -208,12 +211,12 @@ def load_sensor(
         )
     tree = read_toml(file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
-    places: dict[tuple[str, ...], str] = {("rig", key): _OVERRIDES for key in rig_overrides or {}}
+    places = {("rig", key): place("rig", key) for key in rig_overrides or {}}
     table = parse_table(_SensorTable, tree, str(file), places)
     overrides = dict(overrides or {})
     stages: list[Stage] = []
     for number, entry in enumerate(table.stage):
-        stages.append(_stage(entry, f"{file}: stage {number + 1}", file.parent, overrides))
+        stages.append(_stage(entry, f"{file}: stage {number + 1}", file.parent, overrides, place))
     names = [stage.name for stage in stages]
     for stage_name in names:
         if names.count(stage_name) > 1:
@@ -223,7 +226,7 @@ def load_sensor(
     for stage_name in overrides:
         if stage_name not in names:
             raise ConfigError(
-                f"{_OVERRIDES}: sensor {table.title!r} has no stage {stage_name!r} "
+                f"{place('stage', stage_name)}: sensor {table.title!r} has no stage {stage_name!r} "
                 f"({did_you_mean(stage_name, names)})"
             )
     rig = table.rig.rig()
@@ -263,6 +266,7 @@ def _stage(
     where: str,
     folder: Path,
     overrides: Mapping[str, Mapping[str, Distribution]],
+    place: _Place,
 ) -> Stage:
     settings = dict(entry)
     use = settings.pop("use", None)
@@ -283,4 +287,7 @@ def _stage(
     stage = make_stage(name, spec, parameters, where)
     if name not in overrides:
         return stage
-    return make_stage(name, spec, {**parameters, **overrides[name]}, _OVERRIDES)
+    for key, value in overrides[name].items():  # one by one, so that a wrong one is named
+        parameters = {**parameters, key: value}
+        stage = make_stage(name, spec, parameters, place("stage", name, key))
+    return stage

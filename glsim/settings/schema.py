@@ -35,7 +35,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, model_validator
 
 from glsim.errors import ConfigError
 from glsim.settings.appearance_settings import AppearanceSettings
@@ -238,6 +238,8 @@ class Settings(_Table):
     )
     scene: SceneSettings = SceneSettings()
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
+    #: Path of a setting -> "--set TEXT" as the user wrote it.
+    _places: dict[tuple[str, ...], str] = PrivateAttr(default_factory=dict)
     stage: dict[str, dict[str, NumberSetting]] = Field(
         default_factory=dict, description="parameters of the sensor's noise stages, by stage"
     )
@@ -266,6 +268,13 @@ class Settings(_Table):
                 f"front of the face, at {face.bounds()[0]:g} mm at least"
             )
         return self
+
+
+def place_of(settings: Settings, *path: str) -> str:
+    """Return where a setting, or one below it, was given, for messages: "--set TEXT" if it was."""
+    places = settings._places.items()
+    found = (text for given, text in places if given[: len(path)] == path)
+    return next(found, "settings (--set or --config)")
 
 
 def load_settings(
@@ -299,7 +308,9 @@ def load_settings(
     if preset is not None:
         tree = _over_preset(read_preset(preset), tree)
     settings = parse_table(Settings, tree, where, places)
-    return settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
+    settings = settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
+    settings._places = places
+    return settings
 
 
 def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:

@@ -326,3 +326,42 @@ def test_a_duplicate_record_is_a_problem(tree: Path) -> None:
     problems = verify(tree)
     assert any("index 0 again" in problem for problem in problems)
     assert any("is in two records" in problem for problem in problems)
+
+
+@pytest.mark.parametrize("name", ["dataset.json", ".glsim", ".glsim/chunks.jsonl"])
+def test_what_describes_the_set_may_not_lie_outside(tree: Path, name: str) -> None:
+    """The index outside says that the header was changed; nobody may read that."""
+    moved = tree.parent / "moved"
+    (tree / name).rename(moved)
+    (tree / name).symlink_to(moved)
+    index = moved / "chunks.jsonl" if moved.is_dir() else moved
+    if name != "dataset.json":
+        index.write_text('{"size":1,"crc32":1}\n')
+    assert ("leads out of" in problem_of(tree)) is (name == "dataset.json")
+    assert ("leads out of" in "".join(verify(tree))) is (name == "dataset.json")
+
+
+def test_verify_lists_no_folder_that_a_link_leads_to(tree: Path) -> None:
+    outside = tree.parent / "outside"
+    outside.mkdir()
+    (outside / "secret").touch()
+    shutil.rmtree(tree / "val")
+    (tree / "val").symlink_to(outside)
+    problems = verify(tree)
+    assert f"val: leads out of {tree}" in problems
+    assert not any("secret" in problem for problem in problems)
+
+
+def test_a_manifest_of_empty_lines_takes_no_memory(tree: Path) -> None:
+    """100 million of them took 1.25 GB, before their number was compared with the header's."""
+    with (tree / "manifest.jsonl").open("a") as file:
+        file.write("\n" * 10_000)
+    sign(tree)
+    assert "manifest.jsonl: is damaged: holds empty lines" in problem_of(tree)
+
+
+def test_a_header_of_millions_of_keys_is_too_large(tree: Path) -> None:
+    """40 MB of keys took more than 20 s."""
+    with (tree / "dataset.json").open("r+b") as file:
+        file.truncate(2**24 + 1)
+    assert "17 MB are more than the 16.8 allowed" in problem_of(tree)

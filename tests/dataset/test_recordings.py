@@ -72,6 +72,24 @@ def test_a_resumed_import_gives_the_same_bytes(tmp_path: Path) -> None:
     assert {path: path.read_bytes() for path in out.rglob("*.png")} == before
 
 
+def test_an_import_of_changed_recordings_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A set of two halves could otherwise be made: frames of before and of after the change."""
+    root, out = _iai(tmp_path / "room"), tmp_path / "set"
+    assert _import(root, out) == 0
+    (out / "dataset.json").unlink()
+    assert _import(root, out, "--mirror") == 2
+    assert "source 0 kinect2: mirror was changed since" in capsys.readouterr().err
+    file = sorted(root.glob("*_depth.png"))[-1]
+    whole = file.read_bytes()
+    file.write_bytes(encode_png(np.full(SHAPE, 1234, np.uint16)))
+    assert _import(root, out) == 2
+    assert f"{file.name} was changed since" in capsys.readouterr().err
+    file.write_bytes(whole)
+    assert _import(root, out) == 0
+
+
 def _stack(folder: Path, depth: np.ndarray, light: np.ndarray | None = None) -> Path:
     folder.mkdir()
     np.save(folder / "run_depth.npy", depth)

@@ -110,6 +110,14 @@ def test_a_stream_gives_a_network_its_earlier_frames(tmp_path: Path) -> None:
     assert not np.array_equal(pushed[3], denoise(stack[3]).depth_mm)
 
 
+def test_an_option_limits_the_earlier_frames(tmp_path: Path) -> None:
+    path = write_checkpoint(tmp_path / "best.pt", "face-video")
+    limited, whole = load(f"{path}:before=1"), load(str(path))
+    assert (limited.before, whole.before) == (1, 4)
+    stack, _ = sequence()
+    np.testing.assert_array_equal(limited(stack[2:], 1).depth_mm, whole(stack[2:], 1).depth_mm)
+
+
 def test_bytes_that_are_no_network_have_no_inputs(network: Path) -> None:
     whole = (network / "net.onnx").read_bytes()
     for data in (

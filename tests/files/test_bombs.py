@@ -146,3 +146,47 @@ def _no_proc(before: Callable[[str], str]) -> Callable[[str], str]:
         return before(path, **options)
 
     return readlink
+
+
+def test_a_chunk_that_claims_two_gigabytes_takes_none(tmp_path: Path) -> None:
+    """OpenCV took what the length of a PNG's chunk says, before it read the chunk."""
+    whole = encode_png(np.arange(3072, dtype=np.uint16).reshape(48, 64))
+    assert decode_png(whole) is not None
+    at = whole.index(b"IDAT") - 4
+    before = peak_mb()
+    for length in (0x7DFFFFFF, 0xFFFFFFFF):
+        assert decode_png(whole[:at] + struct.pack(">I", length) + whole[at + 4 :]) is None
+    assert peak_mb() - before < 300
+    assert decode_png(whole[:-12]) is None  # without its end
+    animation = chunk(b"acTL", struct.pack(">II", 100, 0))
+    assert decode_png(whole[:33] + animation + whole[33:]) is None
+
+
+def tiff(*sides: tuple[int, int, int]) -> bytes:
+    """A TIFF's header and directory. sides: tag, type and value."""
+    entries = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in sides)
+    return b"II*\0" + struct.pack("<IH", 8, len(sides)) + entries + bytes(4)
+
+
+@pytest.mark.parametrize(
+    ("sides", "size"),
+    [
+        ([(256, 3, 64), (257, 4, 48)], (64, 48)),
+        ([(256, 3, 20_000), (256, 3, 64), (257, 3, 48)], None),  # twice: which one is taken?
+        ([(256, 16, 8), (257, 3, 48)], None),  # a place, not a size
+        ([(256, 3, 64)], None),
+        ([(256, 3, 64), (257, 3, 48), (322, 4, 30_000), (323, 4, 30_000)], (30_000, 30_000)),
+    ],
+)
+def test_the_size_of_a_tiff_is_what_its_decoder_takes(
+    sides: list[tuple[int, int, int]], size: tuple[int, int] | None
+) -> None:
+    assert image_size(tiff(*sides)) == size
+
+
+def test_channels_count_as_pixels() -> None:
+    assert size_problem(bomb(8192, 8192)) is None
+    assert "pixels of 8 bytes, more than the" in str(size_problem(bomb(8192, 8192, colour=6)))
+    assert size_problem(bomb(4096, 4096, colour=6)) is None
+    several = tiff((256, 3, 8000), (257, 3, 8000), (277, 3, 100))
+    assert "pixels of 800 bytes" in str(size_problem(several))

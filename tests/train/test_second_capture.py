@@ -198,8 +198,8 @@ def test_a_small_network_learns_to_smooth_without_clean_frames(
     torch.manual_seed(0)
     network, loss = build_model(model), build_loss(table)
     optimiser = torch.optim.Adam(network.parameters(), 1e-2)
-    clean = surface(16)
-    for step in range(40):
+    clean = surface(24)
+    for step in range(50):
         first, second = capture(10 * step, clean), capture(10 * step + 5, clean)
         total, _ = loss.training_loss(network, first, second, draw())
         optimiser.zero_grad()
@@ -210,13 +210,13 @@ def test_a_small_network_learns_to_smooth_without_clean_frames(
         prediction = network.eval()(noisy)
     there = noisy > 0
     error_mm = (prediction.depth_mm - clean)[there]
-    assert error_mm.square().mean().sqrt() < 0.9 * SIGMA_MM
+    assert error_mm.square().mean().sqrt() < 0.85 * SIGMA_MM
     assert error_mm.mean().abs() < 0.5
     if prediction.valid_logit is not None:
         kept = prediction.valid_logit > 0
         closed = ((clean > 0) & (noisy == 0) & kept).sum() / ((clean > 0) & (noisy == 0)).sum()
         assert closed > 0.5, "random holes close"
-        assert not kept[:, :, :6].any()
+        assert not kept[:, :, :9].any()
 
 
 def test_recipes_say_what_they_are_and_bad_tables_are_refused() -> None:

@@ -19,6 +19,10 @@ from glsim.train.models.base import Prediction
 #: Another candidate than the first becomes the target if it is nearer to the truth by this, mm:
 #: several times the noise, and half of a flying pixel's least error.
 _SWITCH_MM: Final = 25.0
+#: A pixel none of whose candidates is nearer to the truth than this, mm, shows a surface that was
+#: not measured around it, such as a wall out of range: no network can know its depth. Such pixels
+#: would rule the gradient: in frames of rooms they are a quarter, with errors of half a metre.
+_KNOWABLE_MM: Final = 50.0
 
 
 class AllPixels(Loss):
@@ -79,11 +83,9 @@ class Masked(Loss):
         """Return total and parts: depth, and valid, choice, slope and sigma where they apply.
 
         Among several candidates only the target surface's depth counts; sigma is that of the
-        chosen one.
+        chosen one. A pixel without a candidate near the truth shall have no depth.
         """
         has_depth = (clean_mm > 0).float()
-        counted = has_depth * dilated(noisy_mm > 0, self.reach_px)
-        inside = counted * interior_mask(clean_mm)
         error_mm = prediction.depth_mm - clean_mm
         choice = None
         if prediction.candidates_mm is not None and prediction.choice_logits is not None:
@@ -91,6 +93,9 @@ class Masked(Loss):
             target = target_surface(errors_mm.detach())
             error_mm = errors_mm.gather(1, target)
             choice = _cross_entropy(prediction.choice_logits, target)
+            has_depth = has_depth * (error_mm.detach().abs() < _KNOWABLE_MM)
+        counted = has_depth * dilated(noisy_mm > 0, self.reach_px)
+        inside = counted * interior_mask(clean_mm)
         weight = self.edge_weight * counted + (1 - self.edge_weight) * inside
         parts = {"depth": weighted_mean(self._depth_loss(error_mm, prediction.log_sigma), weight)}
         total = parts["depth"]

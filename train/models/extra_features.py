@@ -75,8 +75,10 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor) -> Tensor:
     near = is_near.to(fill_mm.dtype)
     closeness = (1.0 - (difference / _SURFACE_MM).square()).square() * near
     total, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
-    count = neighbours_mm.shape[1]
-    for one, known in zip(difference.split(1, dim=1), near.split(1, dim=1), strict=True):
+    count = int(neighbours_mm.shape[1])  # a plain number, also where a graph is exported
+    for place in range(count):
+        # Slices, because OpenCV does not run ONNX's Split.
+        one, known = difference[:, place : place + 1], near[:, place : place + 1]
         moved = one - local_mean(one, known) * known
         bounded = moved.clamp(-_MEAN_LIMIT_MM, _MEAN_LIMIT_MM)
         weight = (1.0 - (bounded / _MEAN_LIMIT_MM).square()).square() * known

@@ -1,9 +1,10 @@
 """An autoencoder of partial convolutions: the network of Sterzentsenko et al.
 
-V. Sterzentsenko et al., "Self-Supervised Deep Depth Denoising", ICCV 2019. Written from the paper
-and the description of its network: nine convolutions down with three halvings, two residual blocks
-with activation first, nine convolutions up with three doublings by interpolation, ELU throughout,
-and features of each scale joined to those on the way up.
+V. Sterzentsenko et al., "Self-Supervised Deep Depth Denoising", ICCV 2019. The layout is that of
+the authors' public code (VCL3D/DeepDepthDenoising, MIT), from which no line is taken: nine
+convolutions down with three halvings, two residual blocks with activation first, nine convolutions
+up with three doublings by interpolation, ELU throughout, and features of each scale joined to those
+on the way up.
 """
 
 from __future__ import annotations
