@@ -2,15 +2,18 @@
 A noise stage of your own
 =========================
 
-A stage is a GLSL file. Its declarations are its interface: what it reads, what it writes, and its parameters with their
-ranges. We write one that adds horizontal bands, as interference of a mains lamp does, and put it behind the Kinect V2's chain.
+A stage is a GLSL file. Its declarations are its interface: what it reads, what it writes, and its
+parameters with their
+ranges. We write one that adds horizontal bands, as interference of a mains lamp does, and put it
+behind the Kinect V2's chain.
 """
 
 # %%
 # The stage
 # ---------
-# ``//@`` declares range, unit and help. glsim checks values against them, and ``glsim stages bands.glsl`` prints them.
-# ``random_bits`` gives the same bits for the same pixel, frame and stage, whatever the order of the work.
+# ``//@`` declares range, unit and help. glsim checks values against them, and ``glsim stages
+# bands.glsl`` prints them. ``random_bits`` gives the same bits for the same pixel, frame and
+# stage, whatever the order of the work.
 import tempfile
 from pathlib import Path
 
@@ -44,11 +47,14 @@ void main() {
 # A sensor file is a rig and a chain. We take the shipped file and add the stage at the end.
 shipped = load_sensor("kinect-v2").file.read_text()
 sensor = folder / "banded.toml"
-sensor.write_text(shipped + '\n[[stage]]\nuse = "bands.glsl"\namplitude_mm = { uniform = [1, 4] }\n')
+sensor.write_text(
+    shipped + '\n[[stage]]\nuse = "bands.glsl"\namplitude_mm = { uniform = [1, 4] }\n'
+)
 print([stage.name for stage in load_sensor(str(sensor)).stages])
 
 # %%
-# The amplitude is a distribution: each frame has its own, and the manifest of a data set records it.
+# The amplitude is a distribution: each frame has its own, and the manifest of a data set records
+# it.
 settings = load_settings(
     overrides={
         "sensor": str(sensor),

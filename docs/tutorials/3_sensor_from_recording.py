@@ -2,18 +2,21 @@
 A sensor from a recording
 =========================
 
-``glsim fit`` measures the noise of a camera on a recording of a scene that does not move, and writes a sensor file. We have no
-camera here. We record with a simulated one whose noise we know, and see whether the fit finds it.
+``glsim fit`` measures the noise of a camera on a recording of a scene that does not move, and
+writes a sensor file. We have no camera here. We record with a simulated one whose noise we know,
+and see whether the fit finds it.
 """
 
 # %%
 # Record
 # ------
-# The scene: a wall at a slant and three boxes before it. The camera: ``kinect-v2-fast`` with twice the noise of light
-# (``shot_variance`` and ``read_variance`` of its stage times four). Forty frames, as 16-bit PNG files in millimetres.
+# The scene: a wall at a slant and three boxes before it. The camera: ``kinect-v2-fast`` with
+# twice the noise of light (``shot_variance`` and ``read_variance`` of its stage times four).
+# Forty frames, as 16-bit PNG files in millimetres.
 import subprocess
 import sys
 import tempfile
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -64,9 +67,20 @@ plt.show()
 # %%
 # Fit
 # ---
-# The albedo of the scene relative to a white wall cannot be seen in depth and infrared; maps of ``Corrupter`` have 0.6.
+# The albedo of the scene relative to a white wall cannot be seen in depth and infrared; maps of
+# ``Corrupter`` have 0.6.
 sensor = folder / "mine.toml"
-command = [sys.executable, "-m", "glsim", "fit", str(recording), "-o", str(sensor), "--albedo", "0.6"]
+command = [
+    sys.executable,
+    "-m",
+    "glsim",
+    "fit",
+    str(recording),
+    "-o",
+    str(sensor),
+    "--albedo",
+    "0.6",
+]
 done = subprocess.run(command, capture_output=True, text=True, check=False)
 print((done.stdout + done.stderr).replace(str(folder), "."))
 done.check_returncode()
@@ -86,7 +100,7 @@ middles = (edges[:-1] + edges[1:]) / 2
 figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
 for label, values in (("recording", spread), ("fitted sensor", fitted_spread)):
     medians = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         inside = values[(scene >= low) & (scene < high)]
         medians.append(np.nanmedian(inside) if np.isfinite(inside).any() else np.nan)
     axis.plot(middles, medians, "o-", label=label)
@@ -97,5 +111,5 @@ print(f"all pixels: recording {np.nanmedian(spread):.2f} mm, "
       f"fitted {np.nanmedian(fitted_spread):.2f} mm")  # fmt: skip
 
 # %%
-# For a real camera, record walls and furniture at many distances, 30 frames or more; nothing may move. What the fit
-# measures and what it cannot: :ref:`Your own camera <fit-a-camera>`.
+# For a real camera, record walls and furniture at many distances, 30 frames or more; nothing may
+# move. What the fit measures and what it cannot: :ref:`Your own camera <fit-a-camera>`.

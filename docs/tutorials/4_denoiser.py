@@ -2,15 +2,16 @@
 A denoiser on your data
 =======================
 
-We train the smallest useful network for a few seconds, and compare it with a median filter and with the network in the
+We train the smallest useful network for a few seconds, and compare it with a median filter and with
+the network in the
 package. The training is far too short on purpose: the steps are the lesson, not the result.
 """
 
 # %%
 # Data
 # ----
-# Crops of 96 pixels, a few people. For a real training take 400 people and draw sensor and pose at random:
-# :doc:`/training`. Depth in steps of 0.1 mm keeps the surface smooth.
+# Crops of 96 pixels, a few people. For a real training take 400 people and draw sensor and pose
+# at random: :doc:`/training`. Depth in steps of 0.1 mm keeps the surface smooth.
 import tempfile
 from pathlib import Path
 
@@ -87,6 +88,9 @@ plt.show()
 # %%
 # Next
 # ----
-# - Thirty minutes of training: ``glsim train face --data data -o run --minutes 30``; continue with ``--resume``.
-# - Score it properly, with intervals and metrics that separate the surface from silhouettes: the next tutorial.
-# - What a denoiser keeps and removes: :doc:`/denoise`. How networks hold on sensors that they never saw: :doc:`/transfer`.
+# - Thirty minutes of training: ``glsim train face --data data -o run --minutes 30``; continue
+#   with ``--resume``.
+# - Score it properly, with intervals and metrics that separate the surface from silhouettes: the
+#   next tutorial.
+# - What a denoiser keeps and removes: :doc:`/denoise`. How networks hold on sensors that they
+#   never saw: :doc:`/transfer`.

@@ -2,7 +2,8 @@
 From faces to a table
 =====================
 
-The way of a paper: faces, a sensor, denoisers, a table with intervals. We ask how much the choice of the noise model decides
+The way of a paper: faces, a sensor, denoisers, a table with intervals. We ask how much the choice
+of the noise model decides
 which denoiser wins.
 """
 
@@ -34,7 +35,8 @@ for sensor in sensors:
 # %%
 # Score
 # -----
-# ``noisy`` is the input as it is. Other names: ``glsim eval --list``; functions of your own and networks work, too.
+# ``noisy`` is the input as it is. Other names: ``glsim eval --list``; functions of your own and
+# networks work, too.
 denoisers = ("noisy", "median", "quadric:sigma_px=2", "face")
 metrics = {"mse_mm2": "MSE, all pixels [mm²]", "both_rmse_mm": "RMSE where both have depth [mm]",
            "interior_rmse_mm": "RMSE, interior [mm]"}  # fmt: skip
@@ -65,7 +67,8 @@ axes[0].legend(fontsize=8)
 plt.show()
 
 # %%
-# Read the first column with care: it is decided by a few hundred silhouette pixels, see :doc:`/explanation/all_pixel_mse`.
+# Read the first column with care: it is decided by a few hundred silhouette pixels, see
+# :doc:`/explanation/all_pixel_mse`.
 #
 # The same on the command line, with intervals, figures and a report:
 #

@@ -179,7 +179,9 @@ class VariationSettings(_Table):
 class OutputSettings(_Table):
     """Layers, format and size of the frames that are written."""
 
-    format: Literal["png", "webdataset"] = Field("png", description="a tree of PNG files, or shards")
+    format: Literal["png", "webdataset"] = Field(
+        "png", description="a tree of PNG files, or shards"
+    )
     layers: tuple[LayerName, ...] = Field(("clean", "noisy"), description="images of each frame")
     crop: int | None = Field(None, ge=8, le=4096, description="side of the centre crop, pixels")
     depth_unit_mm: float = Field(

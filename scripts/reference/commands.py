@@ -14,8 +14,8 @@ from scripts.reference.markdown import block, code, plain, table
 _INTRODUCTION = """\
 # Command line
 
-`glsim COMMAND --help` prints the same. Exit status: 0 = done, 1 = failed or interrupted, 2 = wrong usage or settings.
-Messages go to stderr, tables to stdout.
+`glsim COMMAND --help` prints the same. Exit status: 0 = done, 1 = failed or interrupted, 2 =
+wrong usage or settings. Messages go to stderr, tables to stdout.
 
 """
 
@@ -85,7 +85,13 @@ def _row(parameter: Any) -> list[str]:
         names = ", ".join(map(code, (*parameter.opts, *parameter.secondary_opts)))
     flag = getattr(parameter, "is_flag", False)
     annotation = getattr(parameter.type_descriptor.annotation, "__name__", "")
-    kinds = {"str": "text", "int": "whole number", "float": "number", "Path": "path", "list": "path"}
+    kinds = {
+        "str": "text",
+        "int": "whole number",
+        "float": "number",
+        "Path": "path",
+        "list": "path",
+    }
     kind = "" if flag else parameter.metavar or kinds.get(annotation, annotation)
     if parameter.min is not None:
         kind += f", at least {parameter.min:g}"

@@ -16,8 +16,9 @@ from scripts.reference.markdown import block, code, plain, table
 _INTRODUCTION = f"""\
 # Format of a data set
 
-Version {disk_format.FORMAT_VERSION}. [A data set on disk](/data_sets.md) explains it; this page is read from the code
-that checks each record. Keys that are not listed are kept as they are: a later version may add some.
+Version {disk_format.FORMAT_VERSION}. [A data set on disk](/data_sets.md) explains it; this page
+is read from the code that checks each record. Keys that are not listed are kept as they are: a
+later version may add some.
 
 """
 #: Record -> (the file, its title).
@@ -35,15 +36,17 @@ def pages() -> dict[str, str]:
         schema = TypeAdapter(record).json_schema()
         parts.append(f"## `{file}`: {title}\n\n")
         parts.append(table(["key", "content", "always there"], _rows(schema, schema, "")))
-        parts.append(f"### JSON schema of `{file}`\n\n" + block(json.dumps(schema, indent=1), "json"))
+        parts.append(
+            f"### JSON schema of `{file}`\n\n" + block(json.dumps(schema, indent=1), "json")
+        )
     parts.append("## Codes of the layer `reason`\n\n")
     rows = [
         [str(r.value), code(r.name), "yes" if r.has_depth else "no", plain(r.help)] for r in Reason
     ]
     parts.append(table(["code", "name", "has depth", "meaning"], rows))
     parts.append(
-        "## Regions with a fixed number\n\nA source may add names of its own, with further numbers; "
-        "`regions` in `dataset.json` holds the table of a data set.\n\n"
+        "## Regions with a fixed number\n\nA source may add names of its own, with further "
+        "numbers; `regions` in `dataset.json` holds the table of a data set.\n\n"
     )
     numbered = [[str(n), plain(name)] for n, name in enumerate(KNOWN_REGIONS, start=1)]
     parts.append(table(["number", "region"], [["0", "none"], *numbered]))

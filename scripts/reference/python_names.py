@@ -19,7 +19,8 @@ def pages() -> dict[str, str]:
 
 def _page(module_name: str) -> str:
     module = importlib.import_module(module_name)
-    parts = [f"# Python: `{module_name}`\n\n`from {module_name} import ...`; nothing deeper is public.\n\n"]
+    title = f"# Python: `{module_name}`\n\n"
+    parts = [f"{title}`from {module_name} import ...`; nothing deeper is public.\n\n"]
     for name in sorted(module.__all__):
         value = getattr(module, name)
         lines = [f".. {_directive(value)}:: {module_name}.{name}"]

@@ -13,9 +13,9 @@ from scripts.reference.markdown import block, code, plain, table, toctree
 _INTRODUCTION = """\
 # Sensors
 
-A sensor is a TOML file: a rig (intrinsics, lens, emitters) and a chain of [noise stages](stages.md). Every number
-names its source in a comment. `glsim render face.obj --sensor my_sensor.toml` uses a file of your own; copy a
-shipped one to begin.
+A sensor is a TOML file: a rig (intrinsics, lens, emitters) and a chain of [noise
+stages](stages.md). Every number names its source in a comment. `glsim render face.obj --sensor
+my_sensor.toml` uses a file of your own; copy a shipped one to begin.
 
 """
 
@@ -31,7 +31,9 @@ def pages() -> dict[str, str]:
             [f"[`{sensor.name}`](sensors/{sensor.name}.md)", plain(sensor.title),
              f"{image.width}x{image.height}", f"{image.fx:g} px", baseline]
         )  # fmt: skip
-    text = _INTRODUCTION + table(["sensor", "what it is", "image", "focal length", "baseline"], rows)
+    text = _INTRODUCTION + table(
+        ["sensor", "what it is", "image", "focal length", "baseline"], rows
+    )
     text += "## Keys of a sensor file\n\n"
     layout = (sensor_module.__doc__ or "").split("\n\n", 1)[1]
     text += block(layout, "text") + toctree(f"sensors/{sensor.name}" for sensor in sensors)
@@ -40,9 +42,7 @@ def pages() -> dict[str, str]:
 
 def _page(sensor: Sensor) -> str:
     text = sensor.file.read_text(encoding="utf-8")
-    head = [
-        line.lstrip("# ") for line in takewhile(lambda t: t.startswith("#"), text.splitlines())
-    ]
+    head = [line.lstrip("# ") for line in takewhile(lambda t: t.startswith("#"), text.splitlines())]
     sources = _comments(text)
     parts = [f"# `{sensor.name}`\n\n{plain(sensor.title)}.\n\n{plain(' '.join(head))}\n\n"]
     rows = []
@@ -57,7 +57,9 @@ def _page(sensor: Sensor) -> str:
             unit = "" if parameter is None or parameter.unit == "1" else parameter.unit
             source = sources.get((stage.name, name), "")
             rows.append(["", code(name), code(f"{_value(setting)} {unit}".strip()), plain(source)])
-    parts.append("## Chain\n\nParameters that the sensor sets; all others have the stages' defaults.\n\n")
+    parts.append(
+        "## Chain\n\nParameters that the sensor sets; all others have the stages' defaults.\n\n"
+    )
     parts.append(table(["stage", "parameter", "value", "source"], rows))
     parts.append("## File\n\n" + block(text, "toml"))
     return "".join(parts)
@@ -67,7 +69,9 @@ def _value(setting: Distribution) -> str:
     if setting.constant is not None:
         return f"{setting.constant:g}"
     fields = setting.model_dump(exclude_none=True, exclude_defaults=True)
-    return ", ".join(f"{kind} {list(v) if isinstance(v, tuple) else v}" for kind, v in fields.items())
+    return ", ".join(
+        f"{kind} {list(v) if isinstance(v, tuple) else v}" for kind, v in fields.items()
+    )
 
 
 def _comments(text: str) -> dict[tuple[str, str], str]:

@@ -24,13 +24,17 @@ _LIMITS = {"pose": POSE_LIMITS, "variation": VARIATION_LIMITS, "scene": SCENE_LI
 _INTRODUCTION = """\
 # Settings
 
-Settings come from a TOML file (`--config`), from `--set NAME=VALUE` and from options; the tables below are read from
-the code that checks them. *Number or distribution* means a number, or one of
+Settings come from a TOML file (`--config`), from `--set NAME=VALUE` and from options; the tables
+below are read from the code that checks them. *Number or distribution* means a number, or one of
 
-    { uniform = [LOW, HIGH] }  { loguniform = [LOW, HIGH] }  { normal = [MEAN, DEVIATION] }  { choice = [A, B, C] }
+    { uniform = [LOW, HIGH] }
+    { loguniform = [LOW, HIGH] }
+    { normal = [MEAN, DEVIATION] }
+    { choice = [A, B, C] }
 
-with `per = "frame"` (the default), `"sequence"` or `"subject"`. A normal distribution is cut at three deviations. The
-manifest records what was drawn. An unknown key is an error that names similar keys.
+with `per = "frame"` (the default), `"sequence"` or `"subject"`. A normal distribution is cut at
+three deviations. The manifest records what was drawn. An unknown key is an error that names
+similar keys.
 
 """
 
@@ -45,8 +49,8 @@ def pages() -> dict[str, str]:
         text = (Path(presets.__file__).parent / f"{name}.toml").read_text(encoding="utf-8")
         parts.append(f"### `{name}`\n\n{plain(preset_title(name))}\n\n" + block(text, "toml"))
     recipe = [
-        "# Training recipes\n\nA recipe is a TOML file with these tables. [Training a denoiser](/training.md) shows "
-        "how they are used, and lists the shipped recipes.\n\n",
+        "# Training recipes\n\nA recipe is a TOML file with these tables. [Training a denoiser]"
+        "(/training.md) shows how they are used, and lists the shipped recipes.\n\n",
         *_tables(Recipe, ""),
     ]
     return {"settings": "".join(parts), "recipes": "".join(recipe)}

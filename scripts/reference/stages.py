@@ -16,9 +16,10 @@ from scripts.reference.markdown import block, code, plain, table, toctree
 _INTRODUCTION = """\
 # Noise stages
 
-A sensor is a chain of stages. A stage is a GLSL file (or a Python function) whose declarations are its interface:
-the tables below are read from them. `glsim stages NAME` prints the same.
-Set a parameter with `--set STAGE.PARAMETER=VALUE`, to a number or a distribution; every stage also has `enabled`.
+A sensor is a chain of stages. A stage is a GLSL file (or a Python function) whose declarations
+are its interface: the tables below are read from them. `glsim stages NAME` prints the same. Set a
+parameter with `--set STAGE.PARAMETER=VALUE`, to a number or a distribution; every stage also has
+`enabled`.
 
 """
 
