@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from textwrap import dedent
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -30,7 +31,7 @@ _RECORDS: tuple[tuple[Any, str, str], ...] = (
 
 def pages() -> dict[str, str]:
     """Return page name -> Markdown: one page."""
-    layout = (disk_format.__doc__ or "").split("\n\n", 1)[1]
+    layout = dedent((disk_format.__doc__ or "").split("\n\n", 1)[1])
     parts = [_INTRODUCTION, "## Files\n\n", block(layout)]
     for record, file, title in _RECORDS:
         schema = TypeAdapter(record).json_schema()

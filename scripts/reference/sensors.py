@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from itertools import takewhile
+from textwrap import dedent
 
 from glsim.sensors import sensor as sensor_module
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
@@ -36,33 +37,46 @@ def pages() -> dict[str, str]:
     )
     text += "## Keys of a sensor file\n\n"
     layout = (sensor_module.__doc__ or "").split("\n\n", 1)[1]
-    text += block(layout, "text") + toctree(f"sensors/{sensor.name}" for sensor in sensors)
+    text += block(dedent(layout)) + toctree(f"sensors/{sensor.name}" for sensor in sensors)
     return {"sensors": text} | {f"sensors/{s.name}": _page(s) for s in sensors}
 
 
 def _page(sensor: Sensor) -> str:
     text = sensor.file.read_text(encoding="utf-8")
     head = [line.lstrip("# ") for line in takewhile(lambda t: t.startswith("#"), text.splitlines())]
-    sources = _comments(text)
+    rig_text, *stage_texts = re.split(r"^\[\[stage\]\]", text, flags=re.MULTILINE)
     parts = [f"# `{sensor.name}`\n\n{plain(sensor.title)}.\n\n{plain(' '.join(head))}\n\n"]
+    parts.append("## Rig\n\n" + table(["key", "value", "source"], _rig_rows(rig_text)))
     rows = []
-    for stage in sensor.stages:
+    for stage, stage_text in zip(sensor.stages, stage_texts, strict=True):
+        given = {key: comment for key, _, comment in _lines(stage_text)}
         link = f"[`{stage.name}`](../stages/{stage.spec.name}.md)"
-        rows.append([link, "", "", plain(sources.get((stage.name, "use"), ""))])
+        rows.append([link, "", "", plain(given["use"])])
         for name, setting in stage.settings.items():
-            parameter = stage.spec.parameters.get(name)
-            default = 1.0 if parameter is None else parameter.default
-            if setting.is_constant and setting.constant == default:
-                continue
-            unit = "" if parameter is None or parameter.unit == "1" else parameter.unit
-            source = sources.get((stage.name, name), "")
-            rows.append(["", code(name), code(f"{_value(setting)} {unit}".strip()), plain(source)])
-    parts.append(
-        "## Chain\n\nParameters that the sensor sets; all others have the stages' defaults.\n\n"
-    )
+            if name in given:
+                parameter = stage.spec.parameters.get(name)
+                unit = "" if parameter is None or parameter.unit == "1" else parameter.unit
+                value = code(f"{_value(setting)} {unit}".strip())
+                rows.append(["", code(name), value, plain(given[name])])
+    parts.append("## Chain\n\nAll other parameters have the stages' defaults.\n\n")
     parts.append(table(["stage", "parameter", "value", "source"], rows))
     parts.append("## File\n\n" + block(text, "toml"))
     return "".join(parts)
+
+
+def _rig_rows(text: str) -> list[list[str]]:
+    """Return key, value and source of the tables before the stages."""
+    rows = []
+    for section in re.split(r"^(?=\[)", text, flags=re.MULTILINE)[1:]:
+        name = re.match(r"\[+([\w.]+)\]+[ \t]*(?:#\s*(.*))?", section)
+        assert name is not None
+        if name[2]:
+            rows.append([code(f"{name[1]}"), "", plain(name[2])])
+        rows += [
+            [code(f"{name[1]}.{key}"), code(value), plain(source)]
+            for key, value, source in _lines(section)
+        ]
+    return rows
 
 
 def _value(setting: Distribution) -> str:
@@ -74,12 +88,7 @@ def _value(setting: Distribution) -> str:
     )
 
 
-def _comments(text: str) -> dict[tuple[str, str], str]:
-    """Return (stage, key) -> the comment behind the key, for the tables [[stage]] of a file."""
-    found: dict[tuple[str, str], str] = {}
-    for part in re.split(r"^\[\[stage\]\]", text, flags=re.MULTILINE)[1:]:
-        entries = re.findall(r"^(\w+) = ([^#\n]*)(?:#\s*(.*))?$", part, flags=re.MULTILINE)
-        values = {key: value.strip().strip('"') for key, value, _ in entries}
-        name = values.get("name", values.get("use", ""))
-        found |= {(name, key): comment for key, _, comment in entries if comment}
-    return found
+def _lines(text: str) -> list[tuple[str, str, str]]:
+    """Return the keys of a part of a TOML file: key, value as written, comment behind it."""
+    found = re.findall(r"^(\w+) = ([^#\n]*)(?:#\s*(.*))?$", text, flags=re.MULTILINE)
+    return [(key, value.strip(), comment) for key, value, comment in found]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 from collections.abc import Iterator
 from pathlib import Path
+from textwrap import dedent
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -43,7 +44,7 @@ def pages() -> dict[str, str]:
     """Return page name -> Markdown."""
     parts = [_INTRODUCTION, "## Layout\n\n"]
     layout = (schema.__doc__ or "").split("\n\n", 2)[1]
-    parts += [block(layout, "toml"), *_tables(Settings, "")]
+    parts += [block(dedent(layout)), *_tables(Settings, "")]
     parts.append("## Presets\n\n`--preset NAME` starts from one of these files.\n\n")
     for name in preset_names():
         text = (Path(presets.__file__).parent / f"{name}.toml").read_text(encoding="utf-8")
@@ -135,11 +136,18 @@ def _default(field: FieldInfo) -> str:
 def _range(field: FieldInfo, place: str, name: str) -> str:
     """Return the limits of a key as text."""
     if limits := _LIMITS.get(place, {}).get(name):
-        return f"{limits[0]:g} to {limits[1]:g}"
+        return f"{_number(limits[0])} to {_number(limits[1])}"
     low = high = ""
     for rule in field.metadata:
-        low = f"from {rule.ge:g}" if getattr(rule, "ge", None) is not None else low
-        low = f"above {rule.gt:g}" if getattr(rule, "gt", None) is not None else low
-        high = f"to {rule.le:g}" if getattr(rule, "le", None) is not None else high
-        high = f"below {rule.lt:g}" if getattr(rule, "lt", None) is not None else high
+        low = f"from {_number(rule.ge)}" if getattr(rule, "ge", None) is not None else low
+        low = f"above {_number(rule.gt)}" if getattr(rule, "gt", None) is not None else low
+        high = f"to {_number(rule.le)}" if getattr(rule, "le", None) is not None else high
+        high = f"below {_number(rule.lt)}" if getattr(rule, "lt", None) is not None else high
     return f"{low} {high}".strip()
+
+
+def _number(value: float) -> str:
+    """Return a limit as text; large powers of two as such."""
+    if value > 2**24 and value == 2 ** (int(value).bit_length() - 1):
+        return f"2^{int(value).bit_length() - 1}"
+    return f"{value:g}"

@@ -69,7 +69,8 @@ def _page(spec: StageSpec, users: list[str]) -> str:
         parts.append(plain(inspect.getdoc(spec.function) or spec.title) + "\n\n")
         text = _function_text(text, spec.name)
     else:
-        parts.append(header_text(text))
+        header = header_text(text).removeprefix(f"{plain(spec.name)}: ")
+        parts.append(header[:1].upper() + header[1:])
     facts = [f"- Used by: {_names(users) or 'no shipped sensor'}"]
     if spec.source is not None:
         layers = ", ".join(
