@@ -26,7 +26,7 @@ import numpy as np
 from glsim import Corrupter, load_sensor, load_settings
 
 folder = Path(tempfile.mkdtemp())
-stage = load_sensor("kinect-v2-fast").stages[0]
+stage = next(s for s in load_sensor("kinect-v2-fast").stages if s.name == "tof_fast")
 planted = {
     name: 4 * stage.settings[name].bounds()[0] for name in ("read_variance", "shot_variance")
 }

@@ -44,7 +44,7 @@ print({name: len(dataset.split(name)) for name in ("train", "val", "test")})
 recipe = load_recipe(
     "face",
     overrides={
-        "model": {"backbone": {"width": 16, "scales": 2}},
+        "model": {"backbone": {"width": 16, "scales": 2, "stem": 0}},
         "training": {"max_steps": 60, "validate_every": 20, "batch": 4},
         "schedule": {"warmup_steps": 5},
         "data": {"crop": 96},
@@ -80,8 +80,8 @@ for axis, (name, depth_mm) in zip(axes, results.items(), strict=True):
     both = (pair.clean_mm > 0) & (depth_mm > 0)
     error = np.where(both, depth_mm - pair.clean_mm, np.nan)
     axis.imshow(error, vmin=-8, vmax=8, cmap="RdBu")
-    rms = np.sqrt(np.nanmedian(error**2))
-    axis.set_title(f"{name}\nmedian |error| {rms:.2f} mm", fontsize=9)
+    typical = np.nanmedian(np.abs(error))
+    axis.set_title(f"{name}\nmedian |error| {typical:.2f} mm", fontsize=9)
     axis.set_axis_off()
 plt.show()
 

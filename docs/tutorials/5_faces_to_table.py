@@ -37,32 +37,36 @@ for sensor in sensors:
 # -----
 # ``noisy`` is the input as it is. Other names: ``glsim eval --list``; functions of your own and
 # networks work, too.
-denoisers = ("noisy", "median", "quadric:sigma_px=2", "face")
-metrics = {"mse_mm2": "MSE, all pixels [mm²]", "both_rmse_mm": "RMSE where both have depth [mm]",
-           "interior_rmse_mm": "RMSE, interior [mm]"}  # fmt: skip
-table = {}
+# A network gives a probability of depth, from which three maps are made: three rows.
+denoisers = {"noisy": "noisy", "median": "median", "quadric": "quadric:sigma_px=2", "face": "face"}
+metrics = {
+    "mse_mm2": "MSE, all pixels [mm²]",
+    "both_rmse_mm": "RMSE where both have depth [mm]",
+    "interior_rmse_mm": "RMSE, interior [mm]",
+}
+specs = tuple(f"{name}@{spec}" for name, spec in denoisers.items())
+summaries = {}
 for sensor in sensors:
-    job = ScoringJob(folder / sensor, "test", denoisers)
-    summary = evaluate(job, folder / f"{sensor}-scores", workers=1).summary
-    for name in denoisers:
-        label = name.split(":")[0]
-        for metric in metrics:
-            table[sensor, name, metric] = summary.mean(label, metric)
+    job = ScoringJob(folder / sensor, "test", specs)
+    summaries[sensor] = evaluate(job, folder / f"{sensor}-scores", workers=1).summary
+rows = [name for name in summaries[sensors[0]].methods if name.split(" [")[0] in denoisers]
 
 for metric, title in metrics.items():
     print(f"\n{title}\n{'':22}" + "".join(f"{sensor:>12}" for sensor in sensors))
-    for name in denoisers:
-        print(f"{name:22}" + "".join(f"{table[sensor, name, metric]:12.2f}" for sensor in sensors))
+    for name in rows:
+        values = [summaries[sensor].mean(name, metric) for sensor in sensors]
+        print(f"{name:22}" + "".join(f"{value:12.2f}" for value in values))
 
 # %%
-figure, axes = plt.subplots(1, 3, figsize=(10, 3.2), layout="constrained")
+figure, axes = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained", sharey=True)
 for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
     for number, sensor in enumerate(sensors):
-        places = [place + 0.4 * number for place in range(len(denoisers))]
-        axis.bar(places, [table[sensor, name, metric] for name in denoisers], 0.4, label=sensor)
-    axis.set_xticks([0.2 + place for place in range(len(denoisers))],
-                    [name.split(":")[0] for name in denoisers], fontsize=8)  # fmt: skip
+        places = [place + 0.4 * number for place in range(len(rows))]
+        values = [summaries[sensor].mean(name, metric) for name in rows]
+        axis.barh(places, values, 0.4, label=sensor)
+    axis.set_yticks([0.2 + place for place in range(len(rows))], rows, fontsize=8)
     axis.set_title(title, fontsize=9)
+axes[0].invert_yaxis()
 axes[0].legend(fontsize=8)
 plt.show()
 
