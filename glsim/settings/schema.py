@@ -55,7 +55,10 @@ PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.plan.paper_split."""
 GENERATORS = ("procedural", "ict-facekit", "people")
 """Sources that generate faces; the others are finite."""
-_MAX_MOTION = 5.0  # chosen: turns of 30 degrees within a sequence
+POSE_LIMITS = {"motion": (0.0, 5.0)}
+"""Limits of numbers of [pose]. Chosen: turns of 30 degrees within a sequence."""
+VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
+"""Limits of numbers of [variation]. Chosen."""
 _FILE_SOURCES = ("folder", "d3dfacs", "facewarehouse", "biwi")
 _SOURCE_OPTIONS = {
     "unit": _FILE_SOURCES,
@@ -86,10 +89,12 @@ class SourceSettings(_Table):
         "facewarehouse",
         "biwi",
         "kinect2",
-    ] = "procedural"
+    ] = Field("procedural", description="where faces come from; kinect2: real recordings")
     root: Path | None = Field(None, description="folder of the meshes or of the face model")
     subjects: int | None = Field(None, ge=1, description="number of people; default: all")
-    frames_per_subject: int | None = Field(None, ge=1, description="default: all")
+    frames_per_subject: int | None = Field(
+        None, ge=1, description="frames of each person; default: all"
+    )
     frames_per_sequence: int | None = Field(
         None, ge=1, le=100_000, description="length of a generated sequence; default: 30"
     )
@@ -143,9 +148,10 @@ class PoseSettings(_Table):
     @model_validator(mode="after")
     def _check(self) -> PoseSettings:
         low, high = self.motion.bounds()
-        if low < 0 or high > _MAX_MOTION:
+        _, limit = POSE_LIMITS["motion"]
+        if low < 0 or high > limit:
             wrong = low if low < 0 else high
-            raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {_MAX_MOTION:g}]")
+            raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {limit:g}]")
         return self
 
 
@@ -162,7 +168,7 @@ class VariationSettings(_Table):
 
     @model_validator(mode="after")
     def _check(self) -> VariationSettings:
-        for name, limit in (("shape_mm", 6.0), ("albedo", 2.0)):
+        for name, (_, limit) in VARIATION_LIMITS.items():
             low, high = getattr(self, name).bounds()
             if low < 0 or high > limit:
                 wrong = low if low < 0 else high
@@ -173,8 +179,10 @@ class VariationSettings(_Table):
 class OutputSettings(_Table):
     """Layers, format and size of the frames that are written."""
 
-    format: Literal["png", "webdataset"] = "png"
-    layers: tuple[LayerName, ...] = ("clean", "noisy")
+    format: Literal["png", "webdataset"] = Field(
+        "png", description="a tree of PNG files, or shards"
+    )
+    layers: tuple[LayerName, ...] = Field(("clean", "noisy"), description="images of each frame")
     crop: int | None = Field(None, ge=8, le=4096, description="side of the centre crop, pixels")
     depth_unit_mm: float = Field(
         1.0, ge=DEPTH_UNIT_MM[0], le=DEPTH_UNIT_MM[1], description="one step of a depth file"
@@ -218,10 +226,12 @@ def _sources(value: object) -> object:
 class Settings(_Table):
     """Everything that determines a data set. The same settings give the same bytes."""
 
-    sensor: str = DEFAULT_SENSOR
-    seed: int = Field(0, ge=0, lt=2**63)
+    sensor: str = Field(DEFAULT_SENSOR, description="a shipped sensor, or the path of a .toml file")
+    seed: int = Field(0, ge=0, lt=2**63, description="the same seed gives the same bytes")
     devices: int = Field(1, ge=1, description="virtual devices, each with its own fixed pattern")
-    split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = (0.70, 0.12, 0.18)
+    split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = Field(
+        (0.70, 0.12, 0.18), description="shares of train, val, test by subject; paper: the paper's"
+    )
     source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
     pose: PoseSettings = PoseSettings()
     variation: VariationSettings = VariationSettings()
@@ -235,7 +245,9 @@ class Settings(_Table):
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
     #: Path of a setting -> "--set TEXT" as the user wrote it.
     _places: dict[tuple[str, ...], str] = PrivateAttr(default_factory=dict)
-    stage: dict[str, dict[str, NumberSetting]] = Field(default_factory=dict)
+    stage: dict[str, dict[str, NumberSetting]] = Field(
+        default_factory=dict, description="parameters of the sensor's noise stages, by stage"
+    )
     output: OutputSettings = OutputSettings()
     strict: bool = Field(False, description="stop at the first bad mesh instead of recording it")
 
