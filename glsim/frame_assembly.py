@@ -71,9 +71,16 @@ def assemble_frame(
         expected_m=expected,
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
-        extra={name: layers[name][inside] for name in extra if name in layers},
+        extra={name: _cut(layers[name], window, inside) for name in extra if name in layers},
         **identity,
     )
+
+
+def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) -> Any:
+    """Cut a layer of ``window``; one of a finer grid on that grid."""
+    factor = max(layer.shape[1] // window.width, 1)
+    rows, columns = (slice(factor * s.start, factor * s.stop) for s in inside)
+    return layer[rows, columns]
 
 
 def reconcile_reasons(

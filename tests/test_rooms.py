@@ -39,6 +39,7 @@ ROOMS = (
     "glsim.validate",
     "glsim.compare",
     "glsim.fit",
+    "glsim.tune",
     "glsim.train",
     "glsim.eval.metrics",
     "glsim.eval.scoring",

@@ -255,6 +255,31 @@ def parse_source(text: str, file: Path) -> ShaderSource:
     )
 
 
+def declaration_patterns() -> dict[str, str]:
+    """Return the regular expressions of declarations, in JavaScript's syntax, by name.
+
+    A page in a browser reads edited stages with them; includes are those of ``load_source``.
+    """
+    patterns = {
+        "include": _INCLUDE,
+        "uniform": _UNIFORM,
+        "out": _OUT,
+        "unreadable": _UNREADABLE,
+        "note": _NOTE,
+        "slider": _SLIDER,
+        "scale": _SCALE,
+        "sparse": _SPARSE,
+    }
+    return {name: made.pattern.replace("(?P<", "(?<") for name, made in patterns.items()}
+
+
+def included_text(name: str) -> str:
+    """Return the text of a file that ``ShaderSource.lines`` names. Raises ShaderError."""
+    if name in _GENERATED:
+        return _GENERATED[name]()
+    return _read(SHADER_ROOT / name)
+
+
 def _read(file: Path) -> str:
     try:
         return read_regular(file, _MAX_BYTES).decode()

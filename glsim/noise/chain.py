@@ -57,7 +57,7 @@ FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 _REASON = Layer("reason", "float")
 
 #: The values other than 0 that sparse stages write in empty pixels.
-_BLANK = {"reason": float(Reason.NO_SURFACE)}
+BLANK = {"reason": float(Reason.NO_SURFACE)}
 
 #: The ``u_`` uniforms other than layers that a stage may declare, and the sources of their values.
 _BOUND: dict[str, Callable[[StageView], object]] = {
@@ -73,6 +73,11 @@ _BOUND: dict[str, Callable[[StageView], object]] = {
     "u_focal_px": lambda view: view.optics.focal_px,
     "u_nearest_m": lambda view: view.optics.nearest_m,
 }
+
+
+def bound_values(view: StageView) -> dict[str, object]:
+    """Return the values of the ``u_`` uniforms other than layers for one stage's view, by name."""
+    return {name: value(view) for name, value in _BOUND.items()}
 
 
 def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
@@ -289,7 +294,7 @@ class StagePass:
             pool.take(layer, frame.window, clean=within is None) for layer in self.source.writes
         ]
         if within is not None:
-            with within.limits(targets, frame.window, _BLANK):
+            with within.limits(targets, frame.window, BLANK):
                 self._pass.draw()
             return {target.layer.name: target for target in targets}
         buffer = pool.framebuffer(targets)

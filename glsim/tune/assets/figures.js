@@ -62,7 +62,8 @@ export class Figures {
     }
     if (!now.reasons.length) element(element(this.reasons, "tr"), "td", "", "none");
     this.edges.textContent = "";
-    for (const side of ["left", "right"]) {
+    this.edges.previousSibling.hidden = !now.silhouettes; // the page without a server has none
+    for (const side of now.silhouettes ? ["left", "right"] : []) {
       const row = element(this.edges, "tr"), edge = now.silhouettes[side];
       element(row, "td", "", `gap, ${side}`);
       element(row, "td", "number", edge.width_px === null ? "–" : `${text(edge.width_px)} px`).title = `median of ${edge.edges} edges`;

@@ -196,21 +196,24 @@ async function fetchPicture(address) {
   return unpack(await answer.arrayBuffer());
 }
 
+// Show a picture: {head, layers, left, top, width, height}, as packet.js unpacks it.
+function display(picture) {
+  state.picture = picture;
+  state.range = depthRange(picture);
+  for (const [kind] of KINDS) images[kind].set(picture, state.range, state.differenceMm);
+  if (state.fitted !== [picture.left, picture.top, picture.width, picture.height].join() && !state.keep) fit();
+  redraw();
+  readout();
+  drawProfile();
+  surface.set?.(picture);
+}
+
 // Show a picture of the server. While one is on its way, only the newest request waits.
 async function show(address, number) {
   if (state.waiting) { state.next = [address, number]; return; }
   state.waiting = true;
   try {
-    const picture = await fetchPicture(address);
-    state.picture = picture;
-    const range = depthRange(picture);
-    for (const [kind] of KINDS) images[kind].set(picture, range, state.differenceMm);
-    state.range = range;
-    if (state.fitted !== [picture.left, picture.top, picture.width, picture.height].join() && !state.keep) fit();
-    redraw();
-    readout();
-    drawProfile();
-    surface.set?.(picture);
+    display(await fetchPicture(address));
     state.shown = number;
     root.dataset.shown = number;
     if (state.pressed) {
@@ -242,7 +245,7 @@ for (const kind of ["keydown", "pointermove"]) {
 
 window.glsimTune = {
   build: (view, panel, words) => build(document.getElementById(view), document.getElementById(panel), words),
-  show, showOther,
+  display, show, showOther,
   fit: () => { fit(); redraw(); },
   scale: (mm) => {
     state.differenceMm = mm;
