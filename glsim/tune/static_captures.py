@@ -6,7 +6,7 @@ that captures share. assets/static/captures.js unpacks them:
     clean          16 bits  depth in DEPTH_M
     shape           8 bits  x and y of the normal in 1/NORMAL, + NORMAL; albedo in ALBEDO
     lit             8 bits  in LIT
-    uneven         16 bits  rigs that supersample: in UNEVEN_M, at least 1 where it is not 0
+    uneven          8 bits  rigs that supersample: in UNEVEN_M, at least 1 where it is not 0
     samples        16 bits  their samples' depth minus the pixel's, of the pixels above MIXED_ABOVE
     sample_albedo   8 bits  and albedo minus the pixel's
 
@@ -38,7 +38,9 @@ from glsim.settings.seeds import stable_seed
 #: degree; 252 is divisible by the numbers of points of an emitter.
 DEPTH_M, NORMAL, ALBEDO, LIT, UNEVEN_M = 0.000125, 127, 1 / 170, 1 / 252, 1e-5
 #: Pixels that keep their samples: those that tof_light does not evaluate at their centre.
-MIXED_ABOVE = round(0.001 * shipped_stages()["tof_light"].parameters["smooth_mm"].default / UNEVEN_M)
+MIXED_ABOVE = round(
+    0.001 * shipped_stages()["tof_light"].parameters["smooth_mm"].default / UNEVEN_M
+)
 UNITS = {
     "depth_m": DEPTH_M, "normal": NORMAL, "albedo": ALBEDO, "lit": LIT,
     "uneven_m": UNEVEN_M, "mixed_above": MIXED_ABOVE,
@@ -68,7 +70,7 @@ def whole_numbers(frame: Frame, side: int) -> dict[str, NDArray[Any]]:
     if side == 1:
         return made
     uneven = frame.extra["uneven"]
-    steps = np.maximum(_steps(uneven, UNEVEN_M, np.uint16), (uneven > 0).astype(np.uint16))
+    steps = np.maximum(_steps(uneven, UNEVEN_M, np.uint8), (uneven > 0).astype(np.uint8))
     mixed = steps > MIXED_ABOVE
     height, width = mixed.shape
     fine = frame.extra["fine_seen"].reshape(height, side, width, side, 2)
@@ -83,9 +85,7 @@ def whole_numbers(frame: Frame, side: int) -> dict[str, NDArray[Any]]:
     }
 
 
-def pack_capture(
-    frame: Frame, sensor: Sensor, scene: str, blobs: dict[str, Any]
-) -> dict[str, Any]:
+def pack_capture(frame: Frame, sensor: Sensor, scene: str, blobs: dict[str, Any]) -> dict[str, Any]:
     """Pack a frame of ``sensor`` as JSON values and add its blobs to ``blobs``.
 
     scene: its name, which the seeds of its sequence depend on.
@@ -93,7 +93,9 @@ def pack_capture(
     side = sensor.rig.supersample
     layers = {}
     for name, values in whole_numbers(frame, side).items():
-        key = hashlib.blake2b(values.tobytes(), digest_size=6, person=name[:16].encode()).hexdigest()
+        key = hashlib.blake2b(
+            values.tobytes(), digest_size=6, person=name[:16].encode()
+        ).hexdigest()
         layers[name] = key
         if key not in blobs:
             blobs[key] = pack_blob(values, predicted=not name.startswith("sample"))

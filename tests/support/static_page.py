@@ -81,7 +81,10 @@ def layers_of(numbers: Mapping[str, NDArray[Any]], side: int) -> Images:
         albedos = shape[2][mixed] + numbers["sample_albedo"][:, 0]
         for sample, d, a in zip(others, depths, albedos, strict=True):
             fine[sample][mixed] = np.stack(
-                [d.astype(np.float32) * np.float32(DEPTH_M), a.astype(np.float32) * np.float32(ALBEDO)],
+                [
+                    d.astype(np.float32) * np.float32(DEPTH_M),
+                    a.astype(np.float32) * np.float32(ALBEDO),
+                ],
                 axis=-1,
             )
         grid = fine.reshape(side, side, height, width, 2).transpose(2, 0, 3, 1, 4)

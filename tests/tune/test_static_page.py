@@ -39,7 +39,8 @@ _RUN = """async ([sensor, seed]) => {
   const run = await glsimStatic.run();
   const lists = (layers) => Object.fromEntries(
     Object.entries(layers).map(([name, v]) => [name, v && Array.from(v)]));
-  return { layers: lists(run.layers), picture: lists(run.picture.layers), inputs: lists(run.inputs) };
+  const { layers, picture, inputs } = run;
+  return { layers: lists(layers), picture: lists(picture.layers), inputs: lists(inputs) };
 }"""
 
 
