@@ -93,7 +93,8 @@ def tune(
     if link is not None:
         start = tuning_of_link(link.partition("s=")[2].partition("&")[0] or link)
     try:
-        from glsim.tune.server import Workshop, serve
+        from glsim.tune.server import serve
+        from glsim.tune.workshop import Workshop
     except ImportError as error:
         if error.name is None or error.name.startswith("glsim"):
             raise

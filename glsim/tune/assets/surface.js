@@ -133,7 +133,7 @@ export class Surface {
     this.centre = [
       (((left + right) / 2 + picture.left - cx) / fx) * z, (((top + bottom) / 2 + picture.top - cy) / fy) * z, z,
     ];
-    this.radius = 0.6 * Math.max((right - left) / fx, (bottom - top) / fy) * z + 0.05;
+    this.radius = 0.42 * Math.max((right - left) / fx, (bottom - top) / fy) * z + 0.05;
   }
 
   draw() {

@@ -241,7 +241,10 @@ for (const kind of ["keydown", "pointermove"]) {
 }
 
 window.glsimTune = {
-  build: (view, panel, words) => build(document.getElementById(view), document.getElementById(panel), words),
+  build: (view, panel, words, tab) => {
+    build(document.getElementById(view), document.getElementById(panel), words);
+    window.addEventListener("pagehide", () => navigator.sendBeacon(`/tune/closed/${tab}`));
+  },
   show, showOther,
   fit: () => { fit(); redraw(); },
   scale: (mm) => {
