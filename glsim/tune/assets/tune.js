@@ -212,6 +212,7 @@ async function show(address, number) {
     drawProfile();
     surface.set?.(picture);
     state.shown = number;
+    state.address = address;
     root.dataset.shown = number;
     if (state.pressed) {
       state.times.push(performance.now() - state.pressed);
