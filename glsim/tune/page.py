@@ -128,16 +128,16 @@ class Page:
             await self._measure()
 
     async def rest(self) -> None:
-        """Free the context, which the next picture opens again; called when the tab is hidden."""
+        """Free what the tab holds, until its next picture; called when it is closed or hidden."""
         self.playing = False
-        await self.workshop.on_gl(self.bench.close)
-
-    async def close(self) -> None:
-        """Free what the tab holds; called when the browser has gone."""
-        self._closed, self.playing = True, False
         for which in ("a", "b"):
             self.workshop.packets.pop(f"{self.tab}/{which}", None)
         await self.workshop.on_gl(self.bench.close)
+
+    async def close(self) -> None:
+        """Free all; called when the browser has gone."""
+        self._closed = True
+        await self.rest()
 
     def call(self, name: str, *given: Any) -> None:
         """Call a function of assets/tune.js."""

@@ -68,7 +68,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     (folder / "plate.obj").write_text(_face())
     log = folder / "log"
     command = [sys.executable, "-m", "glsim", "tune", "small.toml", "--face", "plate.obj"]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "300"}
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
+    environment = {**kept, "PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "300"}
     with log.open("wb") as out:
         process = subprocess.Popen(
             [*command, "--no-browser", "--port", "0", "--set", "scene.wall_mm=1500"],
