@@ -18,6 +18,7 @@ from glsim.cli.common import (
     Verbose,
     console,
     overrides,
+    print_written,
 )
 
 EXAMPLES = """
@@ -28,6 +29,8 @@ glsim tune
 glsim tune kinect-v1 --face face.obj
 
 glsim tune mine.toml --source ict-facekit --root FaceXModel --real recording
+
+glsim tune --static site
 """
 
 
@@ -51,6 +54,10 @@ def tune(
     link: Annotated[
         str | None, typer.Option(help="A copied link: start with its settings.")
     ] = None,
+    static: Annotated[
+        Path | None,
+        typer.Option("--static", help="Write a page that needs no server into this folder."),
+    ] = None,
     host: Annotated[
         str, typer.Option(help="Address to listen on; others than loopback are reachable.")
     ] = "127.0.0.1",
@@ -72,8 +79,14 @@ def tune(
     """Change a sensor's noise in a browser and see the frame, its figures and its code at once.
 
     Needs the extra glsim[tune]. The address holds a random token; only this machine can open it
-    unless --host is given.
+    unless --host is given. With --static nothing is served and no extra is needed: a folder is
+    written with all sensors (or SENSOR alone) and captured faces, for any static host.
     """
+    if static is not None:
+        from glsim.tune.static_page import write_static_page
+
+        print_written(write_static_page(static, [sensor] if sensor else [], backend=backend))
+        return
     from glsim.errors import ConfigError
     from glsim.sensors.sensor import sensor_of
     from glsim.settings.schema import load_settings
@@ -93,7 +106,8 @@ def tune(
     if link is not None:
         start = tuning_of_link(link.partition("s=")[2].partition("&")[0] or link)
     try:
-        from glsim.tune.server import Workshop, serve
+        from glsim.tune.server import serve
+        from glsim.tune.workshop import Workshop
     except ImportError as error:
         if error.name is None or error.name.startswith("glsim"):
             raise

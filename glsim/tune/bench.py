@@ -117,7 +117,8 @@ class Bench:
         self._plan = None
 
     def close(self) -> None:
-        """Release the context."""
+        """Release the context; the next frame opens another one."""
+        self._plan = None
         self._plain = self._coded = self._last = None
         if self._context is not None:
             self._context.release()

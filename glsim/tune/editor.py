@@ -5,16 +5,14 @@ from __future__ import annotations
 import asyncio
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nicegui import background_tasks, ui
 
 from glsim.noise.stage import Stage
 from glsim.tune.bench import Picture, marked_lines
+from glsim.tune.desk import Desk
 from glsim.tune.state import StageCode
-
-if TYPE_CHECKING:
-    from glsim.tune.page import Page
 
 TEMPLATE = Path(__file__).parent / "assets" / "template.glsl"
 
@@ -26,7 +24,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 class CodeEditor:
     """Editor, its title and the driver's messages."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Desk) -> None:
         self._page = page
         self._stage = ""
         self._text = ""

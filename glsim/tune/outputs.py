@@ -4,33 +4,31 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nicegui import ui
 
 from glsim.dataset import write_frame
 from glsim.errors import GlsimError
 from glsim.frame import LAYERS
+from glsim.tune.desk import Desk
 from glsim.tune.sensor_file import other_values, save_sensor
 from glsim.tune.state import Tuning, python_code, set_options, toml_value
-
-if TYPE_CHECKING:
-    from glsim.tune.page import Page
 
 
 class Outputs:
     """The menu of what leaves the page."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Desk) -> None:
         self._page = page
-        with ui.button("Save").props('flat dense icon-right=expand_more aria-label="save"'):
-            with ui.menu():
-                ui.menu_item("Save sensor…", self._ask_sensor)
-                ui.menu_item("Save this frame…", self._ask_frame)
-                ui.separator()
-                ui.menu_item("Copy command line", self._copy_command)
-                ui.menu_item("Copy Python", lambda: self._copy(python_code(page.history.now)))
-                ui.menu_item("Copy link", self._copy_link)
+        save = ui.button("Save").props('flat dense icon-right=expand_more aria-label="save"')
+        with save, ui.menu():
+            ui.menu_item("Save sensor…", self._ask_sensor)
+            ui.menu_item("Save this frame…", self._ask_frame)
+            ui.separator()
+            ui.menu_item("Copy command line", self._copy_command)
+            ui.menu_item("Copy Python", lambda: self._copy(python_code(page.history.now)))
+            ui.menu_item("Copy link", self._copy_link)
 
     def refresh(self, tuning: Tuning) -> None:
         """Keep the address of the page that of its settings, so that reloading keeps them."""

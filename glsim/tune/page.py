@@ -18,9 +18,9 @@ from glsim.tune.outputs import Outputs
 from glsim.tune.packet import pack
 from glsim.tune.recording import measure_frames
 from glsim.tune.sections import Sections
-from glsim.tune.server import Workshop
 from glsim.tune.state import History, StageCode, Tuning
 from glsim.tune.statistics import frame_statistics, silhouette_widths
+from glsim.tune.workshop import Workshop
 
 _HEAD = """
 <link rel="stylesheet" href="/tune/assets/tune.css">
@@ -58,7 +58,7 @@ class Page:
             with ui.element("header").classes("top"):
                 self._top()
             with ui.element("nav").classes("left").props('aria-label="stages"'):
-                self.sections = Sections(self)
+                self.sections = Sections(self, self._new_stage, self._show_code)
             ui.element("section").classes("view").props('id="tune-view" aria-label="images"')
             ui.element("aside").classes("figures").props('id="tune-figures" aria-label="figures"')
             with ui.element("section").classes("code").props('aria-label="code"'):
@@ -90,14 +90,10 @@ class Page:
         ui.checkbox("same noise", on_change=self._lock).props("dense size=sm").tooltip(
             "keep the noise of this frame while others are shown"
         )
-        self._seed = (
-            ui.number(
-                value=self._seed_now(), min=0, format="%d", prefix="seed", on_change=self._to_seed
-            )
-            .props('dense outlined debounce=400 aria-label="seed"')
-            .classes("number")
-        )
-        self._seed.style("width: 92px")
+        ui.label("seed").classes("word")
+        self._seed = ui.number(value=self._seed_now(), min=0, format="%d", on_change=self._to_seed)
+        self._seed.props('dense outlined debounce=400 aria-label="seed"').classes("number")
+        self._seed.style("width: 62px").tooltip("other people, other noise")
         ui.element("span").classes("grow")
         self._undo = ui.button(icon="undo", on_click=self.undo).props(
             'flat dense aria-label="undo"'
@@ -124,25 +120,36 @@ class Page:
 
     async def begin(self) -> None:
         """Draw the first picture; called when the browser is connected."""
-        self.call("build", "tune-view", "tune-figures", [r.help for r in Reason])
+        self.call("build", "tune-view", "tune-figures", [r.help for r in Reason], self.tab)
         await self.refresh()
         await self.workshop.read_recording()
         self._show_recording(None)
         if self.workshop.recorded:
             await self._measure()
 
-    async def close(self) -> None:
-        """Free what the tab holds; called when the browser has gone."""
-        self._closed, self.playing = True, False
+    async def rest(self) -> None:
+        """Free what the tab holds, until its next picture; called when it is closed or hidden."""
+        self.playing = False
         for which in ("a", "b"):
             self.workshop.packets.pop(f"{self.tab}/{which}", None)
         await self.workshop.on_gl(self.bench.close)
+
+    async def close(self) -> None:
+        """Free all; called when the browser has gone."""
+        self._closed = True
+        await self.rest()
 
     def call(self, name: str, *given: Any) -> None:
         """Call a function of assets/tune.js."""
         if not self._closed:
             listed = ", ".join(json.dumps(value) for value in (name, *given))
             self.client.run_javascript(f"tuneCall({listed})")
+
+    def _new_stage(self) -> None:
+        self.editor.new_stage()
+
+    def _show_code(self, picture: Picture) -> None:
+        self.editor.refresh(picture)
 
     # what changes
 

@@ -22,11 +22,11 @@ def words(value: Any, unit: str = "") -> str:
     """Write a value for people: 1.5 mm, 1 to 3 mm."""
     end = f" {unit}" if unit else ""
     if isinstance(value, Mapping):
-        for kind, text in (("uniform", "{0:g} to {1:g}"), ("loguniform", "{0:g} to {1:g}, log")):
+        for kind, text in (("uniform", "{:g} to {:g}"), ("loguniform", "{:g} to {:g}, log")):
             if kind in value:
                 return text.format(*value[kind]) + end
         if "normal" in value:
-            return "{0:g} ± {1:g}".format(*value["normal"]) + end
+            return "{:g} ± {:g}".format(*value["normal"]) + end
         return ", ".join(f"{v:g}" for v in value.get("choice", ())) + end
     return f"{float(value):g}{end}"
 
@@ -72,13 +72,13 @@ class ControlRow:
                 .on("blur", self._settle)
             )
         ui.label(control.unit).classes("unit")
-        with ui.button("⋮").props("flat dense").props(f'aria-label="menu of {control.name}"'):
-            with ui.menu().props("auto-close"):
-                ui.menu_item("Reset", lambda: self._change(control.name, None))
-                if control.kind != "bool":
-                    ui.menu_item("One number", lambda: self._change(control.name, self._middle()))
-                    ui.menu_item("Drawn evenly from a range", self._to_uniform)
-                    ui.menu_item("Drawn from a normal distribution", self._to_normal)
+        more = ui.button("⋮").props(f'flat dense aria-label="menu of {control.name}"')
+        with more, ui.menu().props("auto-close"):
+            ui.menu_item("Reset", lambda: self._change(control.name, None))
+            if control.kind != "bool":
+                ui.menu_item("One number", lambda: self._change(control.name, self._middle()))
+                ui.menu_item("Drawn evenly from a range", self._to_uniform)
+                ui.menu_item("Drawn from a normal distribution", self._to_normal)
         self._slide = None
         if control.kind != "bool":
             with ui.element("div").classes("slide"):

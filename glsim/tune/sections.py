@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nicegui import ui
 
@@ -19,11 +20,9 @@ from glsim.tune.controls import (
     stage_controls,
     wall_control,
 )
+from glsim.tune.desk import Desk
 from glsim.tune.faces import plain_value
 from glsim.tune.panel import ControlRow
-
-if TYPE_CHECKING:
-    from glsim.tune.page import Page
 
 _POSE, _RIG = "pose and scene", "rig"
 
@@ -31,8 +30,11 @@ _POSE, _RIG = "pose and scene", "rig"
 class Sections:
     """Rows of the left, and the controls of the open one."""
 
-    def __init__(self, page: Page) -> None:
-        self._page = page
+    def __init__(
+        self, page: Desk, new_stage: Callable[[], None], show_code: Callable[[Picture], None]
+    ) -> None:
+        """new_stage: asks for one. show_code: shows the code of the selected stage."""
+        self._page, self._new_stage, self._show_code = page, new_stage, show_code
         self._own: Sensor | None = None
         self._plan: object = None
         self._rows: dict[str, ControlRow] = {}
@@ -87,7 +89,7 @@ class Sections:
             ui.label("noise, stage by stage").classes("section")
             for stage in picture.sensor.stages:
                 self._stage(stage)
-            ui.button("New stage", icon="add", on_click=self._page.editor.new_stage).props(
+            ui.button("New stage", icon="add", on_click=self._new_stage).props(
                 "flat dense size=sm"
             ).style("margin: 8px")
 
@@ -165,7 +167,7 @@ class Sections:
         self._page.selected = name
         if self._page.picture is not None:
             self.refresh(self._page.picture)
-            self._page.editor.refresh(self._page.picture)
+            self._show_code(self._page.picture)
 
     def _switched(self, stage: str, on: bool) -> None:
         page = self._page

@@ -2,70 +2,26 @@
 
 from __future__ import annotations
 
-import asyncio
-import logging
 import secrets
 import socket
 import webbrowser
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 from fastapi import Response
 from nicegui import Client, app, ui
 
-from glsim.errors import ConfigError, GlsimError
-from glsim.faces.base import FaceSource
-from glsim.settings.schema import Settings
+from glsim.errors import ConfigError
 from glsim.tune.gate import Gate
-from glsim.tune.recording import measure_recording
-from glsim.tune.state import Tuning, tuning_of_link
-
-log = logging.getLogger(__name__)
+from glsim.tune.page import Page
+from glsim.tune.state import tuning_of_link
+from glsim.tune.workshop import Workshop
 
 ASSETS = Path(__file__).parent / "assets"
 
-_T = TypeVar("_T")
-
-
-@dataclass
-class Workshop:
-    """What all tabs share: where frames come from, and the threads that draw and measure.
-
-    base: the settings that a tab starts from. command: the part of a command line that names the
-    faces, e.g. ``render face.obj``. real: folder of a recording, or None.
-    """
-
-    base: Settings
-    open_sources: Callable[[Settings], Sequence[FaceSource]]
-    command: str
-    start: Tuning
-    real: Path | None = None
-    backend: str | None = None
-    gl: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "gl"))
-    measuring: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "measure"))
-    packets: dict[str, bytes] = field(default_factory=dict)
-    recorded: dict[str, Any] | None = None
-
-    async def on_gl(self, function: Callable[..., _T], *arguments: Any) -> _T:
-        """Run a function on the GL thread."""
-        return await asyncio.get_running_loop().run_in_executor(self.gl, function, *arguments)
-
-    async def measure(self, function: Callable[..., _T], *arguments: Any) -> _T:
-        """Run a function beside the GL thread."""
-        loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self.measuring, function, *arguments)
-
-    async def read_recording(self) -> None:
-        """Measure the real recording, once."""
-        if self.real is None or self.recorded is not None:
-            return
-        try:
-            self.recorded = await self.measure(measure_recording, self.real)
-        except GlsimError as error:
-            log.warning("%s", error)
+#: How long a silent tab is kept, seconds: the first frame compiles shaders and takes seconds on a
+#: busy machine. A tab that is closed says so and frees its context at once.
+_PATIENCE = 20
 
 
 def serve(
@@ -81,12 +37,11 @@ def serve(
     host: an address of this machine. port: a free one is taken if it is in use. announce: called
     with the address, which holds the token. Raises ConfigError for a host that cannot be used.
     """
-    from glsim.tune.page import Page
-
     token = secrets.token_urlsafe(24)
     port = _free_port(host, port)
     shown = f"[{host}]" if ":" in host else host
     address = f"http://{shown}:{port}/?token={token}"
+    pages: dict[str, Page] = {}
     app.add_middleware(Gate, token=token, cookie=f"glsim_tune_{port}")
     app.add_static_files("/tune/assets", str(ASSETS), max_cache_age=0)
 
@@ -96,6 +51,11 @@ def serve(
         if packet is None:
             return Response(status_code=404)
         return Response(packet, media_type="application/octet-stream")
+
+    @app.post("/tune/closed/{tab}")
+    async def closed(tab: str) -> None:
+        if tab in pages:
+            await pages[tab].rest()
 
     @ui.page("/", title="glsim tune")
     async def index(client: Client, s: str = "") -> None:
@@ -107,7 +67,13 @@ def serve(
                 problem = str(error)
         page = Page(workshop, client, start)
         page.build(problem)
-        client.on_delete(page.close)
+        pages[client.id] = page
+
+        async def forget() -> None:
+            pages.pop(client.id, None)
+            await page.close()
+
+        client.on_delete(forget)
         await client.connected(timeout=60)
         await page.begin()
 
@@ -119,7 +85,8 @@ def serve(
     app.on_startup(started)
     ui.run(
         host=host, port=port, show=False, reload=False, show_welcome_message=False, dark=None,
-        tailwind=False, reconnect_timeout=5, title="glsim tune", favicon=ASSETS / "icon.svg",
+        tailwind=False, reconnect_timeout=_PATIENCE, title="glsim tune",
+        favicon=ASSETS / "icon.svg",
     )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ export class Figures {
     this.charts = {};
     for (const [key, title] of [
       ["distance", "σ over distance, mm"], ["angle", "σ over angle of the surface, mm"],
-      ["histogram", "error, noisy − clean"], ["correlation", "correlation with pixels beside (— row, - - column)"],
+      ["histogram", "error, noisy − clean"], ["correlation", "correlation along rows —, columns - -"],
     ]) {
       element(root, "h3", "", title);
       this.charts[key] = element(root, "canvas", "chart");
@@ -66,7 +66,8 @@ export class Figures {
     for (const side of now.silhouettes ? ["left", "right"] : []) {
       const row = element(this.edges, "tr"), edge = now.silhouettes[side];
       element(row, "td", "", `gap, ${side}`);
-      element(row, "td", "number", edge.width_px === null ? "–" : `${text(edge.width_px)} px`).title = `median of ${edge.edges} edges`;
+      const width = edge.width_px === null ? "no background" : `${text(edge.width_px)} px`;
+      element(row, "td", "number", width).title = `median of ${edge.edges} edges`;
     }
   }
 

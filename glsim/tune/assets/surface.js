@@ -133,7 +133,7 @@ export class Surface {
     this.centre = [
       (((left + right) / 2 + picture.left - cx) / fx) * z, (((top + bottom) / 2 + picture.top - cy) / fy) * z, z,
     ];
-    this.radius = 0.6 * Math.max((right - left) / fx, (bottom - top) / fy) * z + 0.05;
+    this.radius = 0.42 * Math.max((right - left) / fx, (bottom - top) / fy) * z + 0.05;
   }
 
   draw() {
@@ -157,7 +157,8 @@ export class Surface {
     gl.uniform1i(this.at("u_step"), step);
     gl.uniform4f(this.at("u_camera"), ...picture.head.focal_px, ...picture.head.centre_px);
     gl.uniform1f(this.at("u_unit_m"), picture.head.depth_unit_mm / 1000);
-    gl.uniform1f(this.at("u_jump"), 1 + 0.02 * step);
+    // A surface is cut where it is steeper than 83 degrees, and noise alone does not cut it.
+    gl.uniform1f(this.at("u_jump"), 1 + Math.max(0.02, (8 * step) / picture.head.focal_px[0]));
     gl.uniform3f(this.at("u_centre_m"), ...this.centre);
     gl.uniformMatrix3fv(this.at("u_turn"), false, [cy, sx * sy, -cx * sy, 0, cx, sx, sy, -sx * cy, cx * cy]);
     const distance = 4 * this.radius;

@@ -215,6 +215,7 @@ async function show(address, number) {
   try {
     display(await fetchPicture(address));
     state.shown = number;
+    state.address = address;
     root.dataset.shown = number;
     if (state.pressed) {
       state.times.push(performance.now() - state.pressed);
@@ -244,7 +245,11 @@ for (const kind of ["keydown", "pointermove"]) {
 }
 
 window.glsimTune = {
-  build: (view, panel, words) => build(document.getElementById(view), document.getElementById(panel), words),
+  build: (view, panel, words, tab) => {
+    build(document.getElementById(view), document.getElementById(panel), words);
+    if (tab === undefined) return; // no server
+    window.addEventListener("pagehide", () => navigator.sendBeacon(`/tune/closed/${tab}`));
+  },
   display, show, showOther,
   fit: () => { fit(); redraw(); },
   scale: (mm) => {
