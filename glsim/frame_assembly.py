@@ -72,7 +72,7 @@ def assemble_frame(
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
         normal=layers["normal"][inside][..., :3] if "normal" in layers else None,
-        extra={name: layers[name][inside] for name in extra if name in layers},
+        extra={name: _cut(layers[name], window, inside) for name in extra if name in layers},
         **identity,
     )
 
@@ -91,6 +91,13 @@ def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
     clean = frame.clean_m[row.clip(0, height - 1), column.clip(0, width - 1)]
     depth = points_m[:, 2] - frame.depth_offset_mm / 1000.0
     return Landmarks(points_m, pixels, inside & (clean > 0) & (np.abs(clean - depth) < 0.005))
+
+
+def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) -> Any:
+    """Cut a layer of ``window``; one of a finer grid on that grid."""
+    factor = max(layer.shape[1] // window.width, 1)
+    rows, columns = (slice(factor * s.start, factor * s.stop) for s in inside)
+    return layer[rows, columns]
 
 
 def reconcile_reasons(

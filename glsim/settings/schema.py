@@ -318,6 +318,26 @@ def load_settings(
     return settings
 
 
+def with_assignments(settings: Settings, values: Mapping[str, Any]) -> Settings:
+    """Return settings with other values, by the names of ``--set``: {"tof_floor.sigma_mm": 2}.
+
+    A value is a number, a distribution as in a file ({"uniform": [1, 3]}), or what a file has
+    there. Raises ConfigError for a name or value that ``load_settings`` would refuse.
+    """
+    tree = settings.model_dump(exclude_none=True)
+    places: dict[tuple[str, ...], str] = {}
+    for name, value in values.items():
+        path = _settings_path(name.split("."))
+        assign(tree, path, value, f"{name}={value}")
+        places[tuple(path)] = name
+    return parse_table(Settings, tree, "settings", places)
+
+
+def _settings_path(path: list[str]) -> list[str]:
+    """Put a stage's parameter below "stage"."""
+    return ["stage", *path] if len(path) == 2 and path[0] not in Settings.model_fields else path
+
+
 def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     """Return the preset's settings with the ``given`` ones over them."""
     preset_source, source = tree.get("source", {}), given.get("source", {})
@@ -346,6 +366,4 @@ def parse_assignment(text: str) -> tuple[list[str], Any]:
     As ``split_assignment``; a first word that is not a settings table names a noise stage.
     """
     path, value = split_assignment(text, "axial.base_sigma_mm=2.5 or pose.yaw_deg=20")
-    if len(path) == 2 and path[0] not in Settings.model_fields:
-        path = ["stage", *path]
-    return path, value
+    return _settings_path(path), value
