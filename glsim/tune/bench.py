@@ -128,7 +128,7 @@ class Bench:
 def marked_lines(message: str, file: str) -> dict[int, str]:
     """Return line -> what the driver says of it, of a ShaderError about a file."""
     found = list(_PLACE.finditer(message))
-    ends = [*(m.start() for m in found[1:]), len(message)]
+    ends = [*(m.start() for m in found), len(message)][1:]
     lines: dict[int, str] = {}
     for match, end in zip(found, ends, strict=True):
         if file.endswith(match["file"]) or match["file"].endswith(file):

@@ -8,7 +8,7 @@ from nicegui import Client
 
 from glsim.sensors.sensor import Sensor
 from glsim.tune.bench import Picture
-from glsim.tune.state import History, StageCode
+from glsim.tune.state import History, StageCode, Tuning
 from glsim.tune.workshop import Workshop
 
 
@@ -24,6 +24,22 @@ class Desk(Protocol):
     @property
     def sensor(self) -> Sensor | None:
         """The sensor of the shown picture."""
+        ...
+
+    def change(self, tuning: Tuning, what: str = "") -> None:
+        """Make a tuning the current one, and draw it soon. what: name of the change, for undo."""
+        ...
+
+    async def refresh(self) -> None:
+        """Draw the current tuning."""
+        ...
+
+    def call(self, name: str, *given: Any) -> None:
+        """Call a function of assets/tune.js."""
+        ...
+
+    async def change_theme(self) -> None:
+        """Change between dark and light."""
         ...
 
     def set_value(self, name: str, value: Any) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +11,20 @@ from nicegui import Client, background_tasks, ui
 
 from glsim.errors import GlsimError
 from glsim.reason import Reason
-from glsim.sensors.sensor import Sensor, sensor_names
+from glsim.sensors.sensor import Sensor
 from glsim.tune.bench import Bench, Picture
+from glsim.tune.comparison import Comparison
 from glsim.tune.editor import CodeEditor
-from glsim.tune.outputs import Outputs
 from glsim.tune.packet import pack
 from glsim.tune.recording import measure_frames
 from glsim.tune.sections import Sections
 from glsim.tune.state import History, StageCode, Tuning
 from glsim.tune.statistics import frame_statistics, silhouette_widths
+from glsim.tune.topbar import TopBar
 from glsim.tune.workshop import Workshop
+
+#: Pause before the statistics of a picture, seconds.
+_REST = 0.15
 
 _HEAD = """
 <link rel="stylesheet" href="/tune/assets/tune.css">
@@ -39,12 +43,8 @@ class Page:
         self.bench = Bench(workshop.base, workshop.open_sources, workshop.backend)
         self.picture: Picture | None = None
         self.selected = ""
-        self.playing = self.locked = False
-        self.second: Tuning | None = None
-        self._second_figures: dict[str, Any] | None = None
         self._number = 0
         self._drawing = self._wanted = self._measuring = self._closed = False
-        self._presenting, self._held = False, 0
         self._files: dict[Path, float] = {}
 
     # what is shown
@@ -56,7 +56,8 @@ class Page:
         ui.on("tune_shown", self._shown)
         with ui.element("main").classes("tune"):
             with ui.element("header").classes("top"):
-                self._top()
+                self.comparison = Comparison(self, self._drawn, _figures)
+                self.top = TopBar(self, self.comparison)
             with ui.element("nav").classes("left").props('aria-label="stages"'):
                 self.sections = Sections(self, self._new_stage, self._show_code)
             ui.element("section").classes("view").props('id="tune-view" aria-label="images"')
@@ -67,69 +68,19 @@ class Page:
             ui.notify(problem, type="warning")
         ui.timer(1.0, self._watch)
 
-    def _top(self) -> None:
-        ui.html("<b>glsim tune</b>", sanitize=False)
-        names = sensor_names()
-        own = self.history.now.sensor
-        self._sensor = (
-            ui.select(
-                names if own in names else [own, *names], value=own, on_change=self._to_sensor
-            )
-            .props('dense outlined options-dense aria-label="sensor"')
-            .style("width: 168px")
-        )
-        self._play = ui.button(icon="play_arrow", on_click=self.toggle_play)
-        self._play.props('flat dense aria-label="play or stop"').tooltip("play: frame after frame")
-        self._frame = (
-            ui.number(value=self.history.now.frame, min=0, format="%d", on_change=self._to_frame)
-            .props('dense outlined aria-label="frame"')
-            .classes("number")
-            .style("width: 62px")
-        )
-        self._frame.tooltip("number of the frame: expression, pose and noise")
-        ui.checkbox("same noise", on_change=self._lock).props("dense size=sm").tooltip(
-            "keep the noise of this frame while others are shown"
-        )
-        ui.label("seed").classes("word")
-        self._seed = ui.number(value=self._seed_now(), min=0, format="%d", on_change=self._to_seed)
-        self._seed.props('dense outlined debounce=400 aria-label="seed"').classes("number")
-        self._seed.style("width: 62px").tooltip("other people, other noise")
-        ui.element("span").classes("grow")
-        self._undo = ui.button(icon="undo", on_click=self.undo).props(
-            'flat dense aria-label="undo"'
-        ).tooltip("undo (Ctrl+Z)")  # fmt: skip
-        self._redo = ui.button(icon="redo", on_click=self.redo).props(
-            'flat dense aria-label="redo"'
-        ).tooltip("redo (Ctrl+Shift+Z)")  # fmt: skip
-        ui.keyboard(self._key, ignore=["input", "textarea", "select"])
-        with ui.button("A | B").props('flat dense aria-label="compare"'), ui.menu():
-            ui.menu_item("Keep these settings as B", self.keep_second)
-            ui.menu_item("Change places of A and B", self.swap)
-            ui.menu_item("Show A alone", self.drop_second)
-        with ui.button("± 10 mm").props("flat dense") as scale, ui.menu():
-            scale.tooltip("range of colours of the difference")
-            for mm in (2, 5, 10, 20, 50, 100):
-                ui.menu_item(f"± {mm} mm", lambda mm=mm: self._scale(scale, mm))
-        ui.button(icon="fit_screen", on_click=lambda: self.call("fit")).props(
-            'flat dense aria-label="show all"'
-        ).tooltip("show the whole surface")  # fmt: skip
-        self.outputs = Outputs(self)
-        ui.button(icon="contrast", on_click=self._theme).props(
-            'flat dense aria-label="dark or light"'
-        ).tooltip("dark or light")  # fmt: skip
-
     async def begin(self) -> None:
         """Draw the first picture; called when the browser is connected."""
         self.call("build", "tune-view", "tune-figures", [r.help for r in Reason], self.tab)
         await self.refresh()
         await self.workshop.read_recording()
         self._show_recording(None)
-        if self.workshop.recorded:
+        if self.workshop.recorded and not self._measuring:
+            self._measuring = True
             await self._measure()
 
     async def rest(self) -> None:
         """Free what the tab holds, until its next picture; called when it is closed or hidden."""
-        self.playing = False
+        self.top.playing = False
         for which in ("a", "b"):
             self.workshop.packets.pop(f"{self.tab}/{which}", None)
         await self.workshop.on_gl(self.bench.close)
@@ -180,17 +131,7 @@ class Page:
             return
         self.editor.mark("")
         self.history.change(tuning, f"code {stage}")
-        await self._present()
-
-    async def undo(self) -> None:
-        """Go one step back."""
-        self.history.undo()
-        await self.refresh()
-
-    async def redo(self) -> None:
-        """Go one step forward."""
-        self.history.redo()
-        await self.refresh()
+        self._present()
 
     async def refresh(self) -> None:
         """Draw the current tuning; while one is drawn, only the newest request waits."""
@@ -206,17 +147,19 @@ class Page:
                 except GlsimError as error:
                     self.editor.problem(str(error))
                     continue
-                await self._present()
+                self._present()
         finally:
             self._drawing = False
 
-    async def _draw(self, tuning: Tuning) -> None:
-        noise_of = self._held if self.locked else None
-        drawn = await self.workshop.on_gl(self.bench.draw, tuning, noise_of)
-        self.picture = drawn
-        self.workshop.packets[f"{self.tab}/a"] = pack(drawn.frame)
+    async def _drawn(self, tuning: Tuning) -> Picture:
+        return await self.workshop.on_gl(self.bench.draw, tuning, self.top.noise_of)
 
-    async def _present(self) -> None:
+    async def _draw(self, tuning: Tuning) -> None:
+        self.picture = await self._drawn(tuning)
+        self.workshop.packets[f"{self.tab}/a"] = pack(self.picture.frame)
+
+    def _present(self) -> None:
+        """Show the newest picture, and measure it beside the next one's drawing."""
         picture = self.picture
         if picture is None or self._closed:
             return
@@ -226,27 +169,21 @@ class Page:
             self.editor.problem("")
             self.sections.refresh(picture)
             self.editor.refresh(picture)
-            self.outputs.refresh(self.history.now)
-        self._presenting = True
-        self._sensor.set_value(self.history.now.sensor)
-        self._frame.set_value(self.history.now.frame)
-        self._seed.set_value(self._seed_now())
-        self._presenting = False
-        self._undo.set_enabled(self.history.can_undo)
-        self._redo.set_enabled(self.history.can_redo)
+            self.top.refresh()
         if not self._measuring:
-            await self._measure()
+            self._measuring = True
+            background_tasks.create(self._measure(), name="statistics")
 
     async def _measure(self) -> None:
         """Measure the newest picture; what was drawn meanwhile is measured next."""
-        self._measuring = True
         try:
             measured = None
             while self.picture is not None and self.picture is not measured and not self._closed:
+                await asyncio.sleep(_REST)  # a dragged slider comes first
                 measured = self.picture
                 figures = await self.workshop.measure(_figures, measured)
-                self.call("statistics", figures, self._second_figures)
-                if self.workshop.recorded and not self.playing:
+                self.call("statistics", figures, self.comparison.figures)
+                if self.workshop.recorded and not self.top.playing:
                     here = await self.workshop.measure(measure_frames, [measured.frame])
                     self._show_recording(here)
         finally:
@@ -256,90 +193,14 @@ class Page:
         if self.workshop.recorded:
             self.call("recording", self.workshop.recorded, here)
 
-    # time
-
-    def toggle_play(self) -> None:
-        """Start or stop showing frame after frame."""
-        self.playing = not self.playing
-        self._play.props(f"icon={'stop' if self.playing else 'play_arrow'}")
-        if self.playing:
-            self._next_frame()
-
     def _shown(self) -> None:
-        if self.playing:
-            self._next_frame()
-
-    def _next_frame(self) -> None:
-        count = self.picture.frames if self.picture else 1
-        tuning = self.history.now
-        self.change(replace(tuning, frame=(tuning.frame + 1) % count), "frame")
-
-    def _to_frame(self, event: Any) -> None:
-        if event.value is not None and not self._presenting:
-            self.change(replace(self.history.now, frame=int(event.value)), "frame")
-
-    async def _lock(self, event: Any) -> None:
-        self.locked, self._held = bool(event.value), self.history.now.frame
-        await self.refresh()
-
-    def _seed_now(self) -> int:
-        return int(self.history.now.values.get("seed", self.workshop.base.seed))
-
-    def _to_seed(self, event: Any) -> None:
-        if event.value is not None and not self._presenting:
-            self.set_value("seed", int(event.value))
-
-    def _to_sensor(self, event: Any) -> None:
-        if event.value != self.history.now.sensor and not self._presenting:
-            tuning = self.history.now
-            own = ("pose.", "scene.", "seed")
-            kept = {k: v for k, v in tuning.values.items() if k.startswith(own)}
-            self.selected = ""
-            self.change(Tuning(event.value, kept, {}, tuning.frame))
-
-    async def _key(self, event: Any) -> None:
-        if event.action.keydown and str(event.key).lower() == "z" and event.modifiers.ctrl:
-            await (self.redo() if event.modifiers.shift else self.undo())
-
-    # A and B
-
-    async def keep_second(self) -> None:
-        """Keep the current settings as B."""
-        await self._show_second(self.history.now)
-
-    async def swap(self) -> None:
-        """Make B the current settings, and the current ones B."""
-        if self.second is not None:
-            first, second = self.history.now, self.second
-            await self._show_second(first)
-            self.change(second)
-
-    async def drop_second(self) -> None:
-        """Show the current settings alone."""
-        self.second = self._second_figures = None
-        self.call("showOther", None)
-        await self.refresh()
-
-    async def _show_second(self, tuning: Tuning) -> None:
-        try:
-            drawn = await self.workshop.on_gl(self.bench.draw, tuning, None)
-        except GlsimError as error:
-            ui.notify(str(error), type="negative")
-            return
-        self.second = tuning
-        self.workshop.packets[f"{self.tab}/b"] = pack(drawn.frame)
-        self._number += 1
-        self.call("showOther", f"/tune/frame/{self.tab}/b?n={self._number}")
-        self._second_figures = await self.workshop.measure(_figures, drawn)
-        await self.refresh()
+        if self.top.playing:
+            self.top.next_frame()
 
     # looks, and files that change elsewhere
 
-    def _scale(self, button: Any, mm: int) -> None:
-        button.text = f"± {mm} mm"
-        self.call("scale", mm)
-
-    async def _theme(self) -> None:
+    async def change_theme(self) -> None:
+        """Change between dark and light."""
         dark = await ui.run_javascript("document.body.classList.contains('body--dark')")
         self.dark.set_value(not dark)
         self.editor.theme(not dark)

@@ -20,7 +20,7 @@ from typing import Any
 
 import pytest
 
-from glsim.__main__ import main
+from glsim.cli import main
 from glsim.files.png import read_depth_png
 
 pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
@@ -100,7 +100,8 @@ def browser() -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def page(server: Server, browser: Any) -> Iterator[Any]:
     """One tab for all tests, with the messages of its console in ``page.said``."""
-    opened = browser.new_page(viewport={"width": 1280, "height": 800})
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    opened = context.new_page()
     opened.set_default_timeout(PATIENCE_MS)
     opened.said, opened.asked = [], []
     opened.on("request", lambda request: opened.asked.append(request.url))
@@ -109,7 +110,7 @@ def page(server: Server, browser: Any) -> Iterator[Any]:
     opened.goto(server.address)
     opened.wait_for_selector("#tune-view[data-shown]")
     yield opened
-    opened.close()
+    context.close()
 
 
 def _face() -> str:
