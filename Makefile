@@ -1,11 +1,12 @@
 # make demo   a data set of synthetic faces and a contact sheet, in ./demo
 # make check  lint, format and types
 # make test   the same, and tests
+# make docs   the documentation, in docs/_build/html; warnings are errors
 # make bench  pairs per second, against Open3D and pyrender
 # make reproduce         the paper's tables 1 to 3, small, on a CPU: about half an hour, in ./reproduced
 # make reproduce-paper   the same at the paper's size, for a GPU, in ./reproduced-paper
 # Each sets up .venv first (Debian packages included) and continues if it was interrupted.
-.PHONY: demo test check bench reproduce reproduce-paper clean
+.PHONY: demo test check docs bench reproduce reproduce-paper clean
 
 VENV := .venv/bin
 
@@ -24,6 +25,11 @@ check:
 	@$(VENV)/ruff format --check .
 	@$(VENV)/mypy
 
+docs:
+	@scripts/setup.sh docs
+	@$(VENV)/python -m sphinx -b html -q -W --keep-going docs docs/_build/html
+	@echo "wrote docs/_build/html/index.html"
+
 reproduce:
 	@scripts/setup.sh train,eval
 	@$(VENV)/glsim reproduce -o reproduced
@@ -37,4 +43,4 @@ bench:
 	@$(VENV)/python -m benchmarks.generate
 
 clean:
-	rm -rf .venv demo
+	rm -rf .venv demo docs/_build docs/generated

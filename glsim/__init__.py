@@ -20,13 +20,15 @@ if TYPE_CHECKING:
     from glsim.errors import GlsimError
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.run import evaluate
+    from glsim.exports import export_dataset
     from glsim.faces.one_mesh import OneMesh
     from glsim.frame import Frame, Skipped
     from glsim.geometry.camera import Intrinsics, SensorRig
     from glsim.geometry.mesh import Mesh
+    from glsim.gl.context import open_context
     from glsim.meshio import load_mesh
     from glsim.noise.stage import array_stage
-    from glsim.pipeline import simulate
+    from glsim.pipeline import Simulator, open_sources, simulate
     from glsim.plan.tasks import make_tasks
     from glsim.reason import Reason
     from glsim.sensors.pattern_map import remove_fixed_pattern
@@ -45,16 +47,20 @@ _HOME = {
     "Sensor": "glsim.sensors.sensor",
     "SensorRig": "glsim.geometry.camera",
     "Settings": "glsim.settings.schema",
+    "Simulator": "glsim.pipeline",
     "Skipped": "glsim.frame",
     "array_stage": "glsim.noise.stage",
     "evaluate": "glsim.eval.scoring.run",
+    "export_dataset": "glsim.exports",
     "generate": "glsim.dataset",
     "load_denoiser": "glsim.denoise",
     "load_mesh": "glsim.meshio",
     "load_sensor": "glsim.sensors.sensor",
     "load_settings": "glsim.settings.schema",
     "make_tasks": "glsim.plan.tasks",
+    "open_context": "glsim.gl.context",
     "open_dataset": "glsim.dataset",
+    "open_sources": "glsim.pipeline",
     "remove_fixed_pattern": "glsim.sensors.pattern_map",
     "sensor_names": "glsim.sensors.sensor",
     "simulate": "glsim.pipeline",
@@ -73,16 +79,20 @@ __all__ = [
     "Sensor",
     "SensorRig",
     "Settings",
+    "Simulator",
     "Skipped",
     "array_stage",
     "evaluate",
+    "export_dataset",
     "generate",
     "load_denoiser",
     "load_mesh",
     "load_sensor",
     "load_settings",
     "make_tasks",
+    "open_context",
     "open_dataset",
+    "open_sources",
     "remove_fixed_pattern",
     "sensor_names",
     "simulate",

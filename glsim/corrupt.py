@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_arrays import depth_batch, surface_depth
 from glsim.errors import ConfigError
 from glsim.faces.base import FaceKey
 from glsim.frame import Frame, decode_depth
@@ -29,7 +31,7 @@ from glsim.render.renderer import Renderer
 from glsim.sensors.pattern_map import check_shape
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import OutputSettings, Settings
+from glsim.settings.schema import OutputSettings, Settings, load_settings
 from glsim.settings.seeds import stable_seed
 
 
@@ -67,6 +69,42 @@ class Corrupter:
             )
             self._readback = Readback(self._context)
 
+    @classmethod
+    def for_camera(
+        cls,
+        sensor: str | Settings,
+        *,
+        width: int,
+        height: int,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        first_pixel: float,
+        backend: str | None = None,
+    ) -> Corrupter:
+        """Make a Corrupter for the camera of another simulator.
+
+        sensor: the name of a shipped sensor, a .toml file, or whole settings. It gives the noise,
+            the emitters and the clip planes; the camera replaces its intrinsics.
+        width, height, fx, fy, cx, cy: of the simulator's pinhole camera, pixels.
+        first_pixel: where its cx and cy have the centre of the first pixel: 0.5 if the image
+            reaches from 0 to its width (cx = width / 2 is the middle), 0 as in OpenCV and ROS.
+        Raises ConfigError.
+        """
+        if first_pixel not in (0, 0.5):
+            raise ConfigError(f"first_pixel {first_pixel}: is 0 (OpenCV, ROS) or 0.5")
+        if not (fx > 0 and fy > 0 and width > 0 and height > 0):
+            raise ConfigError(
+                f"a camera of {width}x{height} pixels with focal lengths {fx}, {fy}: all must be "
+                "positive (Gazebo, BlenderProc and Isaac may give a negative fy: take its size)"
+            )
+        settings = (
+            load_settings(overrides={"sensor": sensor}) if isinstance(sensor, str) else sensor
+        )
+        shift = 0.5 - first_pixel
+        return cls(settings, (height, width), backend, (fx, fy), (cx + shift, cy + shift))
+
     def __enter__(self) -> Corrupter:
         return self
 
@@ -97,20 +135,62 @@ class Corrupter:
             )
         depth_m = decode_depth(clean, self._output.depth_unit_mm)
         seed = stable_seed("corrupt", self._settings.seed, name)
-        drawn, values = draw_values(self.sensor.stages, DrawKeys(seed, seed, seed))
+        key = FaceKey(name or "map", "main", 0)
+        return self._corrupt(depth_m, key, DrawKeys(seed, seed, seed))
+
+    def __call__(self, depth_m: Any, *, frame: int = 0, sequence: str = "") -> Any:
+        """Return noisy depth for clean depth: arrays or tensors of float metres, 0 = no return.
+
+        depth_m: (H, W), (B, H, W) or more leading axes, float16, float32 or float64, NumPy or
+            PyTorch; also with a last axis of length 1. NaN, infinity, 0 and what lies beyond the
+            sensor's far plane are no surface. The input is not changed, and not copied on the CPU.
+        frame: number of the first map; map b of a batch has the noise of frame + b, alone or not.
+        sequence: a name; what a stage draws per sequence or per subject is drawn once for it.
+        Returns a new array or tensor of the same type and shape. Raises ConfigError.
+        """
+        image = self.rig.intrinsics
+        batch = depth_batch(depth_m, (image.height, image.width))
+        for number, clean in enumerate(batch.maps):
+            batch.results[number] = self.corrupt_depth(
+                clean, frame=frame + number, sequence=sequence
+            ).noisy_m
+        return batch.answer()
+
+    def corrupt_depth(
+        self, depth_m: NDArray[np.floating[Any]], *, frame: int = 0, sequence: str = ""
+    ) -> Frame:
+        """Return the whole Frame (infrared, reasons, drawn parameters) for one (H, W) map, metres.
+
+        Arguments as in ``__call__``, whose noise it has. Raises ConfigError.
+        """
+        image = self.rig.intrinsics
+        if depth_m.shape != (image.height, image.width):
+            raise ConfigError(
+                f"depth has the shape {depth_m.shape}, the camera {image.height, image.width}"
+            )
+        held = stable_seed("corrupt sequence", self._settings.seed, sequence)
+        seed = stable_seed("corrupt frame", self._settings.seed, sequence, frame)
+        key = FaceKey(sequence or "map", "main", frame)
+        return self._corrupt(
+            surface_depth(depth_m, self.rig.far_m), key, DrawKeys(seed, held, held)
+        )
+
+    def _corrupt(self, depth_m: NDArray[np.float32], key: FaceKey, seeds: DrawKeys) -> Frame:
+        image = self.rig.intrinsics
+        drawn, values = draw_values(self.sensor.stages, seeds)
         window = Rect(0, 0, image.width, image.height)
         if not depth_m.any():  # an empty map has no surface to light
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))
         elif self._context is None:
             layers = self._array_layers(depth_m)
-            frame = self._frame(window, seed, float(depth_m[depth_m > 0].min()))
+            frame = self._frame(window, seeds, float(depth_m[depth_m > 0].min()))
             run_twins(self.sensor.stages, layers, frame, values)
         else:
             make_current(self._context)
             normal = depth_map.normals(depth_m, self.rig.rays())
             surface = depth_map.surface(depth_m, self.rig)
             with self._renderer.light_depth_map(depth_m, normal, surface) as rendered:
-                frame = self._frame(rendered.window, seed, rendered.nearest_m)
+                frame = self._frame(rendered.window, seeds, rendered.nearest_m)
                 self._chain.run(rendered, frame, values, self._readback)
             layers = self._readback.arrays()
             run_array_stages(self.sensor.stages, layers, frame, values)
@@ -120,18 +200,18 @@ class Corrupter:
             window,
             image,
             self._output,
-            key=FaceKey(name or "map", "main", 0),
+            key=key,
             source="depth map",
-            seed=seed,
+            seed=seeds.frame,
             parameters=drawn,
         )
 
-    def _frame(self, window: Rect, seed: int, nearest_m: float) -> FrameContext:
+    def _frame(self, window: Rect, seeds: DrawKeys, nearest_m: float) -> FrameContext:
         return FrameContext.for_frame(
             rig=self.rig,
             window=window,
-            seed=seed,
-            sequence_seed=seed,
+            seed=seeds.frame,
+            sequence_seed=seeds.sequence,
             device_seed=stable_seed("device", self._settings.seed, 0),
             nearest_m=nearest_m,
             supersample=1,  # a map has no samples

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError, did_you_mean
 from glsim.faces.base import FaceKey
 from glsim.geometry.camera import Intrinsics
+from glsim.geometry.normal_codes import encode_normals
 from glsim.geometry.rect import Rect
 from glsim.reason import Reason
 
@@ -23,8 +24,8 @@ _UINT16_MAX = 65535
 #: The images of every frame: clean, noisy, infrared are uint16, reason is uint8.
 LAYERS = ("clean", "noisy", "infrared", "reason")
 #: The images that can be written to files; regions (uint8) and expected (uint16) are drawn on
-#: request only.
-WRITABLE = (*LAYERS, "regions", "expected")
+#: request only, and so are normals (uint16, three channels).
+WRITABLE = (*LAYERS, "regions", "expected", "normals")
 
 
 def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray[np.uint16]:
@@ -57,6 +58,20 @@ def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.f
 
 
 @dataclass(frozen=True, eq=False)
+class Landmarks:
+    """The 68 landmarks of a face in the order of Multi-PIE (and iBUG), in the delivered frame.
+
+    points_m: (68, 3) float64, camera frame, metres. pixels: (68, 2) float64, x and y in glsim's
+    convention (first centre at 0.5), also outside the image. visible: (68,) whether the clean
+    depth at the pixel is that of the point.
+    """
+
+    points_m: NDArray[np.float64]
+    pixels: NDArray[np.float64]
+    visible: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
 class Frame:
     """A clean and a noisy depth map of one face, and the parameters that made them.
 
@@ -72,6 +87,10 @@ class Frame:
     expected_m: float32 metres, what the sensor says of the surfaces without noise, blur, edges and
         fixed pattern: clean plus the device's systematic error; > 0 where clean is. None if not
         requested.
+    normal: (h, w, 3) float32 unit normals of the meshes, camera frame; None if not requested.
+    head_to_camera: (4, 4) float64, from the canonical head frame (x the subject's left, y up, z out
+        of the face), metres, to the camera frame, metres; None if there is no head.
+    landmarks: the 68 points of the face; None if not requested or not known.
     infrared_counts: float32, in counts of the 16-bit image.
     reason_codes: uint8 codes of glsim.reason.Reason.
     region_codes: uint8 numbers of the parts of the face, 0 = none; None if not requested.
@@ -96,6 +115,9 @@ class Frame:
     reason_codes: NDArray[np.uint8]
     region_codes: NDArray[np.uint8] | None = None
     expected_m: NDArray[np.float32] | None = None
+    normal: NDArray[np.float32] | None = None
+    head_to_camera: NDArray[np.float64] | None = None
+    landmarks: Landmarks | None = None
     region_numbers: Mapping[str, int] = field(default_factory=dict)
     extra: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     depth_unit_mm: float = 1.0
@@ -144,6 +166,16 @@ class Frame:
         return self._paste(self.region_codes)
 
     @property
+    def normals(self) -> NDArray[np.uint16]:
+        """Normals of the surface, (H, W, 3) uint16, see ``glsim.geometry.normal_codes``.
+
+        Raises ConfigError if they were not requested.
+        """
+        if self.normal is None:
+            raise ConfigError(f"{self.source}: this frame was made without the layer 'normals'")
+        return self._paste(encode_normals(self.normal, self.clean_m > 0))
+
+    @property
     def seen_regions(self) -> dict[str, int]:
         """Parts of the face that at least one pixel shows, name -> number."""
         seen = np.unique(self.regions)
@@ -157,9 +189,10 @@ class Frame:
         return image
 
     def _paste(self, part: NDArray[_T], fill: int = 0) -> NDArray[_T]:
-        shape = (self.intrinsics.height, self.intrinsics.width)
-        if part.shape == shape:
+        shape: tuple[int, ...] = (self.intrinsics.height, self.intrinsics.width)
+        if part.shape[:2] == shape:
             return part
+        shape = (*shape, *part.shape[2:])
         full = np.zeros(shape, part.dtype) if fill == 0 else np.full(shape, fill, part.dtype)
         full[self.window.slices] = part
         return full

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
-from glsim.frame import Frame
+from glsim.frame import Frame, Landmarks
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.rect import Rect
 from glsim.reason import Reason
@@ -71,9 +71,33 @@ def assemble_frame(
         expected_m=expected,
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
-        extra={name: layers[name][inside] for name in extra if name in layers},
+        normal=layers["normal"][inside][..., :3] if "normal" in layers else None,
+        extra={name: _cut(layers[name], window, inside) for name in extra if name in layers},
         **identity,
     )
+
+
+def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
+    """Return landmarks at (68, 3) camera-frame metres with their pixels in a frame.
+
+    One is visible if the clean depth of its pixel lies within 5 mm of it: vertices lie on the
+    surface, which changes by less within a pixel unless it is seen edge on. Chosen.
+    """
+    image = frame.intrinsics
+    pixels = image.project(points_m)
+    column, row = np.floor(pixels - (frame.window.left, frame.window.top)).astype(np.int64).T
+    height, width = frame.clean_m.shape
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    clean = frame.clean_m[row.clip(0, height - 1), column.clip(0, width - 1)]
+    depth = points_m[:, 2] - frame.depth_offset_mm / 1000.0
+    return Landmarks(points_m, pixels, inside & (clean > 0) & (np.abs(clean - depth) < 0.005))
+
+
+def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) -> Any:
+    """Cut a layer of ``window``; one of a finer grid on that grid."""
+    factor = max(layer.shape[1] // window.width, 1)
+    rows, columns = (slice(factor * s.start, factor * s.stop) for s in inside)
+    return layer[rows, columns]
 
 
 def reconcile_reasons(

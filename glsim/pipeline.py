@@ -22,6 +22,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -32,27 +34,29 @@ from glsim.errors import ConfigError, GlsimError, MeshError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource, Part
 from glsim.faces.head_motion import head_motion, move_pose
+from glsim.faces.landmarks import landmark_vertices, to_camera
 from glsim.faces.neck import bend_neck
 from glsim.faces.regions import RegionLabels
 from glsim.faces.variation import draw_variation, vary
 from glsim.frame import LAYERS, Frame, Skipped
-from glsim.frame_assembly import assemble_frame
+from glsim.frame_assembly import assemble_frame, seen_landmarks
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
-from glsim.noise.chain import ShaderChain, array_reach_px, run_array_stages
+from glsim.noise.chain import LinkedStages, ShaderChain, array_reach_px, run_array_stages
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.stage import draw_values
+from glsim.noise.registry import find_stage, shader_stage
+from glsim.noise.stage import ENABLED, draw_values
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
-from glsim.render.renderer import Renderer
+from glsim.render.renderer import NORMAL, Renderer
 from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
-from glsim.sensors.sensor import Sensor, sensor_of
-from glsim.settings.schema import GENERATORS, Settings
+from glsim.sensors.sensor import Sensor, StageChange, sensor_of
+from glsim.settings.schema import GENERATORS, Settings, with_assignments
 from glsim.settings.seeds import stable_seed
 
 #: Faces per batch: a matrix product of this many rows keeps a core busy, and the vertices of a
@@ -76,6 +80,8 @@ class _InFlight:
     values: dict[str, dict[str, float]]
     pose: dict[str, float]
     drawn: dict[str, float]
+    head_to_camera: NDArray[np.float64]
+    landmarks_m: NDArray[np.float64] | None
 
 
 def simulate(
@@ -113,7 +119,12 @@ def open_sources(settings: Settings) -> list[FaceSource]:
 
 
 class Simulator:
-    """Makes frames of one sensor on one GL context."""
+    """Makes frames of one sensor on one GL context.
+
+    ``with_values``, ``with_stage`` and ``with_layers`` return another simulator of the same
+    sources and context, which shares what has not changed: no program is linked anew. The first
+    one stays as it is, so that it serves on if a change is refused.
+    """
 
     def __init__(
         self,
@@ -122,14 +133,27 @@ class Simulator:
         context: moderngl.Context,
         extra_layers: Sequence[str] = (),
         layers: Collection[str] = LAYERS,
+        changes: Sequence[StageChange] = (),
+        *,
+        like: Simulator | None = None,
     ) -> None:
-        """Compile the shaders. Arguments as in ``simulate``. Raises ConfigError or ShaderError."""
+        """Compile the shaders. Arguments as in ``simulate``. Raises ConfigError or ShaderError.
+
+        changes: stages with other code than the sensor's file says. like: a simulator of the same
+        sources and context, whose programs are used.
+        """
         self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
-        self._context = context
-        self.sensor: Sensor = sensor_of(settings)
+        self._context, self._layers, self._changes = context, layers, tuple(changes)
+        self.sensor: Sensor = sensor_of(settings, changes)
         make_current(context)
-        self._renderer = Renderer(context, self.sensor.rig)
-        read_back = (*self._extra, REGION.name) if "regions" in layers else self._extra
+        same_rig = like is not None and like.sensor.rig == self.sensor.rig
+        self._renderer = like._renderer if like and same_rig else Renderer(context, self.sensor.rig)
+        self._linked = like._linked if like else LinkedStages(context)
+        read_back = (
+            *self._extra,
+            *((REGION.name,) if "regions" in layers else ()),
+            *((NORMAL.name,) if "normals" in layers and NORMAL.name not in self._extra else ()),
+        )
         own = self.sensor.pattern_map
         self._chain = ShaderChain(
             context,
@@ -138,10 +162,14 @@ class Simulator:
             infrared="infrared" in layers,
             expected="expected" in layers,
             pattern_mm=None if own is None else own.error_mm,
+            linked=self._linked,
         )
         further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
         self._labels = RegionLabels(sources, further) if "regions" in layers else None
-        self._dressers = [Dresser(source, settings.appearance) for source in sources]
+        if like is not None and like._settings.appearance == settings.appearance:
+            self._dressers = like._dressers
+        else:
+            self._dressers = [Dresser(source, settings.appearance) for source in sources]
         self._others = OtherPeople(settings, sources, self._dressers, self.sensor.rig)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
@@ -151,6 +179,71 @@ class Simulator:
             raise ConfigError(
                 f"output.crop {crop} is larger than the sensor's {image.width}x{image.height}"
             )
+
+    @property
+    def settings(self) -> Settings:
+        """The settings that determine the frames, with the values of ``with_values``."""
+        return self._settings
+
+    def with_values(self, values: Mapping[str, Any]) -> Simulator:
+        """Return a simulator with other values, by the names of ``--set``.
+
+        values: {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
+        Raises ConfigError for an unknown name or a value out of range, and for a change of the
+        source, which needs another Simulator.
+        """
+        return self._like(settings=with_assignments(self._settings, values))
+
+    def with_stage(
+        self, name: str, code: str | Path, before: str | None = None, file: Path | None = None
+    ) -> Simulator:
+        """Return a simulator whose stage ``name`` runs other GLSL; that program alone is linked.
+
+        code: the text, or the path of a file. file: of a text, for messages and includes; default:
+        the file of the stage, or NAME.glsl. before: inserts a new stage before another; a name that
+        the chain does not have is otherwise put after the last shader stage.
+        Raises ShaderError with file and line; ConfigError if the stage does not fit the chain.
+        """
+        known = {stage.name: stage for stage in self.sensor.stages}
+        if isinstance(code, Path):
+            spec = find_stage(str(code))
+        else:
+            of_stage = Path(known[name].spec.file) if name in known else Path(f"{name}.glsl")
+            spec = shader_stage(code, file or of_stage)
+        previous = next((c.before for c in self._changes if c.name == name), None)
+        kept = [change for change in self._changes if change.name != name]
+        change = StageChange(name, spec, before or previous)
+        left_out = set(self._settings.stage.get(name, {})) - {ENABLED, *spec.parameters}
+        settings = self._settings
+        if left_out:
+            own = {k: v for k, v in settings.stage[name].items() if k not in left_out}
+            stages = {**settings.stage, name: own}
+            settings = settings.model_copy(update={"stage": stages})
+        return self._like(settings=settings, changes=[*kept, change])
+
+    def with_layers(self, layers: Collection[str], extra_layers: Sequence[str] = ()) -> Simulator:
+        """Return a simulator that delivers other layers; arguments as in ``simulate``."""
+        return self._like(layers=layers, extra_layers=extra_layers)
+
+    def _like(
+        self,
+        settings: Settings | None = None,
+        changes: Sequence[StageChange] | None = None,
+        layers: Collection[str] | None = None,
+        extra_layers: Sequence[str] | None = None,
+    ) -> Simulator:
+        wanted = settings or self._settings
+        if wanted.source != self._settings.source:
+            raise ConfigError("source: other faces need another Simulator")
+        return Simulator(
+            wanted,
+            self._sources,
+            self._context,
+            self._extra if extra_layers is None else extra_layers,
+            self._layers if layers is None else layers,
+            self._changes if changes is None else changes,
+            like=self,
+        )
 
     def frames(self, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
         """Yield one result per task, in order."""
@@ -279,7 +372,14 @@ class Simulator:
                 nearest_m=rendered.nearest_m,
             )
             self._chain.run(rendered, frame, values, readback)
-        return _InFlight(readback, task, face, crop, frame, values, pose, drawn)
+        head_to_camera, landmarks_m = view.astype(np.float64), None
+        if settings.output.landmarks:
+            chosen = landmark_vertices(self._sources[task.source])
+            landmarks_m = to_camera(person[0].vertices_mm[chosen], head_to_camera)
+        head_to_camera[:3, :3] *= 1000.0  # the view takes millimetres, this matrix metres
+        return _InFlight(
+            readback, task, face, crop, frame, values, pose, drawn, head_to_camera, landmarks_m
+        )
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:
         """Wait for one frame's layers, run the array stages, and assemble the Frame."""
@@ -296,7 +396,7 @@ class Simulator:
             )
         run_array_stages(self.sensor.stages, layers, item.frame, item.values)
         task, face = item.task, item.face
-        return assemble_frame(
+        made = assemble_frame(
             layers,
             item.frame.window,
             item.crop,
@@ -311,7 +411,11 @@ class Simulator:
             parameters=item.drawn,
             notes=face.notes,
             region_numbers={} if self._labels is None else self._labels.numbers,
+            head_to_camera=item.head_to_camera,
         )
+        if item.landmarks_m is None:
+            return made
+        return replace(made, landmarks=seen_landmarks(item.landmarks_m, made))
 
 
 def _unusable(task: Task, error: Exception) -> MeshError:

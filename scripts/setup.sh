@@ -29,6 +29,12 @@ if [ ${#missing[@]} -gt 0 ]; then
     "${sudo[@]}" apt-get update -qq
     DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
+if [ "$extra" = test ] && ! command -v chromium >/dev/null; then # the tests of glsim tune's page
+    if ! { [ "$(id -u)" = 0 ] && apt-get update -qq &&
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null; }; then
+        echo "without Debian's chromium the tests of glsim tune's page are skipped" >&2
+    fi
+fi
 
 target=.
 [ "$extra" = demo ] || target=".[$extra]"

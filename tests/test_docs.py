@@ -1,4 +1,7 @@
-"""The Python of the README and of docs/: what it imports is public, and the first example runs."""
+"""The Python of the README and of docs/: what it imports is public, and the first example runs.
+
+``make docs`` checks links within the site; tests/test_site.py checks commands and contents.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,12 @@ import pytest
 from tests.support.imports import ROOT
 from tests.support.scenes import face_mesh
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md",
+    *sorted(p for p in DOCS.rglob("*.md") if not {"generated", "_build"} & {*p.parts}),
+]
+TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
 #: Where a user imports from; nothing deeper.
 PUBLIC = ("glsim", "glsim.train")
 FOLDERS = "glsim|train|eval|shaders|tests|scripts|benchmarks"
@@ -43,6 +51,11 @@ def test_pages_import_public_names_only(page: Path) -> None:
         assert private_imports(code) == []
 
 
+@pytest.mark.parametrize("script", TUTORIALS, ids=lambda p: p.name)
+def test_tutorials_import_public_names_only(script: Path) -> None:
+    assert private_imports(script.read_text(encoding="utf-8")) == []
+
+
 def test_deeper_imports_are_found() -> None:
     assert private_imports("from glsim.meshio.load import load_mesh")
     assert private_imports("from glsim import no_such_name")
@@ -58,11 +71,13 @@ def test_every_file_that_a_page_names_exists() -> None:
         named = re.findall(
             r"`((?:glsim|train|eval|shaders|tests|scripts|benchmarks)/[\w./-]+)`", text
         )
-        linked = re.findall(r"\]\(([\w./-]+\.(?:md|png))\)", text)
+        linked = re.findall(r"\]\(([\w./-]+\.(?:md|png))(?:#[\w-]+)?\)", text)
         for path in named:
             assert (ROOT / path).exists(), f"{page.name} names {path}"
-        for path in linked:
-            assert (page.parent / path).exists(), f"{page.name} links to {path}"
+        for path in linked:  # a link that starts with / starts from docs/
+            if "generated/" not in path:
+                place = DOCS / path[1:] if path.startswith("/") else page.parent / path
+                assert place.exists(), f"{page.name} links to {path}"
 
 
 def test_the_first_example_of_the_readme_runs(

@@ -46,9 +46,9 @@ class _Table(BaseModel):
 class OptimiserSettings(_Table):
     """Optimiser and its parameters."""
 
-    kind: Literal["adam", "adamw"] = "adam"
-    lr: float = Field(1e-4, gt=0, le=1)
-    weight_decay: float = Field(0.0, ge=0, le=1e3)
+    kind: Literal["adam", "adamw"] = Field("adam", description="the optimiser")
+    lr: float = Field(1e-4, gt=0, le=1, description="learning rate")
+    weight_decay: float = Field(0.0, ge=0, le=1e3, description="as in adamw")
     clip_norm: float | None = Field(None, gt=0, description="largest norm of the gradient")
 
 
@@ -58,7 +58,9 @@ class ScheduleSettings(_Table):
     The whole training is its limit in steps, epochs or minutes, whichever comes first.
     """
 
-    kind: Literal["constant", "cosine", "step"] = "constant"
+    kind: Literal["constant", "cosine", "step"] = Field(
+        "constant", description="curve of the learning rate after the warm-up"
+    )
     warmup_steps: int = Field(0, ge=0, le=10**9, description="steps from 0 to lr, linearly")
     final: float = Field(0.01, ge=0, le=1, description="factor on lr at the end of cosine")
     step_at: float = Field(0.7, gt=0, le=1, description="fraction of training before the step")
@@ -83,8 +85,8 @@ class TrainingSettings(_Table):
         "network have no weight at first",
     )
     batch: int = Field(4, ge=1, le=4096, description="pairs per step and device")
-    max_epochs: int | None = Field(None, ge=1)
-    max_steps: int | None = Field(None, ge=1)
+    max_epochs: int | None = Field(None, ge=1, description="limit; default: none")
+    max_steps: int | None = Field(None, ge=1, description="limit; default: none")
     max_minutes: float | None = Field(None, gt=0, description="training time, over all resumes")
     patience: int | None = Field(
         10, ge=1, description="validations without improvement before the training stops"
@@ -92,13 +94,17 @@ class TrainingSettings(_Table):
     monitor: MonitoredFigure = Field(
         "mse_mm2", description="validation figure that chooses the best weights; lower is better"
     )
-    validate_every: int = Field(1, ge=1)
-    validate_unit: Literal["epochs", "steps"] = "epochs"
+    validate_every: int = Field(1, ge=1, description="epochs or steps between validations")
+    validate_unit: Literal["epochs", "steps"] = Field(
+        "epochs", description="unit of validate_every"
+    )
     ema_decay: float | None = Field(
         None, gt=0, lt=1, description="validate and keep an exponential average of the weights"
     )
-    precision: Literal["32-true", "bf16-mixed", "16-mixed"] = "32-true"
-    compile: bool = False
+    precision: Literal["32-true", "bf16-mixed", "16-mixed"] = Field(
+        "32-true", description="number format of the training"
+    )
+    compile: bool = Field(False, description="whether torch.compile is used")
     devices: Annotated[int, Field(ge=1, le=1024)] | Literal["auto"] = Field(
         1, description="number of GPUs; a CPU is one device"
     )
@@ -138,15 +144,17 @@ class DataSettings(_Table):
 class Recipe(_Table):
     """Every setting of a training, except the data."""
 
-    title: str
+    title: str = Field(description="one line")
     description: str = Field(
         "", description="one line: the network, and how it is smaller than published"
     )
-    row: PaperRow | None = None
-    size: Literal["full", "small", "own"] = "own"
-    seed: int = Field(0, ge=0, lt=2**31)
-    model: dict[str, Any]
-    loss: dict[str, Any]
+    row: PaperRow | None = Field(None, description="row of the paper's tables 2 and 3")
+    size: Literal["full", "small", "own"] = Field(
+        "own", description="of a row: as published, or smaller"
+    )
+    seed: int = Field(0, ge=0, lt=2**31, description="of weights, order and augmentation")
+    model: dict[str, Any] = Field(description="kind and parameters of the network")
+    loss: dict[str, Any] = Field(description="kind and parameters of the loss")
     optimiser: OptimiserSettings = OptimiserSettings()
     schedule: ScheduleSettings = ScheduleSettings()
     training: TrainingSettings = TrainingSettings()

@@ -22,6 +22,7 @@ from glsim.cli import (
     study,
     train,
     transfer,
+    tune,
     validate,
     verify,
 )
@@ -45,6 +46,7 @@ app.command("corrupt", epilog=corrupt.EXAMPLES)(corrupt.corrupt)
 app.command("validate", epilog=validate.EXAMPLES)(validate.validate)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
+app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("fit", epilog=fit.EXAMPLES)(fit.fit)
 app.command("inspect", epilog=inspect.EXAMPLES)(inspect.inspect)
 app.add_typer(import_.app, name="import")

@@ -1,4 +1,4 @@
-"""``glsim export``: write the network of a checkpoint as an ONNX file."""
+"""``glsim export``: frames in other programs' formats; the network of a checkpoint as ONNX."""
 
 from __future__ import annotations
 
@@ -7,28 +7,89 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import Debug, Quiet, print_message
-from glsim.errors import ConfigError, TrainError
+from glsim.cli.common import Debug, Quiet, Verbose, print_message, split_names
+from glsim.errors import ConfigError, DatasetError, TrainError
 
 EXAMPLES = """
 [bold]Examples[/bold]
 
-glsim export run/best.pt -o face.onnx
+glsim export data -o clouds --to ply --split test        point clouds with normals
 
-glsim denoise noisy.png -o clean.png -d face.onnx        runs without PyTorch
+glsim export data -o depth --to exr,open3d --layers noisy --frames 10
+
+glsim export data -o ros --to rosbag                     pip install 'glsim[formats]'
+
+glsim export run/best.pt -o face.onnx                    a network
+
+glsim denoise noisy.png -o clean.png -d face.onnx        runs it without PyTorch
 """
 
 
 def export(
-    checkpoint: Annotated[Path, typer.Argument(help="best.pt or last.pt of a run of glsim train.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="The ONNX file to write.")],
+    source: Annotated[
+        Path,
+        typer.Argument(help="A data set, or best.pt or last.pt of a run of glsim train."),
+    ],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Folder for the files; an .onnx file of a network.")
+    ],
+    to: Annotated[
+        str | None,
+        typer.Option(
+            help="Formats of a data set's frames: ply, pcd, npy, npz, exr, open3d, ros, hdf5, "
+            "rosbag, rosbag2; several with commas. Default: npz."
+        ),
+    ] = None,
+    layers: Annotated[
+        str | None, typer.Option(help="Depth layers: clean, noisy, expected. Default: all.")
+    ] = None,
+    split: Annotated[
+        str | None, typer.Option(help="Only train, val or test. Default: all.")
+    ] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Only the first N frames.")] = None,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
-    """Export a trained network as ONNX: glsim denoise then runs it without PyTorch.
+    """Export a data set's frames to other programs, or a trained network as ONNX.
 
-    The file is written if it gives the depths of PyTorch within 0.01 mm.
+    Depth is in metres. Principal points are converted: the files give the first pixel's centre the
+    coordinates (0, 0), as OpenCV, Open3D and ROS do. A network is written if its ONNX file gives
+    the depths of PyTorch within 0.01 mm.
     """
+    if source.is_dir():
+        _export_frames(source, out, to, layers, split, frames)
+        return
+    if not source.exists():
+        raise ConfigError(f"{source}: no such data set or checkpoint")
+    if any(option is not None for option in (to, layers, split, frames)):
+        raise ConfigError(
+            f"{source}: is no data set: --to, --layers, --split and --frames need one"
+        )
+    _export_network(source, out)
+
+
+def _export_frames(
+    source: Path,
+    out: Path,
+    to: str | None,
+    layers: str | None,
+    split: str | None,
+    frames: int | None,
+) -> None:
+    from glsim.dataset import open_dataset
+    from glsim.exports import export_dataset
+
+    if out.exists() and not out.is_dir():
+        raise DatasetError(f"-o {out}: is a file: give a folder")
+    formats = split_names(to) or ["npz"]
+    done = export_dataset(
+        open_dataset(source), out, formats, layers=split_names(layers), split=split, count=frames
+    )
+    print_message(f"wrote {done} frame(s) as {', '.join(formats)} to {out}")
+
+
+def _export_network(checkpoint: Path, out: Path) -> None:
     from glsim.denoise.loading import ONNX_SUFFIX
 
     if out.suffix != ONNX_SUFFIX:

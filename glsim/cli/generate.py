@@ -94,7 +94,7 @@ def generate(
         str | None,
         typer.Option(
             help="Layers to write, of clean,noisy,infrared,reason,regions,expected (clean with the "
-            "sensor's systematic error). Default: clean,noisy."
+            "sensor's systematic error),normals. Default: clean,noisy."
         ),
     ] = None,
     depth_unit_mm: Annotated[

@@ -6,6 +6,8 @@
     train|val|test/<subject>/<sequence>_<frame>_<layer>.png     format "png"
     train|val|test/metadata.jsonl    the records as rows for Hugging Face's image-folder loader
     train-000000.tar ...             format "webdataset": <index>.<layer>.png, <index>.json
+    README.md                        card for the Hugging Face Hub: YAML and text
+    croissant.json                   the same description in the format Croissant of MLCommons
     .glsim/                          lock, plan, chunk records, temporary files; no data
 
 <index> is the frame's position in the plan, eight digits.
@@ -21,6 +23,8 @@ HEADER = "dataset.json"
 MANIFEST = "manifest.jsonl"
 SKIPPED = "skipped.jsonl"
 METADATA = "metadata.jsonl"
+README = "README.md"
+CROISSANT = "croissant.json"
 STATE = ".glsim"
 #: In STATE: the first lines of all chunk records, and in its last line the header's checksum.
 MERGED_INDEX = "chunks.jsonl"

@@ -33,9 +33,13 @@ _UNITS = {
     "reason": "uint8 codes, see reasons",
     "intrinsics": "pixels; the centre of the first pixel is at (0.5, 0.5)",
     "time_s": "seconds since the start of the sequence",
+    "head_to_camera": "4 x 4, rows first: canonical head frame (x the subject's left, y up, z out "
+    "of the face) to camera frame (x right, y down, z forward), both in metres",
     "seeds": "64 bits as hexadecimal digits",
 }
 _OPTIONAL_UNITS = {
+    "normals": "uint16, three channels: unit normal of the mesh in the camera frame (x right, y "
+    "down, z forward), (code - 32768) / 32767; 0, 0, 0 = no surface",
     "expected": "as clean, with the sensor's systematic error: wiggling, offset, delay in skin",
 }
 

@@ -23,11 +23,15 @@ LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
     "reason": np.dtype(np.uint8),
     "regions": np.dtype(np.uint8),
     "expected": np.dtype(np.uint16),
+    "normals": np.dtype(np.uint16),
 }
+
+#: Channels of the layers that have several.
+CHANNELS = {"normals": 3}
 
 
 def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX**2) -> LayerImage:
-    """Decode the bytes of a PNG file to (H, W) in the layer's pixel type.
+    """Decode the bytes of a PNG file to (H, W), or (H, W, 3), in the layer's pixel type.
 
     where: names the file in error messages. Raises DatasetError for a damaged image, another pixel
     type, several channels or more than ``max_px`` pixels.
@@ -44,8 +48,12 @@ def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX*
             f"{where}: has {image.dtype.itemsize * 8} bits a pixel, {layer} needs "
             f"{expected.itemsize * 8}: another program saved it again"
         )
-    if image.ndim != 2:
-        raise DatasetError(f"{where}: has {image.shape[2]} channels instead of one")
+    channels = image.shape[2] if image.ndim == 3 else 1
+    if channels != CHANNELS.get(layer, 1):
+        wanted = "one" if layer not in CHANNELS else "three"
+        raise DatasetError(f"{where}: has {channels} channels instead of {wanted}")
+    if channels == 3:
+        image = np.ascontiguousarray(image[..., ::-1])  # OpenCV has blue first
     return image.view(expected)
 
 

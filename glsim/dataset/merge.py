@@ -5,6 +5,7 @@ All functions stream: memory does not grow with the number of frames.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 from collections.abc import Iterator, Mapping
@@ -13,8 +14,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from glsim.dataset.cards import croissant, hub_card
 from glsim.dataset.chunks import ChunkPlan
-from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
+from glsim.dataset.disk_format import CROISSANT, HEADER, MANIFEST, METADATA, README, SKIPPED
 from glsim.dataset.header import read_header
 from glsim.dataset.output_folder import OutputFolder
 from glsim.dataset.records import (
@@ -30,6 +32,7 @@ from glsim.files.atomic import (
     AtomicFile,
     file_checksum,
     to_json,
+    wrap_read_errors,
     wrap_write_errors,
     write_atomic,
 )
@@ -86,13 +89,25 @@ def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) ->
             "frames": counts,
             "skipped": skipped,
             "subjects": {split: list(names) for split, names in subjects.items()},
-            "files": dict(sorted(files.items())),
         }
+        files |= _write_cards(folder, header)
+        header["files"] = dict(sorted(files.items()))
         data = json.dumps(header, indent=1, allow_nan=False).encode() + b"\n"
         temporary = folder.temporary_path(HEADER)
         checksum = write_atomic(data, folder.out / HEADER, temporary=temporary)
         index_file.write(to_json(checksum, HEADER).encode() + b"\n")
     folder.discard_chunk_records()
+
+
+def _write_cards(folder: OutputFolder, header: Mapping[str, Any]) -> dict[str, Any]:
+    """Write README.md and croissant.json; return their names and checksums."""
+    with wrap_read_errors(folder.out / MANIFEST), (folder.out / MANIFEST).open("rb") as manifest:
+        sha256 = hashlib.file_digest(manifest, "sha256").hexdigest()
+    cards = {README: hub_card(header), CROISSANT: croissant(header, sha256)}
+    return {
+        name: write_atomic(data, folder.out / name, temporary=folder.temporary_path(name))
+        for name, data in cards.items()
+    }
 
 
 def _refuse_shared_subjects(subjects: Mapping[str, Mapping[str, None]]) -> None:
@@ -105,7 +120,7 @@ def _refuse_shared_subjects(subjects: Mapping[str, Mapping[str, None]]) -> None:
 
 
 def merged_files_are_intact(folder: OutputFolder, chunks: int) -> bool:
-    """Check that the header, the manifest and the metadata are as they were written."""
+    """Check that the header, the manifest, metadata and cards are as they were written."""
     try:
         with folder.merged_index.open(encoding="utf-8", errors="replace") as index:
             checksum = parse_checksum(next(islice(index, chunks, None), ""), index.name)
@@ -117,7 +132,7 @@ def merged_files_are_intact(folder: OutputFolder, chunks: int) -> bool:
     return all(
         file_checksum(folder.out / name) == checksum
         for name, checksum in files.items()
-        if name.endswith(".jsonl")
+        if not name.endswith(".tar")
     )
 
 

@@ -26,6 +26,7 @@ from glsim.files.png import MAX_IMAGE_BYTES
 from glsim.files.regular import open_regular, read_regular
 from glsim.frame import WRITABLE, to_mm
 from glsim.geometry.camera import Intrinsics
+from glsim.geometry.normal_codes import decode_normals
 from glsim.reason import Reason
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -122,8 +123,18 @@ class Pair:
         """(H, W) uint8 parts of the face, with the numbers of ``Dataset.regions``; 0 = none."""
         return self.image("regions")
 
+    @cached_property
+    def normals(self) -> NDArray[np.float32]:
+        """(H, W, 3) float32 unit normals of the true surface, camera frame; 0 without a surface.
+
+        Raises DatasetError in a data set that was generated without the layer.
+        """
+        return decode_normals(np.asarray(self.image("normals"), np.uint16))
+
     def image(self, layer: str) -> LayerImage:
         """Read a layer as stored: (H, W) uint16, or uint8 for "reason" and "regions".
+
+        "normals" is (H, W, 3) uint16, see ``normals``.
 
         Raises DatasetError if the data set has no such layer, or if the file is missing, was
         changed, or is no image of the right type and size.
@@ -148,7 +159,7 @@ class Pair:
                 f"recorded): {REPAIR}"
             )
         size = (self.record["intrinsics"]["height"], self.record["intrinsics"]["width"])
-        if image.shape != size:
+        if image.shape[:2] != size:
             raise DatasetError(
                 f"{where}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
                 f"{size[1]} x {size[0]}"

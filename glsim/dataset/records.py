@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from glsim.dataset.schema import parse_summary
 from glsim.errors import DatasetError
 from glsim.files.atomic import to_json
@@ -35,6 +37,7 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
 
     Seeds are 16 hexadecimal digits: JSON readers in other languages round integers above 2**53.
     files: layer -> name, size, crc32; for a file within a shard also its member and its offset.
+    head_to_camera and landmarks are there if the frame has them.
     With the layer regions, the record lists the names and numbers of the visible regions.
     """
     record = _task_fields(task, frame.source) | {
@@ -49,6 +52,14 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
         "notes": dict(frame.notes),
         "files": dict(files),
     }
+    if frame.head_to_camera is not None:
+        record["head_to_camera"] = np.round(frame.head_to_camera, 9).tolist()
+    if frame.landmarks is not None:  # to 0.001 mm and 0.001 px
+        record["landmarks"] = {
+            "points_m": np.round(frame.landmarks.points_m, 6).tolist(),
+            "pixels": np.round(frame.landmarks.pixels, 3).tolist(),
+            "visible": frame.landmarks.visible.tolist(),
+        }
     return record | {"regions": frame.seen_regions} if "regions" in files else record
 
 

@@ -57,6 +57,11 @@ Unit = Annotated[
 Offset = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-655_350, le=655_350)]
 
 
+_Couple = Annotated[list[Number], Field(min_length=2, max_length=2)]
+_Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
+_Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
+
+
 class FileRecord(TypedDict):
     """Size and CRC32 of a listed file."""
 
@@ -88,6 +93,15 @@ class IntrinsicsRecord(TypedDict):
     cy: Number
 
 
+class LandmarksRecord(TypedDict):
+    """The fields of ``glsim.frame.Landmarks``."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc]
+    points_m: Annotated[list[_Triple], Field(min_length=68, max_length=68)]
+    pixels: Annotated[list[_Couple], Field(min_length=68, max_length=68)]
+    visible: Annotated[list[bool], Field(min_length=68, max_length=68)]
+
+
 class FrameRecord(TypedDict):
     """A line of the manifest, see ``glsim.dataset.records.frame_record``."""
 
@@ -110,6 +124,8 @@ class FrameRecord(TypedDict):
     parameters: NotRequired[dict[str, Finite]]
     window: NotRequired[Annotated[list[Pixel], Field(min_length=4, max_length=4)]]
     notes: NotRequired[dict[str, Any]]
+    head_to_camera: NotRequired[Annotated[list[_Row], Field(min_length=4, max_length=4)]]
+    landmarks: NotRequired[LandmarksRecord]
     regions: NotRequired[dict[str, Code]]
 
 

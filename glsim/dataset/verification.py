@@ -225,7 +225,7 @@ def _picture_problems(data: bytes, name: str, layer: str, record: _Record) -> It
         yield str(error)
         return
     size = (record["intrinsics"]["height"], record["intrinsics"]["width"])
-    if image.shape != size:
+    if image.shape[:2] != size:
         yield (
             f"{name}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
             f"{size[1]} x {size[0]}"

@@ -11,7 +11,7 @@ from glsim.errors import ConfigError
 
 #: Ends of the names of what glsim writes: the layers of frames, recordings, pictures for people.
 _ENDINGS = (
-    *("clean", "expected", "noisy", "infrared", "ir", "reason", "regions"),
+    *("clean", "expected", "normals", "noisy", "infrared", "ir", "reason", "regions"),
     *("preview", "sigma", "figure"),
 )
 #: Pictures that carry no such ending.

@@ -5,6 +5,9 @@ This needs no GL context, so that stages can be listed and settings checked with
     uniform float base_sigma_mm = 1.5;  //@ [0, 20] mm  standard deviation at 1 m
 
 declares a parameter: type, name and default in GLSL, then range, unit ("1" for none) and help.
+A second part in the brackets is for sliders alone: ``//@ [0, 65535; 0, 2000] counts ...`` shows 0
+to 2000, ``//@ [0.1, 1e6; log] 1 ...`` a logarithmic scale, ``[0.1, 1e6; 1, 100 log]`` both. Values
+outside it are valid in boxes and files.
 ``uniform sampler2D u_depth;`` declares that the layer ``depth`` is read and ``out float depth;``
 that it is written; ``//@ 1/3`` after an ``out`` makes the written layers a third of the frame's
 size. A line ``//@ sparse`` declares that a stage writes 0 (in the layer ``reason``: NO_SURFACE)
@@ -47,8 +50,11 @@ _OUT = re.compile(
 _UNREADABLE = re.compile(r"^\s*(?:layout\s*\([^)]*\)\s*)?(?:uniform\s|out\s+\w+\s+[^;()]*;)")
 _DECLARATION = re.compile(r"^\s*(?:layout|uniform|out)\b")
 _NOTE = re.compile(
-    r"^\s*(?:\[(?P<low>[^,\]]+),(?P<high>[^,\]]+)\])?\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
+    r"^\s*(?:\[(?P<low>[^,;\]]+),(?P<high>[^,;\]]+)(?:;(?P<slider>[^\]]*))?\])?"
+    r"\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
 )
+#: The part of a note that is for sliders: two numbers, "log", or both.
+_SLIDER = re.compile(r"^\s*(?:(?P<low>[^,\s]+)\s*,\s*(?P<high>[^,\s]+?))?\s*(?P<log>\blog)?\s*$")
 _SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
 _SPARSE = re.compile(r"^//@ sparse\b")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
@@ -66,7 +72,11 @@ _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
 
 @dataclass(frozen=True)
 class Parameter:
-    """A stage's parameter as declared. Values of all types are floats (bool: 0 or 1)."""
+    """A stage's parameter as declared. Values of all types are floats (bool: 0 or 1).
+
+    slider: the range that sliders show, if it is smaller than [low, high]. log_scale: whether
+    their scale is logarithmic.
+    """
 
     name: str
     type: str
@@ -77,6 +87,8 @@ class Parameter:
     help: str
     file: Path
     line: int
+    slider: tuple[float, float] | None = None
+    log_scale: bool = False
 
     def problem(self, value: float) -> str | None:
         """Return why ``value`` is invalid, or None."""
@@ -187,8 +199,18 @@ class ShaderSource:
 
 def load_source(file: Path) -> ShaderSource:
     """Read and parse a GLSL file. Raises ShaderError with file and line."""
+    return parse_source(_read(file), file)
+
+
+def parse_source(text: str, file: Path) -> ShaderSource:
+    """Parse GLSL that need not be on disk. Raises ShaderError with file and line.
+
+    file: named in messages; includes are searched beside it.
+    """
+    if len(text) > _MAX_BYTES:
+        raise ShaderError(f"{file}: more than {_MAX_BYTES} characters")
     flat: list[tuple[str, str, int]] = []
-    _flatten(file, _read(file), flat, included=[], top=True)
+    _flatten(file, text, flat, included=[], top=True)
     parameters: dict[str, Parameter] = {}
     reads, writes, bound = [], [], []
     for text, name, line in flat:
@@ -231,6 +253,31 @@ def load_source(file: Path) -> ShaderSource:
         tuple(bound),
         any(_SPARSE.match(text) for text, _, _ in flat),
     )
+
+
+def declaration_patterns() -> dict[str, str]:
+    """Return the regular expressions of declarations, in JavaScript's syntax, by name.
+
+    A page in a browser reads edited stages with them; includes are those of ``load_source``.
+    """
+    patterns = {
+        "include": _INCLUDE,
+        "uniform": _UNIFORM,
+        "out": _OUT,
+        "unreadable": _UNREADABLE,
+        "note": _NOTE,
+        "slider": _SLIDER,
+        "scale": _SCALE,
+        "sparse": _SPARSE,
+    }
+    return {name: made.pattern.replace("(?P<", "(?<") for name, made in patterns.items()}
+
+
+def included_text(name: str) -> str:
+    """Return the text of a file that ``ShaderSource.lines`` names. Raises ShaderError."""
+    if name in _GENERATED:
+        return _GENERATED[name]()
+    return _read(SHADER_ROOT / name)
 
 
 def _read(file: Path) -> str:
@@ -316,12 +363,39 @@ def _parameter(match: re.Match[str], file: str, line: int) -> Parameter:
         raise ShaderError(f"{where}: parameter {name!r}: {error}") from None
     if kind != "bool" and not note["low"]:
         raise ShaderError(f"{where}: parameter {name!r} needs a range, e.g. //@ [0, 10] mm ...")
+    slider, log_scale = _slider(note["slider"], low, high, f"{where}: parameter {name!r}")
+    help = note["help"].strip()
     parameter = Parameter(
-        name, kind, default, low, high, note["unit"], note["help"].strip(), Path(file), line
+        name, kind, default, low, high, note["unit"], help, Path(file), line, slider, log_scale
     )
     if problem := parameter.problem(default):
         raise ShaderError(f"{where}: parameter {name!r}: the default {problem}")
     return parameter
+
+
+def _slider(
+    text: str | None, low: float, high: float, where: str
+) -> tuple[tuple[float, float] | None, bool]:
+    """Read the part of a note that is for sliders: its range and its scale. Raises ShaderError."""
+    if text is None:
+        return None, False
+    match = _SLIDER.match(text)
+    if match is None or not text.strip():
+        raise ShaderError(f"{where}: after ';' write a range, 'log' or both, not {text.strip()!r}")
+    shown = None
+    if match["low"] is not None:
+        try:
+            shown = _number(match["low"]), _number(match["high"])
+        except ValueError as error:
+            raise ShaderError(f"{where}: {error}") from None
+        if not low <= shown[0] < shown[1] <= high:
+            raise ShaderError(
+                f"{where}: the slider's range {list(shown)} must lie in [{low:g}, {high:g}]"
+            )
+    log_scale = match["log"] is not None
+    if log_scale and (shown or (low, high))[0] <= 0:
+        raise ShaderError(f"{where}: a logarithmic slider starts above 0")
+    return shown, log_scale
 
 
 def _number(text: str) -> float:

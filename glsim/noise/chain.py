@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
+from weakref import WeakValueDictionary
 
 import moderngl
 import numpy as np
@@ -57,7 +58,7 @@ FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 _REASON = Layer("reason", "float")
 
 #: The values other than 0 that sparse stages write in empty pixels.
-_BLANK = {"reason": float(Reason.NO_SURFACE)}
+BLANK = {"reason": float(Reason.NO_SURFACE)}
 
 #: The ``u_`` uniforms other than layers that a stage may declare, and the sources of their values.
 _BOUND: dict[str, Callable[[StageView], object]] = {
@@ -73,6 +74,11 @@ _BOUND: dict[str, Callable[[StageView], object]] = {
     "u_focal_px": lambda view: view.optics.focal_px,
     "u_nearest_m": lambda view: view.optics.nearest_m,
 }
+
+
+def bound_values(view: StageView) -> dict[str, object]:
+    """Return the values of the ``u_`` uniforms other than layers for one stage's view, by name."""
+    return {name: value(view) for name, value in _BOUND.items()}
 
 
 def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
@@ -125,6 +131,7 @@ class ShaderChain:
     infrared, expected: whether to read these layers back. extra_layers: further layers to read
     back.
     pattern_mm: (H, W) map of the device's fixed pattern of the whole frame, NaN = unknown, or None.
+    linked: stages that other chains of the context have linked; equal ones are taken from there.
     Stages whose layers are neither read back nor read by another stage are left out.
     """
 
@@ -137,8 +144,10 @@ class ShaderChain:
         infrared: bool = True,
         expected: bool = False,
         pattern_mm: NDArray[np.float32] | None = None,
+        linked: LinkedStages | None = None,
     ) -> None:
         self._context = context
+        linked = linked if linked is not None else LinkedStages(context)
         # Array stages may read any layer; without them only the layers of a Frame are read back.
         wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         if any(stage.spec.function is not None for stage in stages):
@@ -161,7 +170,7 @@ class ShaderChain:
                 needed |= set(source.reads)
                 if pattern_mm is not None and PATTERN_LAYER in source.reads:
                     source = source.with_defines(**{_PATTERN_CONSTANT: 1})
-                self._passes.insert(0, StagePass(context, stage.name, source))
+                self._passes.insert(0, linked.stage_pass(stage.name, source))
         self._pattern: dict[str, Target] = {}
         if pattern_mm is not None:
             layer = Layer(PATTERN_LAYER, "float")
@@ -219,6 +228,29 @@ class ShaderChain:
             readback.request(pool, wanted, frame.window)
 
 
+class LinkedStages:
+    """The linked stages of one context, so that a chain with one other stage links one program.
+
+    A stage is kept for as long as a chain has it.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._passes: WeakValueDictionary[tuple[str, str, tuple[str, ...]], StagePass] = (
+            WeakValueDictionary()
+        )
+
+    def stage_pass(self, name: str, source: ShaderSource) -> StagePass:
+        """Return the linked stage of a chain's name and code. Raises ShaderError."""
+        key = (name, source.text, tuple(layer.name for layer in source.writes))
+        found = self._passes.get(key)
+        # The text holds all declarations but not the file that messages name.
+        if found is None or found.source.file != source.file:
+            found = StagePass(self._context, name, source)
+            self._passes[key] = found
+        return found
+
+
 class StagePass:
     """One shader stage: draws the layers that it writes from those that it reads."""
 
@@ -263,7 +295,7 @@ class StagePass:
             pool.take(layer, frame.window, clean=within is None) for layer in self.source.writes
         ]
         if within is not None:
-            with within.limits(targets, frame.window, _BLANK):
+            with within.limits(targets, frame.window, BLANK):
                 self._pass.draw()
             return {target.layer.name: target for target in targets}
         buffer = pool.framebuffer(targets)

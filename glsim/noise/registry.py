@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from glsim.errors import ConfigError, ShaderError, did_you_mean
-from glsim.gl.shader_source import SHADER_ROOT, load_source
+from glsim.gl.shader_source import SHADER_ROOT, ShaderSource, load_source, parse_source
 from glsim.noise import array_stages
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec
@@ -71,8 +71,19 @@ def describe_stage(use: str) -> StageSpec:
     return declared_stage(Path(target), name) if target.endswith(".py") else find_stage(use)
 
 
+def shader_stage(text: str, file: Path) -> StageSpec:
+    """Return the stage of GLSL that need not be on disk. Raises ShaderError with file and line.
+
+    file: its name without suffix is the stage's; named in messages; includes are searched beside.
+    """
+    return _spec_of(file.stem, file, parse_source(text, file))
+
+
 def _shader_spec(name: str, file: Path) -> StageSpec:
-    source = load_source(file)
+    return _spec_of(name, file, load_source(file))
+
+
+def _spec_of(name: str, file: Path, source: ShaderSource) -> StageSpec:
     if not source.writes:
         raise ShaderError(f"{file}: the stage writes no layer: declare e.g. 'out float depth;'")
     if len({layer.scale for layer in source.writes}) > 1:

@@ -37,7 +37,7 @@ from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.noise.chain import PATTERN_LAYER, check_chain
 from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage, is_code
-from glsim.noise.stage import ENABLED, Stage, make_stage
+from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
@@ -127,6 +127,20 @@ class _SensorTable(_Table):
 
 
 @dataclass(frozen=True)
+class StageChange:
+    """Another code for a stage of a sensor's file, or a stage that the file does not have.
+
+    name: of the stage in the chain. spec: what it runs. Parameters that the file sets and that
+    ``spec`` does not declare are left out. before: the stage that a new one precedes; None:
+    the first stage on arrays, or the end of the chain.
+    """
+
+    name: str
+    spec: StageSpec
+    before: str | None = None
+
+
+@dataclass(frozen=True)
 class Sensor:
     """A rig with its chain of noise stages.
 
@@ -174,9 +188,10 @@ def sensor_names() -> list[str]:
     return sorted(file.stem for file in SENSOR_FOLDER.glob("*.toml"))
 
 
-def sensor_of(settings: Settings) -> Sensor:
+def sensor_of(settings: Settings, changes: Sequence[StageChange] = ()) -> Sensor:
     """Load the sensor that the settings name, with their overrides of its rig and stages."""
-    return load_sensor(settings.sensor, settings.stage, settings.rig, partial(place_of, settings))
+    place = partial(place_of, settings)
+    return load_sensor(settings.sensor, settings.stage, settings.rig, place, changes)
 
 
 def sensor_code(settings: Settings) -> list[str]:
@@ -196,11 +211,13 @@ def load_sensor(
     overrides: Mapping[str, Mapping[str, Distribution]] | None = None,
     rig_overrides: Mapping[str, Any] | None = None,
     place: _Place = lambda *path: "the overrides",
+    changes: Sequence[StageChange] = (),
 ) -> Sensor:
     """Load a shipped sensor by name, or a sensor file by path.
 
     overrides: stage -> parameter -> setting. rig_overrides: keys of the file's [rig]. place: of an
-    override, by its path ("rig", key) or ("stage", name, parameter), for messages.
+    override, by its path ("rig", key) or ("stage", name, parameter), for messages. changes: stages
+    with other code than the file's, and new ones.
     Raises ConfigError for an unknown sensor, key, stage or parameter, or a value out of range.
     """
     file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
@@ -217,8 +234,12 @@ def load_sensor(
     table = parse_table(_SensorTable, tree, str(file), places)
     overrides = dict(overrides or {})
     stages: list[Stage] = []
+    changed = {change.name: change for change in changes}
     for number, entry in enumerate(table.stage):
-        stages.append(_stage(entry, f"{file}: stage {number + 1}", file.parent, overrides, place))
+        where = f"{file}: stage {number + 1}"
+        stages.append(_stage(entry, where, file.parent, overrides, place, changed))
+    for change in changed.values():
+        _insert(stages, change, overrides, place)
     names = [stage.name for stage in stages]
     for stage_name in names:
         if names.count(stage_name) > 1:
@@ -238,6 +259,27 @@ def load_sensor(
     pattern_map = _pattern_map(table.rig, stages, file)
     waves = table.rig.wiggling or stage_waves(stages, rig.modulation_mhz)
     return Sensor(file.stem, table.title, rig, tuple(stages), file, pattern_map, waves)
+
+
+def _insert(
+    stages: list[Stage],
+    change: StageChange,
+    overrides: Mapping[str, Mapping[str, Distribution]],
+    place: _Place,
+) -> None:
+    """Insert a stage that the sensor's file does not have. Raises ConfigError."""
+    names = [stage.name for stage in stages]
+    if change.before is not None and change.before not in names:
+        raise ConfigError(
+            f"the new stage {change.name!r} precedes {change.before!r}, which the sensor does not "
+            f"have ({did_you_mean(change.before, names)})"
+        )
+    arrays = (n for n, stage in enumerate(stages) if stage.spec.function is not None)
+    last = next(arrays, len(stages))
+    before = last if change.before is None else names.index(change.before)
+    own = overrides.get(change.name, {})
+    where = place("stage", change.name)
+    stages.insert(before, make_stage(change.name, change.spec, own, where))
 
 
 def _pattern_map(rig: _RigTable, stages: Sequence[Stage], file: Path) -> PatternMap | None:
@@ -269,7 +311,9 @@ def _stage(
     folder: Path,
     overrides: Mapping[str, Mapping[str, Distribution]],
     place: _Place,
+    changed: dict[str, StageChange],
 ) -> Stage:
+    """Make the stage of an entry; a change of it is used up."""
     settings = dict(entry)
     use = settings.pop("use", None)
     if not isinstance(use, str):
@@ -279,6 +323,9 @@ def _stage(
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
     name = settings.pop("name", spec.name)
+    if name in changed:
+        spec = changed.pop(name).spec
+        settings = {k: v for k, v in settings.items() if k in {ENABLED, *spec.parameters}}
     parameters = {}
     for key, value in settings.items():
         try:

@@ -24,7 +24,7 @@ def _uniform(low: float, high: float) -> Distribution:
 
 
 #: Limits of the numbers of a room. Chosen: homes and offices.
-_SCENE_LIMITS = {
+SCENE_LIMITS = {
     "behind_mm": (400, 8000),
     "width_mm": (1500, 10_000),
     "height_mm": (2000, 5000),
@@ -74,7 +74,7 @@ class SceneSettings(BaseModel):
     def _check(self) -> SceneSettings:
         if self.room != "none" and self.wall_mm is not None:
             raise ValueError("wall_mm: a room has walls of its own: give a wall or a room")
-        for name, (least, most) in _SCENE_LIMITS.items():
+        for name, (least, most) in SCENE_LIMITS.items():
             setting = getattr(self, name)
             low, high = (least, most) if setting is None else setting.bounds()
             if low < least or high > most:

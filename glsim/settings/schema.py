@@ -44,7 +44,7 @@ from glsim.settings.presets import read_preset
 from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
 
-LayerName = Literal["clean", "noisy", "infrared", "reason", "regions", "expected"]
+LayerName = Literal["clean", "noisy", "infrared", "reason", "regions", "expected", "normals"]
 DEPTH_UNIT_MM = (0.01, 10.0)
 """Smallest and largest step of depth files, mm."""
 DEFAULT_SUBJECTS = 10
@@ -55,7 +55,10 @@ PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.plan.paper_split."""
 GENERATORS = ("procedural", "ict-facekit", "people")
 """Sources that generate faces; the others are finite."""
-_MAX_MOTION = 5.0  # chosen: turns of 30 degrees within a sequence
+POSE_LIMITS = {"motion": (0.0, 5.0)}
+"""Limits of numbers of [pose]. Chosen: turns of 30 degrees within a sequence."""
+VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
+"""Limits of numbers of [variation]. Chosen."""
 _FILE_SOURCES = ("folder", "d3dfacs", "facewarehouse", "biwi")
 _SOURCE_OPTIONS = {
     "unit": _FILE_SOURCES,
@@ -86,10 +89,12 @@ class SourceSettings(_Table):
         "facewarehouse",
         "biwi",
         "kinect2",
-    ] = "procedural"
+    ] = Field("procedural", description="where faces come from; kinect2: real recordings")
     root: Path | None = Field(None, description="folder of the meshes or of the face model")
     subjects: int | None = Field(None, ge=1, description="number of people; default: all")
-    frames_per_subject: int | None = Field(None, ge=1, description="default: all")
+    frames_per_subject: int | None = Field(
+        None, ge=1, description="frames of each person; default: all"
+    )
     frames_per_sequence: int | None = Field(
         None, ge=1, le=100_000, description="length of a generated sequence; default: 30"
     )
@@ -143,9 +148,10 @@ class PoseSettings(_Table):
     @model_validator(mode="after")
     def _check(self) -> PoseSettings:
         low, high = self.motion.bounds()
-        if low < 0 or high > _MAX_MOTION:
+        _, limit = POSE_LIMITS["motion"]
+        if low < 0 or high > limit:
             wrong = low if low < 0 else high
-            raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {_MAX_MOTION:g}]")
+            raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {limit:g}]")
         return self
 
 
@@ -162,7 +168,7 @@ class VariationSettings(_Table):
 
     @model_validator(mode="after")
     def _check(self) -> VariationSettings:
-        for name, limit in (("shape_mm", 6.0), ("albedo", 2.0)):
+        for name, (_, limit) in VARIATION_LIMITS.items():
             low, high = getattr(self, name).bounds()
             if low < 0 or high > limit:
                 wrong = low if low < 0 else high
@@ -173,14 +179,19 @@ class VariationSettings(_Table):
 class OutputSettings(_Table):
     """Layers, format and size of the frames that are written."""
 
-    format: Literal["png", "webdataset"] = "png"
-    layers: tuple[LayerName, ...] = ("clean", "noisy")
+    format: Literal["png", "webdataset"] = Field(
+        "png", description="a tree of PNG files, or shards"
+    )
+    layers: tuple[LayerName, ...] = Field(("clean", "noisy"), description="images of each frame")
     crop: int | None = Field(None, ge=8, le=4096, description="side of the centre crop, pixels")
     depth_unit_mm: float = Field(
         1.0, ge=DEPTH_UNIT_MM[0], le=DEPTH_UNIT_MM[1], description="one step of a depth file"
     )
     clean_mask: Literal["dense", "as-noisy"] = Field(
         "dense", description="as-noisy: remove clean depth where the noisy map has none"
+    )
+    landmarks: bool = Field(
+        False, description="record the 68 landmarks of the face: 3D points, pixels, visibility"
     )
     nearest_to_mm: float | None = Field(
         None, ge=1, description="shift each frame so that its nearest clean point has this depth"
@@ -215,10 +226,12 @@ def _sources(value: object) -> object:
 class Settings(_Table):
     """Everything that determines a data set. The same settings give the same bytes."""
 
-    sensor: str = DEFAULT_SENSOR
-    seed: int = Field(0, ge=0, lt=2**63)
+    sensor: str = Field(DEFAULT_SENSOR, description="a shipped sensor, or the path of a .toml file")
+    seed: int = Field(0, ge=0, lt=2**63, description="the same seed gives the same bytes")
     devices: int = Field(1, ge=1, description="virtual devices, each with its own fixed pattern")
-    split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = (0.70, 0.12, 0.18)
+    split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = Field(
+        (0.70, 0.12, 0.18), description="shares of train, val, test by subject; paper: the paper's"
+    )
     source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
     pose: PoseSettings = PoseSettings()
     variation: VariationSettings = VariationSettings()
@@ -232,7 +245,9 @@ class Settings(_Table):
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
     #: Path of a setting -> "--set TEXT" as the user wrote it.
     _places: dict[tuple[str, ...], str] = PrivateAttr(default_factory=dict)
-    stage: dict[str, dict[str, NumberSetting]] = Field(default_factory=dict)
+    stage: dict[str, dict[str, NumberSetting]] = Field(
+        default_factory=dict, description="parameters of the sensor's noise stages, by stage"
+    )
     output: OutputSettings = OutputSettings()
     strict: bool = Field(False, description="stop at the first bad mesh instead of recording it")
 
@@ -307,6 +322,26 @@ def load_settings(
     return settings
 
 
+def with_assignments(settings: Settings, values: Mapping[str, Any]) -> Settings:
+    """Return settings with other values, by the names of ``--set``: {"tof_floor.sigma_mm": 2}.
+
+    A value is a number, a distribution as in a file ({"uniform": [1, 3]}), or what a file has
+    there. Raises ConfigError for a name or value that ``load_settings`` would refuse.
+    """
+    tree = settings.model_dump(exclude_none=True)
+    places: dict[tuple[str, ...], str] = {}
+    for name, value in values.items():
+        path = _settings_path(name.split("."))
+        assign(tree, path, value, f"{name}={value}")
+        places[tuple(path)] = name
+    return parse_table(Settings, tree, "settings", places)
+
+
+def _settings_path(path: list[str]) -> list[str]:
+    """Put a stage's parameter below "stage"."""
+    return ["stage", *path] if len(path) == 2 and path[0] not in Settings.model_fields else path
+
+
 def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     """Return the preset's settings with the ``given`` ones over them."""
     preset_source, source = tree.get("source", {}), given.get("source", {})
@@ -335,6 +370,4 @@ def parse_assignment(text: str) -> tuple[list[str], Any]:
     As ``split_assignment``; a first word that is not a settings table names a noise stage.
     """
     path, value = split_assignment(text, "axial.base_sigma_mm=2.5 or pose.yaw_deg=20")
-    if len(path) == 2 and path[0] not in Settings.model_fields:
-        path = ["stage", *path]
-    return path, value
+    return _settings_path(path), value

@@ -95,6 +95,18 @@ def _read_indices(path: Path) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     return expressions, landmarks
 
 
+def kept_landmarks(folder: Path, model: MorphableModel) -> NDArray[np.int64]:
+    """Return (68,) indices of the landmarks among the model's vertices. Raises MeshError."""
+    _, landmarks = _read_indices(folder / _INDICES)
+    kept = model.topology.kept
+    order = np.argsort(kept)
+    place = np.searchsorted(kept, landmarks, sorter=order).clip(max=len(kept) - 1)
+    found = order[place]
+    if lost := int((kept[found] != landmarks).sum()):
+        raise MeshError(f"{folder / _INDICES}: {lost} landmarks are on no visible triangle")
+    return found.astype(np.int64)
+
+
 def _build(
     files: list[Path], expressions: tuple[str, ...], landmarks: NDArray[np.int64]
 ) -> MorphableModel:

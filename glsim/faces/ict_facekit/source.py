@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.ict_facekit.facs import shape_weights
-from glsim.faces.ict_facekit.load import load_model, model_folder
+from glsim.faces.ict_facekit.load import kept_landmarks, load_model, model_folder
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
 from glsim.faces.ict_facekit.topology import REGION_NAMES
 from glsim.faces.performance import rng_for
@@ -74,6 +74,11 @@ class IctFaceKit:
         """Names of the regions that ``regions`` refers to."""
         return REGION_NAMES
 
+    @property
+    def landmarks(self) -> NDArray[np.int64]:
+        """(68,) vertices of the landmarks of vertex_indices.json, in the order of Multi-PIE."""
+        return self._landmarks
+
     def subjects(self, count: int | None) -> list[str]:
         """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
         if count is None:
@@ -131,6 +136,10 @@ class IctFaceKit:
     @cached_property
     def _model(self) -> MorphableModel:
         return load_model(self.root)
+
+    @cached_property
+    def _landmarks(self) -> NDArray[np.int64]:
+        return kept_landmarks(self.root, self._model)
 
     @cached_property
     def _albedo(self) -> NDArray[np.float32]:

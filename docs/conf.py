@@ -1,0 +1,153 @@
+"""Sphinx's configuration: ``make docs`` builds the site into docs/_build/html."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+sys.path.insert(0, str(ROOT))  # glsim, and the writers of the reference in scripts/
+
+_PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+project = "glsim"
+author = "the authors of glsim"
+release = version = _PROJECT["version"]
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx_design",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "tutorials", "generated/tutorials/*.py", "**/sg_execution_times.rst"]
+nitpicky = False
+suppress_warnings = [
+    "config.cache",  # functions below are no plain values
+    "myst.header",  # model_card.md has several titles
+]
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 4
+myst_dmath_allow_digits = False
+
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+python_use_unqualified_type_names = True
+
+html_theme = "pydata_sphinx_theme"
+html_title = f"glsim {release}"
+html_static_path = ["_static"]
+html_css_files = ["glsim.css"]
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_toc_level": 2,
+    "header_links_before_dropdown": 6,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
+}
+copyright = "MIT licence"
+html_sidebars = {"index": [], "start": []}
+
+sphinx_gallery_conf = {
+    "examples_dirs": "tutorials",
+    "gallery_dirs": "generated/tutorials",
+    "filename_pattern": r"/\d_",  # all are run
+    "ignore_pattern": r"__init__\.py",
+    "within_subsection_order": "FileNameSortKey",
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "remove_config_comments": True,
+    "min_reported_time": 1e9,
+    "write_computation_times": False,
+    "plot_gallery": "True",
+    "show_api_usage": False,
+}
+
+
+_ARGUMENT = re.compile(r"(\w+(?:, \w+)*): (.*)")
+
+
+def _format_docstring(
+    app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]
+) -> None:
+    """Turn the plain text of a docstring into reStructuredText, in place.
+
+    Lines "name: meaning" become a list, and indented blocks after an empty line become code.
+    """
+    done: list[str] = []
+    item = block = False
+    for number, line in enumerate(lines):
+        after_empty = number == 0 or not lines[number - 1].strip()
+        argument = _ARGUMENT.match(line)
+        if not line.strip():
+            item = False
+        elif line.startswith("    ") and (block or (after_empty and not item)):
+            if not block:
+                done += [".. code-block:: python", ""]
+            block = True
+        elif argument:
+            if not item:
+                done.append("")
+            item, block = True, False
+            line = f"* ``{argument[1]}``: {argument[2]}"
+        else:
+            block = False
+            line = ("  " if item else "") + line.strip()
+        done.append(line)
+    lines[:] = done
+
+
+def _write_reference(app: Any) -> None:
+    from scripts.reference import write_pages
+
+    write_pages()
+
+
+def _add_tuner(app: Any, error: Exception | None) -> None:
+    """Put the tuner's page beside the site, if this version of glsim makes one."""
+    if error is None and app.builder.name == "html":
+        folder = Path(app.outdir) / "tuner"
+        shutil.rmtree(folder, ignore_errors=True)
+        if _has_tuner():
+            command = [sys.executable, "-m", "glsim", "tune", "--static", str(folder)]
+            subprocess.run(command, check=True, cwd=ROOT)
+
+
+def _has_tuner() -> bool:
+    """Return whether ``glsim tune`` exists and has the option ``--static``."""
+    from scripts.reference.commands import commands, options_of
+
+    found = [command for name, command in commands() if name == "tune"]
+    return any("--static" in options_of(command) for command in found)
+
+
+def _name_tuner(app: Any, name: str, source: list[str]) -> None:
+    """Replace the place of the tuner on the front page by a link, or by nothing."""
+    if name == "index":
+        link = (
+            "```{button-link} tuner/index.html\n:color: primary\n"
+            "Tune the noise in your browser\n```"
+        )
+        source[0] = source[0].replace("<!-- tuner -->", link if _has_tuner() else "")
+
+
+def setup(app: Any) -> None:
+    """Write the pages from the code before Sphinx looks for pages."""
+    app.connect("builder-inited", _write_reference, priority=100)
+    app.connect("source-read", _name_tuner)
+    app.connect("autodoc-process-docstring", _format_docstring)
+    app.connect("build-finished", _add_tuner)

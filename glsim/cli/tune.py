@@ -1,0 +1,122 @@
+"""``glsim tune``: change a sensor's noise in a browser and see the frame at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from glsim.cli.common import (
+    BackendOption,
+    ConfigOption,
+    Debug,
+    PresetOption,
+    Quiet,
+    SeedOption,
+    SetOption,
+    Verbose,
+    console,
+    overrides,
+    print_written,
+)
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim tune
+
+glsim tune kinect-v1 --face face.obj
+
+glsim tune mine.toml --source ict-facekit --root FaceXModel --real recording
+
+glsim tune --static site
+"""
+
+
+def tune(
+    sensor: Annotated[
+        str | None, typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file.")
+    ] = None,
+    face: Annotated[
+        Path | None, typer.Option("--face", help="A mesh file: OBJ, PLY, STL, GLB or OFF.")
+    ] = None,
+    source: Annotated[
+        str | None, typer.Option(help="Source of faces, as for glsim generate.")
+    ] = None,
+    root: Annotated[
+        Path | None, typer.Option(help="Folder of the meshes or of the face model.")
+    ] = None,
+    real: Annotated[
+        Path | None,
+        typer.Option("--real", help="A recording, whose figures stand beside the frame's."),
+    ] = None,
+    link: Annotated[
+        str | None, typer.Option(help="A copied link: start with its settings.")
+    ] = None,
+    static: Annotated[
+        Path | None,
+        typer.Option("--static", help="Write a page that needs no server into this folder."),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; others than loopback are reachable.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port; a free one is taken if it is in use.")
+    ] = 8137,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address and open no browser.")
+    ] = False,
+    assignments: SetOption = None,
+    seed: SeedOption = None,
+    preset: PresetOption = None,
+    config: ConfigOption = None,
+    backend: BackendOption = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Change a sensor's noise in a browser and see the frame, its figures and its code at once.
+
+    Needs the extra glsim[tune]. The address holds a random token; only this machine can open it
+    unless --host is given. With --static nothing is served and no extra is needed: a folder is
+    written with all sensors (or SENSOR alone) and captured faces, for any static host.
+    """
+    if static is not None:
+        from glsim.tune.static_page import write_static_page
+
+        print_written(write_static_page(static, [sensor] if sensor else [], backend=backend))
+        return
+    from glsim.errors import ConfigError
+    from glsim.sensors.sensor import sensor_of
+    from glsim.settings.schema import load_settings
+    from glsim.tune.faces import as_values, face_command, opener
+    from glsim.tune.state import Tuning, tuning_of_link
+
+    if face is not None and (source is not None or root is not None):
+        raise ConfigError("give --face or --source, not both")
+    given = overrides(sensor=sensor, seed=seed)
+    options = overrides(kind=source, root=root)
+    settings = load_settings(config, assignments or [], {**given, "strict": True}, options, preset)
+    sensor_of(settings)
+    settings, values = as_values(settings, assignments or [])
+    if real is not None and not real.is_dir():
+        raise ConfigError(f"--real {real}: no such folder")
+    start = Tuning(settings.sensor, values)
+    if link is not None:
+        start = tuning_of_link(link.partition("s=")[2].partition("&")[0] or link)
+    try:
+        from glsim.tune.server import serve
+        from glsim.tune.workshop import Workshop
+    except ImportError as error:
+        if error.name is None or error.name.startswith("glsim"):
+            raise
+        raise ConfigError(f"glsim tune needs {error.name}: pip install 'glsim[tune]'") from None
+    settings, open_sources = opener(settings, face)
+    command = face_command(face, source, root, preset, config, seed)
+    workshop = Workshop(settings, open_sources, command, start, real, backend)
+
+    def announce(address: str) -> None:
+        console.print(f"glsim tune: {address}", soft_wrap=True)
+
+    serve(workshop, host, port, browser=not no_browser, announce=announce)

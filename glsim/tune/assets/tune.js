@@ -1,0 +1,267 @@
+// The middle and the right of the page: images, 3D, profile and statistics of the shown picture.
+
+import { chart, text } from "./charts.js";
+import { Figures } from "./figures.js";
+import { LayerImage, depthRange } from "./images.js";
+import { unpack, valueAt } from "./packet.js";
+import { Surface } from "./surface.js";
+
+const KINDS = [
+  ["clean", "clean"], ["noisy", "noisy"], ["difference", "noisy − clean"],
+  ["reason", "reason"], ["infrared", "infrared"],
+];
+const state = {
+  picture: null, other: null, split: 0.5, view: null, cursor: null, line: null, differenceMm: 10,
+  waiting: false, next: null, times: [], pressed: 0, shown: -1,
+};
+const images = {}, others = {};
+let surface, figures, root, words = [];
+
+const make = (parent, tag, cls, content) => {
+  const made = document.createElement(tag);
+  if (cls) made.className = cls;
+  if (content !== undefined) made.textContent = content;
+  parent.append(made);
+  return made;
+};
+
+function build(view, panel, reasonWords) {
+  root = view;
+  words = reasonWords;
+  root.textContent = "";
+  const tiles = make(root, "div", "tiles");
+  for (const [kind, title] of KINDS) {
+    const tile = make(tiles, "figure", "tile");
+    make(tile, "figcaption", "", title);
+    const canvas = make(tile, "canvas");
+    canvas.tabIndex = 0;
+    canvas.dataset.kind = kind;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `${title}: arrow keys move the cursor`);
+    images[kind] = new LayerImage(canvas, kind);
+    others[kind] = new LayerImage(canvas, kind);
+    listen(canvas);
+    tile.addEventListener("dblclick", () => enlarge(tile));
+  }
+  const tile = make(tiles, "figure", "tile");
+  const caption = make(tile, "figcaption", "", "surface ");
+  const ghost = make(make(caption, "label", "", "clean "), "input");
+  ghost.type = "checkbox";
+  ghost.checked = true;
+  const canvas = make(tile, "canvas");
+  canvas.tabIndex = 0;
+  canvas.dataset.kind = "surface";
+  canvas.setAttribute("aria-label", "noisy surface: drag or arrow keys turn it");
+  try {
+    surface = new Surface(canvas);
+  } catch (error) {
+    surface = { missing: true };
+  }
+  if (surface.missing) make(tile, "p", "note", "this browser has no WebGL2");
+  ghost.addEventListener("change", () => { surface.ghost = ghost.checked; surface.draw(); });
+  tile.addEventListener("dblclick", () => enlarge(tile));
+  const strip = make(root, "div", "strip");
+  state.readout = make(strip, "div", "readout", "move over an image; drag a line with Shift for its profile");
+  state.profile = make(strip, "canvas", "profile");
+  figures = new Figures(panel);
+  new ResizeObserver(() => { redraw(); surface.draw?.(); figures.draw(); drawProfile(); }).observe(root);
+}
+
+function enlarge(tile) {
+  const tiles = tile.parentElement;
+  const one = tiles.classList.toggle("one");
+  for (const other of tiles.children) other.classList.toggle("big", one && other === tile);
+  fit();
+  redraw();
+  surface.draw?.();
+}
+
+// Show the whole window of the picture.
+function fit() {
+  const p = state.picture;
+  const canvas = Object.values(images).map((i) => i.canvas).find((c) => c.clientWidth);
+  if (!p || !canvas) return;
+  const scale = Math.min(canvas.clientWidth / (p.width + 8), canvas.clientHeight / (p.height + 8));
+  state.view = { x: p.left + p.width / 2, y: p.top + p.height / 2, scale };
+  state.fitted = [p.left, p.top, p.width, p.height].join();
+}
+
+function pixelAt(canvas, event) {
+  const box = canvas.getBoundingClientRect(), v = state.view;
+  return [
+    Math.floor(v.x + (event.clientX - box.left - box.width / 2) / v.scale),
+    Math.floor(v.y + (event.clientY - box.top - box.height / 2) / v.scale),
+  ];
+}
+
+function listen(canvas) {
+  let held = null;
+  canvas.addEventListener("pointerdown", (e) => {
+    if (!state.view) return;
+    canvas.setPointerCapture(e.pointerId);
+    const box = canvas.getBoundingClientRect();
+    const onSplit = state.other && Math.abs((e.clientX - box.left) / box.width - state.split) < 0.04;
+    held = { at: [e.clientX, e.clientY], view: { ...state.view }, what: onSplit ? "split" : e.shiftKey ? "line" : "move" };
+    if (held.what === "line") held.start = pixelAt(canvas, e);
+  });
+  canvas.addEventListener("pointermove", (e) => {
+    if (!state.view) return;
+    state.cursor = pixelAt(canvas, e);
+    if (held?.what === "line") {
+      state.line = [...held.start, ...state.cursor];
+      drawProfile();
+    } else if (held?.what === "split") {
+      const box = canvas.getBoundingClientRect();
+      state.split = Math.min(1, Math.max(0, (e.clientX - box.left) / box.width));
+    } else if (held) {
+      state.view = {
+        scale: held.view.scale,
+        x: held.view.x - (e.clientX - held.at[0]) / held.view.scale,
+        y: held.view.y - (e.clientY - held.at[1]) / held.view.scale,
+      };
+    }
+    readout();
+    redraw();
+  });
+  canvas.addEventListener("pointerup", () => { held = null; });
+  canvas.addEventListener("wheel", (e) => {
+    if (!state.view) return;
+    e.preventDefault();
+    const [x, y] = pixelAt(canvas, e), factor = Math.exp(-e.deltaY * 0.0015), v = state.view;
+    const scale = Math.min(60, Math.max(0.2, v.scale * factor)), kept = v.scale / scale;
+    state.view = { scale, x: x + (v.x - x) * kept, y: y + (v.y - y) * kept };
+    redraw();
+  }, { passive: false });
+  canvas.addEventListener("keydown", (e) => {
+    const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[e.key];
+    if (!step || !state.picture) return;
+    e.preventDefault();
+    const p = state.picture;
+    const from = state.cursor || [p.left + (p.width >> 1), p.top + (p.height >> 1)];
+    state.cursor = [from[0] + step[0], from[1] + step[1]];
+    readout();
+    redraw();
+  });
+}
+
+function redraw() {
+  if (!state.picture || !state.view) return;
+  for (const [kind] of KINDS) {
+    const other = state.other && kind !== "clean" ? others[kind] : null;
+    images[kind].draw(state.view, state.cursor, state.line, other, state.split);
+  }
+}
+
+function readout() {
+  const p = state.picture;
+  if (!p || !state.cursor) return;
+  const [x, y] = state.cursor;
+  if (x < 0 || y < 0 || x >= p.head.width || y >= p.head.height) return;
+  const unit = p.head.depth_unit_mm;
+  const [clean, noisy, infrared, reason] = ["clean", "noisy", "infrared", "reason"].map((n) => valueAt(p, n, x, y));
+  const depth = (d) => (d ? `${text(d * unit)} mm` : "none");
+  const difference = clean && noisy ? `${((noisy - clean) * unit).toFixed(0)} mm` : "–";
+  state.readout.textContent =
+    `(${x}, ${y})  clean ${depth(clean)}  noisy ${depth(noisy)}  difference ${difference}  ` +
+    `infrared ${infrared} counts  reason: ${words[reason] ?? reason}`;
+}
+
+// Depths of clean and noisy along the line; without a line, along the row of the middle.
+function drawProfile() {
+  const p = state.picture;
+  if (!p) return;
+  const middle = p.top + (p.height >> 1);
+  const [x0, y0, x1, y1] = state.line || [p.left, middle, p.left + p.width - 1, middle];
+  const steps = Math.max(Math.abs(x1 - x0), Math.abs(y1 - y0), 1);
+  const lines = { clean: [], noisy: [] };
+  let low = Infinity, high = -Infinity;
+  for (let i = 0; i <= steps; i++) {
+    const x = Math.round(x0 + ((x1 - x0) * i) / steps), y = Math.round(y0 + ((y1 - y0) * i) / steps);
+    for (const name of ["clean", "noisy"]) {
+      const depth = valueAt(p, name, x, y) * p.head.depth_unit_mm;
+      lines[name].push([i, depth || null]);
+      if (depth) { low = Math.min(low, depth); high = Math.max(high, depth); }
+    }
+  }
+  if (low > high) [low, high] = [0, 1];
+  const pad = Math.max((high - low) * 0.05, 2);
+  chart(state.profile, [
+    { points: lines.noisy, colour: "--accent" }, { points: lines.clean, colour: "--second" },
+  ], [0, steps], [low - pad, high + pad], "px");
+}
+
+async function fetchPicture(address) {
+  const answer = await fetch(address, { cache: "no-store" });
+  if (!answer.ok) throw new Error(`${answer.status} ${address}`);
+  return unpack(await answer.arrayBuffer());
+}
+
+// Show a picture: {head, layers, left, top, width, height}, as packet.js unpacks it.
+function display(picture) {
+  state.picture = picture;
+  state.range = depthRange(picture);
+  for (const [kind] of KINDS) images[kind].set(picture, state.range, state.differenceMm);
+  if (state.fitted !== [picture.left, picture.top, picture.width, picture.height].join() && !state.keep) fit();
+  redraw();
+  readout();
+  drawProfile();
+  surface.set?.(picture);
+}
+
+// Show a picture of the server. While one is on its way, only the newest request waits.
+async function show(address, number) {
+  if (state.waiting) { state.next = [address, number]; return; }
+  state.waiting = true;
+  try {
+    display(await fetchPicture(address));
+    state.shown = number;
+    state.address = address;
+    root.dataset.shown = number;
+    if (state.pressed) {
+      state.times.push(performance.now() - state.pressed);
+      state.pressed = 0;
+    }
+    window.emitEvent("tune_shown", { number });
+  } catch (error) {
+    if (!(error instanceof TypeError)) throw error; // the page is being closed
+  } finally {
+    state.waiting = false;
+    if (state.next) { const [a, n] = state.next; state.next = null; show(a, n); }
+  }
+}
+
+async function showOther(address) {
+  state.other = address ? await fetchPicture(address) : null;
+  if (state.other) for (const [kind] of KINDS) others[kind].set(state.other, state.range || depthRange(state.other), state.differenceMm);
+  redraw();
+}
+
+// The time from a key or a movement in the panel to the picture that it gives.
+for (const kind of ["keydown", "pointermove"]) {
+  document.addEventListener(kind, (e) => {
+    if (kind === "pointermove" && !e.buttons) return;
+    if (!state.pressed && e.target.closest?.(".q-slider")) state.pressed = performance.now();
+  }, { capture: true, passive: true });
+}
+
+window.glsimTune = {
+  build: (view, panel, words, tab) => {
+    build(document.getElementById(view), document.getElementById(panel), words);
+    if (tab === undefined) return; // no server
+    window.addEventListener("pagehide", () => navigator.sendBeacon(`/tune/closed/${tab}`));
+  },
+  display, show, showOther,
+  fit: () => { fit(); redraw(); },
+  scale: (mm) => {
+    state.differenceMm = mm;
+    if (!state.picture) return;
+    images.difference.set(state.picture, state.range, mm);
+    if (state.other) others.difference.set(state.other, state.range, mm);
+    redraw();
+  },
+  statistics: (now, other) => figures.show(now, other),
+  recording: (real, here) => figures.showReal(real, here),
+  themed: () => { figures.draw(); drawProfile(); },
+  state,
+};
+for (const [name, given] of window.tuneQueue || []) window.glsimTune[name](...given);

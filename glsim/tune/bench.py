@@ -1,0 +1,138 @@
+"""Draw the frame of a tuning. OpenGL is bound to a thread: all of a bench runs on one."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import GlsimError
+from glsim.faces.base import FaceSource
+from glsim.frame import Frame
+from glsim.gl.context import open_context
+from glsim.pipeline import Simulator
+from glsim.plan.tasks import Task, make_tasks
+from glsim.sensors.sensor import Sensor
+from glsim.settings.schema import Settings, with_assignments
+from glsim.tune.state import StageCode, Tuning
+
+#: Values that need other faces or another plan, and so a simulator of their own.
+_OF_PLAN = ("seed", "devices")
+
+_PLACE = re.compile(r"(?P<file>[^\s;:]+\.\w+):(?P<line>\d+):\s*")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A drawn tuning. normal: (h, w, 4) of the frame's window. milliseconds: to draw it."""
+
+    tuning: Tuning
+    frame: Frame
+    sensor: Sensor
+    settings: Settings
+    frames: int
+    normal: NDArray[np.float32]
+    milliseconds: float
+
+
+class Bench:
+    """The simulators of one page, on a context of its own. Use it on one thread."""
+
+    def __init__(
+        self,
+        base: Settings,
+        open_sources: Callable[[Settings], Sequence[FaceSource]],
+        backend: str | None = None,
+    ) -> None:
+        """base: the settings that tunings change. open_sources: the faces of some settings."""
+        self._base, self._open_sources, self._backend = base, open_sources, backend
+        self._context: moderngl.Context | None = None
+        self._plan: tuple[object, ...] | None = None
+        self._tasks: list[Task] = []
+        self._plain: Simulator | None = None
+        self._coded: tuple[Mapping[str, StageCode], Simulator] | None = None
+        self._last: Simulator | None = None
+
+    def draw(self, tuning: Tuning, noise_of: int | None = None) -> Picture:
+        """Draw a tuning's frame.
+
+        noise_of: number of the frame whose noise it has; None: its own. Raises GlsimError: the
+        bench serves on with what it has.
+        """
+        coded = self._with_code(tuning)
+        values = {k: v for k, v in tuning.values.items() if k not in _OF_PLAN}
+        simulator = coded.with_values(values) if values else coded
+        task = self._tasks[tuning.frame % len(self._tasks)]
+        if noise_of is not None:
+            noise = self._tasks[noise_of % len(self._tasks)].seeds.frame
+            task = replace(task, seeds=task.seeds._replace(frame=noise))
+        start = time.perf_counter()
+        (frame,) = simulator.frames([task])
+        elapsed = 1000 * (time.perf_counter() - start)
+        if not isinstance(frame, Frame):
+            raise GlsimError(frame.why)
+        self._last = simulator  # keeps the programs of the last good code linked
+        return Picture(
+            tuning,
+            frame,
+            simulator.sensor,
+            simulator.settings,
+            len(self._tasks),
+            frame.extra["normal"],
+            elapsed,
+        )
+
+    def _with_code(self, tuning: Tuning) -> Simulator:
+        """Return the simulator of the tuning's sensor and code, without its values."""
+        plain = self._of_sensor(tuning)
+        if not tuning.code:
+            return plain
+        if self._coded is None or self._coded[0] != tuning.code:
+            simulator = plain
+            for stage, code in tuning.code.items():
+                simulator = simulator.with_stage(stage, code.text, code.before)
+            self._coded = dict(tuning.code), simulator
+        return self._coded[1]
+
+    def _of_sensor(self, tuning: Tuning) -> Simulator:
+        plan = (tuning.sensor, *(tuning.values.get(name) for name in _OF_PLAN))
+        if self._plain is None or plan != self._plan:
+            of_plan = {n: tuning.values[n] for n in _OF_PLAN if n in tuning.values}
+            settings = with_assignments(self._base, {"sensor": tuning.sensor, **of_plan})
+            sources = self._open_sources(settings)
+            tasks = make_tasks(settings, list(sources))
+            if self._context is None:
+                self._context = open_context(self._backend)
+            self._plain = Simulator(settings, sources, self._context, ("normal",))
+            self._plan, self._tasks, self._coded = plan, tasks, None
+        return self._plain
+
+    def reload(self) -> None:
+        """Read the sensor's files anew at the next frame."""
+        self._plan = None
+
+    def close(self) -> None:
+        """Release the context; the next frame opens another one."""
+        self._plan = None
+        self._plain = self._coded = self._last = None
+        if self._context is not None:
+            self._context.release()
+            self._context = None
+
+
+def marked_lines(message: str, file: str) -> dict[int, str]:
+    """Return line -> what the driver says of it, of a ShaderError about a file."""
+    found = list(_PLACE.finditer(message))
+    ends = [*(m.start() for m in found), len(message)][1:]
+    lines: dict[int, str] = {}
+    for match, end in zip(found, ends, strict=True):
+        if file.endswith(match["file"]) or match["file"].endswith(file):
+            text = message[match.end() : end].strip(" ;")
+            number = int(match["line"])
+            lines[number] = f"{lines[number]}; {text}" if number in lines else text
+    return lines

@@ -1,0 +1,188 @@
+"""Sliders from declarations: range, step, scale, and the values that they start from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from glsim.gl.shader_source import Parameter
+from glsim.noise.stage import ENABLED, Stage
+from glsim.sensors.sensor import Sensor
+from glsim.settings.distribution import Distribution
+from glsim.settings.schema import Settings
+
+#: Steps of a slider between its ends: one per pixel of its track, about.
+_STEPS = 200
+#: A declared range is shown up to this many times the larger of default and value, unless the note
+#: gives the slider's own: [0, 65535] counts is a limit, not a range to choose from.
+_SPAN = 5.0
+
+
+@dataclass(frozen=True)
+class Control:
+    """One value that can be moved.
+
+    name: of ``--set``. kind: float, int or bool. low, high: what is valid; least, most: the ends of
+    the slider. log_scale: the slider holds the logarithm to base 10. start: the sensor's own.
+    """
+
+    name: str
+    label: str
+    kind: str
+    low: float
+    high: float
+    least: float
+    most: float
+    unit: str
+    help: str
+    start: Distribution
+    log_scale: bool = False
+
+    @property
+    def step(self) -> float:
+        """The slider's step: a round number."""
+        if self.kind == "int":
+            return 1.0
+        least, most = (math.log10(v) if self.log_scale else v for v in (self.least, self.most))
+        if most <= least:
+            return 0.01
+        exact = (most - least) / _STEPS
+        power = 10.0 ** math.floor(math.log10(exact))
+        return float(f"{next(m for m in (1, 2, 5, 10) if m * power >= exact * 0.999) * power:.6g}")
+
+    def position(self, value: float) -> float:
+        """Convert a value to a place of the slider."""
+        if not self.log_scale:
+            return value
+        return math.log10(max(value, self.least))
+
+    def value(self, position: float) -> float:
+        """Convert a place of the slider to a value."""
+        exact = 10.0**position if self.log_scale else position
+        return float(f"{min(max(exact, self.low), self.high):.5g}")
+
+
+def stage_controls(stage: Stage) -> list[Control]:
+    """Return the controls of a stage's parameters, in the order of their declaration."""
+    return [
+        parameter_control(f"{stage.name}.{name}", parameter, stage.settings[name])
+        for name, parameter in stage.spec.parameters.items()
+        if name != ENABLED
+    ]
+
+
+def parameter_control(name: str, parameter: Parameter, start: Distribution) -> Control:
+    """Return the control of a declared parameter."""
+    low, high = parameter.low, parameter.high
+    least, most = parameter.slider or _shown(parameter, start)
+    return Control(
+        name,
+        parameter.name,
+        parameter.type,
+        low,
+        high,
+        least,
+        most,
+        "" if parameter.unit == "1" else parameter.unit,
+        parameter.help,
+        start,
+        parameter.log_scale and least > 0,
+    )
+
+
+def _shown(parameter: Parameter, start: Distribution) -> tuple[float, float]:
+    """Choose the ends of a slider within a declared range that is far wider than its values."""
+    size = max(abs(parameter.default), *(abs(v) for v in start.bounds()))
+    if size == 0 or parameter.type == "bool" or parameter.log_scale:
+        return parameter.low, parameter.high
+    span = _SPAN * size
+    if parameter.type == "float":
+        power = 10.0 ** math.floor(math.log10(span))
+        span = math.ceil(span / power) * power
+    else:
+        span = max(math.ceil(span), 8)
+    return max(parameter.low, -span), min(parameter.high, span)
+
+
+def pose_controls(settings: Settings) -> list[Control]:
+    """Return the controls of the pose and of the wall behind the face."""
+    rows = (
+        ("distance_mm", 100.0, 20000.0, 400.0, 4500.0, "mm"),
+        ("yaw_deg", -180.0, 180.0, -90.0, 90.0, "deg"),
+        ("pitch_deg", -90.0, 90.0, -45.0, 45.0, "deg"),
+        ("roll_deg", -180.0, 180.0, -45.0, 45.0, "deg"),
+        ("x_mm", -5000.0, 5000.0, -500.0, 500.0, "mm"),
+        ("y_mm", -5000.0, 5000.0, -500.0, 500.0, "mm"),
+        ("motion", 0.0, 5.0, 0.0, 2.0, ""),
+    )
+    fields = type(settings.pose).model_fields
+    return [
+        Control(
+            f"pose.{name}", name, "float", low, high, least, most, unit,
+            fields[name].description or "", getattr(settings.pose, name),
+        )
+        for name, low, high, least, most, unit in rows
+    ]  # fmt: skip
+
+
+def wall_control(settings: Settings) -> Control:
+    """Return the control of the wall behind the face; its start counts only if there is one."""
+    start = settings.scene.wall_mm or Distribution(constant=1500.0)
+    return Control(
+        "scene.wall_mm", "wall_mm", "float", 100.0, 12000.0, 1000.0, 4500.0, "mm",
+        "distance of a wall behind the face", start,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RigControl:
+    """A number of the rig that a slider moves; one number may set several fields of [rig]."""
+
+    label: str
+    least: float
+    most: float
+    unit: str
+    help: str
+    start: float
+
+
+def rig_controls(sensor: Sensor) -> list[RigControl]:
+    """Return the sliders of the rig: focal length, and the place of each emitter."""
+    focal = sensor.rig.intrinsics.fx
+    controls = [
+        RigControl("focal_px", 0.5 * focal, 2 * focal, "px", "focal length, both axes", focal)
+    ]
+    for number, emitter in enumerate(sensor.rig.emitters):
+        for axis, name in enumerate("xy"):
+            label = f"emitter{number + 1}_{name}_mm"
+            help = "baseline: emitter beside the camera" if axis == 0 else "emitter below it"
+            controls.append(
+                RigControl(label, -200, 200, "mm", help, 1000 * emitter.position_m[axis])
+            )
+    return controls
+
+
+def rig_values(sensor: Sensor, label: str, value: float) -> tuple[str, object]:
+    """Return name and value of ``--set`` for a moved slider of the rig."""
+    if label == "focal_px":
+        camera = sensor.rig.intrinsics
+        return "rig.focal_px", [value, float(f"{value * camera.fy / camera.fx:.6g}")]
+    number, axis = int(label[7:].split("_")[0]) - 1, "xy".index(label.split("_")[1])
+    tables = emitter_tables(sensor)
+    place = list(tables[number]["position_m"])
+    place[axis] = float(f"{value / 1000:.6g}")
+    tables[number]["position_m"] = place
+    return "rig.emitter", tables
+
+
+def emitter_tables(sensor: Sensor) -> list[dict[str, object | list[float]]]:
+    """Return the emitters as [[rig.emitter]] tables."""
+    tables: list[dict[str, object | list[float]]] = []
+    for emitter in sensor.rig.emitters:
+        table: dict[str, object | list[float]] = {"position_m": list(emitter.position_m)}
+        if emitter.spread_m:
+            table["spread_m"] = emitter.spread_m
+        if emitter.path_from_m is not None:
+            table["path_from_m"] = list(emitter.path_from_m)
+        tables.append(table)
+    return tables

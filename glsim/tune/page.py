@@ -1,0 +1,226 @@
+"""The page of one tab: what is shown, and what happens when something is moved."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+from nicegui import Client, background_tasks, ui
+
+from glsim.errors import GlsimError
+from glsim.reason import Reason
+from glsim.sensors.sensor import Sensor
+from glsim.tune.bench import Bench, Picture
+from glsim.tune.comparison import Comparison
+from glsim.tune.editor import CodeEditor
+from glsim.tune.packet import pack
+from glsim.tune.recording import measure_frames
+from glsim.tune.sections import Sections
+from glsim.tune.state import History, StageCode, Tuning
+from glsim.tune.statistics import frame_statistics, silhouette_widths
+from glsim.tune.topbar import TopBar
+from glsim.tune.workshop import Workshop
+
+#: Pause before the statistics of a picture, seconds.
+_REST = 0.15
+
+_HEAD = """
+<link rel="stylesheet" href="/tune/assets/tune.css">
+<script>window.tuneCall = (name, ...given) => window.glsimTune
+  ? window.glsimTune[name](...given) : (window.tuneQueue ??= []).push([name, given]);</script>
+<script type="module" src="/tune/assets/tune.js"></script>
+"""
+
+
+class Page:
+    """One open tab: its history of tunings, its bench and its elements."""
+
+    def __init__(self, workshop: Workshop, client: Client, start: Tuning) -> None:
+        self.workshop, self.client, self.tab = workshop, client, client.id
+        self.history = History(start)
+        self.bench = Bench(workshop.base, workshop.open_sources, workshop.backend)
+        self.picture: Picture | None = None
+        self.selected = ""
+        self._number = 0
+        self._drawing = self._wanted = self._measuring = self._closed = False
+        self._files: dict[Path, float] = {}
+
+    # what is shown
+
+    def build(self, problem: str) -> None:
+        """Create the elements. problem: a message about the address."""
+        ui.add_head_html(_HEAD)
+        self.dark = ui.dark_mode(None)
+        ui.on("tune_shown", self._shown)
+        with ui.element("main").classes("tune"):
+            with ui.element("header").classes("top"):
+                self.comparison = Comparison(self, self._drawn, _figures)
+                self.top = TopBar(self, self.comparison)
+            with ui.element("nav").classes("left").props('aria-label="stages"'):
+                self.sections = Sections(self, self._new_stage, self._show_code)
+            ui.element("section").classes("view").props('id="tune-view" aria-label="images"')
+            ui.element("aside").classes("figures").props('id="tune-figures" aria-label="figures"')
+            with ui.element("section").classes("code").props('aria-label="code"'):
+                self.editor = CodeEditor(self)
+        if problem:
+            ui.notify(problem, type="warning")
+        ui.timer(1.0, self._watch)
+
+    async def begin(self) -> None:
+        """Draw the first picture; called when the browser is connected."""
+        self.call("build", "tune-view", "tune-figures", [r.help for r in Reason], self.tab)
+        await self.refresh()
+        await self.workshop.read_recording()
+        self._show_recording(None)
+        if self.workshop.recorded and not self._measuring:
+            self._measuring = True
+            await self._measure()
+
+    async def rest(self) -> None:
+        """Free what the tab holds, until its next picture; called when it is closed or hidden."""
+        self.top.playing = False
+        for which in ("a", "b"):
+            self.workshop.packets.pop(f"{self.tab}/{which}", None)
+        await self.workshop.on_gl(self.bench.close)
+
+    async def close(self) -> None:
+        """Free all; called when the browser has gone."""
+        self._closed = True
+        await self.rest()
+
+    def call(self, name: str, *given: Any) -> None:
+        """Call a function of assets/tune.js."""
+        if not self._closed:
+            listed = ", ".join(json.dumps(value) for value in (name, *given))
+            self.client.run_javascript(f"tuneCall({listed})")
+
+    def _new_stage(self) -> None:
+        self.editor.new_stage()
+
+    def _show_code(self, picture: Picture) -> None:
+        self.editor.refresh(picture)
+
+    # what changes
+
+    @property
+    def sensor(self) -> Sensor | None:
+        """The sensor of the shown picture."""
+        return self.picture.sensor if self.picture else None
+
+    def change(self, tuning: Tuning, what: str = "") -> None:
+        """Make a tuning the current one, and draw it soon. what: name of the change, for undo."""
+        if self.history.change(tuning, what):
+            background_tasks.create(self.refresh(), name="glsim tune")
+
+    def set_value(self, name: str, value: Any) -> None:
+        """Change one value by its name of ``--set``; None takes it back."""
+        self.change(self.history.now.with_value(name, value), name)
+
+    async def set_code(self, stage: str, code: StageCode | None) -> None:
+        """Change the GLSL of a stage. Code that does not compile is marked and changes nothing."""
+        tuning = self.history.now.with_code(stage, code)
+        if tuning == self.history.now:
+            self.editor.mark("")
+            return
+        try:
+            await self._draw(tuning)
+        except GlsimError as error:
+            self.editor.mark(str(error))
+            return
+        self.editor.mark("")
+        self.history.change(tuning, f"code {stage}")
+        self._present()
+
+    async def refresh(self) -> None:
+        """Draw the current tuning; while one is drawn, only the newest request waits."""
+        self._wanted = True
+        if self._drawing:
+            return
+        self._drawing = True
+        try:
+            while self._wanted and not self._closed:
+                self._wanted = False
+                try:
+                    await self._draw(self.history.now)
+                except GlsimError as error:
+                    self.editor.problem(str(error))
+                    continue
+                self._present()
+        finally:
+            self._drawing = False
+
+    async def _drawn(self, tuning: Tuning) -> Picture:
+        return await self.workshop.on_gl(self.bench.draw, tuning, self.top.noise_of)
+
+    async def _draw(self, tuning: Tuning) -> None:
+        self.picture = await self._drawn(tuning)
+        self.workshop.packets[f"{self.tab}/a"] = pack(self.picture.frame)
+
+    def _present(self) -> None:
+        """Show the newest picture, and measure it beside the next one's drawing."""
+        picture = self.picture
+        if picture is None or self._closed:
+            return
+        self._number += 1
+        self.call("show", f"/tune/frame/{self.tab}/a?n={self._number}", self._number)
+        with self.client:
+            self.editor.problem("")
+            self.sections.refresh(picture)
+            self.editor.refresh(picture)
+            self.top.refresh()
+        if not self._measuring:
+            self._measuring = True
+            background_tasks.create(self._measure(), name="statistics")
+
+    async def _measure(self) -> None:
+        """Measure the newest picture; what was drawn meanwhile is measured next."""
+        try:
+            measured = None
+            while self.picture is not None and self.picture is not measured and not self._closed:
+                await asyncio.sleep(_REST)  # a dragged slider comes first
+                measured = self.picture
+                figures = await self.workshop.measure(_figures, measured)
+                self.call("statistics", figures, self.comparison.figures)
+                if self.workshop.recorded and not self.top.playing:
+                    here = await self.workshop.measure(measure_frames, [measured.frame])
+                    self._show_recording(here)
+        finally:
+            self._measuring = False
+
+    def _show_recording(self, here: dict[str, Any] | None) -> None:
+        if self.workshop.recorded:
+            self.call("recording", self.workshop.recorded, here)
+
+    def _shown(self) -> None:
+        if self.top.playing:
+            self.top.next_frame()
+
+    # looks, and files that change elsewhere
+
+    async def change_theme(self) -> None:
+        """Change between dark and light."""
+        dark = await ui.run_javascript("document.body.classList.contains('body--dark')")
+        self.dark.set_value(not dark)
+        self.editor.theme(not dark)
+        self.call("themed")
+
+    async def _watch(self) -> None:
+        """Reload the sensor's own files when an editor outside has changed them."""
+        if self.sensor is None:
+            return
+        files = {self.sensor.file, *(Path(s.spec.file) for s in self.sensor.stages)}
+        times = {f: f.stat().st_mtime for f in files if f.is_file()}
+        known, self._files = self._files, times
+        if any(known.get(f, t) != t for f, t in times.items()):
+            self.bench.reload()
+            await self.refresh()
+
+
+def _figures(picture: Picture) -> dict[str, Any]:
+    return {
+        **frame_statistics(picture.frame, picture.normal),
+        "silhouettes": silhouette_widths(picture.frame),
+        "milliseconds": round(picture.milliseconds, 1),
+    }

@@ -1,0 +1,104 @@
+"""Serve the page: one GL thread, one bench per open tab, loopback unless asked otherwise."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+from fastapi import Response
+from nicegui import Client, app, ui
+
+from glsim.errors import ConfigError
+from glsim.tune.gate import Gate
+from glsim.tune.page import Page
+from glsim.tune.state import tuning_of_link
+from glsim.tune.workshop import Workshop
+
+ASSETS = Path(__file__).parent / "assets"
+
+#: How long a silent tab is kept, seconds: the first frame compiles shaders and takes seconds on a
+#: busy machine. A tab that is closed says so and frees its context at once.
+_PATIENCE = 20
+
+
+def serve(
+    workshop: Workshop,
+    host: str = "127.0.0.1",
+    port: int = 8137,
+    *,
+    browser: bool = True,
+    announce: Callable[[str], None] = print,
+) -> None:
+    """Serve the page until the process is interrupted.
+
+    host: an address of this machine. port: a free one is taken if it is in use. announce: called
+    with the address, which holds the token. Raises ConfigError for a host that cannot be used.
+    """
+    token = secrets.token_urlsafe(24)
+    port = _free_port(host, port)
+    shown = f"[{host}]" if ":" in host else host
+    address = f"http://{shown}:{port}/?token={token}"
+    pages: dict[str, Page] = {}
+    app.add_middleware(Gate, token=token, cookie=f"glsim_tune_{port}")
+    app.add_static_files("/tune/assets", str(ASSETS), max_cache_age=0)
+
+    @app.get("/tune/frame/{tab}/{which}")
+    def frame(tab: str, which: str) -> Response:
+        packet = workshop.packets.get(f"{tab}/{which}")
+        if packet is None:
+            return Response(status_code=404)
+        return Response(packet, media_type="application/octet-stream")
+
+    @app.post("/tune/closed/{tab}")
+    async def closed(tab: str) -> None:
+        if tab in pages:
+            await pages[tab].rest()
+
+    @ui.page("/", title="glsim tune")
+    async def index(client: Client, s: str = "") -> None:
+        start, problem = workshop.start, ""
+        if s:
+            try:
+                start = tuning_of_link(s)
+            except ConfigError as error:
+                problem = str(error)
+        page = Page(workshop, client, start)
+        page.build(problem)
+        pages[client.id] = page
+
+        async def forget() -> None:
+            pages.pop(client.id, None)
+            await page.close()
+
+        client.on_delete(forget)
+        await client.connected(timeout=60)
+        await page.begin()
+
+    async def started() -> None:
+        announce(address)
+        if browser:
+            webbrowser.open(address)
+
+    app.on_startup(started)
+    ui.run(
+        host=host, port=port, show=False, reload=False, show_welcome_message=False, dark=None,
+        tailwind=False, reconnect_timeout=_PATIENCE, title="glsim tune",
+        favicon=ASSETS / "icon.svg",
+    )  # fmt: skip
+
+
+def _free_port(host: str, port: int) -> int:
+    """Return the port, or a free one if it is in use. Raises ConfigError."""
+    for wanted in (port, 0):
+        try:
+            family = socket.AF_INET6 if ":" in host else socket.AF_INET
+            with socket.socket(family) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind((host, wanted))
+                return int(probe.getsockname()[1])
+        except OSError as error:
+            failure = error
+    raise ConfigError(f"--host {host} --port {port}: {failure.strerror or failure}") from None

@@ -1,0 +1,92 @@
+"""Write the page without a server: ``glsim tune --static DIR``.
+
+    DIR/index.html, tune.css     the page
+    DIR/tune.js                  one script: sensors and GLSL as JSON, then assets/*.js
+    DIR/scenes/NAME.js           captured clean layers of a scene, read when it is chosen
+
+Scenes are scripts, because browsers read no other files beside a page opened from a disk.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from glsim.files.atomic import write_atomic
+from glsim.sensors.sensor import load_sensor, sensor_names
+from glsim.settings.schema import DEFAULT_SENSOR
+from glsim.tune.static_captures import UNITS
+from glsim.tune.static_chains import describe_chains
+from glsim.tune.static_scenes import Scene, capture_scenes, default_scenes
+
+_ASSETS = Path(__file__).parent / "assets"
+#: The modules of the script, each after those that it imports.
+MODULES = (
+    "maps.js", "charts.js", "images.js", "packet.js", "surface.js", "figures.js", "tune.js",
+    "static/declarations.js", "static/captures.js", "static/chain.js", "static/editor.js",
+    "static/measure.js", "static/panel.js", "static/page.js",
+)  # fmt: skip
+_IMPORT = re.compile(r'^import (?:(\{[^}]*\}) from )?"[./]*([\w./]+)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export ((?:async )?(?:function|class|const) (\w+))", re.MULTILINE)
+
+
+def write_static_page(
+    folder: Path,
+    sensors: Sequence[str] = (),
+    scenes: Sequence[Scene] = (),
+    *,
+    backend: str | None = None,
+) -> list[Path]:
+    """Write the page into ``folder``, which is made; return the files.
+
+    sensors: names or files (default: all shipped). scenes: default ten heads, and two with a
+    background. backend: "egl" or "osmesa".
+    Raises what ``simulate`` raises.
+    """
+    names = list(sensors) or sensor_names()
+    chosen = list(scenes) or default_scenes()
+    loaded = [load_sensor(name) for name in names]
+    chains = describe_chains(loaded)
+    first = DEFAULT_SENSOR if DEFAULT_SENSOR in chains["sensors"] else loaded[0].name
+    facts = {
+        **chains,
+        "units": UNITS,
+        "first_sensor": first,
+        "scenes": [{"name": scene.name, "title": scene.title} for scene in chosen],
+    }
+    (folder / "scenes").mkdir(parents=True, exist_ok=True)
+    written = [folder / "index.html", folder / "tune.css", folder / "tune.js"]
+    write_atomic((_ASSETS / "static/page.html").read_bytes(), written[0])
+    styles = [(_ASSETS / name).read_text() for name in ("tune.css", "static/static.css")]
+    write_atomic("".join(styles).encode(), written[1])
+    write_atomic(join_script(facts).encode(), written[2])
+    for scene, captured in capture_scenes(chosen, names, backend):
+        written.append(folder / "scenes" / f"{scene.name}.js")
+        write_atomic(f"glsimScene({_json(captured)});\n".encode(), written[-1])
+    return written
+
+
+def join_script(facts: dict[str, Any]) -> str:
+    """Return the page's one script. Each module becomes a function, so that names do not meet."""
+    parts = [f"'use strict';\nwindow.glsimFacts = {_json(facts)};\nconst modules = {{}};\n"]
+    for name in MODULES:
+        text = (_ASSETS / name).read_text()
+        exported = [match[2] for match in _EXPORT.finditer(text)]
+        text = _IMPORT.sub(_take, text)
+        text = _EXPORT.sub(r"\1", text)
+        given = f"return {{ {', '.join(exported)} }};"
+        parts.append(f'modules["{Path(name).name}"] = (() => {{\n{text}{given}\n}})();\n')
+    return "".join(parts)
+
+
+def _take(match: re.Match[str]) -> str:
+    names, file = match.groups()
+    return f'const {names} = modules["{Path(file).name}"];\n' if names else ""
+
+
+def _json(value: Any) -> str:
+    # "<" is escaped, so that no text ends a script element.
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

@@ -1,0 +1,146 @@
+"""Figures of one frame: noisy against clean, and why pixels are lost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.compare.frames import frame_set
+from glsim.compare.silhouettes import find_edges
+from glsim.frame import Frame
+from glsim.reason import Reason
+
+Array = NDArray[np.float32]
+
+#: The face: surfaces up to this far behind the nearest point (a head is 250 mm deep).
+FACE_MM = 250.0
+#: Bins of distance and angle, and the pixels that a bin needs.
+_DISTANCE_MM, _ANGLE_DEG, _LEAST = 20.0, 10.0, 30
+#: Larger errors belong to another surface: they count in ``beyond`` only.
+_SURFACE_MM = 50.0
+_BINS, _LAGS = 40, 8
+
+
+def frame_statistics(frame: Frame, normal: Array) -> dict[str, Any]:
+    """Return the figures of a frame as JSON values; None where there are too few pixels.
+
+    normal: (h, w, 4) of the frame's window, in the camera's axes. Errors are noisy minus clean, mm,
+    of pixels with both. Sigma is their standard deviation about the mean of its bin, on the face.
+    """
+    clean, noisy = frame.clean_m * np.float32(1000), frame.noisy_m * np.float32(1000)
+    both = (clean > 0) & (noisy > 0)
+    error = np.where(both, noisy - clean, np.float32(0))
+    same = both & (np.abs(error) <= _SURFACE_MM)
+    nearest = float(clean[clean > 0].min()) if (clean > 0).any() else 0.0
+    face = same & (clean < nearest + FACE_MM)
+    angle = np.degrees(np.arccos(np.clip(-normal[..., 2], 0.0, 1.0)))
+    values = error[same]
+    return {
+        "surface_px": int((clean > 0).sum()),
+        "measured_px": int(both.sum()),
+        "bias_mm": _number(values.mean() if values.size else math.nan),
+        "sigma_mm": _number(values.std() if values.size > 1 else math.nan),
+        "face_sigma_mm": _number(error[face].std() if face.sum() > 1 else math.nan),
+        "beyond_px": int(both.sum() - same.sum()),
+        "distance": _by(clean[face], error[face], _DISTANCE_MM),
+        "angle": _by(angle[face], error[face], _ANGLE_DEG),
+        "histogram": _histogram(values),
+        "autocorrelation": _autocorrelation(error, face),
+        "reasons": _reasons(frame),
+    }
+
+
+def silhouette_widths(frame: Frame) -> dict[str, Any]:
+    """Return the gaps beside the silhouettes as ``glsim compare`` measures them, px."""
+    single = frame_set("frame", [frame.noisy], camera=frame.intrinsics).frames[0]
+    edges = find_edges(single)
+    sides = {}
+    for number, side in enumerate(("left", "right")):
+        own = edges.side == number
+        enough = int(own.sum()) >= 5
+        sides[side] = {
+            "edges": int(own.sum()),
+            "width_px": _number(np.median(edges.width[own]) if enough else math.nan),
+            "invalid_px": _number(edges.invalid[own].mean() if enough else math.nan),
+        }
+    return sides
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 4) if math.isfinite(value) else None
+
+
+def _by(at: Array, error: Array, width: float) -> list[list[float]]:
+    """Return [middle of the bin, standard deviation of the error, pixels] of each full bin."""
+    if not at.size:
+        return []
+    bins = np.floor(at / width).astype(int)
+    first = int(bins.min())
+    bins = bins - first
+    exact = error.astype(np.float64)
+    count = np.bincount(bins)
+    total, squares = np.bincount(bins, exact), np.bincount(bins, exact**2)
+    return [
+        [
+            (n + first + 0.5) * width,
+            round(math.sqrt(max(squares[n] / count[n] - (total[n] / count[n]) ** 2, 0.0)), 4),
+            int(count[n]),
+        ]
+        for n in range(len(count))
+        if count[n] >= _LEAST
+    ]
+
+
+def _histogram(values: Array) -> dict[str, Any]:
+    """Count errors in bins over four robust deviations; what lies beyond is in the last bins."""
+    if values.size < _LEAST:
+        return {"low_mm": -1.0, "high_mm": 1.0, "counts": []}
+    middle = float(np.median(values))
+    spread = 1.4826 * float(np.median(np.abs(values - middle)))  # of a Gaussian's deviation
+    reach = float(f"{max(4 * spread, 0.5):.2g}")
+    counts, _ = np.histogram(np.clip(values, -reach, reach), bins=_BINS, range=(-reach, reach))
+    return {"low_mm": -reach, "high_mm": reach, "counts": counts.tolist()}
+
+
+def _autocorrelation(error: Array, mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Correlate errors with those 0 to 8 pixels to the right, and below."""
+    if mask.sum() < _LEAST:
+        return {"row": [], "column": []}
+    centred = np.where(mask, error - error[mask].mean(), 0.0).astype(np.float64)
+    variance = float((centred[mask] ** 2).mean())
+    return {
+        name: [_lag(centred, mask, step, axis, variance) for step in range(_LAGS + 1)]
+        for axis, name in ((1, "row"), (0, "column"))
+    }
+
+
+def _lag(
+    centred: NDArray[np.float64], mask: NDArray[np.bool_], step: int, axis: int, variance: float
+) -> float | None:
+    size = mask.shape[axis]
+    if step >= size or variance == 0:
+        return None
+    near = np.arange(size - step)
+    a, b = np.take(mask, near, axis), np.take(mask, near + step, axis)
+    pairs = a & b
+    if not pairs.any():
+        return None
+    products = np.take(centred, near, axis) * np.take(centred, near + step, axis)
+    return _number(float(products[pairs].mean()) / variance)
+
+
+def _reasons(frame: Frame) -> list[list[Any]]:
+    """Return [name, help, pixels, share of the surface] of each reason on a surface."""
+    surface = frame.clean_m > 0
+    whole = max(int(surface.sum()), 1)
+    counts = np.bincount(frame.reason_codes[surface], minlength=len(Reason))
+    rows: list[Sequence[Any]] = [
+        [r.name.lower(), r.help, int(counts[r]), round(int(counts[r]) / whole, 5)]
+        for r in Reason
+        if counts[r] and r is not Reason.VALID
+    ]
+    return sorted(([*row] for row in rows), key=lambda row: -int(row[2]))

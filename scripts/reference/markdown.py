@@ -1,0 +1,36 @@
+"""Markdown of the generated pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from glsim.files.markdown import markdown_table
+
+#: Characters of plain text that Markdown would take for markup.
+_MARKUP = str.maketrans({c: f"\\{c}" for c in "|*_<>[]`^$~#"})
+
+
+def plain(text: str) -> str:
+    """Return text of the code as Markdown that shows the same characters, on one line."""
+    return " ".join(text.split()).translate(_MARKUP)
+
+
+def code(text: object) -> str:
+    """Return a value as inline code; nothing for an empty one."""
+    shown = str(text).replace("|", "\\|")
+    return f"`{shown}`" if shown else ""
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table, with an empty line behind it."""
+    return "\n".join(markdown_table(head, rows)) + "\n\n"
+
+
+def block(text: str, language: str = "text") -> str:
+    """Return a block of code."""
+    return f"```{language}\n{text.strip(chr(10))}\n```\n\n"
+
+
+def toctree(names: Iterable[str]) -> str:
+    """Return a table of contents that the page does not show; the side bar does."""
+    return block(":hidden:\n\n" + "\n".join(names), "{toctree}")

@@ -1,0 +1,295 @@
+"""Exported frames: their bytes read back by Open3D, NumPy, OpenCV, h5py and rosbags."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from numpy.typing import NDArray
+
+from glsim.cli import main
+from glsim.dataset import open_dataset
+from glsim.errors import ConfigError, DatasetError
+from glsim.exports import FORMATS, export_dataset
+from glsim.exports.arrays import encode_exr
+from glsim.exports.cameras import centre_at_zero, open3d_json, ros_yaml
+from glsim.exports.frames import ExportFrame, export_frames, kept_lens
+from glsim.exports.points import encode_pcd, encode_ply, point_cloud
+from glsim.geometry.camera import Distortion, Intrinsics
+from tests.support.dataset_fakes import make, make_settings, make_tasks
+
+CAMERA = Intrinsics(64, 48, 60.0, 61.0, 31.2, 22.9)
+LAYERS = ("clean", "noisy", "infrared", "reason")
+
+
+def sphere_frame(lens: Distortion | None = None) -> ExportFrame:
+    """A sphere of 0.1 m at 0.9 m, seen by a camera whose principal point is off the middle."""
+    frame = ExportFrame("test/a/b_00000", CAMERA, lens or Distortion(), {})
+    ray = np.concatenate([frame.rays, np.ones((48, 64, 1))], -1).astype(np.float64)
+    a, b = (ray**2).sum(-1), ray @ [0.01, -0.02, 0.9]
+    root = b**2 - a * (0.01**2 + 0.02**2 + 0.9**2 - 0.1**2)
+    depth = np.where(root > 0, (b - np.sqrt(np.maximum(root, 0))) / a, 0).astype(np.float32)
+    regions = np.where(depth > 0, 3, 0).astype(np.uint8)
+    infrared = (1000 * depth).astype(np.uint16)
+    return replace(
+        frame,
+        depth_m={"clean": depth},
+        regions=regions,
+        infrared=infrared,
+        region_names={3: "hair"},
+    )
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("exports") / "data"
+    make(out, make_settings(layers=LAYERS), make_tasks(4, 2))
+    return out
+
+
+@pytest.mark.parametrize("lens", [None, Distortion(0.09, -0.27, 0.1, 0.001, -0.002)])
+def test_points_lie_on_the_surface_and_normals_stand_on_it(lens: Distortion | None) -> None:
+    frame = sphere_frame(lens)
+    cloud = point_cloud(frame, "clean")
+    at = np.stack([cloud[name] for name in "xyz"], -1) - np.array([0.01, -0.02, 0.9])
+    assert len(cloud) == (frame.depth_m["clean"] > 0).sum() > 100
+    np.testing.assert_allclose(np.linalg.norm(at, axis=1), 0.1, atol=1e-6)
+    normal = np.stack([cloud[f"n{name}"] for name in "xyz"], -1)
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1, atol=1e-5)
+    inner = -at[:, 2] > 0.06  # finite differences are good where the sphere is not seen edge on
+    assert ((normal * at).sum(1)[inner] / 0.1).min() > 0.98
+    assert set(cloud["region"]) == {3}
+    np.testing.assert_array_equal(cloud["infrared"], (1000 * cloud["z"]).astype(np.uint16))
+
+
+@pytest.mark.parametrize("encode", [encode_ply, encode_pcd])
+def test_open3d_reads_the_clouds(encode: object, tmp_path: Path) -> None:
+    o3d = pytest.importorskip("open3d")
+    frame = sphere_frame()
+    cloud = point_cloud(frame, "clean")
+    file = tmp_path / ("cloud" + (".ply" if encode is encode_ply else ".pcd"))
+    file.write_bytes(encode(cloud, frame))  # type: ignore[operator]
+    read = o3d.t.io.read_point_cloud(str(file))
+    expected = np.stack([cloud[name] for name in "xyz"], -1)
+    np.testing.assert_array_equal(read.point.positions.numpy(), expected)
+    normals = np.stack([cloud[f"n{name}"] for name in "xyz"], -1)
+    np.testing.assert_array_equal(read.point.normals.numpy(), normals)
+
+
+def test_open3d_projects_our_camera_file_to_our_points(tmp_path: Path) -> None:
+    """With our principal point unchanged its points would be off by half a pixel: 7 mm here."""
+    o3d = pytest.importorskip("open3d")
+    frame = sphere_frame()
+    (tmp_path / "camera.json").write_bytes(open3d_json(frame.camera))
+    camera = o3d.io.read_pinhole_camera_parameters(str(tmp_path / "camera.json"))
+    k = camera.intrinsic.intrinsic_matrix
+    np.testing.assert_allclose(k, [[60, 0, 30.7], [0, 61, 22.4], [0, 0, 1]])
+    image = o3d.geometry.Image(frame.depth_m["clean"])
+    theirs = o3d.geometry.PointCloud.create_from_depth_image(
+        image, camera.intrinsic, camera.extrinsic, depth_scale=1.0, depth_trunc=10.0
+    )
+    ours = frame.points("clean")[frame.depth_m["clean"] > 0]
+    np.testing.assert_allclose(np.asarray(theirs.points), ours, atol=1e-6)
+    wrong = o3d.camera.PinholeCameraIntrinsic(64, 48, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
+    shifted = o3d.geometry.PointCloud.create_from_depth_image(
+        image, wrong, camera.extrinsic, depth_scale=1.0, depth_trunc=10.0
+    )
+    off_mm = 1000 * np.abs(np.asarray(shifted.points) - ours).max(axis=0)
+    assert 6.5 < off_mm[0] < 8.0  # 0.5 px of 60 px focal length at 0.8 to 0.9 m
+
+
+def test_opencv_projects_points_to_their_pixels() -> None:
+    """Also through the lens, in the order of coefficients that OpenCV and ROS have."""
+    import cv2
+
+    lens = Distortion(0.09, -0.27, 0.1, 0.001, -0.002)
+    frame = sphere_frame(lens)
+    info = yaml.safe_load(ros_yaml(frame.camera, lens, "glsim"))
+    k = np.array(info["camera_matrix"]["data"]).reshape(3, 3)
+    np.testing.assert_array_equal(k, centre_at_zero(frame.camera))
+    seen = frame.depth_m["clean"] > 0
+    pixels, _ = cv2.projectPoints(
+        frame.points("clean")[seen].astype(np.float64),
+        np.zeros(3),
+        np.zeros(3),
+        k,
+        np.array(info["distortion_coefficients"]["data"]),
+    )
+    row, column = np.nonzero(seen)
+    np.testing.assert_allclose(pixels[:, 0], np.stack([column, row], -1), atol=1e-3)
+    assert (info["image_width"], info["image_height"]) == (64, 48)
+    assert info["projection_matrix"]["data"][:3] == [60.0, 0.0, 30.7]
+
+
+def test_the_lens_is_that_of_the_header() -> None:
+    k = {"k1": 0.1, "k2": 0.2, "k3": 0.3, "p1": 0.4, "p2": 0.5}
+    assert kept_lens({"sensor": {"deliver": "undistorted", "distortion": k}}) == Distortion()
+    assert kept_lens({"sensor": {"deliver": "raw", "distortion": k}}) == Distortion(**k)
+    assert kept_lens({}) == Distortion()
+
+
+def read_exr(data: bytes, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Undo the blocks of an EXR file as its description says: deflate, sums, two halves."""
+    header = data.index(b"screenWindowWidth")
+    start = header + len(b"screenWindowWidth\0float\0") + 4 + 4 + 1
+    count = -(-shape[0] // 16)
+    rows = []
+    for at in struct.unpack_from(f"<{count}Q", data, start):
+        top, size = struct.unpack_from("<ii", data, at)
+        raw = data[at + 8 : at + 8 + size]
+        whole = 4 * shape[1] * min(16, shape[0] - top)
+        if size < whole:
+            steps = np.frombuffer(zlib.decompress(raw), np.uint8).astype(np.int64)
+            halves = ((np.cumsum(steps) - 128 * np.arange(whole)) % 256).astype(np.uint8)
+            middle = (whole + 1) // 2
+            mixed = np.empty(whole, np.uint8)
+            mixed[0::2], mixed[1::2] = halves[:middle], halves[middle:]
+            raw = mixed.tobytes()
+        rows.append(np.frombuffer(raw, "<f4").reshape(-1, shape[1]))
+    return np.concatenate(rows)
+
+
+def test_the_exr_holds_the_depth_bit_by_bit(tmp_path: Path) -> None:
+    """Rows that are no multiple of a block's 16; noise, which does not compress, and flat parts."""
+    rng = np.random.default_rng(1)
+    depth = rng.uniform(0.5, 2.0, (37, 41)).astype(np.float32)
+    depth[:20, :30] = 0
+    data = encode_exr(depth)
+    np.testing.assert_array_equal(read_exr(data, (37, 41)), depth)
+    library = pytest.importorskip("OpenEXR")  # no wheel of OpenCV 5 reads the format
+    (tmp_path / "depth.exr").write_bytes(data)
+    with library.File(str(tmp_path / "depth.exr")) as file:
+        np.testing.assert_array_equal(file.channels()["Y"].pixels, depth)
+
+
+def test_arrays_hold_metres_and_everything_of_a_frame(data: Path, tmp_path: Path) -> None:
+    assert export_dataset(open_dataset(data), tmp_path / "out", ["npz", "npy", "exr"]) == 8
+    for pair in open_dataset(data):
+        stem = f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}"
+        noisy_m = np.load(tmp_path / "out" / f"{stem}_noisy.npy")
+        np.testing.assert_array_equal(noisy_m, pair.noisy_mm / np.float32(1000))
+        with np.load(tmp_path / "out" / f"{stem}.npz") as arrays:
+            np.testing.assert_array_equal(arrays["noisy_m"], noisy_m)
+            np.testing.assert_array_equal(arrays["infrared"], pair.infrared)
+            np.testing.assert_array_equal(arrays["K"], centre_at_zero(pair.intrinsics))
+            at = arrays["clean_points_m"]
+            np.testing.assert_allclose(at, pair.intrinsics.unproject(arrays["clean_m"]))
+            assert json.loads(str(arrays["record"]))["expression"] == pair.record["expression"]
+            empty = arrays["clean_m"] == 0
+            assert not arrays["clean_normals"][empty].any()
+
+
+def test_the_same_frames_give_the_same_bytes(data: Path, tmp_path: Path) -> None:
+    formats = ["ply", "pcd", "npz", "npy", "exr", "open3d", "ros"]
+    formats += [n for n, lib in (("hdf5", "h5py"), ("rosbag", "rosbags")) if importable(lib)]
+    found = []
+    for name in ("one", "two"):
+        export_dataset(open_dataset(data), tmp_path / name, formats, split="test")
+        files = sorted(path for path in (tmp_path / name).rglob("*") if path.is_file())
+        found.append(
+            {p.relative_to(tmp_path / name): hashlib.sha256(p.read_bytes()).digest() for p in files}
+        )
+    assert len(found[0]) >= 2 * 10
+    assert found[0] == found[1]
+
+
+def importable(name: str) -> bool:
+    try:
+        __import__(name)
+    except ImportError:
+        return False
+    return True
+
+
+def test_hdf5_holds_the_set(data: Path, tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", exc_type=ImportError)
+    dataset = open_dataset(data)
+    assert export_dataset(dataset, tmp_path, ["hdf5"]) == 8
+    with h5py.File(tmp_path / "frames.h5") as file:
+        assert set(file) == {"train", "val", "test"}
+        for split in file:
+            pairs = list(dataset.split(split))
+            group = file[split]
+            assert group["noisy_m"].shape == (len(pairs), 24, 32)
+            for number, pair in enumerate(pairs):
+                np.testing.assert_array_equal(
+                    group["noisy_m"][number], pair.noisy_mm / np.float32(1000)
+                )
+                np.testing.assert_array_equal(group["reason"][number], pair.reason)
+                assert json.loads(group["record"].asstr()[number])["index"] == pair.index
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_bag_has_the_images_and_cameras_in_order(
+    data: Path, tmp_path: Path, version: int
+) -> None:
+    highlevel = pytest.importorskip("rosbags.highlevel", exc_type=ImportError)
+    from rosbags.typesys import Stores, get_typestore
+
+    dataset = open_dataset(data)
+    name = {1: "frames.bag", 2: "frames_ros2"}[version]
+    export_dataset(dataset, tmp_path, ["rosbag" if version == 1 else "rosbag2"])
+    store = Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE
+    frames, stamps = [], []
+    with highlevel.AnyReader([tmp_path / name], default_typestore=get_typestore(store)) as reader:
+        assert {c.topic for c in reader.connections} == {
+            "/camera/depth/image_rect",
+            "/camera/depth/camera_info",
+            "/camera/ir/image_rect",
+            "/ground_truth/depth/image_rect",
+        }
+        for connection, stamp, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            if connection.topic == "/camera/depth/image_rect":
+                frames.append(message.data.view("<f4").reshape(message.height, message.width))
+                stamps.append(stamp)
+            if connection.msgtype.endswith("CameraInfo"):
+                k = message.K if version == 1 else message.k
+                np.testing.assert_array_equal(
+                    k.reshape(3, 3), centre_at_zero(next(iter(dataset)).intrinsics)
+                )
+    assert len(frames) == 8
+    assert (np.diff(stamps) > 0).all()
+    for frame, pair in zip(frames, dataset, strict=True):
+        expected = np.where(pair.noisy_mm > 0, pair.noisy_mm / np.float32(1000), np.nan)
+        np.testing.assert_array_equal(frame, expected.astype(np.float32))
+
+
+def test_the_command_exports_frames_and_names_mistakes(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    arguments = ["export", str(data), "-o", str(out), "--to", "ply,open3d", "--layers", "noisy"]
+    assert main([*arguments, "--frames", "1"]) == 0
+    assert "wrote 1 frame(s) as ply, open3d to" in capsys.readouterr().err.replace("\n", " ")
+    assert len([path for path in out.rglob("*") if path.is_file()]) == 2
+    for wrong, message in (
+        (["--to", "plx"], "no such format 'plx'"),
+        (["--layers", "reason"], "no layer of depth 'reason'"),
+        (["--split", "tset"], "no such split 'tset'"),
+    ):
+        assert main(["export", str(data), "-o", str(out), *wrong]) in (1, 2)
+        assert message in capsys.readouterr().err
+    (tmp_path / "net.pt").write_bytes(b"")
+    assert main(["export", str(tmp_path / "net.pt"), "-o", "net.onnx", "--to", "ply"]) == 2
+    assert "is no data set" in capsys.readouterr().err
+
+
+def test_mistakes_in_calls_are_named(data: Path, tmp_path: Path) -> None:
+    dataset = open_dataset(data)
+    with pytest.raises(ConfigError, match="is the data set itself"):
+        export_dataset(dataset, data, ["npy"])
+    with pytest.raises(ConfigError, match="at least one format"):
+        export_dataset(dataset, tmp_path, [])
+    make(tmp_path / "few", make_settings(), make_tasks(1, 1))
+    with pytest.raises(DatasetError, match="no frame in test"):
+        export_dataset(open_dataset(tmp_path / "few"), tmp_path / "o", ["npy"], split="test")
+    assert len(list(export_frames(dataset, count=3))) == 3
+    assert "ply" in FORMATS

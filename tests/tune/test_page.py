@@ -1,0 +1,260 @@
+"""The page in Debian's Chromium: what a user moves, types and saves.
+
+One server and one browser serve all tests; the sensor is small, so that a frame takes milliseconds.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from glsim.cli import main
+from glsim.files.png import read_depth_png
+
+pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+
+#: Patience, not a limit of speed: a busy machine compiles the first shaders for a minute.
+PATIENCE_MS = 180_000
+
+SENSOR = """# A small sensor.
+title = "small"
+[rig]
+width = 96      # pixels
+height = 80
+focal_px = [80, 80]
+centre_px = [48, 40]
+
+# Noise along the axis.
+[[stage]]
+use = "axial"
+base_sigma_mm = 3   # loud
+
+[[stage]]
+use = "range_gate"
+near_mm = 300
+"""
+
+
+@dataclass
+class Server:
+    address: str
+    folder: Path
+
+    @property
+    def port(self) -> int:
+        return int(re.findall(r":(\d+)/", self.address)[0])
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    folder = tmp_path_factory.mktemp("tune")
+    (folder / "small.toml").write_text(SENSOR)
+    (folder / "plate.obj").write_text(_face())
+    log = folder / "log"
+    command = [sys.executable, "-m", "glsim", "tune", "small.toml", "--face", "plate.obj"]
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
+    environment = {**kept, "PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "300"}
+    with log.open("wb") as out:
+        process = subprocess.Popen(
+            [*command, "--no-browser", "--port", "0", "--set", "scene.wall_mm=1500"],
+            cwd=folder, env=environment, stdout=out, stderr=out,
+        )  # fmt: skip
+    try:
+        for _ in range(PATIENCE_MS // 100):
+            found = re.search(r"http://\S+", log.read_text())
+            if found or process.poll() is not None:
+                break
+            time.sleep(0.1)
+        assert found, log.read_text()
+        yield Server(found.group(0), folder)
+    finally:
+        process.terminate()
+        process.wait(30)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with playwright.sync_playwright() as running:
+        opened = running.chromium.launch(executable_path=CHROMIUM, args=flags)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def page(server: Server, browser: Any) -> Iterator[Any]:
+    """One tab for all tests, with the messages of its console in ``page.said``."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    opened = context.new_page()
+    opened.set_default_timeout(PATIENCE_MS)
+    opened.said, opened.asked = [], []
+    opened.on("request", lambda request: opened.asked.append(request.url))
+    opened.on("console", lambda m: opened.said.append(m.text) if m.type == "error" else None)
+    opened.on("pageerror", lambda error: opened.said.append(str(error)))
+    opened.goto(server.address)
+    opened.wait_for_selector("#tune-view[data-shown]")
+    yield opened
+    context.close()
+
+
+def _face() -> str:
+    """A curved plate of 200 x 240 mm that looks at the camera."""
+    lines, wide, high = [], 12, 14
+    for row in range(high + 1):
+        for column in range(wide + 1):
+            x, y = 200 * (column / wide - 0.5), 240 * (row / high - 0.5)
+            lines.append(f"v {x:.2f} {y:.2f} {60 - 0.004 * (x * x + y * y):.2f}")
+    for row in range(high):
+        for column in range(wide):
+            a = row * (wide + 1) + column + 1
+            b, c, d = a + 1, a + wide + 1, a + wide + 2
+            lines += [f"f {a} {b} {d}", f"f {a} {d} {c}"]
+    return "\n".join(lines) + "\n"
+
+
+def shown(page: Any) -> int:
+    return int(page.get_attribute("#tune-view", "data-shown"))
+
+
+def after(page: Any, number: int) -> None:
+    page.wait_for_function(f"+document.querySelector('#tune-view').dataset.shown > {number}")
+
+
+def pixels(page: Any) -> list[int]:
+    """The noisy layer that the page shows."""
+    return list(page.evaluate("Array.from(glsimTune.state.picture.layers.noisy)"))
+
+
+def select(page: Any, stage: str) -> None:
+    page.click(f'[data-stage="{stage}"] button.name')
+    page.wait_for_selector(f'[data-stage="{stage}"].selected')
+
+
+def test_a_moved_slider_gives_other_pixels_and_undo_the_former(page: Any) -> None:
+    before = pixels(page)
+    select(page, "axial")
+    number = shown(page)
+    page.focus('[data-name="axial.base_sigma_mm"] .q-slider__track-container')
+    page.keyboard.press("ArrowRight")
+    after(page, number)
+    assert pixels(page) != before
+    page.wait_for_function(
+        "document.querySelector('[data-name=\"axial.base_sigma_mm\"] .was').textContent == 'was 3'"
+    )
+    assert page.evaluate("glsimTune.state.times.length") >= 1
+    number = shown(page)
+    page.click('[aria-label="undo"]')
+    after(page, number)
+    assert pixels(page) == before
+
+
+def test_a_syntax_error_is_marked_and_mended_code_changes_the_image(page: Any) -> None:
+    select(page, "axial")
+    page.wait_for_function("document.querySelector('.cm-content').textContent.includes('axial')")
+    before, number = pixels(page), shown(page)
+    page.click(".cm-content")
+    page.keyboard.press("Control+End")
+    page.keyboard.insert_text("wrong;")
+    page.wait_for_selector(".cm-line.wrong")
+    assert "syntax error" in page.inner_text(".code .problem")
+    assert shown(page) == number, "the last good code runs"
+    for _ in "wrong;":
+        page.keyboard.press("Backspace")
+    page.wait_for_selector(".cm-line.wrong", state="detached")
+    page.keyboard.press("Control+Home")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.insert_text("uniform float extra_mm = 40.0; //@ [0, 90] mm more of it\n")
+    page.wait_for_selector('[data-name="axial.extra_mm"] .q-slider')
+    assert pixels(page) == before, "nothing uses it yet"
+    number = shown(page)
+    page.click('[aria-label="undo"]')
+    page.wait_for_selector('[data-name="axial.extra_mm"]', state="detached")
+
+
+def test_a_saved_sensor_gives_the_bytes_that_the_page_shows(page: Any, server: Server) -> None:
+    select(page, "range_gate")
+    page.fill('[aria-label="range_gate.near_mm value"]', "450")
+    page.wait_for_function(
+        "document.querySelector('[data-name=\"range_gate.near_mm\"] .was').textContent != ''"
+    )
+    page.wait_for_timeout(500)
+    page.click('[aria-label="save"]')
+    page.click("text=Save sensor…")
+    target = server.folder / "saved.toml"
+    page.fill(".q-dialog input", str(target))
+    page.click(".q-dialog button:has-text('Save')")
+    page.wait_for_selector("text=wrote saved.toml")
+    text = target.read_text()
+    assert "near_mm = 450" in text
+    assert "base_sigma_mm = 3   # loud" in text
+    out = server.folder / "out"
+    options = ["--sensor", str(target), "--set", "scene.wall_mm=1500", "-q"]
+    assert main(["render", str(server.folder / "plate.obj"), "-o", str(out), *options]) == 0
+    width, height, window, noisy = page.evaluate(
+        "(p => [p.head.width, p.head.height, p.head.window, Array.from(p.layers.noisy)])"
+        "(glsimTune.state.picture)"
+    )
+    rendered = read_depth_png(out / "plate_noisy.png")
+    assert rendered.shape == (height, width)
+    left, top, w, h = window
+    assert rendered[top : top + h, left : left + w].ravel().tolist() == noisy
+    assert int((rendered > 0).sum()) == sum(1 for value in noisy if value), "nothing outside"
+
+
+def test_the_page_says_nothing_on_its_console_and_asks_no_other_server(
+    page: Any, server: Server
+) -> None:
+    assert page.said == []
+    own = f"http://127.0.0.1:{server.port}/"
+    assert {url for url in page.asked if not url.startswith((own, "blob:", "data:"))} == set()
+
+
+def test_two_tabs_have_their_own_settings_and_a_link_carries_them(
+    page: Any, server: Server, browser: Any
+) -> None:
+    page.wait_for_function("location.search.startsWith('?s=')")
+    link = page.evaluate("location.search")
+    second = page.context.new_page()
+    second.set_default_timeout(PATIENCE_MS)
+    second.goto(f"http://127.0.0.1:{server.port}/{link}")
+    second.wait_for_selector("#tune-view[data-shown]")
+    assert pixels(second) == pixels(page), "the link holds the changed value"
+    number, of_second = shown(page), shown(second)
+    second.click('[data-stage="axial"] .q-toggle')
+    after(second, of_second)
+    assert pixels(second) != pixels(page)
+    assert shown(page) == number
+    address = second.evaluate("glsimTune.state.address")
+    assert page.evaluate(f"fetch('{address}').then((answer) => answer.status)") == 200
+    second.close()
+    for _ in range(PATIENCE_MS // 500):
+        if page.evaluate(f"fetch('{address}').then((answer) => answer.status)") == 404:
+            break
+        page.wait_for_timeout(500)
+    else:
+        pytest.fail("the closed tab is still held")
+    page.said.clear()  # the browser logs the answer 404 itself
+
+
+def test_without_the_token_nothing_is_served(server: Server) -> None:
+    for path in ("", "?token=wrong", "tune/assets/tune.js", "tune/frame/x/a", "_nicegui/x"):
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(f"http://127.0.0.1:{server.port}/{path}")
+        assert refused.value.code == 403
+        refused.value.close()
