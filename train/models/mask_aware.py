@@ -27,7 +27,7 @@ from glsim.train.models.extra_features import (
 )
 from glsim.train.models.features import (
     CHANNELS,
-    SMOOTHED,
+    FILTERS,
     depth_features,
     front_and_back,
     local_mean,
@@ -64,9 +64,8 @@ class MaskAware(DepthModel):
     Choosing a mode instead is the idea of Tosi et al., "SMD-Nets: Stereo Mixture Density Networks",
     CVPR 2021.
 
-    The correction is a sum of what filters would correct (`features.Features.smoothed_mm`), each times
-    a weight that the network predicts, and of a part of its own. So it begins where filters end,
-    and between cameras that it has not seen it falls back to filters.
+    The correction is a sum of what filters would correct (`features.Features.filtered_mm`), each
+    times a weight that the network predicts, and of a part of its own.
 
     The correction of a surface has no mean: that of all measured pixels around (24 px), but those
     near steps and holes, is subtracted. So the network cannot move a surface as a whole, which
@@ -107,7 +106,7 @@ class MaskAware(DepthModel):
         extra = extra_channels(Inputs(infrared, before, after))
         return {
             "in_channels": CHANNELS + 2 * surfaces + extra,
-            "out_channels": 2 + SMOOTHED + uncertainty + 4 * surfaces,
+            "out_channels": 2 + FILTERS + uncertainty + 4 * surfaces,
             "residual": False,
             "zero_last": True,
         }
@@ -117,7 +116,7 @@ class MaskAware(DepthModel):
         with torch.autocast(noisy_mm.device.type, enabled=False):
             stack = noisy_mm.float()
             noisy_mm = stack[:, :1]
-            fill_mm, smoothed_mm, channels, even = depth_features(noisy_mm)
+            fill_mm, filtered_mm, channels, even = depth_features(noisy_mm)
             if self.surfaces:
                 around_mm = front_and_back(noisy_mm, fill_mm)
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
@@ -126,9 +125,8 @@ class MaskAware(DepthModel):
             # At the end: a network of single frames keeps its weights, see `warm_start`.
             channels = torch.cat([channels, *self._extra(stack, fill_mm)], dim=1)
         out = self.backbone(channels, valid).float()
-        weights, out = out[:, :SMOOTHED], out[:, SMOOTHED:]
-        filtered_mm = (weights * (smoothed_mm - fill_mm)).sum(dim=1, keepdim=True)
-        correction_mm = filtered_mm + _CORRECTION_MM * out[:, 0:1]
+        weights, out = out[:, :FILTERS], out[:, FILTERS:]
+        correction_mm = (weights * filtered_mm).sum(1, keepdim=True) + _CORRECTION_MM * out[:, :1]
         prediction = Prediction(
             depth_mm=fill_mm + correction_mm - local_mean(correction_mm, even),
             valid_logit=out[:, 1:2] + _PRIOR_LOGIT * (valid - 0.5),
