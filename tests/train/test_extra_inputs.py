@@ -17,7 +17,7 @@ from glsim.errors import ConfigError, DatasetError
 from glsim.settings.schema import load_settings
 from glsim.train import Augmentation, SimulatedPairs, StoredPairs, fit
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
-from glsim.train.models.extra_features import neighbour_features
+from glsim.train.models.extra_features import mean_over_time, neighbour_features
 from glsim.train.models.registry import build_model, inputs_of
 from glsim.train.models.warm_start import copy_weights
 from tests.support.dataset_fakes import make, make_settings, make_tasks
@@ -51,13 +51,18 @@ def test_the_stack_has_the_nearest_neighbours_first_and_zeros_for_what_is_missin
         network(before=5)
 
 
+def features(neighbours_mm: Tensor, depth_mm: Tensor) -> Tensor:
+    mean = mean_over_time(neighbours_mm, depth_mm)
+    return neighbour_features(neighbours_mm, depth_mm + mean.offset_mm, mean)
+
+
 def test_a_neighbour_on_another_surface_adds_what_a_missing_one_adds() -> None:
     fill_mm = frames(1).clamp_min(800)
     near = fill_mm + 2.0
     missing = torch.zeros_like(near)
-    expected = neighbour_features(torch.cat([near, missing], 1), fill_mm)
+    expected = features(torch.cat([near, missing], 1), fill_mm)
     for far in (fill_mm + 60, fill_mm - 60, torch.full_like(near, torch.nan), -near):
-        found = neighbour_features(torch.cat([near, far], 1), fill_mm)
+        found = features(torch.cat([near, far], 1), fill_mm)
         torch.testing.assert_close(found, expected, rtol=0, atol=0)
     closeness, weight = expected[:, 2:4], expected[:, -1:]
     assert float(closeness[:, 0].min()) > 0.99
@@ -68,8 +73,8 @@ def test_a_neighbour_on_another_surface_adds_what_a_missing_one_adds() -> None:
 def test_the_order_of_neighbours_does_not_matter_to_their_mean() -> None:
     fill_mm = frames(1).clamp_min(800)
     near = torch.cat([fill_mm + 3, fill_mm - 1], 1)
-    mean = neighbour_features(near, fill_mm)[:, -2:]
-    torch.testing.assert_close(mean, neighbour_features(near.flip(1), fill_mm)[:, -2:])
+    mean = features(near, fill_mm)[:, -2:]
+    torch.testing.assert_close(mean, features(near.flip(1), fill_mm)[:, -2:])
 
 
 def test_the_mean_over_time_removes_noise_of_a_surface_that_moves() -> None:
@@ -77,7 +82,7 @@ def test_the_mean_over_time_removes_noise_of_a_surface_that_moves() -> None:
     noise = torch.randn(5, 1, 96, 96, generator=generator)
     now_mm = 900 + noise[:1]
     earlier = torch.cat([900 + 3.0 * (n + 1) + noise[n + 1 : n + 2] for n in range(4)], 1)
-    mean_mm = now_mm + 10 * neighbour_features(earlier, now_mm)[:, -2:-1]
+    mean_mm = now_mm + mean_over_time(earlier, now_mm).offset_mm
     inner = np.s_[..., 24:-24, 24:-24]
     assert float(mean_mm[inner].std()) < 0.6 * float(now_mm[inner].std())
     assert abs(float(mean_mm[inner].mean()) - 900) < 0.3
@@ -92,7 +97,13 @@ def test_before_training_a_network_with_further_inputs_equals_the_one_it_starts_
         depth_mm = frames()
         count = started.inputs.channels - 1  # type: ignore[union-attr]
         stack = torch.cat([depth_mm, stack_of(depth_mm)[:, 1:].repeat(1, 2, 1, 1)[:, :count]], 1)
-        for part, wanted in zip(started(stack), face(depth_mm), strict=True):
+        neighbours_mm = stack[:, 1 + started.inputs.infrared :]  # type: ignore[union-attr,operator]
+        if neighbours_mm.shape[1]:
+            mean_mm = depth_mm + mean_over_time(neighbours_mm, depth_mm).offset_mm
+            assert not torch.equal(mean_mm, depth_mm)
+        else:
+            mean_mm = depth_mm
+        for part, wanted in zip(started(stack), face(mean_mm), strict=True):
             torch.testing.assert_close(part, wanted, rtol=0, atol=0)
     narrow = build_model(FACE | {"backbone": BACKBONES["small_unet"] | {"width": 4}})
     with pytest.raises(ConfigError, match=r"best.pt: backbone.* is \(.*this network needs"):
@@ -119,12 +130,10 @@ def test_infrared_of_another_gain_gives_the_same_relative_feature() -> None:
     model: Any = network(infrared=True)
     depth_mm = frames().clamp_min(800)
     light = torch.rand(depth_mm.shape, generator=torch.Generator().manual_seed(0)) * 3000 + 1000
-    one, other = (
-        model._extra(torch.cat([depth_mm, gain * light], 1), depth_mm)[0] for gain in (1.0, 3.0)
-    )
+    one, other = (model._infrared(gain * light, depth_mm, depth_mm) for gain in (1.0, 3.0))
     torch.testing.assert_close(one[:, 0], other[:, 0], atol=2e-3, rtol=0)
     assert float((other[:, 1] - one[:, 1]).mean()) == pytest.approx(np.log(3) / 8, rel=0.01)
-    none = model._extra(torch.cat([depth_mm, 0 * light], 1), depth_mm)[0]
+    none = model._infrared(0 * light, depth_mm, depth_mm)
     assert not none.any()
 
 

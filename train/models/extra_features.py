@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import torch
 from torch import Tensor
@@ -17,7 +17,7 @@ _SURFACE_MM: Final = 50.0
 _DIFFERENCE_MM: Final = 10.0
 #: Limit of the robust mean over time, mm: what moved by more, apart from the motion around it, is
 #: not averaged. With 10, 20 and 50 mm the error of that mean is 1.40, 1.34 and 1.30 mm (frames as
-#: in `neighbour_features`); a small limit is safer at the rims of what moves.
+#: in `mean_over_time`); a small limit is safer at the rims of what moves.
 _MEAN_LIMIT_MM: Final = 20.0
 #: Scale of the robust mean, mm: the correction that a network output of 1 makes.
 _RELATIVE_MM: Final = 10.0
@@ -54,27 +54,27 @@ def log_counts(infrared: Tensor) -> Tensor:
     return torch.log(1.0 + torch.where(infrared > 0, infrared, 0.0))
 
 
-def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor) -> Tensor:
-    """Features of N neighbouring frames, (B, N, H, W) mm, 0 = no return, to (B, 2 N + 2, H, W).
+class MeanOverTime(NamedTuple):
+    """Robust mean of a frame and its N neighbours, each (B, 1, H, W).
 
-    fill_mm: (B, 1, H, W) depth of the present frame without holes. Channels:
-        N differences to the frame, asinh(mm / 10)
-        N closeness of the neighbours: 1 for equal depth, 0 beyond 50 mm
-        1 robust mean over time of the frame and its neighbours, relative to the frame, in 10 mm
-        1 sum of the neighbours' weights in that mean, divided by N
-    A neighbour that is missing, invalid or more than 50 mm away adds nothing to any channel.
+    offset_mm: what it adds to the frame's depth, mm; 0 where the frame or all neighbours have none.
+    weight: sum of the neighbours' weights, divided by N: 0 to 1.
+    """
+
+    offset_mm: Tensor
+    weight: Tensor
+
+
+def mean_over_time(neighbours_mm: Tensor, depth_mm: Tensor) -> MeanOverTime:
+    """Average (B, 1, H, W) mm with N neighbouring frames, (B, N, H, W) mm, 0 = no return.
 
     The mean compensates motion: the local mean of a neighbour's differences, by which the surface
     around moved, is subtracted. On moving heads (84 frames of kinect-v2 at 0.5 to 1.45 m, 30 Hz,
-    four earlier frames) the interior error of frame plus mean is 1.33 mm, 1.51 without
-    compensation; the noisy frame has 1.82.
+    four earlier frames) the interior error of the mean is 1.33 mm, 1.51 without compensation; the
+    noisy frame has 1.82.
     """
-    difference = neighbours_mm - fill_mm
-    is_near = (neighbours_mm > 0) & (fill_mm > 0) & (difference.abs() < _SURFACE_MM)
-    difference = torch.where(is_near, difference, 0.0)
-    near = is_near.to(fill_mm.dtype)
-    closeness = (1.0 - (difference / _SURFACE_MM).square()).square() * near
-    total, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
+    difference, near = _differences(neighbours_mm, depth_mm)
+    total, weight_sum = torch.zeros_like(depth_mm), torch.zeros_like(depth_mm)
     count = int(neighbours_mm.shape[1])  # a plain number, also where a graph is exported
     for place in range(count):
         # Slices, because OpenCV does not run ONNX's Split.
@@ -84,10 +84,31 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor) -> Tensor:
         weight = (1.0 - (bounded / _MEAN_LIMIT_MM).square()).square() * known
         total = total + weight * bounded
         weight_sum = weight_sum + weight
+    return MeanOverTime(total / (1.0 + weight_sum), weight_sum / count)
+
+
+def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTime) -> Tensor:
+    """Features of N neighbouring frames, (B, N, H, W) mm, 0 = no return, to (B, 2 N + 2, H, W).
+
+    fill_mm: (B, 1, H, W) depth without holes, of the mean over time. Channels:
+        N differences to it, asinh(mm / 10)
+        N closeness of the neighbours: 1 for equal depth, 0 beyond 50 mm
+        2 of the mean over time: what it added to the frame, in 10 mm, and its weight
+    A neighbour that is missing, invalid or more than 50 mm away adds nothing to any channel.
+    """
+    difference, near = _differences(neighbours_mm, fill_mm)
+    closeness = (1.0 - (difference / _SURFACE_MM).square()).square() * near
     channels = [
         torch.asinh(difference / _DIFFERENCE_MM),
         closeness,
-        total / (1.0 + weight_sum) / _RELATIVE_MM,
-        weight_sum / count,
+        mean.offset_mm / _RELATIVE_MM,
+        mean.weight,
     ]
     return torch.cat(channels, dim=1)
+
+
+def _differences(neighbours_mm: Tensor, depth_mm: Tensor) -> tuple[Tensor, Tensor]:
+    """Differences of neighbours to a frame, mm, and where they are on its surface, 0 or 1."""
+    difference = neighbours_mm - depth_mm
+    is_near = (neighbours_mm > 0) & (depth_mm > 0) & (difference.abs() < _SURFACE_MM)
+    return torch.where(is_near, difference, 0.0), is_near.to(depth_mm.dtype)

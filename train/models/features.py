@@ -14,10 +14,10 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
-#: Smoothed depths of `depth_features`: two robust means and three guided filters.
-SMOOTHED: Final = 5
+#: Filters of `depth_features`: two robust means and three guided filters.
+FILTERS: Final = 5
 #: Channels of `depth_features`; the last one is validity.
-CHANNELS: Final = SMOOTHED + 5
+CHANNELS: Final = FILTERS + 5
 
 #: Hole filling from the rim: number of rounds, radius and sigma of the Gaussian, px. Three rounds
 #: of 9x9 close holes 24 px wide, more than any speckle of drop-outs.
@@ -42,8 +42,8 @@ _NOISE_STEPS_PX: Final = (1, 3)
 _NOISE_RADIUS, _NOISE_SIGMA = 12, 6.0
 #: Added to it before the logarithm, mm: less than rounding to whole millimetres gives.
 _LEAST_NOISE_MM: Final = 0.1
-#: Scales of the smoothed and of the surrounding depth. Noise of a time-of-flight camera at 0.9 m is 1-2 mm; a channel of 1
-#: is 10 mm.
+#: Scales of what filters add and of the surrounding depth. Noise of a time-of-flight camera at
+#: 0.9 m is 1-2 mm; a channel of 1 is 10 mm.
 _RELATIVE_MM, _AROUND_MM = 10.0, 20.0
 #: Share of a neighbourhood that must be known for more than half of its mean to be believed.
 _LEAST_SHARE: Final = 0.02
@@ -55,12 +55,12 @@ class Features(NamedTuple):
     """Features of a batch of frames; each float32 with H and W of the frames.
 
     fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
-    smoothed_mm: (B, SMOOTHED, H, W) the same depth as smoothed by filters that keep steps:
+    filtered_mm: (B, FILTERS, H, W) what filters that keep steps would add, at most 50 mm:
         0, 1 robust mean of 5x5 samples on the pixel's own surface, 3 and 1 px apart
         2, 3, 4 guided filters with radii of 1, 2 and 4 px
     even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
     channels: (B, CHANNELS, H, W), about -5 to 5, 0 where nothing is known:
-        0 to 4 depth relative to the smoothed ones, in 10 mm
+        0 to 4 filtered_mm, in 10 mm: small at a step of any height
         5 share of the neighbourhood on the own surface, 0-1: near 0 for a flying pixel
         6 depth relative to all depth around, asinh(mm / 20): which side of a step is in front
         7, 8 log of the size of the noise around, in mm, of pixels 1 and 3 px apart
@@ -71,7 +71,7 @@ class Features(NamedTuple):
     """
 
     fill_mm: Tensor
-    smoothed_mm: Tensor
+    filtered_mm: Tensor
     channels: Tensor
     even: Tensor
 
@@ -87,16 +87,16 @@ def depth_features(noisy_mm: Tensor) -> Features:
     surface_mm, support = _robust_mean(fill_mm, depth_mm, valid, _TAP_STEP)
     smoothed = [surface_mm, _robust_mean(surface_mm, depth_mm, valid, 1)[0]]
     smoothed += [_guided(depth_mm, valid, fill_mm, around_mm, radius) for radius in _GUIDED_RADII]
-    smoothed_mm = torch.cat(smoothed, dim=1)
+    offset_mm = (torch.cat(smoothed, dim=1) - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
     channels = [
-        (fill_mm - smoothed_mm) / _RELATIVE_MM,
+        offset_mm / _RELATIVE_MM,
         support,
         torch.asinh((fill_mm - around_mm) / _AROUND_MM) * near,
         *(_log_noise(depth_mm, valid, step) for step in _NOISE_STEPS_PX),
         valid,
     ]
     even = valid * (support > _EVEN_SUPPORT)
-    return Features(fill_mm, smoothed_mm, torch.cat(channels, dim=1), even)
+    return Features(fill_mm, offset_mm, torch.cat(channels, dim=1), even)
 
 
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:

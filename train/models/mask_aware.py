@@ -23,11 +23,12 @@ from glsim.train.models.extra_features import (
     extra_channels,
     infrared_features,
     log_counts,
+    mean_over_time,
     neighbour_features,
 )
 from glsim.train.models.features import (
     CHANNELS,
-    SMOOTHED,
+    FILTERS,
     depth_features,
     front_and_back,
     local_mean,
@@ -57,16 +58,17 @@ class MaskAware(DepthModel):
     ``after`` ask for (see ``glsim.denoise.inputs``); pixels of depth and infrared that are not
     above 0 are holes, whatever their value.
     Features and sums in millimetres are float32 under autocast too. The last layer starts at zero:
-    training starts from the measured depth, the measured mask and a sigma of 1.65 mm.
+    training starts from the measured depth, the measured mask and a sigma of 1.65 mm. With
+    neighbours in time, the measured depth is first averaged with them (`mean_over_time`): the
+    weights of a network of single frames then serve as they are.
 
     With ``surfaces`` a pixel may also move to the surface in front of it or behind it. At a step in
     depth, a network with one depth per pixel learns the mean of both surfaces, which is in mid-air.
     Choosing a mode instead is the idea of Tosi et al., "SMD-Nets: Stereo Mixture Density Networks",
     CVPR 2021.
 
-    The correction is a sum of what filters would correct (`features.Features.smoothed_mm`), each times
-    a weight that the network predicts, and of a part of its own. So it begins where filters end,
-    and between cameras that it has not seen it falls back to filters.
+    The correction is a sum of what filters would correct (`features.Features.filtered_mm`), each
+    times a weight that the network predicts, and of a part of its own.
 
     The correction of a surface has no mean: that of all measured pixels around (24 px), but those
     near steps and holes, is subtracted. So the network cannot move a surface as a whole, which
@@ -107,7 +109,7 @@ class MaskAware(DepthModel):
         extra = extra_channels(Inputs(infrared, before, after))
         return {
             "in_channels": CHANNELS + 2 * surfaces + extra,
-            "out_channels": 2 + SMOOTHED + uncertainty + 4 * surfaces,
+            "out_channels": 2 + FILTERS + uncertainty + 4 * surfaces,
             "residual": False,
             "zero_last": True,
         }
@@ -116,19 +118,29 @@ class MaskAware(DepthModel):
         """Denoise."""
         with torch.autocast(noisy_mm.device.type, enabled=False):
             stack = noisy_mm.float()
-            noisy_mm = stack[:, :1]
-            fill_mm, smoothed_mm, channels, even = depth_features(noisy_mm)
+            named = self.inputs.named(stack)
+            noisy_mm = named[DEPTH]
+            neighbours = [named[name] for name in (BEFORE, AFTER) if name in named]
+            if neighbours:
+                neighbours_mm = torch.cat(neighbours, dim=1)
+                in_time = mean_over_time(neighbours_mm, noisy_mm)
+                noisy_mm = noisy_mm + in_time.offset_mm
+            fill_mm, filtered_mm, channels, even = depth_features(noisy_mm)
             if self.surfaces:
                 around_mm = front_and_back(noisy_mm, fill_mm)
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
                 channels = torch.cat([offset, channels], dim=1)
             valid = channels[:, -1:]
             # At the end: a network of single frames keeps its weights, see `warm_start`.
-            channels = torch.cat([channels, *self._extra(stack, fill_mm)], dim=1)
+            if self.inputs.infrared:
+                features = self._infrared(named[INFRARED], fill_mm, noisy_mm)
+                channels = torch.cat([channels, features], dim=1)
+            if neighbours:
+                features = neighbour_features(neighbours_mm, fill_mm, in_time)
+                channels = torch.cat([channels, features], dim=1)
         out = self.backbone(channels, valid).float()
-        weights, out = out[:, :SMOOTHED], out[:, SMOOTHED:]
-        filtered_mm = (weights * (smoothed_mm - fill_mm)).sum(dim=1, keepdim=True)
-        correction_mm = filtered_mm + _CORRECTION_MM * out[:, 0:1]
+        weights, out = out[:, :FILTERS], out[:, FILTERS:]
+        correction_mm = (weights * filtered_mm).sum(1, keepdim=True) + _CORRECTION_MM * out[:, :1]
         prediction = Prediction(
             depth_mm=fill_mm + correction_mm - local_mean(correction_mm, even),
             valid_logit=out[:, 1:2] + _PRIOR_LOGIT * (valid - 0.5),
@@ -138,18 +150,11 @@ class MaskAware(DepthModel):
             return prediction
         return self._with_likeliest_surface(prediction, around_mm, out[:, -4:])
 
-    def _extra(self, stack: Tensor, fill_mm: Tensor) -> list[Tensor]:
-        """Features of the inputs besides the frame's depth, `extra_channels` of them."""
-        named = self.inputs.named(stack)
-        features = []
-        if self.inputs.infrared:
-            log = log_counts(named[INFRARED])
-            surface_log = own_surface_mean(log, fill_mm, named[DEPTH], named[INFRARED] > 0)
-            features.append(infrared_features(named[INFRARED], surface_log))
-        neighbours = [named[name] for name in (BEFORE, AFTER) if name in named]
-        if neighbours:
-            features.append(neighbour_features(torch.cat(neighbours, dim=1), fill_mm))
-        return features
+    @staticmethod
+    def _infrared(infrared: Tensor, fill_mm: Tensor, noisy_mm: Tensor) -> Tensor:
+        log = log_counts(infrared)
+        surface_log = own_surface_mean(log, fill_mm, noisy_mm, infrared > 0)
+        return infrared_features(infrared, surface_log)
 
     def _with_likeliest_surface(
         self, own: Prediction, around_mm: Tensor, out: Tensor
