@@ -82,7 +82,7 @@ HOMES = {
     "tomlkit": ("glsim.tune",),
     "playwright": (),
     "skimage": (),
-    "scipy": (),
+    "scipy": ("glsim.eval.scoring.statistics",),
     "h5py": ("glsim.exports",),
     "rosbags": ("glsim.exports",),
     "datasets": (),
