@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import Debug, Quiet, Verbose, print_message, split_names
+from glsim.cli.common import print_message, split_names
 from glsim.errors import ConfigError, DatasetError, TrainError
 
 EXAMPLES = """
@@ -47,9 +47,6 @@ def export(
         str | None, typer.Option(help="Only train, val or test. Default: all.")
     ] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Only the first N frames.")] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Export a data set's frames to other programs, or a trained network as ONNX.
 
