@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import torch
 
-from glsim.denoise import safetensors_file
+from glsim.denoise.safetensors_file import SUFFIX, read_safetensors, safetensors_bytes
 from glsim.errors import DatasetError, TrainError
 from glsim.files.atomic import write_atomic
 from glsim.files.regular import read_regular
@@ -60,7 +60,7 @@ def export_safetensors(path: Path, out: Path) -> None:
     content = load(path)
     kept = {name: content[name] for name in ("format", "version", *_KEYS)}
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(safetensors_file.to_bytes(kept), out)
+    write_atomic(safetensors_bytes(kept), out)
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def load(path: Path) -> dict[str, Any]:
         raise TrainError(f"{path}: no such checkpoint") from None
     except OSError as error:
         raise TrainError(f"{path}: cannot be read: {error.strerror or error}") from None
-    read = safetensors_file.from_bytes if path.suffix == safetensors_file.SUFFIX else _from_archive
+    read = read_safetensors if path.suffix == SUFFIX else _from_archive
     content = read(path, data)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise TrainError(f"{path}: is no checkpoint of glsim train: train one, or name another")

@@ -22,7 +22,7 @@ SUFFIX: Final = ".safetensors"
 _TABLE: Final = "glsim"
 
 
-def to_bytes(content: Mapping[str, Any]) -> bytes:
+def safetensors_bytes(content: Mapping[str, Any]) -> bytes:
     """Return the file of a checkpoint: ``model`` (weights by name) and what JSON can hold.
 
     Raises TrainError without the package safetensors.
@@ -39,8 +39,8 @@ def to_bytes(content: Mapping[str, Any]) -> bytes:
     return bytes(save(weights, {"format": "pt", _TABLE: table}))
 
 
-def from_bytes(path: Path, data: bytes) -> dict[str, Any]:
-    """Return the content of a file that ``to_bytes`` made. path: for messages.
+def read_safetensors(path: Path, data: bytes) -> dict[str, Any]:
+    """Return the content of a file that ``safetensors_bytes`` made. path: for messages.
 
     Raises TrainError without the package safetensors, and for a foreign or damaged file.
     """

@@ -97,9 +97,9 @@ def test_weights_that_are_no_numbers_are_refused(best: Path) -> None:
     content = checkpoint.load(best)
     name = next(name for name, value in content["model"].items() if value.is_floating_point())
     content["model"][name].reshape(-1)[0] = float("nan")
-    from glsim.denoise.safetensors_file import to_bytes
+    from glsim.denoise.safetensors_file import safetensors_bytes
 
-    Path("net.safetensors").write_bytes(to_bytes(content))
+    Path("net.safetensors").write_bytes(safetensors_bytes(content))
     with pytest.raises(TrainError, match="NaN or infinity"):
         checkpoint.load(Path("net.safetensors"))
 
