@@ -193,8 +193,8 @@ def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
                 continue
             row = str(plain.group.row)
             printed = printed_mse_mm2(f"AR {row}") - printed_mse_mm2(row)
-            t, chance = student_t_test(other.values(metric), plain.values(metric))
-            verdict = "one seed: unknown" if math.isnan(t) else yes_or_no(abs(t) < chance)
+            t, p = student_t_test(other.values(metric), plain.values(metric))
+            verdict = "one seed: unknown" if math.isnan(t) else yes_or_no(p > 0.01)
             difference = other.mean(metric) - plain.mean(metric)
             cells = [
                 f"{printed:+.0f}",

@@ -1,9 +1,7 @@
-"""A document of headings, paragraphs and tables that is written as Markdown or HTML."""
+"""A document of headings, paragraphs, tables and pictures: Markdown here, HTML in ``page``."""
 
 from __future__ import annotations
 
-import html
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -21,19 +19,21 @@ class TextTable:
         """Return Markdown without a final line break."""
         return "\n".join(markdown_table(self.head, self.rows))
 
-    def html(self) -> str:
-        """Return HTML; a wide table scrolls sideways."""
-        head = "".join(f"<th>{_inline(cell)}</th>" for cell in self.head)
-        lines = ["".join(f"<td>{_inline(cell)}</td>" for cell in row) for row in self.rows]
-        inner = "".join(f"<tr>{line}</tr>" for line in lines)
-        return f'<div class="wide"><table><tr>{head}</tr>{inner}</table></div>'
-
 
 @dataclass(frozen=True)
 class Heading:
     """The heading of a section."""
 
     text: str
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG picture, which reports keep in ``figures/NAME.png`` too."""
+
+    name: str
+    caption: str
+    png: bytes
 
 
 @dataclass
@@ -54,23 +54,3 @@ class Document:
             else:
                 blocks.append(part if isinstance(part, str) else "\n".join(f"- {x}" for x in part))
         return "\n\n".join(blocks) + "\n"
-
-    def html(self) -> str:
-        """Return a section of an HTML report."""
-        blocks = [f"<h2>{_inline(self.title)}</h2>"]
-        for part in self.parts:
-            if isinstance(part, TextTable):
-                blocks.append(part.html())
-            elif isinstance(part, Heading):
-                blocks.append(f"<h3>{_inline(part.text)}</h3>")
-            elif isinstance(part, str):
-                blocks.append(f"<p>{_inline(part)}</p>")
-            else:
-                blocks.append(f"<ul>{''.join(f'<li>{_inline(x)}</li>' for x in part)}</ul>")
-        return "".join(blocks)
-
-
-def _inline(text: str) -> str:
-    """Convert **bold** and `code` to HTML, and escape the rest."""
-    safe = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", html.escape(text))
-    return re.sub(r"`(.+?)`", r"<code>\1</code>", safe)

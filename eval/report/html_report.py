@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from glsim.denoise import compose, load
 from glsim.denoise.frames import Frames, Stacks
 from glsim.denoise.protocol import Depth
 from glsim.errors import DatasetError
 from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
-from glsim.eval.report.document import Document
+from glsim.eval.report.document import Document, Heading, Picture, TextTable
 from glsim.eval.report.figures.bias_curves import bias_curves
 from glsim.eval.report.figures.curves import disagreement, error_curves, frame_boxes
 from glsim.eval.report.figures.gallery import GalleryFrame, method_gallery
 from glsim.eval.report.figures.style import to_png
-from glsim.eval.report.page import html_figure, html_page
+from glsim.eval.report.page import html_page
 from glsim.eval.report.tables import (
     BASELINE_METRICS,
     REGION_NOTE,
@@ -56,21 +55,21 @@ def write_report(
     job = job if drawn is None else replace(job, denoisers=tuple(drawn))
     labels = {spec.partition("@")[0] for spec in job.denoisers}
     summary = evaluation.summary.only(labels)
-    pictures: list[tuple[str, str, bytes]] = [
-        (
+    pictures = [
+        Picture(
             "disagreement",
             "All-pixel MSE and surface error: a dot per frame, a large dot for the mean of a "
             "method. Methods that keep the input's mask lie above each other, because MSE cannot "
             "tell them apart.",
             to_png(disagreement(summary)),
         ),
-        (
+        Picture(
             "error_curves",
             "Cumulative absolute error on the pixels where input and truth have depth, the same "
             "for every method.",
             to_png(error_curves(summary)),
         ),
-        (
+        Picture(
             "frame_boxes",
             "Distribution over frames: middle half (box), median (line), 5 to 95 % (whiskers) and "
             "mean (diamond).",
@@ -80,7 +79,7 @@ def write_report(
     over_distance = bias_curves(summary)
     if over_distance is not None:
         caption = "Bias over distance: mean error per 100 mm, with its 95 % interval over subjects."
-        pictures.append(("bias_by_distance", caption, to_png(over_distance)))
+        pictures.append(Picture("bias_by_distance", caption, to_png(over_distance)))
     frame = example_frame(job)
     if frame is not None:
         names = list(frame.predictions)
@@ -91,11 +90,17 @@ def write_report(
             part = {name: frame.predictions[name] for name in names[first:last]}
             figure = method_gallery(replace(frame, predictions=part))
             caption = "One frame denoised by every method, in the same scale."
-            pictures.append((f"gallery_{sheet + 1}", caption, to_png(figure)))
-    for name, _, png in pictures:
-        write_atomic(png, out / "figures" / f"{name}.png")
+            pictures.append(Picture(f"gallery_{sheet + 1}", caption, to_png(figure)))
+    for picture in pictures:
+        write_atomic(picture.png, out / "figures" / f"{picture.name}.png")
+    legend = (
+        f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Small: the "
+        "95 % interval over subjects (bootstrap). Bold: the best mean. Arrows: which way is better."
+    )
+    sections = [*documents, _scores(table, legend), *_further_tables(evaluation, table)]
     path = out / "report.html"
-    write_atomic(_html_text(evaluation, table, heading, pictures, documents).encode(), path)
+    text = html_page(heading, sections, pictures, _notes(evaluation, table))
+    write_atomic(text.encode(), path)
     return path
 
 
@@ -130,85 +135,53 @@ def example_frame(job: ScoringJob) -> GalleryFrame | None:
     return None
 
 
-def _html_text(
-    evaluation: Evaluation,
-    table: ResultTable,
-    heading: str,
-    pictures: Sequence[tuple[str, str, bytes]],
-    documents: Sequence[Document],
-) -> str:
-    body = [
-        f"<h1>{html.escape(heading)}</h1>",
-        f"<p>{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Small: the "
-        "95 % interval over subjects (bootstrap). Bold: the best mean. Arrows: which way is "
-        "better.</p>",
-    ]
-    body += [document.html() for document in documents]
+def _scores(table: ResultTable, legend: str) -> Document:
+    """Return the tables of all metrics, with intervals."""
+    document = Document("Scores", [legend])
     for title, names in TABLE_SECTIONS.items():
         metrics = [TABLE_METRICS[name] for name in names]
-        head = ["method", *(f"{m.heading} {m.arrow}" for m in metrics)]
         tops = {m.name: best_methods(table, m) for m in metrics}
-        rows: list[list[str]] = []
+        rows = []
         for method, entries in table.items():
-            cells = [f"<code>{html.escape(method)}</code>"]
+            cells = [f"`{method}`"]
             for m in metrics:
                 entry = entries[m.name]
-                mean = format_number(entry.mean, m.unit)
-                cell = f"<b>{mean}</b>" if method in tops[m.name] else mean
-                low, high = format_number(entry.low, m.unit), format_number(entry.high, m.unit)
-                cells.append(f"{cell}<small>{low} - {high}</small>")
+                mean, low, high = (
+                    format_number(number, m.unit) for number in (entry.mean, entry.low, entry.high)
+                )
+                best = f"**{mean}**" if method in tops[m.name] else mean
+                cells.append(f"{best}\n{low} - {high}")
             rows.append(cells)
-        body += [f"<h2>{html.escape(title)}</h2>", _html_table(head, rows)]
-    regions = region_tables(table)
-    if regions:
-        body += [f"<h2>{REGION_TITLE}</h2>", f"<p>{REGION_NOTE}</p>"]
-    for title, head, rows in regions:
-        body += [
-            f"<h3>{title}</h3>",
-            _html_table(head, [[_html(cell) for cell in r] for r in rows]),
-        ]
+        head = ["method", *(f"{m.heading} {m.arrow}" for m in metrics)]
+        document.parts += [Heading(title), TextTable(head, rows)]
+    return document
+
+
+def _further_tables(evaluation: Evaluation, table: ResultTable) -> Iterator[Document]:
+    """Yield parts of the face, bias over distance and trivial predictions, where there are any."""
+    regions = Document(REGION_TITLE, [REGION_NOTE])
+    for title, head, rows in region_tables(table):
+        regions.parts += [Heading(title), TextTable(head, rows)]
+    if len(regions.parts) > 1:
+        yield regions
     head, rows = bias_table(evaluation.summary)
     if rows:
-        body += [f"<h2>{BIAS_TITLE}</h2>", f"<p>{html.escape(BIAS_NOTE)}</p>"]
-        body.append(_html_table(head, [[_html(cell) for cell in r] for r in rows]))
+        yield Document(BIAS_TITLE, [BIAS_NOTE, TextTable(head, rows)])
     baselines = evaluation.baselines
     if baselines.methods:
         metrics = [TABLE_METRICS[name] for name in BASELINE_METRICS]
         rows = [
-            [
-                html.escape(name),
-                *(format_number(baselines.mean(name, m.name), m.unit) for m in metrics),
-            ]
+            [name, *(format_number(baselines.mean(name, m.name), m.unit) for m in metrics)]
             for name in baselines.methods
         ]
         head = ["prediction", *(f"{m.heading} {m.arrow}" for m in metrics)]
-        body += ["<h2>Trivial predictions: a scale for the above</h2>", _html_table(head, rows)]
-    body.append("<h2>Figures</h2>")
-    body += [html_figure(name, caption, png) for name, caption, png in pictures]
-    body.append("<h2>Definitions</h2><dl>")
-    for metric in (TABLE_METRICS[name] for names in TABLE_SECTIONS.values() for name in names):
-        name, definition = html.escape(metric.heading), html.escape(metric.help)
-        body.append(f"<dt><b>{name}</b></dt><dd>{definition}</dd>")
-    body.append("</dl>")
-    notes: list[Any] = remarks(evaluation, table)
+        yield Document("Trivial predictions: a scale for the above", [TextTable(head, rows)])
+
+
+def _notes(evaluation: Evaluation, table: ResultTable) -> Iterator[Document]:
+    """Yield what follows the figures: definitions, and remarks if there are any."""
+    metrics = [TABLE_METRICS[name] for names in TABLE_SECTIONS.values() for name in names]
+    yield Document("Definitions", [[f"**{m.heading}**: {m.help}" for m in metrics]])
+    notes = remarks(evaluation, table)
     if notes:
-        body.append("<h2>Remarks</h2><ul>")
-        body += [f"<li>{html.escape(note)}</li>" for note in notes]
-        body.append("</ul>")
-    return html_page(heading, body)
-
-
-def _html(cell: str) -> str:
-    """Convert a Markdown cell to HTML: bold, code, or plain."""
-    for mark, tag in (("**", "b"), ("`", "code")):
-        if cell.startswith(mark):
-            return f"<{tag}>{html.escape(cell.strip(mark))}</{tag}>"
-    return html.escape(cell)
-
-
-def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return an HTML table. Cells are HTML already; heads are plain text."""
-    top = "".join(f"<th>{html.escape(text)}</th>" for text in head)
-    lines = ["".join(f"<td>{cell}</td>" for cell in row) for row in rows]
-    inner = "".join(f"<tr>{line}</tr>" for line in lines)
-    return f'<div class="wide"><table><tr>{top}</tr>{inner}</table></div>'
+        yield Document("Remarks", [notes])

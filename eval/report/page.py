@@ -1,37 +1,56 @@
-"""One HTML file that needs no network: its style, and figures within it."""
+"""One HTML file that needs no network: documents and pictures, through ``page.html.jinja``."""
 
 from __future__ import annotations
 
 import base64
-import html
-from collections.abc import Sequence
-from typing import Final
+import re
+from collections.abc import Iterable, Sequence
+from functools import cache
+from typing import TYPE_CHECKING
 
-_STYLE: Final = """
-body { font: 15px/1.45 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem;
-       color: #1a1a1a; }
-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
-th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #ddd; }
-th:first-child, td:first-child { text-align: left; }
-td small { color: #777; display: block; white-space: nowrap; }
-.wide { overflow-x: auto; }
-figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: 13px; }
-img { max-width: 100%; }
-"""
+from glsim.errors import GlsimError
+from glsim.eval.report.document import Document, Picture
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 
-def html_figure(name: str, caption: str, png: bytes) -> str:
-    """Return a figure with its caption; the picture is part of the text."""
-    data, text = base64.b64encode(png).decode(), html.escape(caption)
-    return (
-        f'<figure id="{name}"><img alt="{text}" src="data:image/png;base64,{data}">'
-        f"<figcaption>{text}</figcaption></figure>"
+def html_page(
+    title: str,
+    documents: Iterable[Document],
+    pictures: Sequence[Picture] = (),
+    notes: Iterable[Document] = (),
+) -> str:
+    """Return a whole HTML page: documents, pictures with their captions, and notes after them.
+
+    All text is escaped; **bold** and `code` become HTML. What follows a line break in a cell of a
+    table is small. Raises GlsimError without Jinja2.
+    """
+    return _template().render(title=title, documents=documents, pictures=pictures, notes=notes)
+
+
+@cache
+def _template() -> Template:
+    try:
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+        from markupsafe import Markup, escape
+    except ImportError:
+        raise GlsimError(
+            "report.html needs Jinja2: pip install 'glsim[eval]', or give --no-figures"
+        ) from None
+
+    def inline(text: str) -> Markup:
+        text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", str(escape(text)))
+        text = re.sub(r"`(.+?)`", r"<code>\1</code>", text)
+        return Markup(re.sub(r"\n(.+)", r"<small>\1</small>", text))
+
+    environment = Environment(
+        loader=PackageLoader("glsim.eval.report", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
     )
-
-
-def html_page(title: str, body: Sequence[str]) -> str:
-    """Return a whole HTML page; the parts of the body are HTML already."""
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}'
-        f"</title><style>{_STYLE}</style></head><body>{''.join(body)}</body></html>\n"
-    )
+    environment.filters["inline"] = inline
+    environment.filters["base64"] = lambda data: base64.b64encode(data).decode()
+    return environment.get_template("page.html.jinja")

@@ -11,8 +11,8 @@ from typing import Final
 
 from glsim.eval.real_frames.measures import BINS_M
 from glsim.eval.real_frames.results import EDGES, Interval, MethodScores, RealScores
-from glsim.eval.report.document import Document, Heading, TextTable
-from glsim.eval.report.page import html_figure, html_page
+from glsim.eval.report.document import Document, Heading, Picture, TextTable
+from glsim.eval.report.page import html_page
 from glsim.eval.report.tables import format_number
 from glsim.eval.scoring.run import write_csv
 from glsim.files.atomic import write_atomic
@@ -27,8 +27,6 @@ _EDGE_HEADS: Final = {
     "alone_filled": ("of them filled", 1.0),
     "pinholes": ("pinholes", 1.0),
 }
-
-Picture = tuple[str, str, bytes]
 
 
 def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Document:
@@ -159,11 +157,10 @@ def write_real_frames(
     write_csv(paths[1], ("method", "measure", "unit", "at", "value"), _csv_rows(scores))
     write_atomic((json.dumps(scores.as_json(), indent=1) + "\n").encode(), paths[2])
     if pictures:
-        for name, _, png in pictures:
-            write_atomic(png, out / "figures" / f"{name}.png")
-        body = [page.html(), *(html_figure(*picture) for picture in pictures)]
+        for picture in pictures:
+            write_atomic(picture.png, out / "figures" / f"{picture.name}.png")
         paths.append(out / "report.html")
-        write_atomic(html_page(page.title, body).encode(), paths[-1])
+        write_atomic(html_page("Denoisers on real frames", [page], pictures).encode(), paths[-1])
     return paths
 
 

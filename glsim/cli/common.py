@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import logging
 import signal
 import sys
@@ -52,46 +54,57 @@ console = make_console(stderr=True)
 
 
 @dataclass
-class _Options:
+class MessageOptions:
+    """Which messages a command prints, as its options say."""
+
     quiet: bool = False
+    verbose: bool = False
     debug: bool = False
 
-
-options = _Options()
-
-
-def _set_quiet(value: bool) -> bool:
-    options.quiet = value
-    return value
+    @property
+    def flags(self) -> list[str]:
+        """The options as words of a command line."""
+        given = (("-q", self.quiet), ("-v", self.verbose), ("--debug", self.debug))
+        return [flag for flag, on in given if on]
 
 
-def _set_verbose(value: bool) -> bool:
-    if value:
-        handler = RichHandler(console=console, show_path=False, show_time=False)
-        logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
-    return value
+options = MessageOptions()
 
 
-def _set_debug(value: bool) -> bool:
-    options.debug = value
-    if value:
-        handler = RichHandler(console=console)
-        logging.basicConfig(level=logging.DEBUG, format="%(message)s", handlers=[handler])
-    return value
+def _set_messages(
+    *,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("-v", "--verbose", help="Log detected units, axes and decisions.")
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show tracebacks and all log messages.")
+    ] = False,
+) -> None:
+    options.quiet, options.verbose, options.debug = quiet, verbose, debug
+    if verbose or debug:
+        handler = RichHandler(console=console, show_path=debug, show_time=debug)
+        level = logging.DEBUG if debug else logging.INFO
+        logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
 
 
-Quiet = Annotated[
-    bool, typer.Option("-q", "--quiet", help="Print errors only.", callback=_set_quiet)
-]
-Verbose = Annotated[
-    bool,
-    typer.Option(
-        "-v", "--verbose", help="Log detected units, axes and decisions.", callback=_set_verbose
-    ),
-]
-Debug = Annotated[
-    bool, typer.Option("--debug", help="Show tracebacks and all log messages.", callback=_set_debug)
-]
+def with_messages(command: Callable[..., int | None]) -> Callable[..., int | None]:
+    """Give a command the options --quiet, --verbose and --debug after its own."""
+    own = inspect.signature(command, eval_str=True)
+    shared = inspect.signature(_set_messages, eval_str=True).parameters
+
+    @functools.wraps(command)
+    def wrapped(**values: Any) -> int | None:
+        _set_messages(**{name: values.pop(name) for name in shared})
+        return command(**values)
+
+    # Typer reads a command's options from its signature.
+    parameters = [*own.parameters.values(), *shared.values()]
+    wrapped.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    wrapped.__annotations__ = {each.name: each.annotation for each in parameters}
+    return wrapped
+
+
 SensorOption = Annotated[
     str | None,
     typer.Option("--sensor", "-s", help="A shipped sensor (glsim sensors) or a .toml file."),

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import Debug, Quiet, Verbose, options, print_message, print_written
+from glsim.cli.common import options, print_message, print_written
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -54,9 +54,6 @@ def compare(
             min=1, help="Focal length of both, pixels. Default: stated, or a Kinect V2's."
         ),
     ] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Measure two sets of depth frames and tell them apart.
 

@@ -10,12 +10,9 @@ import typer
 
 from glsim.cli.common import (
     ConfigOption,
-    Debug,
-    Quiet,
     SeedOption,
     SensorOption,
     SetOption,
-    Verbose,
     console,
     overrides,
     print_message,
@@ -56,9 +53,6 @@ def corrupt(
     backend: Annotated[
         str | None, typer.Option(help="egl, osmesa, or numpy, which needs no OpenGL.")
     ] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Add the noise of a sensor to clean depth maps; 0 means no depth, in and out.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glsim.cli.common import Debug, Quiet, Verbose, console, print_message
+from glsim.cli.common import console, print_message
 from glsim.errors import ConfigError, DatasetError
 
 if TYPE_CHECKING:
@@ -99,9 +99,6 @@ def denoise(
             help="Step of the depth files, mm. Default: that of their data set, else 1.",
         ),
     ] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Denoise 16-bit depth maps; 0 means no depth, in and out.
 

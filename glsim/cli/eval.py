@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, cast, get_args
 import typer
 
 from glsim.cli.common import (
-    Debug,
-    Quiet,
-    Verbose,
     WorkersOption,
     console,
     print_message,
@@ -116,9 +113,6 @@ def evaluate(
     list_denoisers: Annotated[
         bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
     ] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Score denoisers; write rows.csv, table.md, table.csv, table.tex and report.html with figures.
 

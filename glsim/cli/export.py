@@ -1,4 +1,4 @@
-"""``glsim export``: frames in other programs' formats; the network of a checkpoint as ONNX."""
+"""``glsim export``: frames in other programs' formats; networks as ONNX or safetensors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import Debug, Quiet, Verbose, print_message, split_names
+from glsim.cli.common import print_message, print_written, split_names
 from glsim.errors import ConfigError, DatasetError, TrainError
 
 EXAMPLES = """
@@ -22,6 +22,8 @@ glsim export data -o ros --to rosbag                     pip install 'glsim[form
 glsim export run/best.pt -o face.onnx                    a network
 
 glsim denoise noisy.png -o clean.png -d face.onnx        runs it without PyTorch
+
+glsim export run/best.pt -o face.safetensors             its weights and recipe, for PyTorch
 """
 
 
@@ -31,7 +33,10 @@ def export(
         typer.Argument(help="A data set, or best.pt or last.pt of a run of glsim train."),
     ],
     out: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for the files; an .onnx file of a network.")
+        Path,
+        typer.Option(
+            "-o", "--out", help="Folder for the files; an .onnx or .safetensors file of a network."
+        ),
     ],
     to: Annotated[
         str | None,
@@ -47,15 +52,13 @@ def export(
         str | None, typer.Option(help="Only train, val or test. Default: all.")
     ] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Only the first N frames.")] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
-    """Export a data set's frames to other programs, or a trained network as ONNX.
+    """Export a data set's frames to other programs, or a trained network.
 
     Depth is in metres. Principal points are converted: the files give the first pixel's centre the
-    coordinates (0, 0), as OpenCV, Open3D and ROS do. A network is written if its ONNX file gives
-    the depths of PyTorch within 0.01 mm.
+    coordinates (0, 0), as OpenCV, Open3D and ROS do. Networks become ONNX files, which run without
+    PyTorch and are written if they give its depths within 0.01 mm, or safetensors files, which hold
+    the weights and the recipe and can hold no code.
     """
     if source.is_dir():
         _export_frames(source, out, to, layers, split, frames)
@@ -92,12 +95,17 @@ def _export_frames(
 def _export_network(checkpoint: Path, out: Path) -> None:
     from glsim.denoise.loading import ONNX_SUFFIX
 
-    if out.suffix != ONNX_SUFFIX:
-        raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX}")
+    if out.suffix not in (ONNX_SUFFIX, ".safetensors"):
+        raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX} or .safetensors")
     try:
+        from glsim.denoise.checkpoint import export_safetensors
         from glsim.train.export import export_onnx
     except ImportError as error:
         raise TrainError(f"export needs PyTorch: pip install 'glsim[export]' ({error})") from None
+    if out.suffix != ONNX_SUFFIX:
+        export_safetensors(checkpoint, out)
+        print_written([out])
+        return
     differences = export_onnx(checkpoint, out)
     size_mb = out.stat().st_size / 1e6
     print_message(

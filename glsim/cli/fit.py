@@ -10,9 +10,6 @@ import typer
 from rich.table import Table
 
 from glsim.cli.common import (
-    Debug,
-    Quiet,
-    Verbose,
     make_console,
     options,
     print_message,
@@ -63,9 +60,6 @@ def fit(
     base: Annotated[
         str | None, typer.Option(help="Base sensor: kinect-v2-fast (default) or kinect-v2.")
     ] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Measure a camera's noise on a recording of a static scene and write a sensor file.
 

@@ -10,13 +10,10 @@ import typer
 from glsim.cli.common import (
     BackendOption,
     ConfigOption,
-    Debug,
     PresetOption,
-    Quiet,
     SeedOption,
     SensorOption,
     SetOption,
-    Verbose,
     WorkersOption,
     console,
     overrides,
@@ -120,9 +117,6 @@ def generate(
     ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Stop at the first bad mesh.")] = False,
     backend: BackendOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Generate a data set of clean and noisy depth frames, split by subject; resumable."""
     from glsim.dataset import generate as run

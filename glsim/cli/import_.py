@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import BackendOption, Debug, Quiet, Verbose, WorkersOption
+from glsim.cli.common import BackendOption, WorkersOption, with_messages
 
 BIWI_EXAMPLES = """
 [bold]Examples[/bold]
@@ -36,6 +36,7 @@ def _import_group() -> None:
 
 
 @app.command("biwi", epilog=BIWI_EXAMPLES)
+@with_messages
 def biwi(
     root: Annotated[Path, typer.Argument(help="Folder with NN.obj and NN/frame_*_depth.bin.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the data set.")],
@@ -49,9 +50,6 @@ def biwi(
     ] = None,
     workers: WorkersOption = "auto",
     backend: BackendOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps."""
     from glsim.cli.generate import print_summary
@@ -75,6 +73,7 @@ def biwi(
 
 
 @app.command("kinect2", epilog=KINECT2_EXAMPLES)
+@with_messages
 def kinect2(
     root: Annotated[
         Path,
@@ -94,9 +93,6 @@ def kinect2(
         str | None, typer.Option(help="Shares of train,val,test. Default: 0,0,1 (all test).")
     ] = None,
     workers: WorkersOption = "1",
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps."""
     from glsim.cli.generate import print_summary

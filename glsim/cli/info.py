@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, make_console, print_table
+from glsim.cli.common import make_console, print_table
 from glsim.errors import ConfigError, DeviceError
 
 EXAMPLES = """
@@ -16,7 +16,7 @@ GLSIM_BACKEND=osmesa glsim info
 """
 
 
-def info(quiet: Quiet = False, verbose: Verbose = False, debug: Debug = False) -> None:
+def info() -> None:
     """Print versions and the OpenGL back ends with their drivers.
 
     A missing back end is listed with the packages to install.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glsim.cli.common import BackendOption, Debug, Quiet, Verbose, make_console, print_written
+from glsim.cli.common import BackendOption, make_console, print_written
 from glsim.errors import ConfigError, MeshError
 
 if TYPE_CHECKING:
@@ -43,9 +43,6 @@ def inspect(
         str, typer.Option(help="Axes of the mesh files; overrides detection.")
     ] = "auto",
     backend: BackendOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Detect the kind of a face set, print people, frames, units, axes, problems; draw faces."""
     from glsim import inspection

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import Debug, Quiet, Verbose, print_written
+from glsim.cli.common import print_written
 from glsim.errors import DatasetError
 
 EXAMPLES = """
@@ -29,9 +29,6 @@ def preview(
         int, typer.Option(min=1, max=40, help="Number of frames (rows) on the contact sheet.")
     ] = 6,
     split: Annotated[str | None, typer.Option(help="train, val or test. Default: all.")] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Draw a contact sheet of a data set and summarise its noise.
 

@@ -10,13 +10,10 @@ import typer
 from glsim.cli.common import (
     BackendOption,
     ConfigOption,
-    Debug,
     PresetOption,
-    Quiet,
     SeedOption,
     SensorOption,
     SetOption,
-    Verbose,
     overrides,
     print_message,
     print_written,
@@ -60,9 +57,6 @@ def render(
     preset: PresetOption = None,
     config: ConfigOption = None,
     backend: BackendOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Render one mesh to a clean and a noisy depth map (16-bit PNG, millimetres).
 

@@ -24,7 +24,7 @@ from typing import Annotated
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.cli.common import Debug, Quiet, Verbose, console, print_message, run_command_line
+from glsim.cli.common import console, options, print_message, run_command_line
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
 from glsim.settings.tables import parse_table, read_toml
 
@@ -98,9 +98,6 @@ def reproduce(
     plan: Annotated[
         bool, typer.Option("--plan", help="Print the commands without running them.")
     ] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
@@ -111,20 +108,20 @@ def reproduce(
     root_command = context.find_root().command
     chosen = load_plan(size)
     commands = list(chosen.commands(out))
+    flags = options.flags
     if plan:
         for command in commands:
             typer.echo(shlex.join(["glsim", *command]))
         return
     print_message(f"{chosen.title}: {len(commands)} commands")
     start = time.monotonic()
-    flags = [flag for flag, on in (("-q", quiet), ("-v", verbose), ("--debug", debug)) if on]
     for number, command in enumerate(commands, 1):
         text = shlex.join(["glsim", *command])
         minutes = (time.monotonic() - start) / 60
         finished = command[0] == "train" and _is_finished(Path(command[-1]))
         state = ", finished before" if finished else ""
         line = f"{number}/{len(commands)}, {minutes:.0f} min{state}: {text}"
-        if not quiet:  # on one line and without markup, so that it can be copied
+        if not options.quiet:  # on one line and without markup, so that it can be copied
             console.print(line, soft_wrap=True)
         if not finished and run_command_line(root_command, [*command, *flags]) != 0:
             raise GlsimError(f"stopped in command {number} of {len(commands)}: {text}: repeat "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, print_table
+from glsim.cli.common import print_table
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -15,7 +15,7 @@ glsim render face.obj --sensor my_sensor.toml
 """
 
 
-def sensors(quiet: Quiet = False, verbose: Verbose = False, debug: Debug = False) -> None:
+def sensors() -> None:
     """List the shipped sensors with their noise stages.
 
     Stages in brackets are switched off.

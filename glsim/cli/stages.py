@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from glsim.cli.common import Debug, Quiet, Verbose, make_console, print_table
+from glsim.cli.common import make_console, print_table
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -24,9 +24,6 @@ def stages(
     name: Annotated[
         str | None, typer.Argument(help="A shipped stage, a .glsl file, or file.py:function.")
     ] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file."""
     from glsim.noise.registry import describe_stage, shipped_stages

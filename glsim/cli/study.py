@@ -8,10 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import (
-    Debug,
-    Quiet,
     SeedOption,
-    Verbose,
     WorkersOption,
     overrides,
     print_message,
@@ -46,9 +43,6 @@ def study(
     crop: Annotated[int, typer.Option(help="Side of the centre crop, pixels.")] = 128,
     seed: SeedOption = None,
     workers: WorkersOption = "auto",
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Compute table 1 under several noise models; study.md compares the best filters.
 

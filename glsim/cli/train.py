@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import (
-    Debug,
-    Quiet,
     SeedOption,
-    Verbose,
     console,
     options,
     overrides,
@@ -105,9 +102,6 @@ def train(
     list_recipes: Annotated[
         bool, typer.Option("--list", help="Print the shipped recipes and exit.")
     ] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Train a denoiser; write best.pt, last.pt, metrics.csv, TensorBoard events, sample images."""
     from glsim.train.recipe import load_recipe

@@ -10,9 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glsim.cli.common import (
-    Debug,
-    Quiet,
-    Verbose,
     WorkersOption,
     print_message,
     print_written,
@@ -96,9 +93,6 @@ def transfer(
         bool, typer.Option("--plan", help="Print the steps and their time without running them.")
     ] = False,
     workers: WorkersOption = "auto",
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Train without a sensor or a source of faces; score on what was left out, beside filters.
 

@@ -10,12 +10,9 @@ import typer
 from glsim.cli.common import (
     BackendOption,
     ConfigOption,
-    Debug,
     PresetOption,
-    Quiet,
     SeedOption,
     SetOption,
-    Verbose,
     console,
     overrides,
     print_written,
@@ -72,9 +69,6 @@ def tune(
     preset: PresetOption = None,
     config: ConfigOption = None,
     backend: BackendOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Change a sensor's noise in a browser and see the frame, its figures and its code at once.
 

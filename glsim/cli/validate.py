@@ -12,9 +12,6 @@ from rich.text import Text
 
 from glsim.cli.common import (
     BackendOption,
-    Debug,
-    Quiet,
-    Verbose,
     options,
     print_message,
     print_table,
@@ -59,9 +56,6 @@ def validate(
         int, typer.Option(min=8, max=2000, help="Number of frames of each wall.")
     ] = 64,
     backend: BackendOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> int:
     """Check a sensor's noise against published measurements.
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from glsim.cli.common import Debug, Quiet, Verbose, make_console, print_message
+from glsim.cli.common import make_console, print_message
 from glsim.errors import DatasetError, GlsimError
 
 EXAMPLES = """
@@ -40,9 +40,6 @@ def verify(
     repair: Annotated[
         bool, typer.Option("--repair", help="Print the command that makes the damaged files again.")
     ] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> int:
     """Check a data set: header, counts, checksums, splits, files without a record.
 

@@ -3,7 +3,8 @@
     best.pt   recipe, model, data, progress and validation at the best validation
     last.pt   the same, and the state to resume from: optimiser, average, rng, scaler
 
-Writing is atomic (a temporary file is renamed): a file is complete, or still the previous one.
+``export_safetensors`` writes the content of best.pt as a safetensors file, which ``load`` reads
+too. Writing is atomic (a temporary file is renamed): a file is complete, or still the previous one.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, Final
 
 import torch
 
+from glsim.denoise.safetensors_file import SUFFIX, read_safetensors, safetensors_bytes
 from glsim.errors import DatasetError, TrainError
 from glsim.files.atomic import write_atomic
 from glsim.files.regular import read_regular
@@ -50,12 +52,23 @@ def write(path: Path, content: dict[str, Any]) -> None:
         ) from error
 
 
+def export_safetensors(path: Path, out: Path) -> None:
+    """Write the weights and the recipe of a checkpoint (best.pt, last.pt) as a safetensors file.
+
+    Raises TrainError for a foreign or damaged checkpoint.
+    """
+    content = load(path)
+    kept = {name: content[name] for name in ("format", "version", *_KEYS)}
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(safetensors_bytes(kept), out)
+
+
 def load(path: Path) -> dict[str, Any]:
     """Read a checkpoint to CPU memory. Raises TrainError for a foreign or damaged file.
 
     The file is a zip archive of tensors, uncompressed, so that it cannot be larger in memory than
-    on the disk; every CRC32 in it is compared, since PyTorch compares none. Tensors of weights are
-    finite and no larger than their archive.
+    on the disk; every CRC32 in it is compared, since PyTorch compares none. Or it is a safetensors
+    file by its name. Tensors of weights are finite and no larger than their file.
     """
     try:
         data = read_regular(path, MAX_BYTES)
@@ -63,13 +76,8 @@ def load(path: Path) -> dict[str, Any]:
         raise TrainError(f"{path}: no such checkpoint") from None
     except OSError as error:
         raise TrainError(f"{path}: cannot be read: {error.strerror or error}") from None
-    _check_archive(path, data)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about pickles not of torch, refused below
-            content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-    except Exception:  # PyTorch's reader raises exceptions of any type
-        raise TrainError(f"{path}: {_FOREIGN}") from None
+    read = read_safetensors if path.suffix == SUFFIX else _from_archive
+    content = read(path, data)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise TrainError(f"{path}: is no checkpoint of glsim train: train one, or name another")
     if content.get("version") != VERSION:
@@ -83,6 +91,17 @@ def load(path: Path) -> dict[str, Any]:
     for key in ("model", "average"):
         _check_weights(path, content.get(key) or {}, len(data))
     return content
+
+
+def _from_archive(path: Path, data: bytes) -> Any:
+    """Return what PyTorch has written. Raises TrainError for a foreign or damaged file."""
+    _check_archive(path, data)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about pickles not of torch, refused below
+            return torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    except Exception:  # PyTorch's reader raises exceptions of any type
+        raise TrainError(f"{path}: {_FOREIGN}") from None
 
 
 def _check_archive(path: Path, data: bytes) -> None:

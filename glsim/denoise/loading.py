@@ -19,7 +19,7 @@ from glsim.errors import DenoiserError
 
 #: Package of the shipped networks, one file each; docs/model_card.md describes them.
 _SHIPPED_PACKAGE: ModuleType | str = shipped
-#: Suffix of networks that run without PyTorch; other suffixes are checkpoints of PyTorch.
+#: Suffix of networks that run without PyTorch; other suffixes (.pt, .safetensors) need it.
 ONNX_SUFFIX = ".onnx"
 
 

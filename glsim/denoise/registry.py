@@ -65,7 +65,7 @@ GRIDS: Final[dict[str, dict[str, Sequence[float]]]] = {
 #: Windows of the mask clean-up that tuning tries, px.
 CLEANUPS: Final = (3, 5, 7)
 
-_SUFFIXES = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt")
+_SUFFIXES = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt", ".safetensors")
 
 
 def denoiser_names() -> list[str]:
@@ -96,7 +96,7 @@ def tuning_specs(name: str, cleanups: Sequence[int]) -> list[str]:
 def load(spec: str) -> Method:
     """Load a denoiser: ``name:key=value,...``, ``module:function:key=value,...`` or a network file.
 
-    Network files are ``best.pt`` (needs PyTorch) and ``face.onnx``.
+    Network files are ``best.pt`` and ``face.safetensors`` (need PyTorch), and ``face.onnx``.
 
     ``label@spec`` sets its name in tables. Raises ConfigError for an unknown name or parameter,
     DenoiserError if it cannot be imported.
@@ -120,7 +120,7 @@ def load(spec: str) -> Method:
         return from_callable(name, function, _assignments(parameters, spec), label)
     raise ConfigError(
         f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
-        "or write module:function, or the path of a network (.onnx, .pt)"
+        "or write module:function, or the path of a network (.onnx, .pt, .safetensors)"
     )
 
 

@@ -140,6 +140,13 @@ def test_every_option_has_a_help_text() -> None:
             )
 
 
+def test_every_command_ends_with_the_shared_options() -> None:
+    for path, command in COMMANDS.items():
+        names = [parameter.name for parameter in command.params if parameter.name != "help"]
+        if not hasattr(command, "commands"):
+            assert names[-3:] == ["quiet", "verbose", "debug"], path
+
+
 def test_every_command_has_a_file_of_its_name() -> None:
     files = {file.stem for file in Path(main.__code__.co_filename).parent.glob("*.py")}
     assert {file.rstrip("_") for file in files - SHARED_FILES} == set(ROOT.commands)

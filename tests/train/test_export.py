@@ -86,7 +86,7 @@ def test_the_command_writes_a_file_that_denoise_reads(
     np.testing.assert_array_equal(by_file.valid, by_checkpoint.valid)
     np.testing.assert_allclose(by_file.depth_mm, by_checkpoint.depth_mm, atol=TOLERANCE_MM)
     assert main(["export", "best.pt", "-o", "net.pt"]) == 2
-    assert "must end in .onnx" in capsys.readouterr().err
+    assert "must end in .onnx or .safetensors" in capsys.readouterr().err
 
 
 def test_files_that_are_no_networks_are_refused(

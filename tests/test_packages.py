@@ -1,0 +1,51 @@
+"""Recipes for packages say the same: version, Debian packages, extras, the two commands."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import pytest
+
+from glsim.gl.context import INSTALL_HINT
+from tests.support.imports import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EGL = {word for word in INSTALL_HINT["egl"].split() if word.startswith("lib")}
+INSTALL_PAGE = ROOT / "docs" / "howto" / "install.md"
+
+
+def text(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_the_citation_has_the_version_and_the_licence_of_the_package() -> None:
+    found = dict(re.findall(r"^(version|license|title): (.+)$", text("CITATION.cff"), re.MULTILINE))
+    assert found == {key: PROJECT[key] for key in ("version", "license")} | {"title": "glsim"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("Dockerfile", "glsim.def", "scripts/check_wheel.sh", ".github/workflows/checks.yml"),
+        *("docs/howto/install.md", "docs/start.md", "README.md", "scripts/setup.sh"),
+    ],
+)
+def test_every_recipe_installs_the_debian_packages_of_the_hint(name: str) -> None:
+    assert "libgl1" in EGL
+    words = set(re.findall(r"[a-z0-9.-]+", text(name)))
+    assert EGL - words == set(), f"{name} lacks {EGL - words}"
+
+
+def test_the_page_has_a_row_for_every_extra() -> None:
+    rows = re.findall(r"^\| (`.*?) \|", INSTALL_PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    named = {name for row in rows for name in re.findall(r"`([a-z]+)`", row)}
+    assert set(PROJECT["optional-dependencies"]) <= named
+
+
+def test_the_workflow_runs_what_the_readme_promises() -> None:
+    promised = re.findall(r"^(make \w+)", text("README.md"), re.MULTILINE)
+    assert promised[:2] == ["make demo", "make test"]
+    workflow = text(".github/workflows/checks.yml")
+    for command in (*promised[:2], "make docs", "scripts/check_wheel.sh"):
+        assert f"- run: {command}\n" in workflow
