@@ -59,7 +59,7 @@ stills+=(--data "$out/ideal-procedural")
 for camera in any_camera any_camera_640 randomised; do
     for source in procedural ict-facekit; do
         generate "video-$camera" $source 30 16 --config "train/data/$camera.toml" "${video[@]}"
-        generate "video-$camera-wall" $source 15 16 --config "train/data/$camera.toml" "${near_wall[@]}" \
+        generate "video-$camera-wall" $source 20 16 --split 0.9,0.1,0 --config "train/data/$camera.toml" "${near_wall[@]}" \
             "${video[@]}"
         videos+=(--data "$out/video-$camera-$source" --data "$out/video-$camera-wall-$source")
     done

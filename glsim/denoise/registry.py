@@ -44,7 +44,7 @@ _FILTERS: Final[dict[str, type]] = {
 SHIPPED: Final = "face"
 #: The networks that glsim ships, in the folder shipped/: name -> help.
 _NETWORKS: Final = {
-    SHIPPED: "the shipped network for faces before a Kinect V2",
+    SHIPPED: "the shipped network, for heads and rooms before any depth camera",
     "face-ir": "the shipped network that also sees the infrared image",
     "face-video": "the shipped network that also sees up to four earlier frames",
 }
