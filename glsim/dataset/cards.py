@@ -203,8 +203,8 @@ def _apart(header: Mapping[str, Any]) -> bool:
     return len(names) == len(set(names))
 
 
-#: The terms of Croissant 1.0 (docs.mlcommons.org/croissant/docs/croissant-spec.html, "Context"), and
-#: the two that the library mlcroissant 1.1 asks for besides: equivalentProperty, samplingRate.
+#: The terms of Croissant 1.0 (docs.mlcommons.org/croissant/docs/croissant-spec.html, "Context"),
+#: and the two that the library mlcroissant 1.1 asks for besides: equivalentProperty, samplingRate.
 _CONTEXT: Final = {
     "@language": "en",
     "@vocab": "https://schema.org/",
