@@ -17,6 +17,7 @@ from glsim.sensors.sensor import sensor_names
 from glsim.settings.presets import preset_names
 from glsim.settings.schema import Settings
 from glsim.train.recipe import Recipe
+from scripts.check_site import find_broken_links
 from scripts.reference import CHAPTERS
 from scripts.reference.commands import commands, options_of
 from scripts.reference.settings import setting_names
@@ -192,3 +193,20 @@ def test_figures_of_pages_exist() -> None:
         named = re.findall(r"\]\(([\w./-]+\.png)\)|\{image\} (\S+)|:img-top: (\S+)", text)
         for name in filter(None, (part for match in named for part in match)):
             assert (page.parent / name).exists(), f"{page.name} shows {name}"
+
+
+def test_broken_links_of_a_built_site_are_found(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "one.html").write_text(
+        '<a href="../two.html#here">fine</a> <a href="#top" id="top">fine</a>'
+        '<img src="../my%20figure.png"><a href="https://example.org/none">elsewhere</a>'
+        '<a href="../two.html#gone">wrong</a> <img src="none.png">'
+        '<a href="../three.html">wrong</a>'
+    )
+    (tmp_path / "two.html").write_text('<h1 id="here">Title</h1>')
+    (tmp_path / "my figure.png").write_bytes(b"")
+    assert find_broken_links(tmp_path) == [
+        "a/one.html: ../three.html is not there",
+        "a/one.html: ../two.html#gone has no such anchor",
+        "a/one.html: none.png is not there",
+    ]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import struct
+import sys
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -297,6 +299,29 @@ def test_the_command_exports_frames_and_names_mistakes(
     (tmp_path / "net.pt").write_bytes(b"")
     assert main(["export", str(tmp_path / "net.pt"), "-o", "net.onnx", "--to", "ply"]) == 2
     assert "is no data set" in capsys.readouterr().err
+
+
+def test_a_library_that_is_missing_is_named_before_anything_is_written(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, library in (("hdf5", "h5py"), ("rosbag", "rosbags"), ("rosbag2", "rosbags")):
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(ConfigError, match=rf"{name} needs {library}: pip install"):
+            export_dataset(open_dataset(data), tmp_path / "out", ["npy", name])
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_bag_is_not_replaced_and_a_broken_set_leaves_no_file(data: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", exc_type=ImportError)
+    pytest.importorskip("h5py", exc_type=ImportError)
+    (tmp_path / "frames.bag").write_bytes(b"mine")
+    with pytest.raises(DatasetError, match="exists already"):
+        export_dataset(open_dataset(data), tmp_path, ["npy", "rosbag"])
+    copy = shutil.copytree(data, tmp_path / "copy")
+    sorted(copy.rglob("*_noisy.png"))[-1].write_bytes(b"damaged")
+    with pytest.raises(DatasetError, match=r"_noisy\.png"):
+        export_dataset(open_dataset(copy), tmp_path / "out", ["hdf5"])
+    assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_mistakes_in_calls_are_named(data: Path, tmp_path: Path) -> None:
