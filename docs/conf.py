@@ -58,7 +58,7 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
-copyright = "MIT licence"
+copyright = "the authors of glsim, MIT licence"
 html_sidebars = {"index": [], "start": []}
 
 sphinx_gallery_conf = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -172,6 +173,13 @@ def test_no_page_names_an_address_that_is_reserved_for_examples() -> None:
         f.name for f in files if re.search(r"https?://[\w.-]*\.example\b", f.read_text("utf-8"))
     ]
     assert found == []
+
+
+def test_every_extra_is_explained() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {*project["optional-dependencies"]} - {"test", "bench"}  # for work on glsim itself
+    text = (DOCS / "start.md").read_text(encoding="utf-8")
+    assert {name for name in extras if f"| `glsim[{name}]` |" not in text} == set()
 
 
 def test_one_example_of_each_command_is_on_its_page() -> None:

@@ -3,8 +3,8 @@ A denoiser on your data
 =======================
 
 We train the smallest useful network for a few seconds, and compare it with a median filter and with
-the network in the
-package. The training is far too short on purpose: the steps are the lesson, not the result.
+the network in the package. The training is far too short on purpose: the steps are the lesson, not
+the result.
 """
 
 # %%
