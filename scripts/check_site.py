@@ -11,8 +11,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-#: Pages that Sphinx makes for searching and indexing: their links are made by scripts.
-_MADE = {"search.html", "genindex.html"}
+#: No pages: the theme keeps templates here.
+_STATIC = "_static"
 
 
 class _Page(HTMLParser):
@@ -34,22 +34,22 @@ class _Page(HTMLParser):
 
 def find_broken_links(folder: Path) -> list[str]:
     """Return one line for each target that is not in the folder of the site, sorted."""
-    pages = {path.resolve(): _Page(path.read_text("utf-8")) for path in folder.rglob("*.html")}
+    folder = folder.resolve()
+    files = [path for path in folder.rglob("*.html") if _STATIC not in path.parts]
+    pages = {file: _Page(file.read_text("utf-8")) for file in files}
     broken = set()
     for file, page in pages.items():
-        if file.name in _MADE:
-            continue
         for target in page.targets:
             parts = urlsplit(target)
             if parts.scheme or parts.netloc:
                 continue
             other = (file.parent / unquote(parts.path)).resolve() if parts.path else file
             if not other.exists():
-                broken.add(f"{file.relative_to(folder.resolve())}: {target} is not there")
+                broken.add(f"{file.relative_to(folder)}: {target} is not there")
             elif parts.fragment and other in pages:
                 anchor = unquote(parts.fragment)
                 if anchor not in pages[other].anchors:
-                    broken.add(f"{file.relative_to(folder.resolve())}: {target} has no such anchor")
+                    broken.add(f"{file.relative_to(folder)}: {target} has no such anchor")
     return sorted(broken)
 
 

@@ -65,7 +65,7 @@ for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
     axis.set_yticks([0.2 + place for place in range(len(rows))], rows, fontsize=8)
     axis.set_title(title, fontsize=9)
 axes[0].invert_yaxis()
-axes[0].legend(fontsize=8)
+figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
 plt.show()
 
 # %%
