@@ -151,4 +151,4 @@ def setup(app: Any) -> None:
     app.connect("builder-inited", _write_reference, priority=100)
     app.connect("source-read", _name_tuner)
     app.connect("autodoc-process-docstring", _format_docstring)
-    app.connect("build-finished", _add_tuner)
+    app.connect("build-finished", _add_tuner, priority=900)  # after the theme's colours of code
