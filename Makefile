@@ -28,6 +28,7 @@ check:
 docs:
 	@scripts/setup.sh docs
 	@$(VENV)/python -m sphinx -b html -q -W --keep-going docs docs/_build/html
+	@$(VENV)/python -m scripts.check_site docs/_build/html
 	@echo "wrote docs/_build/html/index.html"
 
 reproduce:

@@ -37,6 +37,7 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 myst_dmath_allow_digits = False
 
+toc_object_entries = False  # each name of the reference has its own heading
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
@@ -58,7 +59,7 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
-copyright = "MIT licence"
+copyright = "the authors of glsim, MIT licence"
 html_sidebars = {"index": [], "start": []}
 
 sphinx_gallery_conf = {
@@ -150,4 +151,4 @@ def setup(app: Any) -> None:
     app.connect("builder-inited", _write_reference, priority=100)
     app.connect("source-read", _name_tuner)
     app.connect("autodoc-process-docstring", _format_docstring)
-    app.connect("build-finished", _add_tuner)
+    app.connect("build-finished", _add_tuner, priority=900)  # after the theme's colours of code

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,16 @@ from glsim.errors import ConfigError
 from tests.support.scenes import Plane, face_mesh
 
 CAMERA = {"width": 96, "height": 72, "fx": 90.0, "fy": 91.0, "cx": 48.0, "cy": 36.0}
+#: A face at 0.9 m fills a sixth of its image: 150 x 200 mm are 33 x 45 pixels.
+PORTRAIT = {**CAMERA, "fx": 200.0, "fy": 202.0}
 
 
-def corrupter(sensor: str = "kinect-v2-fankhauser", backend: str | None = "numpy") -> Corrupter:
-    return Corrupter.for_camera(sensor, **CAMERA, first_pixel=0.5, backend=backend)
+def corrupter(
+    sensor: str = "kinect-v2-fankhauser",
+    backend: str | None = "numpy",
+    camera: Mapping[str, Any] = CAMERA,
+) -> Corrupter:
+    return Corrupter.for_camera(sensor, **camera, first_pixel=0.5, backend=backend)
 
 
 def maps(count: int = 3) -> NDArray[np.float32]:
@@ -159,7 +166,7 @@ def test_depth_that_pyrender_made_comes_back_with_noise(monkeypatch: pytest.Monk
     scene = pyrender.Scene()
     mesh = trimesh.Trimesh(points * [1, -1, -1], faces, process=False)
     scene.add(pyrender.Mesh.from_trimesh(mesh))
-    k = {name: CAMERA[name] for name in ("fx", "fy", "cx", "cy")}
+    k = {name: PORTRAIT[name] for name in ("fx", "fy", "cx", "cy")}
     scene.add(pyrender.IntrinsicsCamera(**k, znear=0.1, zfar=12.0))
     renderer = pyrender.OffscreenRenderer(96, 72)
     try:
@@ -175,7 +182,7 @@ def test_depth_that_open3d_made_comes_back_with_noise() -> None:
     points, faces = face_in_camera()
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(points.astype(np.float32), faces.astype(np.uint32))
-    k = [[CAMERA["fx"], 0, CAMERA["cx"]], [0, CAMERA["fy"], CAMERA["cy"]], [0, 0, 1]]
+    k = [[PORTRAIT["fx"], 0, PORTRAIT["cx"]], [0, PORTRAIT["fy"], PORTRAIT["cy"]], [0, 0, 1]]
     rays = scene.create_rays_pinhole(
         o3d.core.Tensor(k), o3d.core.Tensor(np.eye(4)), width_px=96, height_px=72
     )
@@ -189,7 +196,7 @@ def check_noise(depth: NDArray[np.float32]) -> None:
     seen = np.isfinite(depth) & (depth > 0)
     assert seen.mean() > 0.1
     assert abs(depth[seen].min() - 0.853) < 0.003  # the tip of the nose, 47 mm before 0.9 m
-    with corrupter(backend=None) as corrupt:
+    with corrupter(backend=None, camera=PORTRAIT) as corrupt:
         noisy = corrupt(depth)
     both = seen & (noisy > 0)
     assert both.sum() > 0.8 * seen.sum()

@@ -23,7 +23,6 @@ PAGES = [
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
 #: Where a user imports from; nothing deeper.
 PUBLIC = ("glsim", "glsim.train")
-FOLDERS = "glsim|train|eval|shaders|tests|scripts|benchmarks"
 _BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
 

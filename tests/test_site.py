@@ -11,12 +11,14 @@ import pytest
 
 import glsim
 import glsim.train
+from glsim.exports import FORMATS
 from glsim.noise.registry import shipped_stages
 from glsim.reason import Reason
 from glsim.sensors.sensor import sensor_names
 from glsim.settings.presets import preset_names
 from glsim.settings.schema import Settings
 from glsim.train.recipe import Recipe
+from scripts.check_site import find_broken_links
 from scripts.reference import CHAPTERS
 from scripts.reference.commands import commands, options_of
 from scripts.reference.settings import setting_names
@@ -25,8 +27,6 @@ from tests.support.imports import ROOT
 
 DOCS = ROOT / "docs"
 WRITTEN = sorted(file for file in DOCS.rglob("*.md") if not {"generated", "_build"} & {*file.parts})
-#: Pages of the site that are made when it is built.
-TUTORIALS = {f"generated/tutorials/{f.stem}" for f in (DOCS / "tutorials").glob("*.py")}
 _TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", re.DOTALL | re.MULTILINE)
 _SHELL = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
@@ -158,16 +158,63 @@ def test_external_links_have_the_form_of_links(page: Path) -> None:
             assert re.fullmatch(r"https://[\w.-]+\.\w+(/[\w./~#%?=&+-]*)?", target), target
 
 
-def test_links_of_the_readme_are_pages_of_the_site(generated: dict[str, str]) -> None:
-    """A package index shows the README, too: its links are absolute."""
+def test_links_of_the_readme_work_in_a_checkout() -> None:
+    """They are relative: no page of the site has an address of its own yet."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    urls = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]
-    pages = {str(file.relative_to(DOCS).with_suffix("")) for file in WRITTEN}
-    pages |= TUTORIALS | {"generated/tutorials/index"}
-    pages |= {f"generated/reference/{name}" for name in generated}
-    links = re.findall(r"(?<!!)\[[^\]]*\]\(([^)]+)\)", text)
-    assert len(links) >= 10
-    for link in links:
-        if link != urls["Source"]:
-            assert link.startswith(urls["Documentation"]), link
-            assert link.removeprefix(urls["Documentation"]).removesuffix(".html") in pages, link
+    links = re.findall(r"\[[^\]]*\]\(([^)]+)\)", text)
+    assert len(links) >= 20
+    missing = [link for link in links if not (ROOT / link).exists()]
+    assert missing == []
+
+
+def test_no_page_names_an_address_that_is_reserved_for_examples() -> None:
+    files = [ROOT / "README.md", ROOT / "pyproject.toml", *WRITTEN, *(DOCS / "tutorials").glob("*")]
+    found = [
+        f.name for f in files if re.search(r"https?://[\w.-]*\.example\b", f.read_text("utf-8"))
+    ]
+    assert found == []
+
+
+def test_every_extra_is_explained() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {*project["optional-dependencies"]} - {"test", "bench"}  # for work on glsim itself
+    text = (DOCS / "start.md").read_text(encoding="utf-8")
+    assert {name for name in extras if f"| `glsim[{name}]` |" not in text} == set()
+
+
+def test_one_example_of_each_command_is_on_its_page() -> None:
+    lines = shell_lines((DOCS / "howto" / "commands.md").read_text(encoding="utf-8"))
+    shown = {line.split()[1] for line in lines}
+    assert {name.split()[0] for name, _ in commands()} - shown == set()
+
+
+def test_every_format_of_an_export_is_described() -> None:
+    text = (DOCS / "export.md").read_text(encoding="utf-8")
+    rows = [row.split("|")[1] for row in text.splitlines() if row.startswith("| `")]
+    assert set(re.findall(r"`(\w+)`", " ".join(rows))) == set(FORMATS)
+
+
+def test_figures_of_pages_exist() -> None:
+    """Also those in directives, which tests/test_docs.py does not read."""
+    for page in WRITTEN:
+        text = page.read_text(encoding="utf-8")
+        named = re.findall(r"\]\(([\w./-]+\.png)\)|\{image\} (\S+)|:img-top: (\S+)", text)
+        for name in filter(None, (part for match in named for part in match)):
+            assert (page.parent / name).exists(), f"{page.name} shows {name}"
+
+
+def test_broken_links_of_a_built_site_are_found(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "one.html").write_text(
+        '<a href="../two.html#here">fine</a> <a href="#top" id="top">fine</a>'
+        '<img src="../my%20figure.png"><a href="https://example.org/none">elsewhere</a>'
+        '<a href="../two.html#gone">wrong</a> <img src="none.png">'
+        '<a href="../three.html">wrong</a>'
+    )
+    (tmp_path / "two.html").write_text('<h1 id="here">Title</h1>')
+    (tmp_path / "my figure.png").write_bytes(b"")
+    assert find_broken_links(tmp_path) == [
+        "a/one.html: ../three.html is not there",
+        "a/one.html: ../two.html#gone has no such anchor",
+        "a/one.html: none.png is not there",
+    ]

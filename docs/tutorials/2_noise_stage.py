@@ -3,9 +3,8 @@ A noise stage of your own
 =========================
 
 A stage is a GLSL file. Its declarations are its interface: what it reads, what it writes, and its
-parameters with their
-ranges. We write one that adds horizontal bands, as interference of a mains lamp does, and put it
-behind the Kinect V2's chain.
+parameters with their ranges. We write one that adds horizontal bands, as interference of a mains
+lamp does, and put it behind the Kinect V2's chain.
 """
 
 # %%

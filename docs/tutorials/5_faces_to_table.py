@@ -3,8 +3,7 @@ From faces to a table
 =====================
 
 The way of a paper: faces, a sensor, denoisers, a table with intervals. We ask how much the choice
-of the noise model decides
-which denoiser wins.
+of the noise model decides which denoiser wins.
 """
 
 # %%
@@ -36,13 +35,12 @@ for sensor in sensors:
 # Score
 # -----
 # ``noisy`` is the input as it is. Other names: ``glsim eval --list``; functions of your own and
-# networks work, too.
-# A network gives a probability of depth, from which three maps are made: three rows.
+# networks work, too. A network may have several rows: ways to decide which pixels have depth.
 denoisers = {"noisy": "noisy", "median": "median", "quadric": "quadric:sigma_px=2", "face": "face"}
 metrics = {
     "mse_mm2": "MSE, all pixels [mm²]",
     "both_rmse_mm": "RMSE where both have depth [mm]",
-    "interior_rmse_mm": "RMSE, interior [mm]",
+    "input_interior_rmse_mm": "RMSE, interior of the surface [mm]",
 }
 specs = tuple(f"{name}@{spec}" for name, spec in denoisers.items())
 summaries = {}
@@ -67,7 +65,7 @@ for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
     axis.set_yticks([0.2 + place for place in range(len(rows))], rows, fontsize=8)
     axis.set_title(title, fontsize=9)
 axes[0].invert_yaxis()
-axes[0].legend(fontsize=8)
+figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
 plt.show()
 
 # %%

@@ -203,7 +203,8 @@ def _apart(header: Mapping[str, Any]) -> bool:
     return len(names) == len(set(names))
 
 
-#: The terms of Croissant 1.0 (docs.mlcommons.org/croissant/docs/croissant-spec.html, "Context").
+#: The terms of Croissant 1.0 (docs.mlcommons.org/croissant/docs/croissant-spec.html, "Context"),
+#: and the two that the library mlcroissant 1.1 asks for besides: equivalentProperty, samplingRate.
 _CONTEXT: Final = {
     "@language": "en",
     "@vocab": "https://schema.org/",
@@ -216,6 +217,7 @@ _CONTEXT: Final = {
     "dataCollection": "cr:dataCollection",
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
     "dct": "http://purl.org/dc/terms/",
+    "equivalentProperty": "cr:equivalentProperty",
     "examples": {"@id": "cr:examples", "@type": "@json"},
     "extract": "cr:extract",
     "field": "cr:field",
@@ -237,6 +239,7 @@ _CONTEXT: Final = {
     "regex": "cr:regex",
     "repeated": "cr:repeated",
     "replace": "cr:replace",
+    "samplingRate": "cr:samplingRate",
     "sc": "https://schema.org/",
     "separator": "cr:separator",
     "source": "cr:source",

@@ -22,7 +22,7 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)
 def encode_npy(array: NDArray[Any]) -> bytes:
     """Return an NPY file."""
     data = io.BytesIO()
-    np.save(data, np.ascontiguousarray(array), allow_pickle=False)
+    np.save(data, np.asarray(array, order="C"), allow_pickle=False)  # keeps () of a text
     return data.getvalue()
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from glsim.errors import ConfigError, DatasetError
+from glsim.errors import DatasetError
 from glsim.exports.arrays import geometry_arrays
 from glsim.exports.cameras import centre_at_zero, coefficients
 from glsim.exports.frames import ExportFrame
-from glsim.files.atomic import to_json, wrap_write_errors
+from glsim.files.atomic import to_json
 
 _UNITS = "depth: metres along the optical axis, 0 = none; K, pixels: first pixel's centre at (0, 0)"
 
@@ -23,17 +23,13 @@ def write_hdf5(frames: Iterator[ExportFrame], out: Path) -> int:
     Each group train, val, test has N rows: LAYER_m (N, H, W) float32 of each depth layer;
     infrared, reason, regions; K (N, 3, 3) and distortion (N, 5) float64; head_to_camera (N, 4, 4),
     landmarks_m and landmarks_px of sets whose records have them; stem and record (JSON), strings.
-    The same frames give the same bytes. Raises ConfigError without h5py, DatasetError if frames
-    differ in size or layers, or if the file cannot be written.
+    The same frames give the same bytes. Raises DatasetError if frames differ in size or layers,
+    OSError if the file cannot be written, and ImportError without h5py.
     """
-    try:
-        import h5py
-    except ImportError as error:
-        raise ConfigError(
-            f"hdf5 needs h5py: pip install 'glsim[formats]' or h5py ({error})"
-        ) from None
+    import h5py
+
     count = 0
-    with wrap_write_errors(out), h5py.File(out, "w") as file:
+    with h5py.File(out, "w") as file:
         file.attrs["units"] = _UNITS
         for frame in frames:
             group = file.require_group(frame.stem.partition("/")[0])

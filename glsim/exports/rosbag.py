@@ -13,19 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, DatasetError
 from glsim.exports.cameras import centre_at_zero, coefficients
 from glsim.exports.frames import ExportFrame
-from glsim.files.atomic import wrap_write_errors
+from glsim.geometry.camera import Distortion
 
 #: The optical frame of the camera: x right, y down, z forward (REP 103).
 _FRAME_ID = "camera_depth_optical_frame"
-#: Topic of each layer: noisy depth is what the camera gives.
-_TOPICS = {
-    "noisy": "/camera/depth/image_rect",
-    "clean": "/ground_truth/depth/image_rect",
-    "expected": "/ground_truth/expected_depth/image_rect",
-    "infrared": "/camera/ir/image_rect",
+#: Namespace of each layer: noisy depth is what the camera gives.
+_NAMESPACES = {
+    "noisy": "/camera/depth",
+    "clean": "/ground_truth/depth",
+    "expected": "/ground_truth/expected_depth",
+    "infrared": "/camera/ir",
 }
 _INFO = "/camera/depth/camera_info"
 #: Pause between two sequences, and the first stamp, seconds. Chosen; a stamp of 0 means "no time"
@@ -36,35 +35,27 @@ _PAUSE_S, _START_S = 1.0, 1.0
 def write_rosbag(frames: Iterator[ExportFrame], out: Path, version: int) -> int:
     """Write frames to a ROS 1 bag file or a ROS 2 bag folder ``out``; return their number.
 
-    version: 1 or 2. Raises ConfigError without rosbags, DatasetError if ``out`` exists or cannot
-    be written.
+    version: 1 or 2. ``out`` must not exist. Raises OSError if it cannot be written, and
+    ImportError without rosbags.
     """
-    try:
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise ConfigError(
-            f"rosbag needs rosbags: pip install 'glsim[formats]' or rosbags ({error})"
-        ) from None
-    if out.exists():
-        raise DatasetError(f"{out}: exists already: remove it, or choose another name")
+    from rosbags.typesys import Stores, get_typestore
+
     types = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
     count, sequence, start_s, stamp_s = 0, "", _START_S - _PAUSE_S, 0.0
-    with wrap_write_errors(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with _open(out, version) as bag:
-            topics: dict[str, Any] = {}
-            for frame in frames:
-                own = frame.stem.rpartition("_")[0]
-                if own != sequence:
-                    sequence, start_s = own, max(start_s, stamp_s) + _PAUSE_S
-                stamp_s = start_s + float(frame.record.get("time_s", 0.0))
-                for topic, message in _messages(types, frame, stamp_s, count, version):
-                    kind = message.__msgtype__
-                    if topic not in topics:
-                        topics[topic] = bag.add_connection(topic, kind, typestore=types)
-                    encode = types.serialize_ros1 if version == 1 else types.serialize_cdr
-                    bag.write(topics[topic], round(stamp_s * 1e9), encode(message, kind))
-                count += 1
+    with _open(out, version) as bag:
+        topics: dict[str, Any] = {}
+        for frame in frames:
+            own = frame.stem.rpartition("_")[0]
+            if own != sequence:
+                sequence, start_s = own, max(start_s, stamp_s) + _PAUSE_S
+            stamp_s = start_s + float(frame.record.get("time_s", 0.0))
+            for topic, message in _messages(types, frame, stamp_s, count, version):
+                kind = message.__msgtype__
+                if topic not in topics:
+                    topics[topic] = bag.add_connection(topic, kind, typestore=types)
+                encode = types.serialize_ros1 if version == 1 else types.serialize_cdr
+                bag.write(topics[topic], round(stamp_s * 1e9), encode(message, kind))
+            count += 1
     return count
 
 
@@ -104,10 +95,15 @@ def _messages(
 
     for layer, depth in frame.depth_m.items():
         missing = np.where(depth > 0, depth, np.float32(np.nan))
-        yield _TOPICS[layer], picture(missing.astype("<f4"), "32FC1")
+        yield _topic(layer, frame), picture(missing.astype("<f4"), "32FC1")
     if frame.infrared is not None:
-        yield _TOPICS["infrared"], picture(frame.infrared.astype("<u2"), "mono16")
+        yield _topic("infrared", frame), picture(frame.infrared.astype("<u2"), "mono16")
     yield _INFO, _camera_info(types, frame, header, version)
+
+
+def _topic(layer: str, frame: ExportFrame) -> str:
+    """Return the topic of a layer; ROS names pictures by whether the lens is taken out."""
+    return f"{_NAMESPACES[layer]}/image_{'rect' if frame.lens == Distortion() else 'raw'}"
 
 
 def _camera_info(types: Any, frame: ExportFrame, header: Any, version: int) -> Any:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from glsim.dataset import Dataset
@@ -14,7 +16,7 @@ from glsim.exports.frames import DEPTH_LAYERS, ExportFrame, export_frames
 from glsim.exports.hdf5 import write_hdf5
 from glsim.exports.points import encode_pcd, encode_ply, point_cloud
 from glsim.exports.rosbag import write_rosbag
-from glsim.files.atomic import write_atomic
+from glsim.files.atomic import wrap_write_errors, write_atomic
 
 #: Format -> files of one frame: end of the name -> bytes.
 _PER_FRAME: Final[Mapping[str, Callable[[ExportFrame], Iterator[tuple[str, bytes]]]]] = {
@@ -30,8 +32,12 @@ _PER_FRAME: Final[Mapping[str, Callable[[ExportFrame], Iterator[tuple[str, bytes
     "open3d": lambda f: iter([("_camera.json", open3d_json(f.camera))]),
     "ros": lambda f: iter([("_camera_info.yaml", ros_yaml(f.camera, f.lens, "glsim"))]),
 }
-#: Format of a whole data set -> its file or folder in the output folder.
-_WHOLE: Final = {"hdf5": "frames.h5", "rosbag": "frames.bag", "rosbag2": "frames_ros2"}
+#: Format of a whole data set -> its file or folder in the output folder, and the library it needs.
+_WHOLE: Final = {
+    "hdf5": ("frames.h5", "h5py"),
+    "rosbag": ("frames.bag", "rosbags"),
+    "rosbag2": ("frames_ros2", "rosbags"),
+}
 
 #: Format -> what it is, for help and documentation.
 FORMATS: Final[Mapping[str, str]] = {
@@ -62,14 +68,21 @@ def export_dataset(
 
     formats: names of FORMATS. layers: depth layers, by default all (of DEPTH_LAYERS). split: one
     split only. count: the first so many frames. progress: is called with the frames done.
-    Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set.
-    Returns the number of frames. Raises ConfigError, and DatasetError if there is no frame, one
-    cannot be read, or a file cannot be written.
+    Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set. They
+    replace older ones; a bag does not. Returns the number of frames. Raises ConfigError, also for a
+    library that is not installed, and DatasetError if there is no frame, one cannot be read, or a
+    file cannot be written.
     """
     out = Path(out)
     for name in formats:
         if name not in FORMATS:
             raise ConfigError(f"no such format {name!r}: {did_you_mean(name, FORMATS)}")
+        if name in _WHOLE:
+            file, library = _WHOLE[name]
+            if find_spec(library) is None:
+                raise ConfigError(f"{name} needs {library}: pip install 'glsim[formats]'")
+            if name != "hdf5" and (out / file).exists():
+                raise DatasetError(f"{out / file}: exists already: remove it, or choose another -o")
     if not formats:
         raise ConfigError(f"give at least one format of {', '.join(FORMATS)}")
     if out.resolve() == dataset.path.resolve():
@@ -88,14 +101,26 @@ def export_dataset(
             progress(done)
     for name in formats:
         if name in _WHOLE:
-            out.mkdir(parents=True, exist_ok=True)
-            target = out / _WHOLE[name]
-            if name == "hdf5":
-                done = write_hdf5(frames(), target)
-            else:
-                done = write_rosbag(frames(), target, 2 if name == "rosbag2" else 1)
+            done = _write_whole(name, frames(), out)
     if not done:
         raise DatasetError(f"{dataset.path}: has no frame {'in ' + split if split else 'at all'}")
+    return done
+
+
+def _write_whole(name: str, frames: Iterator[ExportFrame], out: Path) -> int:
+    """Write the file or folder of a whole set; it appears under its name when it is complete."""
+    file = _WHOLE[name][0]
+    with wrap_write_errors(out / file):
+        out.mkdir(parents=True, exist_ok=True)
+        # A bag of ROS 2 holds its own name: what is temporary is the folder around it.
+        with TemporaryDirectory(prefix=".glsim-", suffix=".tmp", dir=out) as work:
+            made = Path(work) / file
+            if name == "hdf5":
+                done = write_hdf5(frames, made)
+            else:
+                done = write_rosbag(frames, made, 2 if name == "rosbag2" else 1)
+            if done:
+                made.replace(out / file)
     return done
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import struct
+import sys
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -103,6 +105,23 @@ def test_open3d_projects_our_camera_file_to_our_points(tmp_path: Path) -> None:
     )
     off_mm = 1000 * np.abs(np.asarray(shifted.points) - ours).max(axis=0)
     assert 6.5 < off_mm[0] < 8.0  # 0.5 px of 60 px focal length at 0.8 to 0.9 m
+
+
+def test_open3d_projects_the_cloud_of_a_file_to_our_pixels(tmp_path: Path) -> None:
+    """The exported cloud and the exported camera together give the depth map back."""
+    o3d = pytest.importorskip("open3d")
+    frame = sphere_frame()
+    (tmp_path / "cloud.ply").write_bytes(encode_ply(point_cloud(frame, "clean"), frame))
+    (tmp_path / "camera.json").write_bytes(open3d_json(frame.camera))
+    camera = o3d.io.read_pinhole_camera_parameters(str(tmp_path / "camera.json"))
+    image = o3d.t.io.read_point_cloud(str(tmp_path / "cloud.ply")).project_to_depth_image(
+        frame.camera.width,
+        frame.camera.height,
+        o3d.core.Tensor(np.ascontiguousarray(camera.intrinsic.intrinsic_matrix)),
+        depth_scale=1.0,
+        depth_max=10.0,
+    )
+    np.testing.assert_array_equal(image.as_tensor().numpy()[..., 0], frame.depth_m["clean"])
 
 
 def test_opencv_projects_points_to_their_pixels() -> None:
@@ -280,6 +299,29 @@ def test_the_command_exports_frames_and_names_mistakes(
     (tmp_path / "net.pt").write_bytes(b"")
     assert main(["export", str(tmp_path / "net.pt"), "-o", "net.onnx", "--to", "ply"]) == 2
     assert "is no data set" in capsys.readouterr().err
+
+
+def test_a_library_that_is_missing_is_named_before_anything_is_written(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, library in (("hdf5", "h5py"), ("rosbag", "rosbags"), ("rosbag2", "rosbags")):
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(ConfigError, match=rf"{name} needs {library}: pip install"):
+            export_dataset(open_dataset(data), tmp_path / "out", ["npy", name])
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_bag_is_not_replaced_and_a_broken_set_leaves_no_file(data: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", exc_type=ImportError)
+    pytest.importorskip("h5py", exc_type=ImportError)
+    (tmp_path / "frames.bag").write_bytes(b"mine")
+    with pytest.raises(DatasetError, match="exists already"):
+        export_dataset(open_dataset(data), tmp_path, ["npy", "rosbag"])
+    copy = shutil.copytree(data, tmp_path / "copy")
+    sorted(copy.rglob("*_noisy.png"))[-1].write_bytes(b"damaged")
+    with pytest.raises(DatasetError, match=r"_noisy\.png"):
+        export_dataset(open_dataset(copy), tmp_path / "out", ["hdf5"])
+    assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_mistakes_in_calls_are_named(data: Path, tmp_path: Path) -> None:
