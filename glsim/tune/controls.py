@@ -169,17 +169,17 @@ def rig_values(sensor: Sensor, label: str, value: float) -> tuple[str, object]:
         return "rig.focal_px", [value, float(f"{value * camera.fy / camera.fx:.6g}")]
     number, axis = int(label[7:].split("_")[0]) - 1, "xy".index(label.split("_")[1])
     tables = emitter_tables(sensor)
-    place = list(tables[number]["position_m"])
+    place = list(sensor.rig.emitters[number].position_m)
     place[axis] = float(f"{value / 1000:.6g}")
     tables[number]["position_m"] = place
     return "rig.emitter", tables
 
 
-def emitter_tables(sensor: Sensor) -> list[dict[str, object | list[float]]]:
+def emitter_tables(sensor: Sensor) -> list[dict[str, object]]:
     """Return the emitters as [[rig.emitter]] tables."""
-    tables: list[dict[str, object | list[float]]] = []
+    tables: list[dict[str, object]] = []
     for emitter in sensor.rig.emitters:
-        table: dict[str, object | list[float]] = {"position_m": list(emitter.position_m)}
+        table: dict[str, object] = {"position_m": list(emitter.position_m)}
         if emitter.spread_m:
             table["spread_m"] = emitter.spread_m
         if emitter.path_from_m is not None:

@@ -57,11 +57,10 @@ class ControlRow:
             self._was = ui.label().classes("was").style("display: inline")
             ui.tooltip(control.help).props("delay=600 max-width=280px")
         label.props(f'title="{control.name}"')
+        self._box: ui.number | None = None
         if isinstance(value, Mapping):
-            self._box = None
             ui.label(words(value)).classes("label")
         elif control.kind == "bool":
-            self._box = None
             ui.switch(value=bool(value), on_change=lambda e: self._moved(float(e.value))).props(
                 f'dense aria-label="{control.name}"'
             )
@@ -79,7 +78,7 @@ class ControlRow:
                 ui.menu_item("One number", lambda: self._change(control.name, self._middle()))
                 ui.menu_item("Drawn evenly from a range", self._to_uniform)
                 ui.menu_item("Drawn from a normal distribution", self._to_normal)
-        self._slide = None
+        self._slide: ui.slider | None = None
         if control.kind != "bool":
             with ui.element("div").classes("slide"):
                 self._slider(value)

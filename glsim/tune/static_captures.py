@@ -150,4 +150,5 @@ def pack_blob(values: NDArray[Any], *, predicted: bool) -> dict[str, Any]:
 
 
 def _steps(values: NDArray[np.float32], step: float, kind: type[Any]) -> NDArray[Any]:
-    return np.clip(np.rint(values / step), 0, np.iinfo(kind).max).astype(kind)
+    whole: NDArray[Any] = np.clip(np.rint(values / step), 0, np.iinfo(kind).max).astype(kind)
+    return whole
