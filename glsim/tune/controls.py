@@ -24,6 +24,7 @@ class Control:
 
     name: of ``--set``. kind: float, int or bool. low, high: what is valid; least, most: the ends of
     the slider. log_scale: the slider holds the logarithm to base 10. start: the sensor's own.
+    off: it is not there until it is moved; start is then where the slider stands.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Control:
     help: str
     start: Distribution
     log_scale: bool = False
+    off: bool = False
 
     @property
     def step(self) -> float:
@@ -126,11 +128,11 @@ def pose_controls(settings: Settings) -> list[Control]:
 
 
 def wall_control(settings: Settings) -> Control:
-    """Return the control of the wall behind the face; its start counts only if there is one."""
+    """Return the control of the wall behind the face, which is off if there is none."""
     start = settings.scene.wall_mm or Distribution(constant=1500.0)
     return Control(
         "scene.wall_mm", "wall_mm", "float", 100.0, 12000.0, 1000.0, 4500.0, "mm",
-        "distance of a wall behind the face", start,
+        "distance of a wall behind the face", start, off=settings.scene.wall_mm is None,
     )  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from nicegui import ui
@@ -21,8 +20,7 @@ from glsim.tune.controls import (
     wall_control,
 )
 from glsim.tune.desk import Desk
-from glsim.tune.faces import plain_value
-from glsim.tune.panel import ControlRow
+from glsim.tune.panel import ControlRow, own_value
 
 _POSE, _RIG = "pose and scene", "rig"
 
@@ -35,7 +33,7 @@ class Sections:
     ) -> None:
         """new_stage: asks for one. show_code: shows the code of the selected stage."""
         self._page, self._new_stage, self._show_code = page, new_stage, show_code
-        self._own: Sensor | None = None
+        self._own: tuple[str, Sensor] | None = None
         self._plan: object = None
         self._rows: dict[str, ControlRow] = {}
         self._switches: dict[str, Any] = {}
@@ -71,7 +69,7 @@ class Sections:
         if name.startswith("rig:"):
             return next(c.start for c in rig_controls(picture.sensor) if c.label == name[4:])
         values = self._page.history.now.values
-        return values[name] if name in values else plain_value(self._rows[name].start)
+        return values[name] if name in values else own_value(self._rows[name].control)
 
     def _fill(self, picture: Picture) -> None:
         self._root.clear()
@@ -123,18 +121,22 @@ class Sections:
                 if not stage.spec.parameters:
                     ui.label("no parameters").classes("unit")
 
+    def _own_sensor(self) -> Sensor:
+        """The sensor as its file says."""
+        name = self._page.history.now.sensor
+        if self._own is None or self._own[0] != name:
+            self._own = name, load_sensor(name)
+        return self._own[1]
+
     def _original(self, stage: Stage) -> Stage:
         """The stage with the sensor's own values, which the rows call "was"."""
-        name = self._page.history.now.sensor
-        if self._own is None or self._own.name != Path(name).stem:
-            self._own = load_sensor(name)
-        own = {s.name: s.settings for s in self._own.stages}.get(stage.name, {})
+        own = {s.name: s.settings for s in self._own_sensor().stages}.get(stage.name, {})
         defaults = {k: constant(p.default) for k, p in stage.spec.parameters.items()}
         return Stage(stage.name, stage.spec, defaults | {k: own[k] for k in defaults if k in own})
 
     def _row(self, control: Control) -> None:
-        page, start = self._page, plain_value(control.start)
-        value = page.history.now.values.get(control.name, start)
+        page = self._page
+        value = page.history.now.values.get(control.name, own_value(control))
         self._rows[control.name] = ControlRow(control, value, page.set_value, page.history.settle)
 
     def _pose(self, picture: Picture) -> None:
@@ -146,13 +148,14 @@ class Sections:
 
     def _rig(self, picture: Picture) -> None:
         page = self._page
-        for one in rig_controls(picture.sensor):
+        now = {control.label: control.start for control in rig_controls(picture.sensor)}
+        for one in rig_controls(self._own_sensor()):
             control = Control(
                 f"rig:{one.label}", one.label, "float", one.least, one.most, one.least, one.most,
                 one.unit, one.help, Distribution(constant=one.start),
             )  # fmt: skip
             self._rows[control.name] = ControlRow(
-                control, one.start, self._rig_moved, page.history.settle
+                control, now[one.label], self._rig_moved, page.history.settle
             )
 
     def _rig_moved(self, name: str, value: Any) -> None:
