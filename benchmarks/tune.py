@@ -62,11 +62,10 @@ def main() -> None:
 
 
 @contextmanager
-def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float]]:
-    """Run ``glsim tune`` with these words and open its page of 1280x800 in Chromium.
+def chromium_page(**options: Any) -> Iterator[Any]:
+    """Yield an empty page of 1280x800 in Chromium. options: of the browser's context.
 
-    Yields Playwright's page, and the seconds from the command to the first picture. options: of the
-    browser's context. Raises GlsimError if Chromium or Playwright is missing.
+    Raises GlsimError if Chromium or Playwright is missing.
     """
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
@@ -75,23 +74,32 @@ def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float
         from playwright.sync_api import sync_playwright
     except ImportError:
         raise GlsimError("playwright is not installed: pip install playwright") from None
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=list(_FLAGS))
+        page = browser.new_context(viewport={"width": 1280, "height": 800}, **options).new_page()
+        page.set_default_timeout(1000 * _PATIENCE_S)
+        yield page
+        browser.close()
+
+
+@contextmanager
+def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float]]:
+    """Run ``glsim tune`` with these words and open its page; arguments as in ``chromium_page``.
+
+    Yields Playwright's page, and the seconds from the command to the first picture.
+    """
+    with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
         start = time.perf_counter()
         with log.open("wb") as out:
             command = [sys.executable, "-m", "glsim", "tune", *words, "--no-browser", "--port", "0"]
-            server = subprocess.Popen(
-                command, stdout=out, stderr=out, env={**os.environ, "COLUMNS": "300"}
-            )
+            environment = {**os.environ, "COLUMNS": "300"}
+            server = subprocess.Popen(command, stdout=out, stderr=out, env=environment)
         try:
-            browser = driver.chromium.launch(executable_path=chromium, args=list(_FLAGS))
-            window = browser.new_context(viewport={"width": 1280, "height": 800}, **options)
-            page = window.new_page()
-            page.set_default_timeout(1000 * _PATIENCE_S)
-            page.goto(_address(server, log))
-            page.wait_for_selector("#tune-view[data-shown]")
-            yield page, time.perf_counter() - start
-            browser.close()
+            with chromium_page(**options) as page:
+                page.goto(_address(server, log))
+                page.wait_for_selector("#tune-view[data-shown]")
+                yield page, time.perf_counter() - start
         finally:
             server.terminate()
             server.wait(60)

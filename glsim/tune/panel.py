@@ -24,9 +24,9 @@ def words(value: Any, unit: str = "") -> str:
         return "off"
     end = f" {unit}" if unit else ""
     if isinstance(value, Mapping):
-        for kind, text in (("uniform", "{:g} to {:g}"), ("loguniform", "{:g} to {:g}, log")):
+        for kind, log in (("uniform", ""), ("loguniform", ", log")):
             if kind in value:
-                return text.format(*value[kind]) + end
+                return "{:g} to {:g}".format(*value[kind]) + end + log
         if "normal" in value:
             return "{:g} ± {:g}".format(*value["normal"]) + end
         return ", ".join(f"{v:g}" for v in value.get("choice", ())) + end
@@ -36,6 +36,12 @@ def words(value: Any, unit: str = "") -> str:
 def own_value(control: Control) -> Any:
     """The value of a control that nobody has changed; None if it is off."""
     return None if control.off else plain_value(control.start)
+
+
+def _range_of(value: Any) -> str | None:
+    """The kind of a distribution that has two ends."""
+    kinds = [k for k in ("uniform", "loguniform") if isinstance(value, Mapping) and k in value]
+    return kinds[0] if kinds else None
 
 
 class ControlRow:
@@ -65,8 +71,9 @@ class ControlRow:
             ui.tooltip(control.help).props("delay=600 max-width=280px")
         label.props(f'title="{control.name}"')
         self._box: ui.number | None = None
+        self._drawn: ui.label | None = None
         if isinstance(value, Mapping):
-            ui.label(words(value, control.unit)).classes("label drawn")
+            self._drawn = ui.label().classes("label drawn")
         elif control.kind == "bool":
             ui.switch(value=bool(value), on_change=lambda e: self._moved(float(e.value))).props(
                 f'dense aria-label="{control.name}"'
@@ -95,11 +102,15 @@ class ControlRow:
     def _slider(self, value: Any) -> None:
         control = self.control
         least, most = control.position(control.least), control.position(control.most)
-        if isinstance(value, Mapping) and "uniform" in value:
-            low, high = (control.position(float(v)) for v in value["uniform"])
-            ui.range(min=least, max=most, step=control.step, value={"min": low, "max": high}).props(
-                f'dense aria-label="{control.name}"'
-            ).on("update:model-value", self._range_moved, throttle=_THROTTLE)
+        kind = _range_of(value)
+        if kind is not None:
+            low, high = (control.position(float(v)) for v in value[kind])
+            (
+                ui.range(min=least, max=most, step=control.step, value={"min": low, "max": high})
+                .props(f'dense aria-label="{control.name}"')
+                .on("update:model-value", self._range_moved, throttle=_THROTTLE)
+                .on("change", self._settle)
+            )
         elif isinstance(value, Mapping) and "normal" in value:
             with ui.row().style("gap: 8px; flex-wrap: nowrap"):
                 for number, text in enumerate(("mean", "deviation")):
@@ -121,6 +132,8 @@ class ControlRow:
         was = "" if start == self.value else f"was {words(start)}"
         self._was.set_text(was)
         self._was.props(f'title="{was}"')
+        if self._drawn is not None:
+            self._drawn.set_text(words(self.value, self.control.unit))
 
     def _moved(self, value: Any) -> None:
         if value == self.value:
@@ -146,15 +159,17 @@ class ControlRow:
         self._moved(value)
 
     def _range_moved(self, event: Any) -> None:
-        ends = [self.control.value(float(event.args[end])) for end in ("min", "max")]
-        self._moved({"uniform": ends})
+        kind = _range_of(self.value)
+        if kind is not None:
+            ends = [self.control.value(float(event.args[end])) for end in ("min", "max")]
+            self._moved({**self.value, kind: ends})
 
     def _normal_typed(self, number: int, value: float | None) -> None:
         if value is None:
             return
         both = list(self.value["normal"])
         both[number] = float(value)
-        self._moved({"normal": both})
+        self._moved({**self.value, "normal": both})
 
     def _number(self) -> float:
         """The value as a number; where the slider of an absent value stands."""
