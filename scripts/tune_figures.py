@@ -60,10 +60,8 @@ def _photograph(page: Any) -> Image.Image:
 
 
 def _write(picture: Image.Image, file: Path) -> None:
-    """Write a PNG of 256 colours, which shows interfaces well at a third of the bytes."""
-    few = picture.quantize(256, dither=Image.Dither.NONE)
     stream = io.BytesIO()
-    few.save(stream, "PNG", optimize=True)
+    picture.save(stream, "PNG", optimize=True)
     write_atomic(stream.getvalue(), file)
 
 
