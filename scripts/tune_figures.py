@@ -17,6 +17,7 @@ from PIL import Image
 
 from benchmarks.tune import after, chromium_page, shown, tune_page
 from glsim.files.atomic import write_atomic
+from glsim.gl.shader_source import SHADER_ROOT
 from glsim.tune.static_page import write_static_page
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
@@ -117,16 +118,16 @@ def _mistake(page: Any, take: Callable[..., None]) -> None:
     page.click(".cm-content")
     page.keyboard.press("Control+Home")
     page.keyboard.press("ArrowDown")
-    page.keyboard.insert_text("\n")
-    page.keyboard.press("ArrowUp")
-    for word in ("uniform ", "float ", "shift_mm ", "= ;"):
-        page.keyboard.insert_text(word)
-        take()
+    page.keyboard.insert_text("uniform float shift_mm = ;\n")
     page.wait_for_selector(".cm-line.wrong")
     page.wait_for_timeout(400)
     take(_LONG)
-    page.keyboard.press("Backspace")
-    page.keyboard.insert_text("5.0; //@ [0, 50] mm farther")
+    first, rest = (SHADER_ROOT / "tof/tof_floor.glsl").read_text().split("\n", 1)
+    page.keyboard.press("Control+a")
+    page.keyboard.insert_text(
+        f"{first}\nuniform float shift_mm = 5.0; //@ [0, 50] mm farther\n{rest}"
+    )
+    page.keyboard.press("Control+Home")
     page.wait_for_selector('[data-name="tof_floor.shift_mm"] .q-slider')
     page.wait_for_timeout(800)
     take(_LONG)

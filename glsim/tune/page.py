@@ -177,15 +177,16 @@ class Page:
 
     def _refused(self, tuning: Tuning, why: str) -> None:
         """Say why a tuning cannot be drawn, and go back to what is shown."""
-        self.history.refuse(tuning)
         if self._closed:
             return
         with self.client:
-            self.top.stop()
-            if self.picture is not None:
-                self.sections.refresh(self.picture)
-                self.top.refresh()
             self.editor.problem(why)
+            self.top.stop()
+            if self.picture is None or tuning == self.picture.tuning:
+                return  # not the tuning is wrong, but a file that has changed
+            self.history.refuse(tuning)
+            self.sections.refresh(self.picture)
+            self.top.refresh()
 
     async def _measure(self) -> None:
         """Measure the newest picture; what was drawn meanwhile is measured next."""
@@ -228,6 +229,7 @@ class Page:
         known, self._files = self._files, times
         if any(known.get(f, t) != t for f, t in times.items()):
             self.bench.reload()
+            self.sections.reload()
             await self.refresh()
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from nicegui import ui
 
+from glsim.errors import GlsimError
 from glsim.noise.stage import Stage
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.distribution import Distribution, constant
@@ -35,6 +36,7 @@ class Sections:
         self._page, self._new_stage, self._show_code = page, new_stage, show_code
         self._own: tuple[str, Sensor] | None = None
         self._plan: object = None
+        self._stale = False
         self._rows: dict[str, ControlRow] = {}
         self._switches: dict[str, Any] = {}
         self._dots: dict[str, Any] = {}
@@ -63,6 +65,10 @@ class Sections:
                 name.startswith(f"{stage.name}.") for name in page.history.now.values
             )
             self._dots[stage.name].set_visibility(changed)
+
+    def reload(self) -> None:
+        """Read the sensor's own values anew at the next picture."""
+        self._stale, self._plan = True, None
 
     def _value(self, name: str, picture: Picture) -> Any:
         """The current value of a control: the user's, which may be newer than the picture's."""
@@ -122,10 +128,14 @@ class Sections:
                     ui.label("no parameters").classes("unit")
 
     def _own_sensor(self) -> Sensor:
-        """The sensor as its file says."""
+        """The sensor as its file says; the last good one while the file has a mistake."""
         name = self._page.history.now.sensor
-        if self._own is None or self._own[0] != name:
-            self._own = name, load_sensor(name)
+        if self._own is None or self._own[0] != name or self._stale:
+            try:
+                self._own, self._stale = (name, load_sensor(name)), False
+            except GlsimError:
+                if self._own is None or self._own[0] != name:
+                    raise
         return self._own[1]
 
     def _original(self, stage: Stage) -> Stage:

@@ -248,6 +248,23 @@ def test_a_value_is_drawn_anew_from_a_range(page: Any) -> None:
     assert pixels(page) == before
 
 
+def test_a_file_that_is_edited_elsewhere_is_reloaded(page: Any, server: Server) -> None:
+    select(page, "axial")
+    file, box = server.folder / "small.toml", '[aria-label="axial.base_sigma_mm value"]'
+    before, number = pixels(page), shown(page)
+    file.write_text(SENSOR.replace("base_sigma_mm = 3", "base_sigma_mm = 7"))
+    after(page, number)
+    page.wait_for_function(f"document.querySelector('{box}').value === '7'")
+    assert pixels(page) != before
+    file.write_text(SENSOR.replace("base_sigma_mm = 3", "base_sigma_mm = -1"))
+    page.wait_for_selector(".code .problem:has-text('outside')")
+    number = shown(page)
+    file.write_text(SENSOR)
+    after(page, number)
+    assert pixels(page) == before
+    assert page.is_hidden(".code .problem")
+
+
 def test_other_settings_stand_beside_these(page: Any) -> None:
     page.click('[aria-label="compare"]')
     page.click("text=Keep these settings as B")
