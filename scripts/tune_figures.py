@@ -51,6 +51,7 @@ def main() -> None:
 def _open(page: Any, stage: str) -> None:
     """Open a stage, and wait until the statistics stand."""
     page.click(f'[data-stage="{stage}"] button.name')
+    page.wait_for_selector(f'[data-stage="{stage}"].selected')
     page.wait_for_selector("#tune-figures .reasons td")
     page.mouse.move(660, 560)  # no tooltip
     page.wait_for_timeout(1500)
