@@ -147,8 +147,10 @@ class Simulator:
         self.sensor: Sensor = sensor_of(settings, changes)
         make_current(context)
         same_rig = like is not None and like.sensor.rig == self.sensor.rig
-        self._renderer = like._renderer if like and same_rig else Renderer(context, self.sensor.rig)
-        self._linked = like._linked if like else LinkedStages(context)
+        self._renderer: Renderer = (
+            like._renderer if like and same_rig else Renderer(context, self.sensor.rig)
+        )
+        self._linked: LinkedStages = like._linked if like else LinkedStages(context)
         read_back = (
             *self._extra,
             *((REGION.name,) if "regions" in layers else ()),
@@ -166,10 +168,12 @@ class Simulator:
         )
         further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
         self._labels = RegionLabels(sources, further) if "regions" in layers else None
-        if like is not None and like._settings.appearance == settings.appearance:
-            self._dressers = like._dressers
-        else:
-            self._dressers = [Dresser(source, settings.appearance) for source in sources]
+        same_wear = like is not None and like._settings.appearance == settings.appearance
+        self._dressers: list[Dresser] = (
+            like._dressers
+            if like is not None and same_wear
+            else [Dresser(source, settings.appearance) for source in sources]
+        )
         self._others = OtherPeople(settings, sources, self._dressers, self.sensor.rig)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]

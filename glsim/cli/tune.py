@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -82,10 +83,15 @@ def tune(
         print_written(write_static_page(static, [sensor] if sensor else [], backend=backend))
         return
     from glsim.errors import ConfigError
+
+    for needed in ("nicegui", "tomlkit"):
+        if find_spec(needed) is None:
+            raise ConfigError(f"glsim tune needs {needed}: pip install 'glsim[tune]'")
     from glsim.sensors.sensor import sensor_of
     from glsim.settings.schema import load_settings
     from glsim.tune.faces import as_values, face_command, opener
     from glsim.tune.state import Tuning, tuning_of_link
+    from glsim.tune.workshop import Workshop
 
     if face is not None and (source is not None or root is not None):
         raise ConfigError("give --face or --source, not both")
@@ -99,16 +105,11 @@ def tune(
     start = Tuning(settings.sensor, values)
     if link is not None:
         start = tuning_of_link(link.partition("s=")[2].partition("&")[0] or link)
-    try:
-        from glsim.tune.server import serve
-        from glsim.tune.workshop import Workshop
-    except ImportError as error:
-        if error.name is None or error.name.startswith("glsim"):
-            raise
-        raise ConfigError(f"glsim tune needs {error.name}: pip install 'glsim[tune]'") from None
     settings, open_sources = opener(settings, face)
     command = face_command(face, source, root, preset, config, seed)
     workshop = Workshop(settings, open_sources, command, start, real, backend)
+    workshop.prepare()
+    from glsim.tune.server import serve  # takes seconds, while the first frame is drawn
 
     def announce(address: str) -> None:
         console.print(f"glsim tune: {address}", soft_wrap=True)

@@ -15,6 +15,7 @@ from glsim.errors import GlsimError
 from glsim.faces.base import FaceSource
 from glsim.frame import Frame
 from glsim.gl.context import open_context
+from glsim.noise.registry import shipped_stages
 from glsim.pipeline import Simulator
 from glsim.plan.tasks import Task, make_tasks
 from glsim.sensors.sensor import Sensor
@@ -113,7 +114,8 @@ class Bench:
         return self._plain
 
     def reload(self) -> None:
-        """Read the sensor's files anew at the next frame."""
+        """Read the sensor's files and the stages' GLSL anew at the next frame."""
+        shipped_stages.cache_clear()
         self._plan = None
 
     def close(self) -> None:

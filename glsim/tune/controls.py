@@ -24,6 +24,7 @@ class Control:
 
     name: of ``--set``. kind: float, int or bool. low, high: what is valid; least, most: the ends of
     the slider. log_scale: the slider holds the logarithm to base 10. start: the sensor's own.
+    off: it is not there until it is moved; start is then where the slider stands.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Control:
     help: str
     start: Distribution
     log_scale: bool = False
+    off: bool = False
 
     @property
     def step(self) -> float:
@@ -126,11 +128,11 @@ def pose_controls(settings: Settings) -> list[Control]:
 
 
 def wall_control(settings: Settings) -> Control:
-    """Return the control of the wall behind the face; its start counts only if there is one."""
+    """Return the control of the wall behind the face, which is off if there is none."""
     start = settings.scene.wall_mm or Distribution(constant=1500.0)
     return Control(
         "scene.wall_mm", "wall_mm", "float", 100.0, 12000.0, 1000.0, 4500.0, "mm",
-        "distance of a wall behind the face", start,
+        "distance of a wall behind the face", start, off=settings.scene.wall_mm is None,
     )  # fmt: skip
 
 
@@ -169,17 +171,17 @@ def rig_values(sensor: Sensor, label: str, value: float) -> tuple[str, object]:
         return "rig.focal_px", [value, float(f"{value * camera.fy / camera.fx:.6g}")]
     number, axis = int(label[7:].split("_")[0]) - 1, "xy".index(label.split("_")[1])
     tables = emitter_tables(sensor)
-    place = list(tables[number]["position_m"])
+    place = list(sensor.rig.emitters[number].position_m)
     place[axis] = float(f"{value / 1000:.6g}")
     tables[number]["position_m"] = place
     return "rig.emitter", tables
 
 
-def emitter_tables(sensor: Sensor) -> list[dict[str, object | list[float]]]:
+def emitter_tables(sensor: Sensor) -> list[dict[str, object]]:
     """Return the emitters as [[rig.emitter]] tables."""
-    tables: list[dict[str, object | list[float]]] = []
+    tables: list[dict[str, object]] = []
     for emitter in sensor.rig.emitters:
-        table: dict[str, object | list[float]] = {"position_m": list(emitter.position_m)}
+        table: dict[str, object] = {"position_m": list(emitter.position_m)}
         if emitter.spread_m:
             table["spread_m"] = emitter.spread_m
         if emitter.path_from_m is not None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from nicegui import background_tasks, ui
 
+from glsim.gl.shader_source import SHADER_ROOT
 from glsim.noise.stage import Stage
 from glsim.tune.bench import Picture, marked_lines
 from glsim.tune.desk import Desk
@@ -60,7 +61,8 @@ class CodeEditor:
         changed = stage.name in self._page.history.now.code
         self._reset.set_visibility(changed)
         self._name.text = stage.name
-        self._file.text = "changed here" if changed else stage.spec.file
+        self._file.text = "changed here" if changed else _short(Path(stage.spec.file))
+        self._file.props(f'title="{stage.spec.file}"')
         editable = stage.spec.source is not None
         self._plain.set_visibility(not editable)
         self._editor.set_visibility(editable)
@@ -158,6 +160,12 @@ class CodeEditor:
                 await self._page.set_code(chosen, StageCode(text, place, new=True))
 
         background_tasks.create(ask(), name="new stage")
+
+
+def _short(file: Path) -> str:
+    """The path of a shipped stage from its package."""
+    root = SHADER_ROOT.parent
+    return str(file.relative_to(root) if file.is_relative_to(root) else file)
 
 
 def _name_problem(name: str, names: list[str]) -> str | None:

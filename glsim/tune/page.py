@@ -12,7 +12,7 @@ from nicegui import Client, background_tasks, ui
 from glsim.errors import GlsimError
 from glsim.reason import Reason
 from glsim.sensors.sensor import Sensor
-from glsim.tune.bench import Bench, Picture
+from glsim.tune.bench import Picture
 from glsim.tune.comparison import Comparison
 from glsim.tune.editor import CodeEditor
 from glsim.tune.packet import pack
@@ -40,7 +40,7 @@ class Page:
     def __init__(self, workshop: Workshop, client: Client, start: Tuning) -> None:
         self.workshop, self.client, self.tab = workshop, client, client.id
         self.history = History(start)
-        self.bench = Bench(workshop.base, workshop.open_sources, workshop.backend)
+        self.bench = workshop.bench()
         self.picture: Picture | None = None
         self.selected = ""
         self._number = 0
@@ -142,10 +142,11 @@ class Page:
         try:
             while self._wanted and not self._closed:
                 self._wanted = False
+                tuning = self.history.now
                 try:
-                    await self._draw(self.history.now)
+                    await self._draw(tuning)
                 except GlsimError as error:
-                    self.editor.problem(str(error))
+                    self._refused(tuning, str(error))
                     continue
                 self._present()
         finally:
@@ -173,6 +174,19 @@ class Page:
         if not self._measuring:
             self._measuring = True
             background_tasks.create(self._measure(), name="statistics")
+
+    def _refused(self, tuning: Tuning, why: str) -> None:
+        """Say why a tuning cannot be drawn, and go back to what is shown."""
+        if self._closed:
+            return
+        with self.client:
+            self.editor.problem(why)
+            self.top.stop()
+            if self.picture is None or tuning == self.picture.tuning:
+                return  # not the tuning is wrong, but a file that has changed
+            self.history.refuse(tuning)
+            self.sections.refresh(self.picture)
+            self.top.refresh()
 
     async def _measure(self) -> None:
         """Measure the newest picture; what was drawn meanwhile is measured next."""
@@ -215,6 +229,7 @@ class Page:
         known, self._files = self._files, times
         if any(known.get(f, t) != t for f, t in times.items()):
             self.bench.reload()
+            self.sections.reload()
             await self.refresh()
 
 

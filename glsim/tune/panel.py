@@ -19,24 +19,37 @@ _THROTTLE = 0.04
 
 
 def words(value: Any, unit: str = "") -> str:
-    """Write a value for people: 1.5 mm, 1 to 3 mm."""
+    """Write a value for people: 1.5 mm, 1 to 3 mm; None is off."""
+    if value is None:
+        return "off"
     end = f" {unit}" if unit else ""
     if isinstance(value, Mapping):
-        for kind, text in (("uniform", "{:g} to {:g}"), ("loguniform", "{:g} to {:g}, log")):
+        for kind, log in (("uniform", ""), ("loguniform", ", log")):
             if kind in value:
-                return text.format(*value[kind]) + end
+                return "{:g} to {:g}".format(*value[kind]) + end + log
         if "normal" in value:
             return "{:g} ± {:g}".format(*value["normal"]) + end
         return ", ".join(f"{v:g}" for v in value.get("choice", ())) + end
     return f"{float(value):g}{end}"
 
 
+def own_value(control: Control) -> Any:
+    """The value of a control that nobody has changed; None if it is off."""
+    return None if control.off else plain_value(control.start)
+
+
+def _range_of(value: Any) -> str | None:
+    """The kind of a distribution that has two ends."""
+    kinds = [k for k in ("uniform", "loguniform") if isinstance(value, Mapping) and k in value]
+    return kinds[0] if kinds else None
+
+
 class ControlRow:
     """One control: label, box, slider, and a menu to reset it or to make it a distribution."""
 
     def __init__(self, control: Control, value: Any, change: Change, settle: Callable[[], None]):
-        self._control, self._change, self._settle = control, change, settle
-        self.value, self.start = value, control.start
+        self.control, self._change, self._settle = control, change, settle
+        self.value = value
         with ui.element("div").classes("control") as self._root:
             self._root.props(f'data-name="{control.name}"')
             self._fill()
@@ -51,27 +64,28 @@ class ControlRow:
             self._fill()
 
     def _fill(self) -> None:
-        control, value = self._control, self.value
+        control, value = self.control, self.value
         with ui.element("div").classes("label") as label:
             ui.html(f"<span>{control.label}</span>", sanitize=False)
             self._was = ui.label().classes("was").style("display: inline")
             ui.tooltip(control.help).props("delay=600 max-width=280px")
         label.props(f'title="{control.name}"')
+        self._box: ui.number | None = None
+        self._drawn: ui.label | None = None
         if isinstance(value, Mapping):
-            self._box = None
-            ui.label(words(value)).classes("label")
+            self._drawn = ui.label().classes("label drawn")
         elif control.kind == "bool":
-            self._box = None
             ui.switch(value=bool(value), on_change=lambda e: self._moved(float(e.value))).props(
                 f'dense aria-label="{control.name}"'
             )
         else:
             self._box = (
-                ui.number(value=value, format="%.6g", on_change=self._typed)
+                ui.number(value=value, format="%.6g", placeholder="off", on_change=self._typed)
                 .props(f'dense outlined debounce=300 aria-label="{control.name} value"')
                 .on("blur", self._settle)
             )
-        ui.label(control.unit).classes("unit")
+        if not isinstance(value, Mapping):
+            ui.label(control.unit).classes("unit")
         more = ui.button("⋮").props(f'flat dense aria-label="menu of {control.name}"')
         with more, ui.menu().props("auto-close"):
             ui.menu_item("Reset", lambda: self._change(control.name, None))
@@ -79,20 +93,24 @@ class ControlRow:
                 ui.menu_item("One number", lambda: self._change(control.name, self._middle()))
                 ui.menu_item("Drawn evenly from a range", self._to_uniform)
                 ui.menu_item("Drawn from a normal distribution", self._to_normal)
-        self._slide = None
+        self._slide: ui.slider | None = None
         if control.kind != "bool":
             with ui.element("div").classes("slide"):
                 self._slider(value)
         self._mark()
 
     def _slider(self, value: Any) -> None:
-        control = self._control
+        control = self.control
         least, most = control.position(control.least), control.position(control.most)
-        if isinstance(value, Mapping) and "uniform" in value:
-            low, high = (control.position(float(v)) for v in value["uniform"])
-            ui.range(min=least, max=most, step=control.step, value={"min": low, "max": high}).props(
-                f'dense aria-label="{control.name}"'
-            ).on("update:model-value", self._range_moved, throttle=_THROTTLE)
+        kind = _range_of(value)
+        if kind is not None:
+            low, high = (control.position(float(v)) for v in value[kind])
+            (
+                ui.range(min=least, max=most, step=control.step, value={"min": low, "max": high})
+                .props(f'dense aria-label="{control.name}"')
+                .on("update:model-value", self._range_moved, throttle=_THROTTLE)
+                .on("change", self._settle)
+            )
         elif isinstance(value, Mapping) and "normal" in value:
             with ui.row().style("gap: 8px; flex-wrap: nowrap"):
                 for number, text in enumerate(("mean", "deviation")):
@@ -101,7 +119,7 @@ class ControlRow:
                         on_change=lambda e, n=number: self._normal_typed(n, e.value),
                     ).props("dense debounce=300")  # fmt: skip
         elif not isinstance(value, Mapping):
-            at = min(max(control.position(float(value)), least), most)
+            at = min(max(control.position(self._number()), least), most)
             self._slide = (
                 ui.slider(min=least, max=most, step=control.step, value=at)
                 .props(f'dense aria-label="{control.name}"')
@@ -110,18 +128,22 @@ class ControlRow:
             )
 
     def _mark(self) -> None:
-        start = plain_value(self._control.start)
-        self._was.text = "" if start == self.value else f"was {words(start)}"
+        start = own_value(self.control)
+        was = "" if start == self.value else f"was {words(start)}"
+        self._was.set_text(was)
+        self._was.props(f'title="{was}"')
+        if self._drawn is not None:
+            self._drawn.set_text(words(self.value, self.control.unit))
 
     def _moved(self, value: Any) -> None:
         if value == self.value:
             return
         self.value = value
         self._mark()
-        self._change(self._control.name, value)
+        self._change(self.control.name, value)
 
     def _slid(self, event: Any) -> None:
-        value = self._control.value(float(event.args))
+        value = self.control.value(float(event.args))
         if self._box is not None:
             self._box.set_value(value)
         self._moved(value)
@@ -129,39 +151,45 @@ class ControlRow:
     def _typed(self, event: Any) -> None:
         if event.value is None or isinstance(self.value, Mapping):
             return
-        value = min(max(float(event.value), self._control.low), self._control.high)
-        if self._control.kind == "int":
+        value = min(max(float(event.value), self.control.low), self.control.high)
+        if self.control.kind == "int":
             value = float(round(value))
         if self._slide is not None:
-            self._slide.set_value(self._control.position(value))
+            self._slide.set_value(self.control.position(value))
         self._moved(value)
 
     def _range_moved(self, event: Any) -> None:
-        ends = [self._control.value(float(event.args[end])) for end in ("min", "max")]
-        self._moved({"uniform": ends})
+        kind = _range_of(self.value)
+        if kind is not None:
+            ends = [self.control.value(float(event.args[end])) for end in ("min", "max")]
+            self._moved({**self.value, kind: ends})
 
     def _normal_typed(self, number: int, value: float | None) -> None:
         if value is None:
             return
         both = list(self.value["normal"])
         both[number] = float(value)
-        self._moved({"normal": both})
+        self._moved({**self.value, "normal": both})
+
+    def _number(self) -> float:
+        """The value as a number; where the slider of an absent value stands."""
+        return float(plain_value(self.control.start) if self.value is None else self.value)
 
     def _middle(self) -> float:
         if not isinstance(self.value, Mapping):
-            return float(self.value)
+            return self._number()
         low, high = Distribution(**self.value).bounds()
         middle = 0.5 * (low + high)
-        return float(round(middle)) if self._control.kind == "int" else middle
+        return float(round(middle)) if self.control.kind == "int" else middle
 
     def _to_uniform(self) -> None:
-        middle, control = self._middle(), self._control
+        middle, control = self._middle(), self.control
         low = max(control.low, middle - 0.5 * abs(middle or control.most))
         high = min(control.high, middle + 0.5 * abs(middle or control.most))
         self._change(control.name, {"uniform": [float(f"{low:.4g}"), float(f"{high:.4g}")]})
 
     def _to_normal(self) -> None:
-        middle, control = self._middle(), self._control
+        middle, control = self._middle(), self.control
         room = min(middle - control.low, control.high - middle) / 3
         deviation = float(f"{max(min(0.2 * abs(middle or control.most), room), 0.0):.3g}")
         self._change(control.name, {"normal": [middle, deviation]})

@@ -42,16 +42,16 @@ def figures(frames: FrameSet) -> dict[str, Any]:
     sides = measure_silhouettes(frames.frames)
     invalid = measure_invalid(frames.frames)
     rough = spatial.rough_mm
-    rows = [
-        ["residual in 7x7 px, 10th percentile", "mm", rough[0]],
-        ["residual in 7x7 px, median", "mm", rough[1]],
-        ["residual in 7x7 px, 90th percentile", "mm", rough[2]],
-        ["correlation to the next pixel", "", spatial.correlation[0]],
-        ["silhouette width, left", "px", sides.left.width_px],
-        ["silhouette width, right", "px", sides.right.width_px],
-        ["without depth beside it, left", "px", sides.left.invalid_px],
-        ["without depth beside it, right", "px", sides.right.invalid_px],
-        ["without depth, image centre", "%", 100 * invalid[0][2]],
+    rows: list[tuple[str, str, float]] = [
+        ("residual in 7x7 px, 10th percentile", "mm", rough[0]),
+        ("residual in 7x7 px, median", "mm", rough[1]),
+        ("residual in 7x7 px, 90th percentile", "mm", rough[2]),
+        ("correlation to the next pixel", "", spatial.correlation[0]),
+        ("silhouette width, left", "px", sides.left.width_px),
+        ("silhouette width, right", "px", sides.right.width_px),
+        ("without depth beside it, left", "px", sides.left.invalid_px),
+        ("without depth beside it, right", "px", sides.right.invalid_px),
+        ("without depth, image centre", "%", 100 * invalid[0][2]),
     ]
     return {
         "title": frames.title,

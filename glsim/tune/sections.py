@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from nicegui import ui
 
+from glsim.errors import GlsimError
 from glsim.noise.stage import Stage
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.distribution import Distribution, constant
@@ -21,8 +21,7 @@ from glsim.tune.controls import (
     wall_control,
 )
 from glsim.tune.desk import Desk
-from glsim.tune.faces import plain_value
-from glsim.tune.panel import ControlRow
+from glsim.tune.panel import ControlRow, own_value
 
 _POSE, _RIG = "pose and scene", "rig"
 
@@ -35,8 +34,9 @@ class Sections:
     ) -> None:
         """new_stage: asks for one. show_code: shows the code of the selected stage."""
         self._page, self._new_stage, self._show_code = page, new_stage, show_code
-        self._own: Sensor | None = None
+        self._own: tuple[str, Sensor] | None = None
         self._plan: object = None
+        self._stale = False
         self._rows: dict[str, ControlRow] = {}
         self._switches: dict[str, Any] = {}
         self._dots: dict[str, Any] = {}
@@ -66,12 +66,16 @@ class Sections:
             )
             self._dots[stage.name].set_visibility(changed)
 
+    def reload(self) -> None:
+        """Read the sensor's own values anew at the next picture."""
+        self._stale, self._plan = True, None
+
     def _value(self, name: str, picture: Picture) -> Any:
         """The current value of a control: the user's, which may be newer than the picture's."""
         if name.startswith("rig:"):
             return next(c.start for c in rig_controls(picture.sensor) if c.label == name[4:])
         values = self._page.history.now.values
-        return values[name] if name in values else plain_value(self._rows[name].start)
+        return values[name] if name in values else own_value(self._rows[name].control)
 
     def _fill(self, picture: Picture) -> None:
         self._root.clear()
@@ -123,18 +127,26 @@ class Sections:
                 if not stage.spec.parameters:
                     ui.label("no parameters").classes("unit")
 
+    def _own_sensor(self) -> Sensor:
+        """The sensor as its file says; the last good one while the file has a mistake."""
+        name = self._page.history.now.sensor
+        if self._own is None or self._own[0] != name or self._stale:
+            try:
+                self._own, self._stale = (name, load_sensor(name)), False
+            except GlsimError:
+                if self._own is None or self._own[0] != name:
+                    raise
+        return self._own[1]
+
     def _original(self, stage: Stage) -> Stage:
         """The stage with the sensor's own values, which the rows call "was"."""
-        name = self._page.history.now.sensor
-        if self._own is None or self._own.name != Path(name).stem:
-            self._own = load_sensor(name)
-        own = {s.name: s.settings for s in self._own.stages}.get(stage.name, {})
+        own = {s.name: s.settings for s in self._own_sensor().stages}.get(stage.name, {})
         defaults = {k: constant(p.default) for k, p in stage.spec.parameters.items()}
         return Stage(stage.name, stage.spec, defaults | {k: own[k] for k in defaults if k in own})
 
     def _row(self, control: Control) -> None:
-        page, start = self._page, plain_value(control.start)
-        value = page.history.now.values.get(control.name, start)
+        page = self._page
+        value = page.history.now.values.get(control.name, own_value(control))
         self._rows[control.name] = ControlRow(control, value, page.set_value, page.history.settle)
 
     def _pose(self, picture: Picture) -> None:
@@ -146,13 +158,14 @@ class Sections:
 
     def _rig(self, picture: Picture) -> None:
         page = self._page
-        for one in rig_controls(picture.sensor):
+        now = {control.label: control.start for control in rig_controls(picture.sensor)}
+        for one in rig_controls(self._own_sensor()):
             control = Control(
                 f"rig:{one.label}", one.label, "float", one.least, one.most, one.least, one.most,
                 one.unit, one.help, Distribution(constant=one.start),
             )  # fmt: skip
             self._rows[control.name] = ControlRow(
-                control, one.start, self._rig_moved, page.history.settle
+                control, now[one.label], self._rig_moved, page.history.settle
             )
 
     def _rig_moved(self, name: str, value: Any) -> None:

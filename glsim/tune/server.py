@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 import socket
 import webbrowser
@@ -9,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fastapi import Response
-from nicegui import Client, app, ui
+from nicegui import Client, app, background_tasks, ui
 
 from glsim.errors import ConfigError
 from glsim.tune.gate import Gate
@@ -77,17 +78,30 @@ def serve(
         await client.connected(timeout=60)
         await page.begin()
 
-    async def started() -> None:
+    async def tell() -> None:
+        await _listening(host, port)
         announce(address)
         if browser:
             webbrowser.open(address)
 
-    app.on_startup(started)
+    app.on_startup(lambda: background_tasks.create(tell(), name="address"))
     ui.run(
         host=host, port=port, show=False, reload=False, show_welcome_message=False, dark=None,
         tailwind=False, reconnect_timeout=_PATIENCE, title="glsim tune",
         favicon=ASSETS / "icon.svg",
     )  # fmt: skip
+
+
+async def _listening(host: str, port: int) -> None:
+    """Wait until the server takes connections, which it does a moment after its start."""
+    while True:
+        try:
+            _, writer = await asyncio.open_connection(host, port)
+        except OSError:
+            await asyncio.sleep(0.02)
+        else:
+            writer.close()
+            return
 
 
 def _free_port(host: str, port: int) -> int:

@@ -124,6 +124,14 @@ class History:
         """End the current step: the next change of the same name is another one."""
         self._open = ""
 
+    def refuse(self, tuning: Tuning) -> bool:
+        """Forget the current step if it is this one, which cannot be drawn; returns whether."""
+        if tuning is not self.now or self._at == 0:
+            return False
+        self._steps = self._steps[: self._at]
+        self._at, self._open = self._at - 1, ""
+        return True
+
     @property
     def can_undo(self) -> bool:
         """Whether there is an earlier tuning."""

@@ -11,7 +11,8 @@ that captures share. assets/static/captures.js unpacks them:
     sample_albedo   8 bits  and albedo minus the pixel's
 
 A blob: each number minus what its neighbours above and to the left predict (left + above - above
-left), modulo 2^bits; signs folded into the lowest bit; low bytes, then high bytes; zlib; base64.
+left), modulo 2^bits; signs folded into the lowest bit; low bytes, then high bytes; zlib; base 85
+(``base64.b85encode``, with . for <, which would end a script).
 Blobs of samples are not predicted.
 """
 
@@ -34,9 +35,9 @@ from glsim.sensors.sensor import Sensor
 from glsim.settings.seeds import stable_seed
 
 #: Steps of the integers. Chosen: depth to an eighth of a millimetre reaches 8.19 m and stays far
-#: below the noise of the quietest sensor (0.3 mm); 127 steps of a normal's x and y are half a
-#: degree; 252 is divisible by the numbers of points of an emitter.
-DEPTH_M, NORMAL, ALBEDO, LIT, UNEVEN_M = 0.000125, 127, 1 / 170, 1 / 252, 1e-5
+#: below the noise of the quietest sensor (0.3 mm); 63 steps of a normal's x and y are a degree;
+#: 252 is divisible by the numbers of points of an emitter.
+DEPTH_M, NORMAL, ALBEDO, LIT, UNEVEN_M = 0.000125, 63, 1 / 170, 1 / 252, 1e-5
 #: Pixels that keep their samples: those that tof_light does not evaluate at their centre.
 MIXED_ABOVE = round(
     0.001 * shipped_stages()["tof_light"].parameters["smooth_mm"].default / UNEVEN_M
@@ -145,9 +146,11 @@ def pack_blob(values: NDArray[Any], *, predicted: bool) -> dict[str, Any]:
         "bits": bits,
         "shape": list(values.shape),
         "predicted": predicted,
-        "data": base64.b64encode(packed).decode(),
+        "data": base64.b85encode(packed).decode().replace("<", "."),
+        "bytes": len(packed),
     }
 
 
 def _steps(values: NDArray[np.float32], step: float, kind: type[Any]) -> NDArray[Any]:
-    return np.clip(np.rint(values / step), 0, np.iinfo(kind).max).astype(kind)
+    whole: NDArray[Any] = np.clip(np.rint(values / step), 0, np.iinfo(kind).max).astype(kind)
+    return whole

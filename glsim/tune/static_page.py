@@ -26,8 +26,8 @@ _ASSETS = Path(__file__).parent / "assets"
 #: The modules of the script, each after those that it imports.
 MODULES = (
     "maps.js", "charts.js", "images.js", "packet.js", "surface.js", "figures.js", "tune.js",
-    "static/declarations.js", "static/captures.js", "static/chain.js", "static/editor.js",
-    "static/measure.js", "static/panel.js", "static/page.js",
+    "static/functions.js", "static/declarations.js", "static/captures.js", "static/chain.js",
+    "static/editor.js", "static/measure.js", "static/panel.js", "static/page.js",
 )  # fmt: skip
 _IMPORT = re.compile(r'^import (?:(\{[^}]*\}) from )?"[./]*([\w./]+)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export ((?:async )?(?:function|class|const) (\w+))", re.MULTILINE)

@@ -48,7 +48,7 @@ def frame_statistics(frame: Frame, normal: Array) -> dict[str, Any]:
         "beyond_px": int(both.sum() - same.sum()),
         "distance": _by(clean[face], error[face], _DISTANCE_MM),
         "angle": _by(angle[face], error[face], _ANGLE_DEG),
-        "histogram": _histogram(values),
+        "histogram": _histogram(values, frame.depth_unit_mm),
         "autocorrelation": _autocorrelation(error, face),
         "reasons": _reasons(frame),
     }
@@ -95,14 +95,21 @@ def _by(at: Array, error: Array, width: float) -> list[list[float]]:
     ]
 
 
-def _histogram(values: Array) -> dict[str, Any]:
-    """Count errors in bins over four robust deviations; what lies beyond is in the last bins."""
+def _histogram(values: Array, unit_mm: float) -> dict[str, Any]:
+    """Count errors in bins over four robust deviations; what lies beyond is in the last bins.
+
+    A bin is some whole units of depth, so that whole millimetres do not fill every third one.
+    """
     if values.size < _LEAST:
         return {"low_mm": -1.0, "high_mm": 1.0, "counts": []}
     middle = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - middle)))  # of a Gaussian's deviation
-    reach = float(f"{max(4 * spread, 0.5):.2g}")
-    counts, _ = np.histogram(np.clip(values, -reach, reach), bins=_BINS, range=(-reach, reach))
+    reach = max(4 * spread, 0.5)
+    width = unit_mm * max(round(2 * reach / unit_mm / _BINS), 1)
+    sides = max(math.ceil(reach / width), 2)
+    reach = round((sides + 0.5) * width, 6)
+    inside = np.clip(values.astype(np.float64), -reach, reach)
+    counts, _ = np.histogram(inside, bins=2 * sides + 1, range=(-reach, reach))
     return {"low_mm": -reach, "high_mm": reach, "counts": counts.tolist()}
 
 

@@ -94,10 +94,17 @@ class TopBar:
 
     def toggle_play(self) -> None:
         """Start or stop showing frame after frame."""
-        self.playing = not self.playing
-        self._play.props(f"icon={'stop' if self.playing else 'play_arrow'}")
         if self.playing:
-            self.next_frame()
+            self.stop()
+            return
+        self.playing = True
+        self._play.props("icon=stop")
+        self.next_frame()
+
+    def stop(self) -> None:
+        """Show the current frame only."""
+        self.playing = False
+        self._play.props("icon=play_arrow")
 
     def next_frame(self) -> None:
         """Show the next frame; called when the browser has drawn one."""

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from glsim.errors import GlsimError
 from glsim.faces.base import FaceSource
 from glsim.settings.schema import Settings
+from glsim.tune.bench import Bench
 from glsim.tune.recording import measure_recording
 from glsim.tune.state import Tuning
 
@@ -39,6 +40,24 @@ class Workshop:
     measuring: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "measure"))
     packets: dict[str, bytes] = field(default_factory=dict)
     recorded: dict[str, Any] | None = None
+    _prepared: Bench | None = None
+
+    def prepare(self) -> None:
+        """Draw the start on the GL thread, so that the first tab finds faces and programs made."""
+        self._prepared = Bench(self.base, self.open_sources, self.backend)
+
+        def draw(bench: Bench) -> None:
+            try:
+                bench.draw(self.start)
+            except GlsimError as error:
+                log.debug("%s", error)  # the page says it
+
+        self.gl.submit(draw, self._prepared)
+
+    def bench(self) -> Bench:
+        """Return a bench for a new tab; the first one gets the prepared one."""
+        bench, self._prepared = self._prepared, None
+        return bench or Bench(self.base, self.open_sources, self.backend)
 
     async def on_gl(self, function: Callable[..., _T], *arguments: Any) -> _T:
         """Run a function on the GL thread."""
@@ -50,10 +69,10 @@ class Workshop:
         return await loop.run_in_executor(self.measuring, function, *arguments)
 
     async def read_recording(self) -> None:
-        """Measure the real recording, once."""
+        """Measure the real recording, once; it takes seconds, and frames are measured meanwhile."""
         if self.real is None or self.recorded is not None:
             return
         try:
-            self.recorded = await self.measure(measure_recording, self.real)
+            self.recorded = await asyncio.to_thread(measure_recording, self.real)
         except GlsimError as error:
             log.warning("%s", error)

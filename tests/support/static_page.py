@@ -45,6 +45,7 @@ def open_page(file: Path, **options: Any) -> Iterator[tuple[Any, list[str]]]:
         browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=_OPTIONS)
         try:
             page = browser.new_page(viewport={"width": 1280, "height": 800}, **options)
+            page.set_default_timeout(180_000)  # a busy machine links shaders for a minute
             errors: list[str] = []
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.on("console", lambda m: errors.append(m.text) if m.type == "error" else None)

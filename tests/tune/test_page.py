@@ -217,6 +217,85 @@ def test_a_saved_sensor_gives_the_bytes_that_the_page_shows(page: Any, server: S
     assert int((rendered > 0).sum()) == sum(1 for value in noisy if value), "nothing outside"
 
 
+def test_a_new_stage_starts_from_a_template_and_can_be_taken_back(page: Any) -> None:
+    before, number = pixels(page), shown(page)
+    page.click("text=New stage")
+    page.fill(".q-dialog input >> nth=0", "own_noise")
+    page.click(".q-dialog button:has-text('Make')")
+    page.wait_for_selector('[data-name="own_noise.amount_mm"] .q-slider')
+    after(page, number)
+    assert pixels(page) != before
+    number = shown(page)
+    page.click("text=Back to the file's")
+    page.wait_for_selector('[data-stage="own_noise"]', state="detached")
+    after(page, number)
+    assert pixels(page) == before
+
+
+def test_a_value_is_drawn_anew_from_a_range(page: Any) -> None:
+    select(page, "axial")
+    row = '[data-name="axial.base_sigma_mm"]'
+    before, number = pixels(page), shown(page)
+    page.click('[aria-label="menu of axial.base_sigma_mm"]')
+    page.click("text=Drawn evenly from a range")
+    after(page, number)
+    assert page.inner_text(f"{row} .drawn") == "1.5 to 4.5 mm"
+    assert pixels(page) != before
+    number = shown(page)
+    page.click('[aria-label="menu of axial.base_sigma_mm"]')
+    page.click("text=Reset")
+    after(page, number)
+    assert pixels(page) == before
+
+
+def test_a_file_that_is_edited_elsewhere_is_reloaded(page: Any, server: Server) -> None:
+    select(page, "axial")
+    file, box = server.folder / "small.toml", '[aria-label="axial.base_sigma_mm value"]'
+    before, number = pixels(page), shown(page)
+    file.write_text(SENSOR.replace("base_sigma_mm = 3", "base_sigma_mm = 7"))
+    after(page, number)
+    page.wait_for_function(f"document.querySelector('{box}').value === '7'")
+    assert pixels(page) != before
+    file.write_text(SENSOR.replace("base_sigma_mm = 3", "base_sigma_mm = -1"))
+    page.wait_for_selector(".code .problem:has-text('outside')")
+    number = shown(page)
+    file.write_text(SENSOR)
+    after(page, number)
+    assert pixels(page) == before
+    assert page.is_hidden(".code .problem")
+
+
+def test_other_settings_stand_beside_these(page: Any) -> None:
+    page.click('[aria-label="compare"]')
+    page.click("text=Keep these settings as B")
+    page.wait_for_function("glsimTune.state.other")
+    noisy = "Array.from(glsimTune.state.other.layers.noisy)"
+    before = page.evaluate(noisy)
+    assert before == pixels(page)
+    number = shown(page)
+    page.click('[data-stage="axial"] .q-toggle')
+    after(page, number)
+    assert page.evaluate(noisy) == before != pixels(page)
+    number = shown(page)
+    page.click('[aria-label="undo"]')
+    after(page, number)
+    page.click('[aria-label="compare"]')
+    page.click("text=Show A alone")
+    page.wait_for_function("!glsimTune.state.other")
+
+
+def test_playing_shows_frame_after_frame(page: Any) -> None:
+    number = shown(page)
+    page.click('[aria-label="play or stop"]')
+    after(page, number + 3)
+    page.click('[aria-label="play or stop"]')
+    page.wait_for_timeout(500)
+    stopped = shown(page)
+    assert int(page.input_value('[aria-label="frame"]')) >= 3
+    page.wait_for_timeout(1000)
+    assert shown(page) <= stopped + 1, "one may have been on its way"
+
+
 def test_the_page_says_nothing_on_its_console_and_asks_no_other_server(
     page: Any, server: Server
 ) -> None:

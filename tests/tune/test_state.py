@@ -48,6 +48,19 @@ def test_a_change_after_undo_is_a_step_of_its_own() -> None:
     assert history.undo() == START
 
 
+def test_a_tuning_that_cannot_be_drawn_is_forgotten() -> None:
+    history = History(START)
+    history.change(START.with_value("seed", 1), "seed")
+    bad = history.now.with_value("axial.enabled", False)
+    history.change(bad)
+    assert history.refuse(bad)
+    assert history.now == START.with_value("seed", 1)
+    assert not history.can_redo
+    assert not history.refuse(bad), "it is no longer the current one"
+    history.undo()
+    assert not history.refuse(history.now), "the first one stays"
+
+
 def test_a_value_is_taken_back_with_none() -> None:
     assert START.with_value("seed", 1).with_value("seed", None) == START
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import Any
 import moderngl
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from glsim.frame import Frame, encode_depth
 from glsim.frame_assembly import reconcile_reasons
@@ -17,7 +20,7 @@ from glsim.gl.shader_source import SHADER_ROOT
 from glsim.noise.registry import shipped_stages
 from glsim.pipeline import Simulator, open_sources
 from glsim.plan.tasks import make_tasks
-from glsim.sensors.sensor import load_sensor, sensor_names
+from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 from glsim.settings.schema import load_settings
 from glsim.tune.static_captures import CAPTURED_LAYERS, frame_context, whole_numbers
 from glsim.tune.static_chains import describe_source
@@ -33,15 +36,39 @@ BARE = {
 HEAD = Scene("bare", "a bare head", BARE, {"pose.yaw_deg": 20})
 SEED = 7
 
-_RUN = """async ([sensor, seed]) => {
+_OPEN = """([sensor, seed]) => {
   Object.assign(glsimStatic.state, { sensor, seed, camera: 0, values: {}, code: {} });
   glsimStatic.open();
-  const run = await glsimStatic.run();
-  const lists = (layers) => Object.fromEntries(
-    Object.entries(layers).map(([name, v]) => [name, v && Array.from(v)]));
-  const { layers, picture, inputs } = run;
-  return { layers: lists(layers), picture: lists(picture.layers), inputs: lists(inputs) };
 }"""
+_RUN = """async () => {
+  const run = await glsimStatic.run();
+  const text = (bytes) => { // lists of numbers take Playwright minutes
+    let all = "";
+    for (let i = 0; i < bytes.length; i += 8192) {
+      all += String.fromCharCode(...bytes.subarray(i, i + 8192));
+    }
+    return btoa(all);
+  };
+  const packed = (layers) => Object.fromEntries(Object.entries(layers).filter(([, v]) => v)
+    .map(([name, v]) => [name, [v.constructor.name,
+      text(new Uint8Array(v.buffer, v.byteOffset, v.byteLength))]]));
+  const { layers, picture, inputs } = run;
+  return { layers: packed(layers), picture: packed(picture.layers), inputs: packed(inputs) };
+}"""
+_TYPES = {"Float32Array": "<f4", "Uint16Array": "<u2", "Uint8Array": "u1"}
+
+
+def _run(page: Any, sensor: str, seed: int) -> dict[str, dict[str, NDArray[Any]]]:
+    """Run a sensor in the page; return its layers, its picture and its inputs, flat."""
+    page.evaluate(_OPEN, [sensor, seed])
+    got = page.evaluate(_RUN)
+    return {
+        part: {
+            name: np.frombuffer(base64.b64decode(text), _TYPES[kind])
+            for name, (kind, text) in layers.items()
+        }
+        for part, layers in got.items()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -99,30 +126,45 @@ def test_webgl_gives_what_the_engine_gives(
     frame = capture(simulator, make_tasks(settings, sources)[0], HEAD)
     side = sensor.rig.supersample
     layers = layers_of(whole_numbers(frame, side), side)
-    engine = engine_layers(context, sensor, layers, frame_context(frame, sensor, "bare", SEED))
+    at = frame_context(frame, sensor, "bare", SEED)
+    engine = engine_layers(context, sensor, layers, at)
 
-    got = page.evaluate(_RUN, [name, SEED])
+    got = _run(page, name, SEED)
     for layer, image in got["inputs"].items():
-        np.testing.assert_array_equal(np.array(image, np.float32), layers[layer].ravel(), layer)
-    depth = np.array(got["layers"]["depth"], np.float32)
+        np.testing.assert_array_equal(image, layers[layer].ravel(), layer)
+    depth = got["layers"]["depth"]
     expected = engine["depth"].ravel()
     np.testing.assert_array_equal(depth > 0, expected > 0)
     seen = expected > 0
     assert seen.sum() > 3000
     assert (depth[seen] == expected[seen]).mean() >= 0.98
-    assert np.abs(depth[seen] - expected[seen]).max() <= 0.00101
-    codes = reconcile_reasons(
-        layers["clean"].ravel(), depth, np.array(got["layers"]["reason"], np.float32)
-    )
+    apart = np.abs(depth[seen] - expected[seen])
+    assert (apart <= _tolerance_m(sensor, at.focal_baseline_px_m, expected[seen])).all()
+    codes = reconcile_reasons(layers["clean"].ravel(), depth, got["layers"]["reason"])
     np.testing.assert_array_equal(got["picture"]["reason"], codes)
     np.testing.assert_array_equal(got["picture"]["noisy"], encode_depth(depth))
     assert errors == []
 
 
+def _tolerance_m(
+    sensor: Sensor, focal_baseline_px_m: float, depth_m: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """1 mm; for a sensor that rounds disparities, one of its steps more.
+
+    Where the drivers differ in the last bit at the middle between two steps, they round apart.
+    """
+    tolerance = np.full(depth_m.shape, 0.00101)
+    for stage in sensor.stages:
+        if stage.name == "disparity_quantise":
+            step_px = stage.settings["step_px"].bounds()[1]
+            tolerance += step_px * depth_m.astype(np.float64) ** 2 / focal_baseline_px_m
+    return tolerance
+
+
 def test_the_page_reads_declarations_as_glsim_does(opened: tuple[Any, list[str]]) -> None:
     page, _ = opened
     for name in sensor_names():
-        page.evaluate(_RUN, [name, 0])
+        page.evaluate(_OPEN, [name, 0])
         for stage in page.evaluate("() => glsimStatic.chain().map(({linked, ...s}) => s)"):
             if not stage["array"]:
                 declared = describe_source(SHADER_ROOT / stage["file"])
@@ -131,12 +173,13 @@ def test_the_page_reads_declarations_as_glsim_does(opened: tuple[Any, list[str]]
 
 
 def _chosen(page: Any, stage: str) -> None:
-    page.evaluate(_RUN, ["kinect-v2-fankhauser", 0])
+    page.evaluate(_OPEN, ["kinect-v2-fankhauser", 0])
     page.click(f".stage-row button.name >> text=/^{stage}$/")
 
 
 def _depth(page: Any) -> list[float]:
-    return list(page.evaluate("async () => Array.from((await glsimStatic.run()).layers.depth)"))
+    read = "async () => JSON.stringify(Array.from((await glsimStatic.run()).layers.depth))"
+    return list(json.loads(page.evaluate(read)))
 
 
 def test_a_slider_changes_the_image_and_the_address(opened: tuple[Any, list[str]]) -> None:
@@ -183,7 +226,7 @@ def test_a_switched_off_stage_and_another_camera(opened: tuple[Any, list[str]]) 
     page.uncheck("input[aria-label='axial runs']")
     assert _depth(page) != before
     assert page.is_hidden("#camera")
-    page.evaluate(_RUN, ["any-depth-camera", 0])
+    page.evaluate(_OPEN, ["any-depth-camera", 0])
     first = _depth(page)
     page.click("#camera")
     assert _depth(page) != first

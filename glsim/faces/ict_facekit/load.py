@@ -101,10 +101,10 @@ def kept_landmarks(folder: Path, model: MorphableModel) -> NDArray[np.int64]:
     kept = model.topology.kept
     order = np.argsort(kept)
     place = np.searchsorted(kept, landmarks, sorter=order).clip(max=len(kept) - 1)
-    found = order[place]
+    found: NDArray[np.int64] = order[place].astype(np.int64)
     if lost := int((kept[found] != landmarks).sum()):
         raise MeshError(f"{folder / _INDICES}: {lost} landmarks are on no visible triangle")
-    return found.astype(np.int64)
+    return found
 
 
 def _build(

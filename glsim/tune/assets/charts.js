@@ -12,6 +12,7 @@ export function ceiling(value) {
 export const text = (value) => {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   const size = Math.abs(value);
+  if (size >= 10000) return `${Number((value / 1000).toPrecision(3))}k`;
   if (size >= 100 || Number.isInteger(value)) return value.toFixed(0);
   return value.toFixed(size >= 10 ? 1 : 2);
 };

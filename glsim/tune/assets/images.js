@@ -15,6 +15,12 @@ export function depthRange(picture) {
   return low < high ? [low, high] : [0, 1];
 }
 
+export function brightestOf(infrared) {
+  let brightest = 1;
+  for (let i = 0; i < infrared.length; i++) if (infrared[i] > brightest) brightest = infrared[i];
+  return brightest;
+}
+
 // One RGBA word per pixel of the window.
 export function paint(picture, kind, range, differenceMm, words) {
   const { clean, noisy, infrared, reason } = picture.layers;
@@ -37,8 +43,7 @@ export function paint(picture, kind, range, differenceMm, words) {
   } else if (kind === "reason") {
     for (let i = 0; i < reason.length; i++) words[i] = REASON_WORDS[reason[i]];
   } else {
-    let brightest = 1;
-    for (let i = 0; i < infrared.length; i++) if (infrared[i] > brightest) brightest = infrared[i];
+    const brightest = brightestOf(infrared);
     // A square root: the face and the dark background are both visible.
     for (let i = 0; i < infrared.length; i++) {
       words[i] = GREY[(255 * Math.sqrt(infrared[i] / brightest)) | 0];

@@ -25,6 +25,11 @@ export const DEPTH = table([
 ]);
 // Difference: nearer blue, farther orange, grey where nothing differs.
 export const SIGNED = table(["#08519c", "#5a9bd4", "#e8e8e6", "#f0a04b", "#a63603"]);
+// A gradient of CSS through a table's colours, from low to high.
+export const gradient = (words) => `linear-gradient(to right, ${[0, 64, 128, 191, 255].map((i) => {
+  const w = words[i];
+  return `rgb(${w & 255} ${(w >> 8) & 255} ${(w >> 16) & 255})`;
+}).join(", ")})`;
 export const GREY = table(["#000000", "#ffffff"]);
 
 // Reasons, in the order of glsim.reason.Reason. Holes differ in lightness as well as in hue

@@ -2,7 +2,8 @@
 
 import { chart, text } from "./charts.js";
 import { Figures } from "./figures.js";
-import { LayerImage, depthRange } from "./images.js";
+import { LayerImage, brightestOf, depthRange } from "./images.js";
+import { DEPTH, GREY, SIGNED, gradient } from "./maps.js";
 import { unpack, valueAt } from "./packet.js";
 import { Surface } from "./surface.js";
 
@@ -12,9 +13,10 @@ const KINDS = [
 ];
 const state = {
   picture: null, other: null, split: 0.5, view: null, cursor: null, line: null, differenceMm: 10,
-  waiting: false, next: null, times: [], pressed: 0, shown: -1,
+  waiting: false, next: null, times: [], painted: 0, pressed: 0, shown: -1,
 };
-const images = {}, others = {};
+const MAPS = { clean: DEPTH, noisy: DEPTH, difference: SIGNED, infrared: GREY };
+const images = {}, others = {}, keys = {};
 let surface, figures, root, words = [];
 
 const make = (parent, tag, cls, content) => {
@@ -32,7 +34,12 @@ function build(view, panel, reasonWords) {
   const tiles = make(root, "div", "tiles");
   for (const [kind, title] of KINDS) {
     const tile = make(tiles, "figure", "tile");
-    make(tile, "figcaption", "", title);
+    const caption = make(tile, "figcaption", "", title);
+    if (MAPS[kind]) {
+      const key = make(caption, "span", "key");
+      keys[kind] = [make(key, "span"), make(key, "i"), make(key, "span")];
+      keys[kind][1].style.background = gradient(MAPS[kind]);
+    }
     const canvas = make(tile, "canvas");
     canvas.tabIndex = 0;
     canvas.dataset.kind = kind;
@@ -44,10 +51,11 @@ function build(view, panel, reasonWords) {
     tile.addEventListener("dblclick", () => enlarge(tile));
   }
   const tile = make(tiles, "figure", "tile");
-  const caption = make(tile, "figcaption", "", "surface ");
-  const ghost = make(make(caption, "label", "", "clean "), "input");
+  const caption = make(tile, "figcaption", "", "noisy surface");
+  const ghost = make(make(caption, "label", "key"), "input");
   ghost.type = "checkbox";
   ghost.checked = true;
+  ghost.after("clean one over it");
   const canvas = make(tile, "canvas");
   canvas.tabIndex = 0;
   canvas.dataset.kind = "surface";
@@ -196,11 +204,23 @@ async function fetchPicture(address) {
   return unpack(await answer.arrayBuffer());
 }
 
+// The ends of the colours.
+function showKeys() {
+  const p = state.picture, unit = p.head.depth_unit_mm, brightest = brightestOf(p.layers.infrared);
+  const depths = state.range.map((d) => text(d * unit));
+  const ends = {
+    clean: [depths[0], `${depths[1]} mm`], noisy: [depths[0], `${depths[1]} mm`],
+    difference: [`−${state.differenceMm}`, `${state.differenceMm} mm`], infrared: ["0", text(brightest)],
+  };
+  for (const [kind, [low, , high]] of Object.entries(keys)) [low.textContent, high.textContent] = ends[kind];
+}
+
 // Show a picture: {head, layers, left, top, width, height}, as packet.js unpacks it.
 function display(picture) {
   state.picture = picture;
   state.range = depthRange(picture);
   for (const [kind] of KINDS) images[kind].set(picture, state.range, state.differenceMm);
+  showKeys();
   if (state.fitted !== [picture.left, picture.top, picture.width, picture.height].join() && !state.keep) fit();
   redraw();
   readout();
@@ -217,10 +237,8 @@ async function show(address, number) {
     state.shown = number;
     state.address = address;
     root.dataset.shown = number;
-    if (state.pressed) {
-      state.times.push(performance.now() - state.pressed);
-      state.pressed = 0;
-    }
+    painted(state.pressed);
+    state.pressed = 0;
     window.emitEvent("tune_shown", { number });
   } catch (error) {
     if (!(error instanceof TypeError)) throw error; // the page is being closed
@@ -228,6 +246,14 @@ async function show(address, number) {
     state.waiting = false;
     if (state.next) { const [a, n] = state.next; state.next = null; show(a, n); }
   }
+}
+
+// Count a picture when it is on the screen. since: when the slider that it follows was moved.
+function painted(since) {
+  requestAnimationFrame(() => setTimeout(() => {
+    state.painted += 1;
+    if (since) state.times.push(performance.now() - since);
+  }));
 }
 
 async function showOther(address) {
@@ -256,6 +282,7 @@ window.glsimTune = {
     state.differenceMm = mm;
     if (!state.picture) return;
     images.difference.set(state.picture, state.range, mm);
+    showKeys();
     if (state.other) others.difference.set(state.other, state.range, mm);
     redraw();
   },

@@ -1,7 +1,22 @@
 // Unpack the clean layers of a scene (glsim/tune/static_captures.py says how they are packed).
 
-async function inflate(text) {
-  const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+// Python's base 85, with . for <: five characters are four bytes.
+const DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%&()*+-;.=>?@^_`{|}~";
+const PLACE = new Uint8Array(128);
+[...DIGITS].forEach((c, n) => { PLACE[c.charCodeAt(0)] = n; });
+
+function bytesOf(text, size) {
+  const bytes = new Uint8Array(size + 4), view = new DataView(bytes.buffer);
+  for (let i = 0, at = 0; i < text.length; i += 5, at += 4) {
+    let word = 0;
+    for (let k = 0; k < 5; k++) word = word * 85 + (i + k < text.length ? PLACE[text.charCodeAt(i + k)] : 84);
+    view.setUint32(at, word % 4294967296);
+  }
+  return bytes.subarray(0, size);
+}
+
+async function inflate(text, size) {
+  const packed = bytesOf(text, size);
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -11,7 +26,7 @@ const unsign = (n) => (n >>> 1) ^ -(n & 1);
 // The integers of a blob, plane after plane.
 export async function unpackBlob(blob) {
   const [planes, height, width] = blob.shape, size = planes * height * width;
-  const bytes = await inflate(blob.data);
+  const bytes = await inflate(blob.data, blob.bytes);
   const values = blob.bits === 16 ? new Uint16Array(size) : new Uint8Array(size);
   for (let i = 0; i < size; i++) values[i] = unsign(blob.bits === 16 ? bytes[i] | (bytes[size + i] << 8) : bytes[i]);
   if (!blob.predicted) return values;

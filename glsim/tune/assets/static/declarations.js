@@ -1,9 +1,11 @@
 // Read GLSL stages as glsim.gl.shader_source does, with its own patterns (from Python), and
 // substitute what WebGL2 writes otherwise.
 
+import { FUNCTIONS } from "./functions.js";
+
 const LAYER_TYPES = { float: 1, vec2: 2, vec4: 4 };
 const PARAMETER_TYPES = ["float", "int", "bool"];
-const HEADER = ["#version 300 es", "precision highp float; precision highp int; precision highp sampler2D;"];
+const HEADER = ["#version 300 es", "precision highp float; precision highp int; precision highp sampler2D;", ...FUNCTIONS];
 
 // A mistake in a stage. problems: [{file, line, text}].
 export class StageError extends Error {
@@ -92,7 +94,7 @@ export function describe(flat, patterns) {
   return found;
 }
 
-// GLSL ES 3.00 of a flattened stage: its version line, no initialisers of uniforms, and locations of
+// GLSL ES 3.00 of a flattened stage: its version line and precise functions, no initialisers of uniforms, and locations of
 // the outputs in the order of their declaration.
 export function toWebgl(flat, writes, patterns) {
   const place = new Map(writes.map(([name], n) => [name, n]));

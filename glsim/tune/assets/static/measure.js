@@ -57,13 +57,16 @@ function byBins(places, errors, width) {
     [(n + 0.5) * width, Math.sqrt(Math.max(squares / count - (sum / count) ** 2, 0)), count]);
 }
 
-function histogram(values) {
+// Bins are some whole units of depth wide, as in glsim.tune.statistics.
+function histogram(values, unit) {
   if (values.length < LEAST) return { low_mm: -1, high_mm: 1, counts: [] };
   const sorted = Float64Array.from(values).sort(), middle = sorted[sorted.length >> 1];
   const away = Float64Array.from(sorted, (v) => Math.abs(v - middle)).sort();
-  const reach = Number(Math.max(4 * 1.4826 * away[away.length >> 1], 0.5).toPrecision(2));
-  const counts = new Array(BINS).fill(0);
-  for (const v of values) counts[Math.min(BINS - 1, Math.max(0, Math.floor(((v + reach) / (2 * reach)) * BINS)))]++;
+  const wanted = Math.max(4 * 1.4826 * away[away.length >> 1], 0.5);
+  const width = unit * Math.max(Math.round((2 * wanted) / unit / BINS), 1);
+  const sides = Math.max(Math.ceil(wanted / width), 2), bins = 2 * sides + 1, reach = (sides + 0.5) * width;
+  const counts = new Array(bins).fill(0);
+  for (const v of values) counts[Math.min(bins - 1, Math.max(0, Math.floor((v + reach) / width)))]++;
   return { low_mm: -reach, high_mm: reach, counts };
 }
 
@@ -112,7 +115,7 @@ export function statisticsOf(picture, normal, reasons, milliseconds) {
     bias_mm: known(average(values)), sigma_mm: known(spread(values, average(values))),
     face_sigma_mm: known(spread(own, average(own))), milliseconds,
     distance: byBins(depths, own, DISTANCE_MM), angle: byBins(angles, own, ANGLE_DEG),
-    histogram: histogram(values), autocorrelation: autocorrelation(error, face, picture.width),
+    histogram: histogram(values, picture.head.depth_unit_mm), autocorrelation: autocorrelation(error, face, picture.width),
     reasons: rows.filter(([, , pixels], code) => code && pixels).sort((a, b) => b[2] - a[2]),
   };
 }

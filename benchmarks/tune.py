@@ -1,0 +1,154 @@
+"""Speed of the page of glsim tune, measured in Chromium: python -m benchmarks.tune [--changes 40]
+
+Slider to picture: the median time from an arrow key on a slider to the painted images and surface.
+Pictures a second: painted while the page plays for ten seconds. Both with the 3D surface, for the
+window of a head, and for whole frames of 512x424 (a head before a wall, 54,000 quads in 3D).
+First picture: from the start of the command to the page's first images, the browser's start
+included. Needs the extra glsim[tune], Playwright and Chromium.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from glsim.errors import GlsimError
+
+#: Scenes: options of the command line.
+SCENES = {
+    "window of a head": (),
+    "whole frame, 512x424": ("--set", "scene.wall_mm=2500"),
+}
+#: The slider that is moved: it changes every pixel and takes all passes of the chain.
+_STAGE, _PARAMETER = "tof_floor", "tof_floor.sigma_mm"
+#: WebGL2 in software, as on a machine without a GPU.
+_FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+#: Patience with a busy machine, seconds.
+_PATIENCE_S = 300.0
+
+
+def main() -> None:
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--sensor", default="kinect-v2")
+    parser.add_argument("--changes", type=int, default=40, help="changes of a slider")
+    parser.add_argument("--play", type=float, default=10.0, help="seconds of playing")
+    arguments = parser.parse_args()
+    table = Table(title=f"glsim tune {arguments.sensor}, {os.cpu_count()} cores")
+    for name in ("scene", "first picture, s", "slider to picture, ms", "90 %, ms", "pictures/s"):
+        table.add_column(name, justify="left" if name == "scene" else "right")
+    for scene, options in SCENES.items():
+        with tune_page([arguments.sensor, *options]) as (page, first_s):
+            times = slider_times(page, arguments.changes)
+            rate = playing_rate(page, arguments.play)
+        high = statistics.quantiles(times, n=10)[-1]
+        median = statistics.median(times)
+        table.add_row(scene, f"{first_s:.1f}", f"{median:.0f}", f"{high:.0f}", f"{rate:.1f}")
+    Console().print(table)
+
+
+@contextmanager
+def chromium_page(**options: Any) -> Iterator[Any]:
+    """Yield an empty page of 1280x800 in Chromium. options: of the browser's context.
+
+    Raises GlsimError if Chromium or Playwright is missing.
+    """
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        raise GlsimError("chromium is not installed: apt-get install chromium")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise GlsimError("playwright is not installed: pip install playwright") from None
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=list(_FLAGS))
+        page = browser.new_context(viewport={"width": 1280, "height": 800}, **options).new_page()
+        page.set_default_timeout(1000 * _PATIENCE_S)
+        yield page
+        browser.close()
+
+
+@contextmanager
+def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float]]:
+    """Run ``glsim tune`` with these words and open its page; arguments as in ``chromium_page``.
+
+    Yields Playwright's page, and the seconds from the command to the first picture.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        start = time.perf_counter()
+        with log.open("wb") as out:
+            command = [sys.executable, "-m", "glsim", "tune", *words, "--no-browser", "--port", "0"]
+            environment = {**os.environ, "COLUMNS": "300"}
+            server = subprocess.Popen(command, stdout=out, stderr=out, env=environment)
+        try:
+            with chromium_page(**options) as page:
+                page.goto(_address(server, log))
+                page.wait_for_selector("#tune-view[data-shown]")
+                yield page, time.perf_counter() - start
+        finally:
+            server.terminate()
+            server.wait(60)
+
+
+def _address(server: subprocess.Popen[bytes], log: Path) -> str:
+    """Wait for the address that the command prints. Raises GlsimError if it ends without one."""
+    end = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < end and server.poll() is None:
+        if found := re.search(r"http://\S+", log.read_text()):
+            return found[0]
+        time.sleep(0.02)
+    raise GlsimError(f"glsim tune gave no address: {log.read_text().strip()}")
+
+
+def shown(page: Any) -> int:
+    """Return the number of the picture that the page shows."""
+    return int(page.get_attribute("#tune-view", "data-shown"))
+
+
+def after(page: Any, number: int) -> None:
+    """Wait for a later picture than ``number``."""
+    page.wait_for_function(f"+document.querySelector('#tune-view').dataset.shown > {number}")
+
+
+def slider_times(page: Any, changes: int) -> list[float]:
+    """Move a slider step by step; return the milliseconds from each key to its painted picture."""
+    page.click(f'[data-stage="{_STAGE}"] button.name')
+    page.focus(f'[data-name="{_PARAMETER}"] .q-slider__track-container')
+    page.wait_for_timeout(1000)
+    page.evaluate("glsimTune.state.times.length = 0")
+    for number in range(changes):
+        page.keyboard.press("ArrowLeft" if number % 20 >= 10 else "ArrowRight")
+        page.wait_for_function(f"glsimTune.state.times.length > {number}")
+        page.wait_for_timeout(300)  # the statistics of the last picture are done
+    return [float(value) for value in page.evaluate("glsimTune.state.times")]
+
+
+def playing_rate(page: Any, seconds: float) -> float:
+    """Play; return the pictures that the page paints in a second."""
+    page.click('[aria-label="play or stop"]')
+    number = shown(page)
+    after(page, number + 2)
+    painted, start = page.evaluate("[glsimTune.state.painted, performance.now()]")
+    page.wait_for_timeout(1000 * seconds)
+    count, end = page.evaluate("[glsimTune.state.painted, performance.now()]")
+    page.click('[aria-label="play or stop"]')
+    return float(1000 * (count - painted) / (end - start))
+
+
+if __name__ == "__main__":
+    main()
