@@ -90,7 +90,8 @@ def borrowed_context(backend: str | None = None) -> Iterator[moderngl.Context]:
         if place in _idle or threading.get_ident() != place[1] or os.getpid() != place[0]:
             context.release()
         else:
-            context.gc()
+            # Not freed here: a generator that nobody finished ends whenever Python drops it, and
+            # by then another context may be current, whose objects have the same numbers.
             _idle[place] = context
 
 

@@ -220,7 +220,7 @@ def test_verify_finds_nothing_wrong_with_a_sound_data_set(originals: dict[str, P
 
 
 def test_verify_lets_the_users_own_files_be(tree: Path) -> None:
-    (tree / "README.md").write_text("mine")
+    (tree / "notes.md").write_text("mine")
     (tree / "figures").mkdir()
     assert verify(tree, deep=True) == []
 

@@ -38,6 +38,22 @@ def test_one_thread_borrows_one_context_and_two_at_once_are_two() -> None:
     assert seen[0] is not first
 
 
+def test_a_context_given_back_late_frees_nothing_of_the_one_in_use(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Python ends a generator that nobody finished at any time, e.g. while another one draws."""
+    monkeypatch.setattr("glsim.gl.context._idle", {})
+    late = borrowed_context()
+    first = late.__enter__()
+    number = first.texture((4, 4), 1).glo  # unused at once: to be freed when it is safe
+    with borrowed_context() as other:
+        texture = other.texture((4, 4), 1, bytes(16))
+        assert texture.glo == number
+        late.__exit__(None, None, None)
+        framebuffer = other.framebuffer([texture])  # fails if the texture is gone
+        assert framebuffer.read(components=1) == bytes(16)
+
+
 def test_simulations_in_turn_use_one_context_and_leave_nothing_in_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -54,13 +54,13 @@ def test_every_check_says_what_kind_of_source_it_has() -> None:
     assert mixed.kind_text == "measured: a; derived: b, c"
 
 
-def test_the_readme_says_how_many_checks_have_which_source() -> None:
+def test_the_docs_say_how_many_checks_have_which_source() -> None:
     results = tuple(CheckResult(c, Measurement()) for c in run.sensor_sheet("kinect-v2").checks)
     whole = ValidationReport("kinect-v2", "", "Kinect V2", 0, 8, 0.0, results)
     counts = whole.sources.removeprefix("sources: ")
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    assert f"{len(results)} checks" in readme
-    assert counts in " ".join(readme.split())
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "sensor.md").read_text()
+    assert f"{len(results)} checks" in page
+    assert counts in " ".join(page.split())
 
 
 def test_an_experimental_sensor_has_no_sheet(
