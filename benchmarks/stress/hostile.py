@@ -189,7 +189,8 @@ def _read(box: Path, name: str, reader: str) -> Result:
         problem = "a message too long"
     elif 1e6 * grown_mb > _BYTES:
         problem = "more than 1 GB"
-    if name == "sound" and status:
+    in_shards = reader == "denoise" and (box / "set" / "test-000000.tar").exists()
+    if name == "sound" and status and not in_shards:  # denoise reads PNG files alone
         problem = problem or "refuses a sound set"
     elif reader == "verify" and not status and name not in HARMLESS:
         problem = problem or "verify finds nothing"

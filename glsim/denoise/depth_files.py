@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -111,8 +112,8 @@ def unit_mm(files: Sequence[Path], given: float | None) -> float:
     data set with steps of 0.1 mm as millimetres would put every face ten times too far away, and
     nothing would look wrong.
     """
-    folders = {file.parent for file in files}
-    stated = {unit for folder in folders if (unit := _dataset_unit_mm(folder))}
+    roots = {_dataset_root(folder) for folder in {file.parent for file in files}}
+    stated = {float(read_header(root)["depth_unit_mm"]) for root in roots if root is not None}
     if len(stated) > 1:
         raise ConfigError(
             "the maps are of data sets with different steps: denoise one data set at a time"
@@ -125,12 +126,6 @@ def unit_mm(files: Sequence[Path], given: float | None) -> float:
     return stated.pop() if stated else given or 1.0
 
 
-def _dataset_unit_mm(folder: Path) -> float | None:
-    """Return the step of the data set whose maps of a subject the folder holds, mm; else None."""
-    root = _dataset_root(folder)
-    return None if root is None else float(read_header(root)["depth_unit_mm"])
-
-
 def _dataset_root(folder: Path) -> Path | None:
     """Return the data set whose maps of a subject the folder holds, else None.
 
@@ -139,13 +134,21 @@ def _dataset_root(folder: Path) -> Path | None:
     """
     split = folder.absolute().parent
     root = split.parent
-    if split.name not in SPLIT_NAMES or not (root / HEADER).is_file():
+    path = root / HEADER
+    if split.name not in SPLIT_NAMES or not path.is_file():
         return None
+    status = path.stat()
+    return root if _is_header(path, status.st_mtime_ns, status.st_size) else None
+
+
+@lru_cache(maxsize=8)
+def _is_header(path: Path, modified_ns: int, size: int) -> bool:
+    """Return whether a file is the header of a data set; it is read once, not for each map."""
     try:
-        header, _ = read_object(root / HEADER)
+        header, _ = read_object(path)
     except DatasetError:  # a file of that name may have another origin
-        return None
-    return root if header.get("format") == FORMAT else None
+        return False
+    return bool(header.get("format") == FORMAT)
 
 
 def _dataset_cameras(files: Sequence[Path]) -> dict[Path, Intrinsics]:

@@ -1,0 +1,43 @@
+"""The depth files that ``glsim denoise`` reads: their data set is looked up, and read, once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim.denoise import depth_files
+from tests.support.dataset_fakes import make, make_settings, make_tasks
+
+
+def test_the_header_of_a_data_set_is_read_once_for_all_of_its_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make(tmp_path, make_settings(depth_unit_mm=0.5), make_tasks(3, 2))
+    files = sorted(tmp_path.rglob("*_noisy.png"))
+    assert len({file.parent for file in files}) == 3
+    read = []
+    original = depth_files.read_object
+
+    def count(path: Path) -> object:
+        read.append(path)
+        return original(path)
+
+    monkeypatch.setattr(depth_files, "read_object", count)
+    assert depth_files.unit_mm(files, None) == 0.5
+    assert len(read) == 1
+
+
+def test_a_header_that_changes_is_read_again(tmp_path: Path) -> None:
+    folder = tmp_path / "train" / "anna"
+    folder.mkdir(parents=True)
+    file = folder / "depth.png"
+    cv2.imwrite(str(file), np.full((4, 4), 900, np.uint16))
+    header = tmp_path / "dataset.json"
+    header.write_text('{"format": "of another program"}')
+    assert depth_files.unit_mm([file], None) == 1.0
+    make(tmp_path / "other", make_settings(depth_unit_mm=0.5), make_tasks(1, 1))
+    header.write_bytes((tmp_path / "other" / "dataset.json").read_bytes())
+    assert depth_files.unit_mm([file], None) == 0.5
