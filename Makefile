@@ -17,7 +17,9 @@ demo:
 	@$(VENV)/glsim preview demo/data -o demo --frames 8
 
 test: check
-	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto
+	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto --ignore=tests/tune
+	@# The tuner's contexts live on threads of their own, so its tests have processes of their own.
+	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto tests/tune
 
 check:
 	@scripts/setup.sh test

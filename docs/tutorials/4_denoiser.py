@@ -44,7 +44,7 @@ print({name: len(dataset.split(name)) for name in ("train", "val", "test")})
 recipe = load_recipe(
     "face",
     overrides={
-        "model": {"backbone": {"width": 16, "scales": 2, "stem": 0}},
+        "model": {"backbone": {"width": 16, "scales": 2}},
         "training": {"max_steps": 60, "validate_every": 20, "batch": 4},
         "schedule": {"warmup_steps": 5},
         "data": {"crop": 96},
