@@ -106,7 +106,7 @@ def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float
 
 
 def _address(server: subprocess.Popen[bytes], log: Path) -> str:
-    """Wait for the address that the command prints. Raises GlsimError if it ends without one."""
+    """Return the address that `glsim tune` prints, when it does. Raises GlsimError if it never does."""
     end = time.monotonic() + _PATIENCE_S
     while time.monotonic() < end and server.poll() is None:
         if found := re.search(r"http://\S+", log.read_text()):
@@ -126,7 +126,7 @@ def after(page: Any, number: int) -> None:
 
 
 def slider_times(page: Any, changes: int) -> list[float]:
-    """Move a slider step by step; return the milliseconds from each key to its painted picture."""
+    """Move a slider by arrow keys; return the time from each key to the painted picture, ms."""
     page.click(f'[data-stage="{_STAGE}"] button.name')
     page.focus(f'[data-name="{_PARAMETER}"] .q-slider__track-container')
     page.wait_for_timeout(1000)
@@ -139,7 +139,7 @@ def slider_times(page: Any, changes: int) -> list[float]:
 
 
 def playing_rate(page: Any, seconds: float) -> float:
-    """Play; return the pictures that the page paints in a second."""
+    """Let the page play for some seconds; return the pictures that it painted a second."""
     page.click('[aria-label="play or stop"]')
     number = shown(page)
     after(page, number + 2)

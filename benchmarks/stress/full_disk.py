@@ -29,7 +29,7 @@ _ROOM_BYTES = 256_000_000
 
 @dataclass(frozen=True)
 class Trial:
-    """A command run on a disk of ``kilobytes``: its last message, and its fault ("" if none)."""
+    """Result of a command on a disk of ``kilobytes``: its last line, and what is wrong ("" if nothing)."""
 
     case: str
     kilobytes: int

@@ -205,7 +205,7 @@ def content_of(out: Path) -> str:
 
 
 def _scores(rows: Path) -> bytes:
-    """Return the scores in rows.csv as JSON, without the column of run times."""
+    """Return rows.csv as JSON, without the column of run times, which no two runs share."""
     with rows.open() as file:
         kept = [{k: v for k, v in row.items() if k != "time_ms"} for row in csv.DictReader(file)]
     return json.dumps(kept).encode()

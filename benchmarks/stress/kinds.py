@@ -35,7 +35,7 @@ def _mesh(folder: Path, suffix: str) -> Kind:
     start = 0 if suffix == "gltf" else 20
 
     def change(rng: np.random.Generator) -> None:
-        """Damage bytes of the file, or change a value of its JSON tree."""
+        """Change some bytes of the file, or one value of its JSON tree."""
         if rng.random() < 0.4:
             damaged_bytes.change(rng)
             return

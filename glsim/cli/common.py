@@ -63,7 +63,7 @@ class MessageOptions:
 
     @property
     def flags(self) -> list[str]:
-        """The options as words of a command line."""
+        """The options in force, as arguments of a command: ["-q"]."""
         given = (("-q", self.quiet), ("-v", self.verbose), ("--debug", self.debug))
         return [flag for flag, on in given if on]
 

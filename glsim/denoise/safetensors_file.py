@@ -40,7 +40,7 @@ def safetensors_bytes(content: Mapping[str, Any]) -> bytes:
 
 
 def read_safetensors(path: Path, data: bytes) -> dict[str, Any]:
-    """Return the content of a file that ``safetensors_bytes`` made. path: for messages.
+    """Read the bytes that ``safetensors_bytes`` made. path: the file, named in messages.
 
     Raises TrainError without the package safetensors, and for a foreign or damaged file.
     """

@@ -108,7 +108,7 @@ def export_dataset(
 
 
 def _write_whole(name: str, frames: Iterator[ExportFrame], out: Path) -> int:
-    """Write the file or folder of a whole set; it appears under its name when it is complete."""
+    """Write all frames into one file or folder, renamed into place at the end; return their number."""
     file = _WHOLE[name][0]
     with wrap_write_errors(out / file):
         out.mkdir(parents=True, exist_ok=True)

@@ -252,7 +252,7 @@ class Settings(_Table):
     strict: bool = Field(False, description="stop at the first bad mesh instead of recording it")
 
     def __eq__(self, other: object) -> bool:
-        """Compare the settings, not where they were written."""
+        """Compare the values; the places where a user wrote them do not count."""
         return isinstance(other, Settings) and self.__dict__ == other.__dict__
 
     @model_validator(mode="after")

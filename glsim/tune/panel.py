@@ -34,7 +34,7 @@ def words(value: Any, unit: str = "") -> str:
 
 
 def own_value(control: Control) -> Any:
-    """The value of a control that nobody has changed; None if it is off."""
+    """Return the start value of a control, before any change; None if it starts switched off."""
     return None if control.off else plain_value(control.start)
 
 

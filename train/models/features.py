@@ -87,16 +87,16 @@ def depth_features(noisy_mm: Tensor) -> Features:
     surface_mm, support = _robust_mean(fill_mm, depth_mm, valid, _TAP_STEP)
     smoothed = [surface_mm, _robust_mean(surface_mm, depth_mm, valid, 1)[0]]
     smoothed += [_guided(depth_mm, valid, fill_mm, around_mm, radius) for radius in _GUIDED_RADII]
-    offset_mm = (torch.cat(smoothed, dim=1) - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
+    filtered_mm = (torch.cat(smoothed, dim=1) - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
     channels = [
-        offset_mm / _RELATIVE_MM,
+        filtered_mm / _RELATIVE_MM,
         support,
         torch.asinh((fill_mm - around_mm) / _AROUND_MM) * near,
         *(_log_noise(depth_mm, valid, step) for step in _NOISE_STEPS_PX),
         valid,
     ]
     even = valid * (support > _EVEN_SUPPORT)
-    return Features(fill_mm, offset_mm, torch.cat(channels, dim=1), even)
+    return Features(fill_mm, filtered_mm, torch.cat(channels, dim=1), even)
 
 
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
@@ -229,7 +229,7 @@ def _robust_mean(
 def _guided(
     depth_mm: Tensor, valid: Tensor, fill_mm: Tensor, around_mm: Tensor, radius: int
 ) -> Tensor:
-    """Smooth depth by a guided filter with depth as its own guide; holes count nothing.
+    """Smooth depth by a guided filter whose guide is depth itself; holes have no weight. Returns mm.
 
     He, Sun and Tang, "Guided Image Filtering", TPAMI 2013. Depth is taken relative to
     ``around_mm``: squares of it keep their precision, and slopes count less as variance.

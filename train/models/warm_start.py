@@ -50,7 +50,7 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
 
 
 def _has_more_inputs(target: Size, given: Size) -> bool:
-    """Return whether a weight fits once input channels (dimension 1) are appended to it."""
+    """Return whether ``target`` is ``given`` with more input channels (dimension 1)."""
     return (
         len(target) == len(given) > 1
         and target[1] > given[1]
