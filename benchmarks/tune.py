@@ -106,7 +106,7 @@ def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float
 
 
 def _address(server: subprocess.Popen[bytes], log: Path) -> str:
-    """Return the address that `glsim tune` prints, when it does. Raises GlsimError if it never does."""
+    """Return the address that `glsim tune` prints. Raises GlsimError if it prints none."""
     end = time.monotonic() + _PATIENCE_S
     while time.monotonic() < end and server.poll() is None:
         if found := re.search(r"http://\S+", log.read_text()):

@@ -29,7 +29,7 @@ _ROOM_BYTES = 256_000_000
 
 @dataclass(frozen=True)
 class Trial:
-    """Result of a command on a disk of ``kilobytes``: its last line, and what is wrong ("" if nothing)."""
+    """A command's run on a disk of ``kilobytes``. said: its last line. problem: "" if none."""
 
     case: str
     kilobytes: int

@@ -94,7 +94,7 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def _from_archive(path: Path, data: bytes) -> Any:
-    """Read the archive that ``torch.save`` wrote. Raises TrainError if it is damaged or another file."""
+    """Read the archive that ``torch.save`` wrote. Raises TrainError if it is no sound one."""
     _check_archive(path, data)
     try:
         with warnings.catch_warnings():

@@ -108,7 +108,7 @@ def export_dataset(
 
 
 def _write_whole(name: str, frames: Iterator[ExportFrame], out: Path) -> int:
-    """Write all frames into one file or folder, renamed into place at the end; return their number."""
+    """Write all frames into one file or folder, renamed into place at the end; return how many."""
     file = _WHOLE[name][0]
     with wrap_write_errors(out / file):
         out.mkdir(parents=True, exist_ok=True)

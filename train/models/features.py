@@ -229,7 +229,7 @@ def _robust_mean(
 def _guided(
     depth_mm: Tensor, valid: Tensor, fill_mm: Tensor, around_mm: Tensor, radius: int
 ) -> Tensor:
-    """Smooth depth by a guided filter whose guide is depth itself; holes have no weight. Returns mm.
+    """Smooth depth, mm, by a guided filter whose guide is depth itself; holes have no weight.
 
     He, Sun and Tang, "Guided Image Filtering", TPAMI 2013. Depth is taken relative to
     ``around_mm``: squares of it keep their precision, and slopes count less as variance.
