@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,25 +159,34 @@ def face_in_camera() -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     return points, np.asarray(mesh.faces)
 
 
-def test_depth_that_pyrender_made_comes_back_with_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+#: pyrender ends every OpenGL context of its process when its renderer is deleted.
+_PYRENDER = """
+import sys, numpy, pyrender, trimesh
+given = numpy.load(sys.argv[1])
+scene = pyrender.Scene()
+mesh = trimesh.Trimesh(given["points"] * [1, -1, -1], given["faces"], process=False)
+scene.add(pyrender.Mesh.from_trimesh(mesh))
+scene.add(pyrender.IntrinsicsCamera(*given["camera"], znear=0.1, zfar=12.0))
+renderer = pyrender.OffscreenRenderer(96, 72)
+numpy.save(sys.argv[2], renderer.render(scene, pyrender.RenderFlags.DEPTH_ONLY))
+"""
+
+
+def test_depth_that_pyrender_made_comes_back_with_noise(tmp_path: Path) -> None:
     """The principal point of pyrender counts from the image's edge: first_pixel is 0.5."""
     pytest.importorskip("OpenGL")
-    monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
-    pyrender = pytest.importorskip("pyrender")
-    import trimesh
-
+    pytest.importorskip("pyrender")
     points, faces = face_in_camera()
-    scene = pyrender.Scene()
-    mesh = trimesh.Trimesh(points * [1, -1, -1], faces, process=False)
-    scene.add(pyrender.Mesh.from_trimesh(mesh))
-    k = {name: PORTRAIT[name] for name in ("fx", "fy", "cx", "cy")}
-    scene.add(pyrender.IntrinsicsCamera(**k, znear=0.1, zfar=12.0))
-    renderer = pyrender.OffscreenRenderer(96, 72)
-    try:
-        depth = renderer.render(scene, pyrender.RenderFlags.DEPTH_ONLY)
-    finally:
-        renderer.delete()
-    check_noise(depth)
+    camera = [PORTRAIT[name] for name in ("fx", "fy", "cx", "cy")]
+    given, rendered = tmp_path / "given.npz", tmp_path / "depth.npy"
+    np.savez(given, points=points, faces=faces, camera=camera)
+    subprocess.run(
+        [sys.executable, "-c", _PYRENDER, str(given), str(rendered)],
+        env={**os.environ, "PYOPENGL_PLATFORM": "egl"},
+        check=True,
+        timeout=120,
+    )
+    check_noise(np.load(rendered))
 
 
 def test_depth_that_open3d_made_comes_back_with_noise() -> None:

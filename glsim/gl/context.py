@@ -9,7 +9,9 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, Literal
+from weakref import WeakKeyDictionary
 
 import moderngl
 
@@ -81,7 +83,7 @@ def borrowed_context(backend: str | None = None) -> Iterator[moderngl.Context]:
         os.environ.get("GLSIM_EGL_DEVICE", ""),
     )
     context = _idle.pop(place, None)
-    if context is None:
+    if context is None or not _enter(context):
         context = open_context(backend)
     make_current(context)
     try:
@@ -103,10 +105,43 @@ def make_current(context: moderngl.Context) -> None:
     """Direct this thread's GL calls to ``context``, and free its unused objects.
 
     A process may hold several contexts; GL calls go to the current one, without an error if it is
-    the wrong one. Costs 0.3 us if the context is already current.
+    the wrong one. Costs 1 us if the context is already current.
+    Raises DeviceError if another library has ended the context.
+    """
+    if not _enter(context):
+        raise DeviceError(
+            "another library of this process has ended all OpenGL contexts (pyrender does, when "
+            "its OffscreenRenderer is deleted): keep its renderer until glsim is done, run it in "
+            "a process of its own, or choose the backend osmesa for one of the two"
+        )
+    context.gc()
+
+
+#: The EGL handle of each context that was opened here; 0 after its display was ended.
+_handles: WeakKeyDictionary[moderngl.Context, int] = WeakKeyDictionary()
+
+
+def _enter(context: moderngl.Context) -> bool:
+    """Make a context current. Returns False if it no longer exists, and another stays current.
+
+    eglTerminate ends every context of a display, whoever opened it, and a library that calls it
+    shares ours: there is one display a device. moderngl does not report that a switch failed.
     """
     context.__enter__()  # type: ignore[no-untyped-call]
-    context.gc()
+    handle = _handles.get(context)
+    return handle is None or handle == _current_egl_context()
+
+
+def _current_egl_context() -> int:
+    """Return EGL's handle of this thread's context, 0 if there is none."""
+    return _egl().eglGetCurrentContext() or 0
+
+
+@cache
+def _egl() -> Any:
+    egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
+    egl.eglGetCurrentContext.restype = ctypes.c_void_p
+    return egl
 
 
 def _open_egl() -> moderngl.Context:
@@ -121,6 +156,11 @@ def _open_egl() -> moderngl.Context:
         require=require,
         **index,
     )
+    handle = _current_egl_context()
+    for other, taken in list(_handles.items()):
+        if taken == handle:  # an address in use again: that context has gone
+            _handles[other] = 0
+    _handles[context] = handle
     return context
 
 
@@ -192,7 +232,7 @@ def egl_devices() -> list[str]:
     """
     extensions_name, limit = 0x3055, 16
     try:
-        egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
+        egl = _egl()
         egl.eglGetProcAddress.restype = ctypes.c_void_p
         addresses = [egl.eglGetProcAddress(name) for name in _DEVICE_FUNCTIONS]
     except (OSError, AttributeError):

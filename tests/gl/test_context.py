@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 
 import moderngl
@@ -106,3 +108,34 @@ def test_backends_do_not_share(backend: str) -> None:
     with borrowed_context(backend) as context:
         name = str(context.info["GL_RENDERER"])
     assert "llvmpipe" in name or "softpipe" in name or backend == "egl"
+
+
+#: Ends EGL as pyrender does, while a Corrupter and an idle context are open.
+_EGL_ENDS = """
+import ctypes, numpy
+from glsim import Corrupter, load_settings, simulate
+from glsim.errors import DeviceError
+from glsim.gl.context import open_context
+source = {"kind": "procedural", "subjects": 1}
+settings = load_settings(overrides={"sensor": "ideal", "source": source, "output": {"crop": 64}})
+before = [frame.noisy for frame in simulate(settings)]
+camera = {"width": 8, "height": 8, "fx": 9.0, "fy": 9.0, "cx": 4.0, "cy": 4.0}
+with Corrupter.for_camera("ideal", **camera, first_pixel=0.5, backend="egl") as corrupt:
+    egl = ctypes.CDLL("libEGL.so.1")
+    egl.eglGetCurrentDisplay.restype = ctypes.c_void_p
+    egl.eglTerminate(ctypes.c_void_p(egl.eglGetCurrentDisplay()))
+    other = open_context("egl")
+    try:
+        corrupt(numpy.ones((8, 8)))
+        raise SystemExit("drew in another's context")
+    except DeviceError as error:
+        assert "ended all OpenGL contexts" in str(error), error
+after = [frame.noisy for frame in simulate(settings)]
+assert all((a == b).all() for a, b in zip(before, after, strict=True))
+"""
+
+
+def test_contexts_that_another_library_ended_are_not_drawn_in() -> None:
+    """GL would draw in whichever context is current, over its objects, without an error."""
+    done = subprocess.run([sys.executable, "-c", _EGL_ENDS], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
