@@ -17,10 +17,7 @@ demo:
 	@$(VENV)/glsim preview demo/data -o demo --frames 8
 
 test: check
-	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto --ignore=tests/tune
-	@# Apart, because these tests open and release OpenGL contexts all the time. A draw call of another
-	@# test once crashed in a process that had run some of them; the cause is not known.
-	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto tests/tune
+	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto
 
 check:
 	@scripts/setup.sh test
