@@ -145,6 +145,12 @@ class ShaderSource:
     bound: tuple[str, ...] = ()
     sparse: bool = False
 
+    @property
+    def files(self) -> frozenset[Path]:
+        """The files on disk that the text came from, includes among them."""
+        names = {name for name, _ in self.lines} - _GENERATED.keys()
+        return frozenset(SHADER_ROOT / name for name in names)
+
     def locate(self, message: str) -> str:
         """Replace the line numbers in a driver's message by file:line.
 

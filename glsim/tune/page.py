@@ -224,7 +224,10 @@ class Page:
         """Reload the sensor's own files when an editor outside has changed them."""
         if self.sensor is None:
             return
-        files = {self.sensor.file, *(Path(s.spec.file) for s in self.sensor.stages)}
+        specs = [stage.spec for stage in self.sensor.stages]
+        sources = [spec.source for spec in specs if spec.source is not None]
+        files = {self.sensor.file, *(Path(spec.file) for spec in specs if spec.source is None)}
+        files = files.union(*(source.files for source in sources))
         times = {f: f.stat().st_mtime for f in files if f.is_file()}
         known, self._files = self._files, times
         if any(known.get(f, t) != t for f, t in times.items()):

@@ -132,6 +132,9 @@ def test_includes_are_found_beside_the_file_first_nested_and_once(tmp_path: Path
     assert places["float b;"] == (str(tmp_path / "inner/b.glsl"), 2)
     assert places["end"] == (str(tmp_path / "mine.glsl"), 7)
     assert ("lib/depth.glsl", 1) in source.lines
+    own = {tmp_path / name for name in ("mine.glsl", "inner/a.glsl", "inner/b.glsl")}
+    own.add(tmp_path / "lib/random.glsl")
+    assert source.files == own | {SHADER_ROOT / "lib/depth.glsl"}
 
 
 def test_reason_codes_are_generated_from_the_enumeration(tmp_path: Path) -> None:
