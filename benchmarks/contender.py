@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.faces import settings_for, source_for
+from benchmarks.lean_noise import LeanNoise
 from benchmarks.peer import PeerRenderer
 from glsim.faces.base import Face
 from glsim.frame import encode_depth
@@ -133,6 +134,7 @@ def run_peer(name: str, frames: int, out: Path, ict_root: Path | None) -> dict[s
         from benchmarks.pyrender_peer import PyrenderRenderer
 
         render = PyrenderRenderer(sensor.rig, clock.step)
+    lean = LeanNoise(sensor.rig) if name.endswith("lean") else None
     source = source_for(ict_root)
     keys = [
         key
@@ -150,10 +152,13 @@ def run_peer(name: str, frames: int, out: Path, ict_root: Path | None) -> dict[s
         assert isinstance(face, Face), face
         mesh = face.mesh
         box = bounding_corners(mesh.vertices_mm, view)
-        window = whole if name.endswith("full") else image_window(box, sight, None)
+        window = image_window(box, sight, None) if name.endswith("window") else whole
         clean, lit = render(mesh, window)
         with clock.step("noise"):
-            noisy = _noise(sensor, clean, lit, rays[window.slices], window, number)
+            if lean is not None:
+                noisy = lean(clean, lit, number)
+            else:
+                noisy = _noise(sensor, clean, lit, rays[window.slices], window, number)
         with clock.step("PNG and disk"):
             for layer, depth in (("clean", clean), ("noisy", noisy)):
                 full = np.zeros((image.height, image.width), np.uint16)
