@@ -26,6 +26,7 @@ ROOMS = (
     "glsim.appearance",
     "glsim.scene",
     "glsim.plan",
+    "glsim.depth_protocol",
     "glsim.frame",
     "glsim.frame_assembly",
     "glsim.noise",

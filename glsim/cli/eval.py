@@ -76,6 +76,13 @@ def evaluate(
             "systematic error, which a denoiser leaves)."
         ),
     ] = "clean",
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            help="Where depth is counted from: depth (as measured) or paper (the nearest point of "
+            "each frame at 1 mm). Default: as the files are stored."
+        ),
+    ] = None,
     runs: Annotated[
         Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
     ] = None,
@@ -121,6 +128,7 @@ def evaluate(
     networks in --runs and list the rows that are missing there.
     """
     from glsim.denoise import PAPER_FILTERS
+    from glsim.depth_protocol import check_protocol
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.pairs import TruthLayer
     from glsim.eval.scoring.run import evaluate as run
@@ -151,7 +159,13 @@ def evaluate(
     if truth not in get_args(TruthLayer):
         raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
     job = ScoringJob(
-        dataset, split, tuple(specs), focal_px, truth=cast(TruthLayer, truth), device=device
+        dataset,
+        split,
+        tuple(specs),
+        focal_px,
+        truth=cast(TruthLayer, truth),
+        device=device,
+        protocol=check_protocol(protocol),
     )
     if tune:
         job = _add_tuned_filters(job, out, count)
@@ -242,6 +256,7 @@ def _write_results(
 
     table = evaluation.summary.compared()
     heading = f"{job.dataset.name}, {job.split}"
+    heading += f", protocol {evaluation.protocol}"
     if job.truth != "clean":
         heading += f", compared with the {job.truth} depth"
     pages = {
