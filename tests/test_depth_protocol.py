@@ -37,7 +37,7 @@ def test_noise_before_the_nearest_point_is_cut_off_and_stays_depth() -> None:
 def test_protocols_have_two_names() -> None:
     assert check_protocol(None) is None
     assert check_protocol("paper") == "paper"
-    with pytest.raises(ConfigError, match="--protocol papr: .*paper"):
+    with pytest.raises(ConfigError, match=r"--protocol papr: .*paper"):
         check_protocol("papr")
     assert [stored_protocol(mm) for mm in (None, 1.0, 100.0)] == ["depth", "paper", "depth"]
 

@@ -89,7 +89,7 @@ HOMES = {
     "fastapi": ("glsim.tune.server",),
     "tomlkit": ("glsim.tune",),
     "playwright": (),
-    "skimage": (),
+    "skimage": ("glsim.eval.paper",),
     "scipy": ("glsim.eval.scoring.statistics",),
     "h5py": ("glsim.exports",),
     "rosbags": ("glsim.exports",),

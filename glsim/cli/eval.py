@@ -38,6 +38,8 @@ glsim eval data -d face --truth expected  needs generate --layers clean,expected
 
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
 
+glsim eval data --ssim-readings -o ssim  which reading of the paper's SSIM gives its values
+
 glsim eval --real recording -d face --tune -o real    real frames, without any truth
 
 glsim eval --list
@@ -117,6 +119,14 @@ def evaluate(
     markdown: Annotated[
         Path | None, typer.Option(help="With --real: also write the tables to this file.")
     ] = None,
+    ssim_readings: Annotated[
+        bool,
+        typer.Option(
+            "--ssim-readings",
+            help="Compute the paper's SSIM column under every reading of its text (data type, "
+            "range, constants, implementation) and write ssim_readings.md.",
+        ),
+    ] = False,
     list_denoisers: Annotated[
         bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
     ] = False,
@@ -149,6 +159,11 @@ def evaluate(
         return
     if dataset is None:
         raise ConfigError("give the folder of a data set, or --real and one of real frames")
+    if ssim_readings:
+        from glsim.cli.eval_ssim import study_ssim
+
+        study_ssim(dataset, split, out)
+        return
     tables = sorted(set(paper_table or ()))
     networks = _find_networks(tables, runs)
     specs = list(denoiser or ())

@@ -87,7 +87,7 @@ def test_surfaces_are_compared_at_their_distance_from_the_camera(
     ]
     assert angles[1] == pytest.approx(angles[0], rel=1e-3)
     assert angles[0] > 10
-    bins = run(sets["depth"], tmp_path / "b", "paper").summary.bias_bins("noisy")
+    bins = run(sets["depth"], tmp_path / "b", "paper").summary.bias_by_distance("noisy")
     assert {900 <= each.from_mm <= 1000 for each in bins} == {True}
 
 
@@ -102,7 +102,7 @@ def test_a_plain_folder_at_1_mm_is_scored(folder: Path, tmp_path: Path) -> None:
     frame = example_frame(ScoringJob(folder, "test", ("noisy",)))
     assert frame is not None
     assert frame.in_space(frame.clean).max() > 900
-    with pytest.raises(ConfigError, match="--protocol depth: the maps in .* have the nearest"):
+    with pytest.raises(ConfigError, match=r"--protocol depth: the maps in .* have the nearest"):
         run(folder, tmp_path / "p", "depth")
 
 
