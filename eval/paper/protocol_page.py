@@ -94,9 +94,9 @@ def _add(case: FilterCase, rows: list[dict[str, str]]) -> None:
 
 def protocol_document(cases: list[FilterCase]) -> Document:
     """Return the page."""
-    seeds = {case.title: len(case.values["noisy"]["mse_mm2"]) for case in cases}
     frames = ", ".join(
-        f"{case.title}: {case.frames} of {seeds[case.title]} seeds" for case in cases
+        f"{case.title}: {case.frames} of {len(case.values['noisy']['mse_mm2'])} seeds"
+        for case in cases
     )
     document = Document(
         "Table 1 under both protocols, with and without BlenSor's mask",

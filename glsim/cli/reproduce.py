@@ -169,9 +169,9 @@ def reproduce(
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
     One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/ and
-    report.html; protocol_paper/ those under the paper's protocol (nearest point at 1 mm), and
-    protocols.md table 1 under both. Each command is printed before it runs and can also be run by hand. A finished
-    training is not repeated: delete its folder in runs/ to train again.
+    report.html; protocol_paper/ holds those under the paper's protocol (nearest point at 1 mm),
+    protocols.md table 1 under both. Each command is printed before it runs and can also be run by
+    hand. A finished training is not repeated: delete its folder in runs/ to train again.
     """
     root_command = context.find_root().command
     if filter_page:

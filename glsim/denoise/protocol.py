@@ -183,11 +183,11 @@ class Method:
             )
         if not (np.isfinite(depth_mm) & (depth_mm >= 0)).all():
             raise ConfigError(f"{self.label}: depth must be finite and at least 0 (0 = no return)")
-        nearest_mm = depth_mm.min(where=depth_mm > 0, initial=np.inf)
-        if self.protocol == "paper" and MIN_MEASURED_MM < nearest_mm < np.inf:
+        valid = depth_mm[depth_mm > 0]
+        if self.protocol == "paper" and valid.size and valid.min() > MIN_MEASURED_MM:
             raise ConfigError(
                 f"{self.label}: was trained with {MEANING['paper']}, and this map's is at "
-                f"{nearest_mm:.0f} mm: subtract the difference (glsim denoise --protocol paper "
+                f"{valid.min():.0f} mm: subtract the difference (glsim denoise --protocol paper "
                 "does), or train a network with --protocol depth"
             )
 

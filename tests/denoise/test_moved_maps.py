@@ -117,7 +117,7 @@ def test_maps_in_memory_must_fit_the_training() -> None:
     moved = subtract_offset(clean, 899)
     np.testing.assert_allclose(denoise(moved).depth_mm, 0.6 * moved)
     with pytest.raises(ConfigError, match=r"this map's is at 900 mm: subtract"):
-        denoise(clean)
+        denoise(clean.astype(np.uint16))
 
 
 def test_plain_maps_at_1_mm_need_the_option(
