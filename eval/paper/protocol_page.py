@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import statistics
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -69,7 +69,7 @@ def read_filter_cases(folder: Path) -> list[FilterCase]:
         mask, protocol = path.parts[-4], path.parts[-2]
         if protocol not in MEANING:
             continue
-        case = cases.setdefault((protocol, mask), FilterCase(protocol, mask))  # type: ignore[arg-type]
+        case = cases.setdefault((protocol, mask), FilterCase(protocol, mask))
         with wrap_read_errors(path):
             rows = list(csv.DictReader(path.read_text().splitlines()))
         try:
@@ -157,7 +157,7 @@ def _metric_table(cases: list[FilterCase], metric: str) -> TextTable:
 
 
 #: Relation of the printed table -> whether it holds for MSEs by filter.
-_RELATIONS: Final = {
+_RELATIONS: Final[dict[str, Callable[[Mapping[str, float]], bool]]] = {
     "every filter lowers the MSE": lambda mse: all(mse[n] < mse["noisy"] for n in _CHANGING),
     "NLM has the lowest MSE": lambda mse: min(mse, key=lambda n: mse[n]) == "nlm",
     "Bilateral is below Median": lambda mse: mse["bilateral"] < mse["median"],
@@ -167,7 +167,7 @@ _RELATIONS: Final = {
 
 def relations(mse: Mapping[str, float]) -> dict[str, bool]:
     """Return which relations hold for MSEs by filter."""
-    return {name: bool(holds(mse)) for name, holds in _RELATIONS.items()}
+    return {name: holds(mse) for name, holds in _RELATIONS.items()}
 
 
 def _relation_table(cases: list[FilterCase]) -> TextTable:

@@ -81,13 +81,15 @@ def wrapped(depth: Depth) -> _Image:
 
 def of_8000_mm(depth: Depth) -> _Image:
     """Scale 8000 mm to 255."""
-    return np.clip(np.rint(depth * (255 / DEPTH_RANGE_MM)), 0, 255).astype(np.uint8)
+    scaled: _Image = np.clip(np.rint(depth * (255 / DEPTH_RANGE_MM)), 0, 255).astype(np.uint8)
+    return scaled
 
 
 def of_own_maximum(depth: Depth) -> _Image:
     """Scale the largest depth of the map to 255."""
     largest = float(depth.max(initial=0.0))
-    return np.rint(depth * (255 / largest) if largest else depth).astype(np.uint8)
+    scaled: _Image = np.rint(depth * (255 / largest) if largest else depth).astype(np.uint8)
+    return scaled
 
 
 def millimetres(depth: Depth) -> _Image:
