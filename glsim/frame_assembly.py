@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_protocol import offset_to_nearest, subtract_offset
 from glsim.errors import ConfigError
 from glsim.frame import Frame, Landmarks
 from glsim.geometry.camera import Intrinsics
@@ -56,7 +57,7 @@ def assemble_frame(
         expected = _where_clean(expected[inside], clean, output)
     offset_mm = 0.0
     if output.nearest_to_mm is not None and (clean > 0).any():
-        offset_mm = float(clean[clean > 0].min()) * 1000.0 - output.nearest_to_mm
+        offset_mm = 1000.0 * offset_to_nearest(clean, 0.0) - output.nearest_to_mm
         clean, noisy = (_shifted(depth, offset_mm, output) for depth in (clean, noisy))
         expected = None if expected is None else _shifted(expected, offset_mm, output)
     infrared, region = layers.get("infrared"), layers.get("region")
@@ -129,6 +130,4 @@ def _shifted(
     depth_m: NDArray[np.float32], offset_mm: float, output: OutputSettings
 ) -> NDArray[np.float32]:
     """Subtract ``offset_mm`` from depths in metres; a pixel with depth keeps at least one unit."""
-    least_m = np.float32(output.depth_unit_mm / 1000.0)
-    moved = np.maximum(depth_m - np.float32(offset_mm / 1000.0), least_m)
-    return np.where(depth_m > 0, moved, np.float32(0.0))
+    return subtract_offset(depth_m, offset_mm / 1000.0, output.depth_unit_mm / 1000.0)

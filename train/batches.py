@@ -29,7 +29,12 @@ from torch.utils.data import (
 from glsim.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
 from glsim.train.data.captures import StoredCaptures
-from glsim.train.data.checks import fingerprint, fingerprint_of
+from glsim.train.data.checks import (
+    fingerprint,
+    fingerprint_of,
+    joint_protocol,
+    protocol_entry,
+)
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
 from glsim.train.losses.registry import build_loss
@@ -138,6 +143,7 @@ class SimulatedBatches:
             inputs=inputs_of(recipe.model),
             length=steps,
             target=recipe.data.target,
+            protocol=recipe.data.protocol,
         )
         rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
         self.validation: Dataset[Batch] = Subset(rendered, range(count))
@@ -171,6 +177,7 @@ class SimulatedBatches:
             vary_inputs=True,
             start=start,
             target=self._recipe.data.target,
+            protocol=self._recipe.data.protocol,
         )
 
 
@@ -198,17 +205,25 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
             inputs=inputs,
             seed=recipe.seed + number * _SEED_STRIDE,
             target=data.target,
+            protocol=data.protocol,
         )
         for number, dataset in enumerate(datasets)
     ]
     validation = [
         StoredPairs(
-            dataset, "val", crop=crop, cut=validation_cut, inputs=inputs, target=data.target
+            dataset,
+            "val",
+            crop=crop,
+            cut=validation_cut,
+            inputs=inputs,
+            target=data.target,
+            protocol=data.protocol,
         )
         for dataset in datasets
     ]
     fingerprints = [fingerprint(dataset) | fingerprint_of(data.target) for dataset in datasets]
     joined = fingerprints[0] if len(fingerprints) == 1 else {"sets": fingerprints}
+    joined |= protocol_entry(joint_protocol([pairs.protocol for pairs in train]))
     return StoredBatches(
         JoinedPairs(train), _evenly_spaced(JoinedPairs(validation), data), joined, recipe
     )

@@ -27,6 +27,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, did_you_mean
 from glsim.settings.tables import assign, parse_table, read_toml, split_assignment
 
@@ -123,6 +124,11 @@ class DataSettings(_Table):
         "clean",
         description="what is learnt: the true depth, or what the sensor says without noise",
     )
+    protocol: DepthProtocol | None = Field(
+        None,
+        description="where depth is counted from: depth (as measured) or paper (the nearest point "
+        "of each target at 1 mm); default: that of the data sets",
+    )
     flip: bool = Field(False, description="mirror left and right, at random")
     relief_mm: float = Field(
         0.0, ge=0, le=1000, description="height of random surface bumps on stored pairs; 0: none"
@@ -177,6 +183,7 @@ _RESUMABLE: Final = {
     "title",
     "description",
     "data.workers",
+    "data.protocol",  # the fingerprint of the data holds the protocol that it stands for
     *(f"training.{name}" for name in ("max_epochs", "max_steps", "max_minutes", "patience")),
 }
 

@@ -32,7 +32,8 @@ class Truth:
     """A clean frame and its noisy input, prepared for scoring.
 
     clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth. rays: (H, W, 2), x/z and y/z.
-    regions: the face regions, if known.
+    regions: the face regions, if known. offset_mm: what was subtracted from both maps; normals are
+    those of the surface at its distance from the camera, undefined for NaN (not known).
     """
 
     def __init__(
@@ -41,8 +42,10 @@ class Truth:
         noisy_mm: Depth,
         rays: NDArray[np.floating],
         regions: Regions | None = None,
+        offset_mm: float = 0.0,
     ) -> None:
         self.regions = regions
+        self.offset_mm = offset_mm
         self.clean = clean_mm.astype(np.float64)
         self.noisy = noisy_mm.astype(np.float64)
         self.rays = rays
@@ -193,8 +196,11 @@ def _angles(
     prediction: NDArray[np.float64], valid: Mask, truth: Truth
 ) -> tuple[Mask, NDArray[np.float64]]:
     """Return the N pixels where both maps have a normal, (H, W), and (N,) angles in degrees."""
-    at = truth.smooth & whole_windows(valid)
-    first, second = (central_normals(depth, truth.rays, at) for depth in (prediction, truth.clean))
+    at = truth.smooth & whole_windows(valid) & math.isfinite(truth.offset_mm)
+    first, second = (
+        central_normals(depth + truth.offset_mm, truth.rays, at)
+        for depth in (prediction, truth.clean)
+    )
     return at, angles_deg(first, second)
 
 

@@ -8,7 +8,7 @@ and L that it means nothing without them: PRESETS lists the constants we print.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -63,6 +63,33 @@ def ssim(first: Moments, second: Moments) -> dict[str, float]:
     """Compute the mean SSIM of two images for each preset; NaN if smaller than the window."""
     if min(first.image.shape) < WINDOW:
         return dict.fromkeys(PRESETS, float("nan"))
+    windows = window_statistics(first, second)
+    result = {}
+    for name, preset in PRESETS.items():
+        c1, c2 = (preset.k1 * preset.data_range) ** 2, (preset.k2 * preset.data_range) ** 2
+        result[name] = windows.similarity(c1, c2, c2)
+    return result
+
+
+class WindowStatistics(NamedTuple):
+    """Of two images, per window, (H - 6, W - 6) float64 each.
+
+    product: of the means. squares: of the means, their sum. covariance. variances: their sum.
+    """
+
+    product: _Array
+    squares: _Array
+    covariance: _Array
+    variances: _Array
+
+    def similarity(self, c1: float, c2: float, c3: float) -> float:
+        """Return the mean SSIM. c3: in the place of C2 below the line, where it equals C2."""
+        upper = (2 * self.product + c1) * (2 * self.covariance + c2)
+        return float((upper / ((self.squares + c1) * (self.variances + c3))).mean())
+
+
+def window_statistics(first: Moments, second: Moments) -> WindowStatistics:
+    """Compute what SSIM needs of two images that are not smaller than the window."""
     pad = WINDOW // 2
     inner = (slice(pad, -pad), slice(pad, -pad))
     samples = WINDOW * WINDOW
@@ -72,12 +99,7 @@ def ssim(first: Moments, second: Moments) -> dict[str, float]:
     product, squares = mean_1 * mean_2, mean_1 * mean_1 + mean_2 * mean_2
     covariance = unbiased * (mean_product - product)
     variances = unbiased * (first.mean_square[inner] + second.mean_square[inner] - squares)
-    result = {}
-    for name, preset in PRESETS.items():
-        c1, c2 = (preset.k1 * preset.data_range) ** 2, (preset.k2 * preset.data_range) ** 2
-        upper = (2 * product + c1) * (2 * covariance + c2)
-        result[name] = float((upper / ((squares + c1) * (variances + c2))).mean())
-    return result
+    return WindowStatistics(product, squares, covariance, variances)
 
 
 def _window_mean(image: _Array) -> _Array:

@@ -5,6 +5,7 @@ Facial Depth Imaging": the printed values of its filters beside ours.
 from __future__ import annotations
 
 from glsim.denoise import PAPER_FILTERS
+from glsim.depth_protocol import MEANING
 from glsim.eval.metrics.ssim import PRESETS
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.report.document import Document, TextTable
@@ -15,28 +16,28 @@ from glsim.eval.scoring.run import Evaluation
 
 def filter_table(evaluation: Evaluation, table: ResultTable) -> Document:
     """Return the paper's rows and columns beside ours, and which of its relations hold here."""
-    columns = [PRINTED_FILTERS[name][0] for name in PAPER_FILTERS]
+    columns = [PRINTED_FILTERS[name].title for name in PAPER_FILTERS]
     mse, psnr, psnr_mean, similar = (
         {name: table[name][metric].mean for name in PAPER_FILTERS}
         for metric in ("mse_mm2", "psnr_db", PSNR_OF_MEAN.name, "ssim_paper")
     )
     base = mse["noisy"]
-    printed_base = PRINTED_FILTERS["noisy"][1]
+    printed_base = PRINTED_FILTERS["noisy"].mse_mm2
     rows = [
-        ["MSE, printed [mm²]", *(format_number(PRINTED_FILTERS[n][1]) for n in PAPER_FILTERS)],
+        ["MSE, printed [mm²]", *(format_number(PRINTED_FILTERS[n].mse_mm2) for n in PAPER_FILTERS)],
         ["MSE, ours [mm²]", *(format_number(mse[n]) for n in PAPER_FILTERS)],
         [
             "MSE over baseline, printed",
-            *(f"{PRINTED_FILTERS[n][1] / printed_base:.3f}" for n in PAPER_FILTERS),
+            *(f"{PRINTED_FILTERS[n].mse_mm2 / printed_base:.3f}" for n in PAPER_FILTERS),
         ],
         [
             "MSE over baseline, ours",
             *(f"{mse[n] / base:.3f}" if base else "n/a" for n in PAPER_FILTERS),
         ],
-        ["PSNR, printed [dB]", *(f"{PRINTED_FILTERS[n][2]:.2f}" for n in PAPER_FILTERS)],
+        ["PSNR, printed [dB]", *(f"{PRINTED_FILTERS[n].psnr_db:.2f}" for n in PAPER_FILTERS)],
         ["PSNR per image, ours [dB]", *(f"{psnr[n]:.2f}" for n in PAPER_FILTERS)],
         ["PSNR of the mean MSE, ours [dB]", *(f"{psnr_mean[n]:.2f}" for n in PAPER_FILTERS)],
-        ["SSIM, printed", *(_ssim(PRINTED_FILTERS[n][3]) for n in PAPER_FILTERS)],
+        ["SSIM, printed", *(f"{PRINTED_FILTERS[n].ssim:.4f}" for n in PAPER_FILTERS)],
         ["SSIM with the printed constants, ours", *(f"{similar[n]:.4f}" for n in PAPER_FILTERS)],
         [
             "SSIM, K1=.01 K2=.03 L=65535, ours",
@@ -61,11 +62,13 @@ def filter_table(evaluation: Evaluation, table: ResultTable) -> Document:
     return Document(
         "Table 1 of Kendrick, Yap and Tan: printed and measured",
         [
-            f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects.",
+            f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Protocol "
+            f"{evaluation.protocol}: {MEANING[evaluation.protocol]}.",
             TextTable(["", *columns], rows),
-            f"SSIM with the printed constants: {PRESETS['paper']}. The paper's SSIM column is not "
-            "comparable between its rows (its constants, range and types are not known): do not "
-            "match it. Adaptive is Essmaeel's temporal filter, on single frames the identity.",
+            f"SSIM with the printed constants: {PRESETS['paper']}. No single reading of the "
+            "constants, range and types gives the paper's SSIM column (glsim eval DATA "
+            "--ssim-readings): do not match it. Adaptive is Essmaeel's temporal filter, on single "
+            "frames the identity.",
             TextTable(
                 ["relation", "printed", "ours"],
                 [[name, yes_or_no(printed), yes_or_no(ours)] for name, printed, ours in relations],
@@ -75,10 +78,6 @@ def filter_table(evaluation: Evaluation, table: ResultTable) -> Document:
     )
 
 
-def _ssim(value: float | None) -> str:
-    return "not noted" if value is None else f"{value:g}"
-
-
 def yes_or_no(value: bool) -> str:
     """Return the text of a cell; "no" is bold."""
     return "yes" if value else "**no**"
@@ -86,7 +85,7 @@ def yes_or_no(value: bool) -> str:
 
 def _surface(table: ResultTable) -> str:
     parts = [
-        f"{PRINTED_FILTERS[name][0]} "
+        f"{PRINTED_FILTERS[name].title} "
         f"{format_number(table[name]['both_interior_rmse_mm'].mean)} mm, "
         f"{format_number(table[name]['normal_mean_deg'].mean)}°, "
         f"{format_number(table[name]['flying_px'].mean)} flying pixels"

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
+from glsim.depth_protocol import MEANING
 from glsim.eval.paper.filter_table import yes_or_no
-from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_PSNR, printed_mse_mm2
+from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network
 from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.report.tables import TABLE_METRICS, ResultTable, format_number
@@ -96,12 +97,13 @@ def network_table(
     filters = [n for n in table if n.split(" [")[0] not in labels and n != "adaptive"]
     document = Document(f"Table {which} of Kendrick, Yap and Tan: printed and measured")
     document.parts += [
-        f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Ours are "
+        f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Protocol "
+        f"{evaluation.protocol}: {MEANING[evaluation.protocol]}. Ours are "
         "means over seeds ± their standard deviation; one seed has none. Nothing is extrapolated: "
         "a row that was trained smaller says so, and its numbers stand for that size only.",
         _paper_table(which, scored, own, table),
-        "Printed MSE: from the PSNR that belongs to it in our notes, to four decimals; SSIM: noted "
-        "only as 0.984 to 0.989 for all networks, and not comparable between the paper's rows.",
+        "The paper's SSIM is not comparable between rows of other types: see the study of its "
+        "readings (glsim eval DATA --ssim-readings).",
         Heading("What all-pixel metrics hide"),
         _surface_table([*scored, *own], filters, table),
         Heading("Relations"),
@@ -138,7 +140,7 @@ def _paper_table(
         head += [f"{heading}, printed", f"{heading}, ours"]
     rows: list[list[str]] = []
     for row in PAPER_ROWS[which]:
-        printed = [format_number(printed_mse_mm2(row)), f"{PRINTED_PSNR[row][0]:.2f}", "not noted"]
+        printed = _printed_cells(PRINTED_NETWORKS[row])
         of_row = [scores for scores in scored if scores.group.row == row]
         for scores in of_row:
             rows.append([row, *_run_cells(scores, of_row), *_interleaved(printed, scores)])
@@ -146,14 +148,19 @@ def _paper_table(
             rows.append([row, "**missing**", "", "", "", *_interleaved(printed, None)])
     rows += [["-", *_run_cells(scores, []), *_interleaved(["-"] * 3, scores)] for scores in own]
     for name in (name for name in PAPER_FILTERS if name in table and name != "adaptive"):
-        title, mse, psnr, _ = PRINTED_FILTERS[name]
+        printed = _printed_cells(PRINTED_FILTERS[name])
         ours = [
             format_number(table[name][metric].mean, TABLE_METRICS[metric].unit)
             for metric in _PAPER_BLOCK
         ]
-        cells = [format_number(mse), ours[0], f"{psnr:.2f}", ours[1], "see table 1", ours[2]]
-        rows.append([title, "filter", "", "", "", *cells])
+        cells = [cell for pair in zip(printed, ours, strict=True) for cell in pair]
+        rows.append([PRINTED_FILTERS[name].title, "filter", "", "", "", *cells])
     return TextTable(head, rows)
+
+
+def _printed_cells(row: PrintedRow) -> list[str]:
+    """Return the texts of the columns of ``_PAPER_BLOCK``, as printed."""
+    return [format_number(row.mse_mm2), f"{row.psnr_db:.2f}", f"{row.ssim:.4f}"]
 
 
 def _run_cells(scores: _Scores, of_row: Sequence[_Scores]) -> list[str]:
@@ -180,7 +187,7 @@ def _surface_table(networks: list[_Scores], filters: list[str], table: ResultTab
 
 
 def _filter_name(name: str) -> str:
-    return PRINTED_FILTERS[name][0] if name in PRINTED_FILTERS else f"`{name}`"
+    return PRINTED_FILTERS[name].title if name in PRINTED_FILTERS else f"`{name}`"
 
 
 def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
@@ -192,7 +199,7 @@ def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
             if (other.group.row, other.group.size, other.part) != pair:
                 continue
             row = str(plain.group.row)
-            printed = printed_mse_mm2(f"AR {row}") - printed_mse_mm2(row)
+            printed = PRINTED_NETWORKS[f"AR {row}"].mse_mm2 - PRINTED_NETWORKS[row].mse_mm2
             t, p = student_t_test(other.values(metric), plain.values(metric))
             verdict = "one seed: unknown" if math.isnan(t) else yes_or_no(p > 0.01)
             difference = other.mean(metric) - plain.mean(metric)
@@ -221,7 +228,8 @@ def _filter_comparison(networks: list[_Scores], table: ResultTable) -> TextTable
     for scores in networks:
         row = scores.group.row
         mse = scores.mean("mse_mm2")
-        printed = f"{printed_mse_mm2(row) / PRINTED_FILTERS['noisy'][1]:.1f}" if row else "-"
+        base = PRINTED_FILTERS["noisy"].mse_mm2
+        printed = f"{PRINTED_NETWORKS[row].mse_mm2 / base:.1f}" if row else "-"
         rows.append(
             [
                 scores.name,

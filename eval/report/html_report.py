@@ -130,7 +130,11 @@ def example_frame(job: ScoringJob) -> GalleryFrame | None:
             for part, depth in compose(denoised, sample.noisy_mm).items():
                 predictions[f"{method.label} [{part}]" if part else method.label] = depth
         return GalleryFrame(
-            sample.clean_mm, sample.intrinsics, predictions, str(frames.key(number))
+            sample.clean_mm,
+            sample.intrinsics,
+            predictions,
+            f"{frames.key(number)}, protocol {frames.protocol}",
+            offset_mm=sample.offset_mm,
         )
     return None
 

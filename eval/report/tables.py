@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Final
 
+from glsim.depth_protocol import MEANING
 from glsim.eval.metrics import METRICS, REGION_METRICS, Metric
 from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
 from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean
@@ -74,6 +75,8 @@ def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> 
         "",
         f"{evaluation.frames} frames of {len(summary.subjects)} subjects. In brackets the 95 % "
         "interval over subjects (bootstrap). Bold: the best mean. Arrows: which way is better.",
+        "",
+        f"Protocol {evaluation.protocol}: {MEANING[evaluation.protocol]}.",
         "",
     ]
     for title, names in TABLE_SECTIONS.items():

@@ -53,11 +53,15 @@ class BiasBin:
 
 
 def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
-    """Return the sums of errors and the pixels of a frame's bins. depth: (H, W) mm, 0 = none."""
+    """Return the sums of errors and the pixels of a frame's bins. depth: (H, W) mm, 0 = none.
+
+    Bins are by the distance from the camera; by the map's own depth if that is not known.
+    """
     error = depth - truth.clean
     pixels = (depth > 0) & truth.input_valid & truth.parts["interior"]
     pixels &= np.abs(error) <= FLYING_MM
-    place = (truth.clean[pixels] / BIAS_BIN_MM).astype(np.int64)
+    distance_mm = truth.clean[pixels] + np.nan_to_num(truth.offset_mm)
+    place = (distance_mm / BIAS_BIN_MM).astype(np.int64)
     sums, counts = np.bincount(place, weights=error[pixels]), np.bincount(place)
     return {
         str(number * BIAS_BIN_MM): [float(sums[number]), int(counts[number])]

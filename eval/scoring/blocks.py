@@ -14,6 +14,7 @@ import numpy as np
 from glsim.denoise import Method, compose, load
 from glsim.denoise.frames import Frames, Stacks
 from glsim.denoise.protocol import Depth
+from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DatasetError, DenoiserError
 from glsim.eval.metrics import Regions, Truth, score
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
@@ -61,7 +62,8 @@ class ScoringJob:
     truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
     baseline_every: score trivial baselines on every n-th frame; 0 is never.
     stride: score only every n-th frame. device: sensor file whose fixed pattern and wiggling are
-    subtracted from the input of all denoisers.
+    subtracted from the input of all denoisers. protocol: where depths are counted from, see
+    ``glsim.depth_protocol``; default: as the files are stored.
     """
 
     dataset: Path
@@ -73,10 +75,13 @@ class ScoringJob:
     stride: int = 1
     truth: TruthLayer = "clean"
     device: Path | None = None
+    protocol: DepthProtocol | None = None
 
     def frames(self) -> Frames:
         """Open the frames to score. Raises DatasetError."""
-        return open_frames(self.dataset, self.split, self.focal_px, self.truth, self.device)
+        return open_frames(
+            self.dataset, self.split, self.focal_px, self.truth, self.device, self.protocol
+        )
 
     def start(self) -> Callable[[FrameBlock], ScoredBlock]:
         """Open the data set and load the denoisers, in the worker."""
@@ -107,7 +112,9 @@ class _BlockScorer:
         key = self._frames.key(number)
         place = {"subject": key.subject, "sequence": key.sequence, "frame": key.frame}
         regions = None if sample.regions is None else Regions(sample.regions, self._frames.regions)
-        truth = Truth(sample.clean_mm, sample.noisy_mm, sample.intrinsics.rays(), regions)
+        truth = Truth(
+            sample.clean_mm, sample.noisy_mm, sample.intrinsics.rays(), regions, sample.offset_mm
+        )
         for method in self._methods:
             stack, now = self._stacks.around(number, method.before, method.after)
             try:

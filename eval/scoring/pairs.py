@@ -19,9 +19,10 @@ from glsim.dataset.disk_format import HEADER
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.reader import no_clean, no_expected
 from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
-from glsim.denoise.frames import Frames, Key, Sample, check_millimetres
+from glsim.denoise.frames import Frames, Key, MovedFrames, Sample, check_millimetres, is_moved
 from glsim.denoise.protocol import Depth
-from glsim.errors import DatasetError
+from glsim.depth_protocol import MEANING, DepthProtocol
+from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX
 from glsim.files.regular import read_regular
 from glsim.geometry.camera import Intrinsics
@@ -33,13 +34,18 @@ TruthLayer = Literal["clean", "expected"]
 
 
 class DatasetFrames:
-    """The frames of one split of a data set of glsim. DatasetError if it lacks the truth's maps."""
+    """The frames of one split of a data set of glsim. DatasetError if it lacks the truth's maps.
+
+    stored: the protocol of its files. The frames are as measured.
+    """
+
+    protocol: DepthProtocol = "depth"
 
     def __init__(self, path: Path, split: str, truth: TruthLayer = "clean") -> None:
         dataset = open_dataset(path)
         if truth not in dataset.layers:
             raise DatasetError(no_clean(path) if truth == "clean" else no_expected(path))
-        self._truth = truth
+        self._truth, self.stored = truth, dataset.protocol
         self.regions: Mapping[str, int] = dataset.regions
         self._split: Split = dataset.split(split)
         self.identity = f"{zlib.crc32((path / HEADER).read_bytes()):08x} {split} {truth}"
@@ -69,6 +75,9 @@ class FolderFrames:
 
     The folder of a file is the subject; a number at the end of its stem is the frame. The camera is
     a Kinect V2, or one with focal length ``focal_px`` and its axis through the image centre.
+
+    protocol: paper if the nearest point of the first truth is at 1 mm. The distance from the camera
+    is unknown then.
     """
 
     regions: Mapping[str, int] = {}
@@ -90,6 +99,8 @@ class FolderFrames:
                 f"*_{truth}.png and *_noisy.png"
             )
         self._stems = sorted(stems, key=lambda stem: (_key(stem), stem))
+        self.protocol: DepthProtocol = "paper" if self._is_moved() else "depth"
+        self.stored = self.protocol
         listing = [(stem, *map(_size, self._files(stem))) for stem in self._stems]
         self.identity = f"{zlib.crc32(repr(listing).encode()):08x} {self._focal} {truth}"
 
@@ -105,7 +116,16 @@ class FolderFrames:
         clean_file, noisy_file = self._files(self._stems[number])
         clean, noisy = _read(clean_file, self._truth), _read(noisy_file, "noisy")
         rig = self._rig.for_map((clean.shape[0], clean.shape[1]), self._focal)
-        return _checked(clean, noisy, rig.intrinsics, str(self._path / self._stems[number]))
+        where = str(self._path / self._stems[number])
+        if self.protocol == "depth":
+            return _checked(clean, noisy, rig.intrinsics, where)
+        return replace(_same_size(clean, noisy, rig.intrinsics, where), offset_mm=float("nan"))
+
+    def _is_moved(self) -> bool:
+        try:
+            return is_moved(_read(self._files(self._stems[0])[0], self._truth))
+        except DatasetError:  # reported when the frame is scored
+            return False
 
     def infrared(self, number: int) -> NDArray[Any]:
         """Read the counts of ``*_infrared.png``. Raises DatasetError if it is missing."""
@@ -144,13 +164,18 @@ def _read(path: Path, layer: str) -> Depth:
 
 def _checked(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> Sample:
     """Return the pair. Raises DatasetError if sizes differ or depths cannot be millimetres."""
+    sample = _same_size(clean, noisy, intrinsics, where)
+    for layer, depth in (("clean", clean), ("noisy", noisy)):
+        check_millimetres(depth, f"{where} ({layer})")
+    return sample
+
+
+def _same_size(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> Sample:
     if clean.shape != noisy.shape:
         raise DatasetError(
             f"{where}: clean is {clean.shape[1]} x {clean.shape[0]} pixels, noisy "
             f"{noisy.shape[1]} x {noisy.shape[0]}"
         )
-    for layer, depth in (("clean", clean), ("noisy", noisy)):
-        check_millimetres(depth, f"{where} ({layer})")
     return Sample(clean, noisy, intrinsics)
 
 
@@ -160,20 +185,32 @@ def open_frames(
     focal_px: float | None = None,
     truth: TruthLayer = "clean",
     device: Path | None = None,
+    protocol: DepthProtocol | None = None,
 ) -> Frames:
     """Open a split of a data set, or the pairs of a folder (its sub-folder ``split`` if it exists).
 
     truth: the layer that becomes ``Sample.clean_mm``. device: sensor file whose fixed pattern and
-    wiggling are subtracted from the noisy maps. Raises DatasetError if there is no such folder,
-    split, layer or pair, ConfigError for an unusable device.
+    wiggling are subtracted from the noisy maps. protocol: default that of the files. Raises
+    DatasetError if there is no such folder, split, layer or pair, ConfigError for an unusable
+    device, or for a folder whose distances are needed and not known.
     """
-    frames = _open(path, split, focal_px, truth)
-    if device is None:
-        return frames
-    return CalibratedFrames(frames, DeviceCalibration(device), isinstance(frames, DatasetFrames))
+    files = _open(path, split, focal_px, truth)
+    if files.protocol == "paper" and (protocol == "depth" or device is not None):
+        option = "--protocol depth" if protocol == "depth" else f"--device {device}"
+        raise ConfigError(
+            f"{option}: the maps in {path} have {MEANING['paper']}, and no record says how far "
+            "from the camera that is: leave the option out, or give the data set"
+        )
+    frames: Frames = files
+    if device is not None:
+        own_camera = isinstance(files, DatasetFrames)
+        frames = CalibratedFrames(files, DeviceCalibration(device), own_camera)
+    return MovedFrames(frames) if (protocol or files.stored) == "paper" else frames
 
 
-def _open(path: Path, split: str, focal_px: float | None, truth: TruthLayer) -> Frames:
+def _open(
+    path: Path, split: str, focal_px: float | None, truth: TruthLayer
+) -> DatasetFrames | FolderFrames:
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder")
     if (path / HEADER).exists() or (path / ".glsim").exists():

@@ -20,6 +20,7 @@ from typing import Any, Final
 
 from glsim.dataset import available_workers
 from glsim.denoise import load
+from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.eval.metrics import Metric, metrics_with_regions
 from glsim.eval.scoring.aggregate import ScoreSummary
@@ -49,7 +50,7 @@ class Evaluation:
     """The result of ``evaluate``. baselines: scores of trivial predictions.
 
     bad: number of frames, or pairs of frame and method, that could not be scored; first_bad: the
-    first of them with reasons.
+    first of them with reasons. protocol: where depths are counted from.
     """
 
     summary: ScoreSummary
@@ -57,6 +58,7 @@ class Evaluation:
     frames: int
     bad: int
     first_bad: tuple[str, ...]
+    protocol: DepthProtocol = "depth"
 
 
 def evaluate(
@@ -70,7 +72,8 @@ def evaluate(
     """Score every frame of a set by every denoiser; write rows.csv and bad.csv to ``out``.
 
     workers: number of processes; default: one per core. baselines: also score trivial predictions.
-    Raises ConfigError for a wrong denoiser or an empty set, DatasetError if no frame can be scored.
+    Raises ConfigError for a wrong denoiser, one that was trained under another protocol, or an
+    empty set, DatasetError if no frame can be scored.
     """
     methods = [load(spec) for spec in job.denoisers]  # reports wrong ones before scoring starts
     labels = [method.label for method in methods]
@@ -80,6 +83,8 @@ def evaluate(
     frames = job.frames()
     if len(frames) == 0:
         raise ConfigError(f"{job.dataset}: has no frames in {job.split}")
+    for method in methods:
+        method.check_protocol(frames.protocol)
     if baselines:
         job = replace(
             job, baseline_every=-(-len(frames) // BASELINE_FRAMES), mean_face=mean_face(frames)
@@ -96,7 +101,8 @@ def evaluate(
         for number, first in enumerate(range(0, len(frames), _BLOCK))
     ]
     _score_missing(job, folder, blocks, workers or available_workers(), len(frames), progress)
-    return _collect(out, folder, blocks, -(-len(frames) // job.stride), metrics)
+    evaluation = _collect(out, folder, blocks, -(-len(frames) // job.stride), metrics)
+    return replace(evaluation, protocol=frames.protocol)
 
 
 def _score_missing(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from glsim.denoise import MapDenoiser, Method
     from glsim.denoise.protocol import Depth, Mask
+    from glsim.depth_protocol import DepthProtocol
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -99,8 +100,18 @@ def denoise(
             help="Step of the depth files, mm. Default: that of their data set, else 1.",
         ),
     ] = None,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            help="What the denoiser sees: depth (as measured) or paper (the nearest point of each "
+            "map at 1 mm; it is moved back). Default: that of the network's training, else depth."
+        ),
+    ] = None,
 ) -> None:
     """Denoise 16-bit depth maps; 0 means no depth, in and out.
+
+    Maps of a data set that was written with an offset (--protocol paper) are denoised at their
+    distance from the camera and written with the same offset.
 
     Maps keep their names. For denoisers that use neighbours in time, the maps of a folder are a
     sequence in the order of their names; while watching, they see earlier frames only. Maps that
@@ -108,11 +119,14 @@ def denoise(
     taken.
     """
     from glsim.denoise import MapDenoiser, check_composite, load
+    from glsim.depth_protocol import check_protocol
 
     check_composite(composite, "--composite")
     if bool(noisy) == (watch is not None):
         raise ConfigError("give either depth maps to denoise, or a folder with --watch")
     mapped = MapDenoiser(load(denoiser), device, composite)
+    chosen = check_protocol(protocol) or mapped.method.protocol or "depth"
+    mapped.method.check_protocol(chosen)
     if mapped.device is not None:
         print_message(f"{device}: subtracts {' and '.join(mapped.device.parts)}")
     if watch is not None:
@@ -120,9 +134,9 @@ def denoise(
             raise ConfigError("--uncertainty does not go with --watch: denoise the files after it")
         if infrared is not None:
             raise ConfigError("--infrared does not go with --watch, which finds the images itself")
-        _watch(watch, out, mapped, depth_unit_mm)
+        _watch(watch, out, mapped, depth_unit_mm, chosen)
     else:
-        _denoise_files(noisy or [], out, mapped, infrared, uncertainty, depth_unit_mm)
+        _denoise_files(noisy or [], out, mapped, infrared, uncertainty, depth_unit_mm, chosen)
 
 
 def _denoise_files(
@@ -132,6 +146,7 @@ def _denoise_files(
     infrared: Path | None,
     uncertainty: Path | None,
     depth_unit_mm: float | None,
+    protocol: DepthProtocol,
 ) -> None:
     import numpy as np
 
@@ -150,7 +165,7 @@ def _denoise_files(
     if infrared is not None and not method.infrared:
         raise ConfigError(f"--infrared: {method.label} does not use infrared; face-ir does")
     images = infrared_files(sources, infrared) if method.infrared else ()
-    frames = MapFrames(sources, step_mm, denoiser.device, images)
+    frames = MapFrames(sources, step_mm, denoiser.device, images, protocol)
     stacks = Stacks(frames, method.before, method.after)
     failures = 0
     for number, (source, target) in enumerate(pairs):
@@ -167,7 +182,9 @@ def _denoise_files(
             denoised, sigma_mm = method.with_sigma(stack, now, counts)
         else:
             denoised = method(stack, now, counts)
-        depth_m = denoiser.finished(denoised, stack[now]).depth_mm * np.float32(0.001)
+        depth_mm = denoiser.finished(denoised, stack[now]).depth_mm
+        depth_mm = frames.as_stored(number, depth_mm, stacks.sample(number).offset_mm)
+        depth_m = depth_mm * np.float32(0.001)
         write_atomic(encode_png(encode_depth(depth_m, step_mm)), target, sync=len(pairs) == 1)
         if sigma_targets:
             sigma = encode_png(_encode_sigma(sigma_mm, depth_m > 0))
@@ -183,7 +200,13 @@ def _denoise_files(
         raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
 
 
-def _watch(folder: Path, out: Path, denoiser: MapDenoiser, depth_unit_mm: float | None) -> None:
+def _watch(
+    folder: Path,
+    out: Path,
+    denoiser: MapDenoiser,
+    depth_unit_mm: float | None,
+    protocol: DepthProtocol,
+) -> None:
     """Denoise what appears in a folder until Ctrl-C; then say how many maps and how fast."""
     from array import array
 
@@ -194,7 +217,7 @@ def _watch(folder: Path, out: Path, denoiser: MapDenoiser, depth_unit_mm: float 
     latency_s, busy_s, failures = array("d"), array("d"), 0
     print_message(f"watching {folder}; Ctrl-C ends")
     try:
-        for done in watch_folder(folder, out, denoiser, step_mm):
+        for done in watch_folder(folder, out, denoiser, step_mm, protocol):
             if done.problem:
                 failures += 1
                 message = f"skipped {done.source}: {done.problem}"

@@ -38,6 +38,8 @@ glsim eval data -d face --truth expected  needs generate --layers clean,expected
 
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
 
+glsim eval data --ssim-readings -o ssim  which reading of the paper's SSIM gives its values
+
 glsim eval --real recording -d face --tune -o real    real frames, without any truth
 
 glsim eval --list
@@ -76,6 +78,13 @@ def evaluate(
             "systematic error, which a denoiser leaves)."
         ),
     ] = "clean",
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            help="Where depth is counted from: depth (as measured) or paper (the nearest point of "
+            "each frame at 1 mm). Default: as the files are stored."
+        ),
+    ] = None,
     runs: Annotated[
         Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
     ] = None,
@@ -110,6 +119,14 @@ def evaluate(
     markdown: Annotated[
         Path | None, typer.Option(help="With --real: also write the tables to this file.")
     ] = None,
+    ssim_readings: Annotated[
+        bool,
+        typer.Option(
+            "--ssim-readings",
+            help="Compute the paper's SSIM column under every reading of its text (data type, "
+            "range, constants, implementation) and write ssim_readings.md.",
+        ),
+    ] = False,
     list_denoisers: Annotated[
         bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
     ] = False,
@@ -121,6 +138,7 @@ def evaluate(
     networks in --runs and list the rows that are missing there.
     """
     from glsim.denoise import PAPER_FILTERS
+    from glsim.depth_protocol import check_protocol
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.pairs import TruthLayer
     from glsim.eval.scoring.run import evaluate as run
@@ -141,6 +159,11 @@ def evaluate(
         return
     if dataset is None:
         raise ConfigError("give the folder of a data set, or --real and one of real frames")
+    if ssim_readings:
+        from glsim.cli.eval_ssim import study_ssim
+
+        study_ssim(dataset, split, out)
+        return
     tables = sorted(set(paper_table or ()))
     networks = _find_networks(tables, runs)
     specs = list(denoiser or ())
@@ -151,7 +174,13 @@ def evaluate(
     if truth not in get_args(TruthLayer):
         raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
     job = ScoringJob(
-        dataset, split, tuple(specs), focal_px, truth=cast(TruthLayer, truth), device=device
+        dataset,
+        split,
+        tuple(specs),
+        focal_px,
+        truth=cast(TruthLayer, truth),
+        device=device,
+        protocol=check_protocol(protocol),
     )
     if tune:
         job = _add_tuned_filters(job, out, count)
@@ -242,6 +271,7 @@ def _write_results(
 
     table = evaluation.summary.compared()
     heading = f"{job.dataset.name}, {job.split}"
+    heading += f", protocol {evaluation.protocol}"
     if job.truth != "clean":
         heading += f", compared with the {job.truth} depth"
     pages = {

@@ -97,6 +97,13 @@ def generate(
     depth_unit_mm: Annotated[
         float | None, typer.Option(help="Step of the depth files, mm.")
     ] = None,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            help="Where the files count depth from: depth (as measured) or paper (the nearest "
+            "point of each frame at 1 mm; its record has the offset)."
+        ),
+    ] = None,
     split: Annotated[
         str | None,
         typer.Option(
@@ -120,6 +127,7 @@ def generate(
 ) -> None:
     """Generate a data set of clean and noisy depth frames, split by subject; resumable."""
     from glsim.dataset import generate as run
+    from glsim.depth_protocol import NEAREST_MM, check_protocol
     from glsim.settings.schema import load_settings
     from glsim.worker_processes import worker_count
 
@@ -145,6 +153,9 @@ def generate(
         steps=steps,
         framing=framing,
     )
+    if (chosen := check_protocol(protocol)) is not None:
+        nearest_to_mm = NEAREST_MM if chosen == "paper" else None
+        tree.setdefault("output", {})["nearest_to_mm"] = nearest_to_mm
     settings = load_settings(config, assignments or [], tree, face_options, preset)
     if plan:
         from glsim.cli.generate_plan import print_plan

@@ -6,9 +6,15 @@ A plan (glsim/cli/reproductions/*.toml) contains their options:
     seeds = [0, 1, 2]                  seeds of every recipe
     generate = "--subjects 60 ..."     options of glsim generate
     eval = "--tune"                    options of glsim eval
+    protocols = ["depth", "paper"]     protocols of glsim train and glsim eval; default: depth
     [[train]]                          groups in order; within a group all recipes are trained
     recipes = ["paper-d7-small"]       with the first seed, then all with the second, ...
     options = "--steps 300"            options of glsim train
+    seeds = [0]                        seeds of this group, if not those of the plan, ...
+    protocols = ["depth"]              and its protocols
+    [filters]                          table 1 on further sets, one per seed and clean mask,
+    seeds = [1, 2, 3]                  under each protocol
+    generate = "--subjects 20 ..."     options of glsim generate
 
 Each command resumes its own work; this module only skips trainings that are finished.
 """
@@ -25,6 +31,7 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 
 from glsim.cli.common import console, options, print_message, run_command_line
+from glsim.depth_protocol import DepthProtocol, check_protocol
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
 from glsim.settings.tables import parse_table, read_toml
 
@@ -54,6 +61,15 @@ class TrainingGroup(_Table):
 
     recipes: tuple[str, ...] = Field(min_length=1)
     options: str = ""
+    seeds: tuple[int, ...] = ()
+    protocols: tuple[DepthProtocol, ...] = ()
+
+
+class FilterSets(_Table):
+    """Data sets for table 1 alone: nothing is trained on them."""
+
+    seeds: tuple[int, ...] = Field((1,), min_length=1)
+    generate: str
 
 
 class ReproductionPlan(_Table):
@@ -63,21 +79,58 @@ class ReproductionPlan(_Table):
     seeds: tuple[int, ...] = Field((0,), min_length=1)
     generate: str
     eval: str = ""
+    protocols: tuple[DepthProtocol, ...] = Field(("depth",), min_length=1)
+    filters: FilterSets | None = None
     train: tuple[TrainingGroup, ...] = Field(min_length=1)
 
     def commands(self, out: Path) -> Iterator[list[str]]:
         """Yield the arguments of each ``glsim`` command in order."""
-        data, runs = str(out / "data"), out / "runs"
+        data = str(out / "data")
         yield ["generate", *shlex.split(self.generate), "-o", data]
+        if self.filters is not None:
+            yield from self._filter_commands(self.filters, out)
+        for protocol in self.protocols:
+            yield from self._network_commands(protocol, data, protocol_folder(out, protocol))
+
+    def _network_commands(
+        self, protocol: DepthProtocol, data: str, out: Path
+    ) -> Iterator[list[str]]:
+        """Yield the trainings and the scoring of a protocol."""
+        runs = out / "runs"
         for group in self.train:
-            for seed in self.seeds:
+            if protocol not in (group.protocols or self.protocols):
+                continue
+            for seed in group.seeds or self.seeds:
                 for recipe in group.recipes:
                     run = str(runs / f"{Path(recipe).stem}-{seed}")
                     options = shlex.split(group.options)
                     yield ["train", recipe, *options, "--seed", str(seed), "--data", data,
-                           "--resume", "-o", run]  # fmt: skip
+                           "--protocol", protocol, "--resume", "-o", run]  # fmt: skip
         tables = [word for table in "123" for word in ("--paper-table", table)]
-        yield ["eval", data, *shlex.split(self.eval), *tables, "--runs", str(runs), "-o", str(out)]
+        yield ["eval", data, *shlex.split(self.eval), *tables, "--protocol", protocol,
+               "--runs", str(runs), "-o", str(out)]  # fmt: skip
+
+    def _filter_commands(self, sets: FilterSets, out: Path) -> Iterator[list[str]]:
+        """Yield the commands of table 1 under each protocol and mask, and of its SSIM."""
+        from glsim.eval.paper.protocol_page import FILTERS_FOLDER, MASKS
+
+        for mask in MASKS:
+            for seed in sets.seeds:
+                folder = out / FILTERS_FOLDER / mask / str(seed)
+                data = str(folder / "data")
+                yield ["generate", *shlex.split(sets.generate), "--seed", str(seed),
+                       "--set", f"output.clean_mask={mask}", "-o", data]  # fmt: skip
+                for protocol in self.protocols:
+                    yield ["eval", data, "--paper-table", "1", "--no-figures", "--no-probes",
+                           "--protocol", protocol, "-o", str(folder / protocol)]  # fmt: skip
+            first = out / FILTERS_FOLDER / mask / str(sets.seeds[0])
+            yield ["eval", str(first / "data"), "--ssim-readings", "-o", str(first)]
+        yield ["reproduce", "-o", str(out), "--filter-page"]
+
+
+def protocol_folder(out: Path, protocol: DepthProtocol) -> Path:
+    """Return the folder of a protocol's networks and tables: depth is the folder itself."""
+    return out if protocol == "depth" else out / f"protocol_{protocol}"
 
 
 def load_plan(size: str) -> ReproductionPlan:
@@ -98,15 +151,35 @@ def reproduce(
     plan: Annotated[
         bool, typer.Option("--plan", help="Print the commands without running them.")
     ] = False,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            help="Train and score under one protocol only: depth (as measured) or paper (the "
+            "nearest point of each face at 1 mm). Default: those of the plan, both."
+        ),
+    ] = None,
+    filter_page: Annotated[
+        bool,
+        typer.Option(
+            "--filter-page",
+            help="Only write protocols.md, table 1 under each protocol and mask, from -o.",
+        ),
+    ] = False,
 ) -> None:
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
     One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/ and
-    report.html. Each command is printed before it runs and can also be run by hand. A finished
-    training is not repeated: delete its folder in runs/ to train again.
+    report.html; protocol_paper/ holds those under the paper's protocol (nearest point at 1 mm),
+    protocols.md table 1 under both. Each command is printed before it runs and can also be run by
+    hand. A finished training is not repeated: delete its folder in runs/ to train again.
     """
     root_command = context.find_root().command
+    if filter_page:
+        _write_filter_page(out)
+        return
     chosen = load_plan(size)
+    if (only := check_protocol(protocol)) is not None:
+        chosen = chosen.model_copy(update={"protocols": (only,)})
     commands = list(chosen.commands(out))
     flags = options.flags
     if plan:
@@ -127,6 +200,16 @@ def reproduce(
             raise GlsimError(f"stopped in command {number} of {len(commands)}: {text}: repeat "
                              "the same glsim reproduce to go on there")  # fmt: skip
     print_message(f"done in {(time.monotonic() - start) / 60:.0f} min: read {out / 'report.html'}")
+
+
+def _write_filter_page(out: Path) -> None:
+    """Write protocols.md from the scores in a reproduction's folder."""
+    from glsim.eval.paper.protocol_page import protocol_document, read_filter_cases
+    from glsim.files.atomic import write_atomic
+
+    path = out / "protocols.md"
+    write_atomic(protocol_document(read_filter_cases(out)).markdown().encode(), path)
+    print_message(f"wrote {path}")
 
 
 def _is_finished(run: Path) -> bool:

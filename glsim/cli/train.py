@@ -36,6 +36,8 @@ glsim train paper-d7-small --data data --seed 1 -o runs/d7_1
 
 glsim train mine.toml --data data --set loss.beta_mm=4 --set training.batch=8
 
+glsim train paper-d7-small --data data --protocol paper     as the paper: nearest point at 1 mm
+
 glsim train face --simulate --minutes 30
 
 glsim train --list
@@ -98,12 +100,20 @@ def train(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Folder of the run. Default: runs/RECIPE.")
     ] = None,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            help="Where depth is counted from: depth (as measured) or paper (the nearest point of "
+            "each frame at 1 mm). Default: as the data sets are stored."
+        ),
+    ] = None,
     seed: SeedOption = None,
     list_recipes: Annotated[
         bool, typer.Option("--list", help="Print the shipped recipes and exit.")
     ] = False,
 ) -> None:
     """Train a denoiser; write best.pt, last.pt, metrics.csv, TensorBoard events, sample images."""
+    from glsim.depth_protocol import check_protocol
     from glsim.train.recipe import load_recipe
 
     if list_recipes:
@@ -119,6 +129,7 @@ def train(
         training__max_epochs=epochs,
         training__max_steps=steps,
         training__start=None if start is None else str(start),
+        data__protocol=check_protocol(protocol),
     )
     chosen = load_recipe(recipe, assignment or (), given)
     folder = out if out is not None else Path("runs") / Path(recipe).stem

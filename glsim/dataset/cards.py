@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from glsim.dataset.disk_format import CROISSANT, HEADER, MANIFEST, README
+from glsim.depth_protocol import MEANING, stored_protocol
 from glsim.settings.schema import SPLIT_NAMES
 
 #: Names of splits on the Hub.
@@ -72,6 +73,7 @@ def hub_card(header: Mapping[str, Any]) -> bytes:
         f"Sensor: {header['sensor'].get('title') or _sensor(header)}.",
         f"Layers: {', '.join(header['settings']['output']['layers'])}. Depth is 16-bit, in steps "
         f"of {unit_mm:g} mm; 0 = no return.",
+        *_moved(header),
         "",
         "| split | frames | subjects |",
         "|---|---|---|",
@@ -95,6 +97,17 @@ def hub_card(header: Mapping[str, Any]) -> bytes:
         "the licence there.",
     ]
     return "\n".join([*yaml, "---", "", *text]).encode() + b"\n"
+
+
+def _moved(header: Mapping[str, Any]) -> list[str]:
+    """Return a line if depths are not those from the camera."""
+    nearest_mm = header["settings"]["output"].get("nearest_to_mm")
+    if nearest_mm is None:
+        return []
+    what = f"the nearest point of each frame at {nearest_mm:g} mm"
+    if stored_protocol(nearest_mm) == "paper":
+        what = f"protocol paper: {MEANING['paper']}"
+    return [f"Depth is moved ({what}); add `depth_offset_mm` of a record for its distance."]
 
 
 _TREE_CODE: Final = (

@@ -20,6 +20,7 @@ from glsim.dataset.disk_format import HEADER, MANIFEST
 from glsim.dataset.header import header_problem, manifest_problem, read_header
 from glsim.dataset.layer_images import LayerImage, decode_layer
 from glsim.dataset.manifest import REPAIR, Manifest
+from glsim.depth_protocol import DepthProtocol, stored_protocol
 from glsim.errors import DatasetError, did_you_mean
 from glsim.files.atomic import checksum, wrap_read_errors
 from glsim.files.png import MAX_IMAGE_BYTES
@@ -251,6 +252,14 @@ class Dataset:
         """The layers that each frame has."""
         written = self.header["settings"]["output"]["layers"]
         return tuple(layer for layer in WRITABLE if layer in written)
+
+    @property
+    def protocol(self) -> DepthProtocol:
+        """What the files hold: depth as measured, or moved to 1 mm ("paper").
+
+        The maps of a ``Pair`` in millimetres are as measured either way.
+        """
+        return stored_protocol(self.header["settings"]["output"].get("nearest_to_mm"))
 
     @property
     def regions(self) -> dict[str, int]:

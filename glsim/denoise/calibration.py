@@ -115,7 +115,7 @@ class CalibratedFrames:
 
     def __init__(self, frames: Frames, device: DeviceCalibration, own_camera: bool) -> None:
         self._frames, self._device, self._own_camera = frames, device, own_camera
-        self.regions = frames.regions
+        self.regions, self.protocol = frames.regions, frames.protocol
         self.identity = f"{frames.identity} {device.identity}"
 
     def __len__(self) -> int:

@@ -7,18 +7,20 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import FORMAT, HEADER
 from glsim.dataset.header import read_header
-from glsim.dataset.reader import open_dataset
+from glsim.dataset.reader import Pair, open_dataset
 from glsim.dataset.schema import read_object
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import Key, Sample, check_millimetres
+from glsim.denoise.protocol import Depth
+from glsim.depth_protocol import DepthProtocol, offset_to_nearest, stored_protocol, subtract_offset
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.depth_folders import depth_pngs
 from glsim.files.png import read_depth_png
+from glsim.frame import to_mm
 from glsim.geometry.camera import Intrinsics
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -39,15 +41,21 @@ class MapFrames:
         depth_unit_mm: float,
         device: DeviceCalibration | None = None,
         infrared: Sequence[Path] = (),
+        protocol: DepthProtocol = "depth",
     ) -> None:
         """device: subtract its errors from all maps; crops are those of the maps' data sets.
 
         infrared: one 16-bit image for each map, see ``infrared_files``.
+        protocol: depth: as measured, with the offset that a data set states. paper: the nearest
+        point of each map at 1 mm; maps of data sets with that protocol are taken as they are.
         Raises DatasetError if a data set is damaged.
         """
+        self.protocol: DepthProtocol = protocol
         self._files, self._unit_mm, self._device = files, depth_unit_mm, device
         self._infrared = infrared
-        self._cameras = _dataset_cameras(files) if device is not None else {}
+        roots = {_dataset_root(folder) for folder in {file.parent for file in files}}
+        moved = any(root is not None and _stored_nearest_mm(root) is not None for root in roots)
+        self._pairs = _dataset_pairs(files) if device is not None or moved else {}
 
     def __len__(self) -> int:
         return len(self._files)
@@ -63,12 +71,29 @@ class MapFrames:
         """
         file = self._files[number]
         inside = _dataset_root(file.parent)
-        depth = read_depth_png(file, inside=inside) * np.float32(self._unit_mm)
-        check_millimetres(depth, str(file))
+        stored_mm = self._stored_offset_mm(number)
+        depth = to_mm(read_depth_png(file, inside=inside), self._unit_mm, stored_mm)
+        check_millimetres(depth, str(file), self.protocol)
         if self._device is not None:
-            depth = self._device(depth, self._cameras.get(file.absolute()))
+            pair = self._pairs.get(file.absolute())
+            depth = self._device(depth, None if pair is None else pair.intrinsics)
         height, width = depth.shape
-        return Sample(depth, depth, Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0))
+        offset_mm = 0.0
+        if self.protocol == "paper":
+            at_1_mm = inside is not None and stored_protocol(_stored_nearest_mm(inside)) == "paper"
+            offset_mm = stored_mm if at_1_mm else offset_to_nearest(depth)
+            depth = subtract_offset(depth, offset_mm)
+        camera = Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0)
+        return Sample(depth, depth, camera, offset_mm=offset_mm)
+
+    def as_stored(self, number: int, depth_mm: Depth, offset_mm: float) -> Depth:
+        """Return a denoised map as its file counts depth. offset_mm: that of its ``Sample``."""
+        change_mm = self._stored_offset_mm(number) - offset_mm
+        return subtract_offset(depth_mm, change_mm, self._unit_mm) if change_mm else depth_mm
+
+    def _stored_offset_mm(self, number: int) -> float:
+        pair = self._pairs.get(self._files[number].absolute())
+        return 0.0 if pair is None else pair.depth_offset_mm
 
     def infrared(self, number: int) -> NDArray[Any]:
         """Read the infrared counts of a map. Raises DatasetError if they are no 16-bit image."""
@@ -151,12 +176,18 @@ def _is_header(path: Path, modified_ns: int, size: int) -> bool:
     return bool(header.get("format") == FORMAT)
 
 
-def _dataset_cameras(files: Sequence[Path]) -> dict[Path, Intrinsics]:
-    """Return the intrinsics of those maps that belong to data sets, by absolute path."""
+def _stored_nearest_mm(root: Path) -> float | None:
+    """Return where the maps of a data set have their nearest point, mm; None: as measured."""
+    nearest_mm: float | None = read_header(root)["settings"]["output"].get("nearest_to_mm")
+    return nearest_mm
+
+
+def _dataset_pairs(files: Sequence[Path]) -> dict[Path, Pair]:
+    """Return the frames of those maps that belong to data sets, by absolute path."""
     wanted = {file.absolute() for file in files}
     roots = {root for folder in {f.parent for f in wanted} if (root := _dataset_root(folder))}
     return {
-        path: pair.intrinsics
+        path: pair
         for root in sorted(roots)
         for pair in open_dataset(root)
         for file in pair.record["files"].values()

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.protocol import MIN_MEASURED_MM, Depth
+from glsim.depth_protocol import (
+    NEAREST_MM,
+    DepthProtocol,
+    offset_to_nearest,
+    subtract_offset,
+)
 from glsim.errors import DatasetError
 from glsim.geometry.camera import Intrinsics
 
-#: A frame with a smaller median depth, mm, is in metres or another unit: no depth camera measures
-#: nearer.
-_NEAREST_MM = 50.0
+#: A frame with its nearest point at 1 mm and a smaller median depth, mm, is in whole metres.
+_METRES_MM = 10.0
 
 
 class Key(NamedTuple):
@@ -35,12 +40,22 @@ class Sample:
     """A pair of depth maps, (H, W) millimetres, 0 = no depth, with their camera.
 
     regions: (H, W) numbers of face regions (see ``Frames.regions``), if the set has them.
+    offset_mm: what was subtracted from both maps, 0 under the protocol depth; NaN if the distance
+    from the camera is not known.
     """
 
     clean_mm: Depth
     noisy_mm: Depth
     intrinsics: Intrinsics
     regions: NDArray[np.uint8] | None = None
+    offset_mm: float = 0.0
+
+    def noisy_at(self, offset_mm: float) -> Depth:
+        """Return the noisy map with another offset, (H, W) millimetres."""
+        change_mm = offset_mm - self.offset_mm
+        if change_mm == 0 or np.isnan(change_mm):
+            return self.noisy_mm
+        return subtract_offset(self.noisy_mm, change_mm)
 
 
 class Frames(Protocol):
@@ -50,6 +65,8 @@ class Frames(Protocol):
     identity: str
     #: Labelled face regions: name -> number. Empty without labels.
     regions: Mapping[str, int]
+    #: Where the depths are counted from.
+    protocol: DepthProtocol
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -68,13 +85,61 @@ class Frames(Protocol):
         ...
 
 
-def check_millimetres(depth: Depth, where: str) -> None:
-    """Raise DatasetError if half of the depths are nearer than any camera measures (metres)."""
+def check_millimetres(depth: Depth, where: str, protocol: DepthProtocol = "depth") -> None:
+    """Raise DatasetError if half of the depths are nearer than any camera measures (metres).
+
+    protocol: paper accepts a map with its nearest point at 1 mm.
+    """
     values = depth[depth > 0]
-    if values.size and (middle := float(np.median(values))) < _NEAREST_MM:
+    least_mm = MIN_MEASURED_MM if protocol == "depth" else _METRES_MM
+    if values.size and (middle := float(np.median(values))) < least_mm:
+        other = ", or moved to 1 mm (--protocol paper)" if is_moved(depth) else ""
         raise DatasetError(
-            f"{where}: its middle depth is {middle:g} mm: is it in metres instead of millimetres?"
+            f"{where}: its middle depth is {middle:g} mm: is it in metres instead of millimetres"
+            f"{other}?"
         )
+
+
+def is_moved(depth: Depth) -> bool:
+    """Return whether a map without metadata has its nearest point at 1 mm, and is not in metres."""
+    values = depth[depth > 0]
+    if not values.size:
+        return False
+    return float(values.min()) == NEAREST_MM and float(np.median(values)) >= _METRES_MM
+
+
+class MovedFrames:
+    """Frames under the protocol paper: the nearest point of each clean map is at 1 mm."""
+
+    protocol: DepthProtocol = "paper"
+
+    def __init__(self, frames: Frames) -> None:
+        """frames: under either protocol."""
+        self._frames = frames
+        self.regions = frames.regions
+        self.identity = f"{frames.identity} paper"
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def key(self, number: int) -> Key:
+        """Return the key of a frame."""
+        return self._frames.key(number)
+
+    def load(self, number: int) -> Sample:
+        """Read a frame and move it. Raises as the frames do."""
+        sample = self._frames.load(number)
+        offset_mm = offset_to_nearest(sample.clean_mm)
+        return replace(
+            sample,
+            clean_mm=subtract_offset(sample.clean_mm, offset_mm),
+            noisy_mm=subtract_offset(sample.noisy_mm, offset_mm),
+            offset_mm=sample.offset_mm + offset_mm,
+        )
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read a frame's infrared."""
+        return self._frames.infrared(number)
 
 
 class Stacks:
@@ -101,8 +166,8 @@ class Stacks:
     def around(self, number: int, before: int, after: int) -> tuple[Depth, int]:
         """Return the (T, H, W) noisy frames around a frame, millimetres, and its index among them.
 
-        Neighbours have the same sequence and size; unreadable ones are left out. Raises
-        DatasetError if the frame itself cannot be read.
+        Neighbours have the same sequence and size, and the offset of the frame; unreadable ones are
+        left out. Raises DatasetError if the frame itself cannot be read.
         """
         sample = self.sample(number)
         key = self._frames.key(number)
@@ -115,7 +180,7 @@ class Stacks:
                 stack.append(sample.noisy_mm)
             elif self._frames.key(other)[:2] == key[:2]:
                 try:
-                    neighbour = self.sample(other).noisy_mm
+                    neighbour = self.sample(other).noisy_at(sample.offset_mm)
                 except DatasetError:
                     continue
                 if neighbour.shape == sample.noisy_mm.shape:

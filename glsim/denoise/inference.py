@@ -12,6 +12,7 @@ import torch
 
 from glsim.denoise import checkpoint
 from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
+from glsim.depth_protocol import DepthProtocol, check_protocol
 from glsim.errors import DenoiserError, GlsimError
 from glsim.train.models.base import DepthModel
 from glsim.train.models.named_outputs import named_outputs
@@ -42,12 +43,23 @@ def load_model(path: Path) -> DepthModel:
 
     Raises DenoiserError for a file that is truncated, foreign, or does not fit this glsim's models.
     """
+    return _load(path)[0]
+
+
+def trained_protocol(path: Path) -> DepthProtocol:
+    """Return the protocol of a checkpoint's training. Raises DenoiserError as ``load_model``."""
+    return _load(path)[1]
+
+
+def _load(path: Path) -> tuple[DepthModel, DepthProtocol]:
+    """Return the model of a checkpoint and the protocol that it was trained under."""
     try:
         content: dict[str, Any] = checkpoint.load(path)
         table = content["recipe"]["model"]
         _check_shapes(weight_shapes(table), content["model"])
         model = build_model(table)
         model.load_state_dict(content["model"])
+        protocol = check_protocol(content["data"].get("protocol", "depth"), f"{path}: protocol")
     except GlsimError as error:
         raise DenoiserError(str(error)) from None
     except (RuntimeError, KeyError, TypeError, AttributeError, ValueError) as error:
@@ -55,7 +67,8 @@ def load_model(path: Path) -> DepthModel:
         raise DenoiserError(
             f"{path}: its weights do not fit its recipe ({reason}): train again"
         ) from None
-    return model
+    assert protocol is not None
+    return model, protocol
 
 
 def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:
@@ -64,11 +77,13 @@ def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:
     min_probability: see ``NetworkDenoiser``; networks that code "no depth" as 0 ignore it.
     Raises DenoiserError as ``load_model``.
     """
-    model = load_model(path)
+    model, protocol = _load(path)
     uncertain = bool(getattr(model, "uncertainty", False))
-    return network_denoiser(
+    denoiser = network_denoiser(
         TorchNetwork(model), str(path), uncertain, min_probability, model.inputs
     )
+    denoiser.protocol = protocol
+    return denoiser
 
 
 def _check_shapes(expected: Mapping[str, tuple[int, ...]], weights: Mapping[str, Any]) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 from glsim.denoise import shipped
 from glsim.denoise.inputs import MAX_NEIGHBOURS
 from glsim.denoise.protocol import Method, parameter
+from glsim.depth_protocol import check_protocol
 from glsim.errors import DenoiserError
 
 #: Package of the shipped networks, one file each; docs/model_card.md describes them.
@@ -130,7 +131,8 @@ def as_method(label: str, function: Any, version: str = "") -> Method:
     before, after = (int(getattr(function, name, 0)) for name in ("before", "after"))
     temporal = hasattr(function, "before") or hasattr(function, "after")
     infrared = bool(getattr(function, "infrared", False))
-    return Method(label, function, before, after, temporal, version, infrared)
+    protocol = check_protocol(getattr(function, "protocol", None), f"{label}: protocol")
+    return Method(label, function, before, after, temporal, version, infrared, protocol)
 
 
 def _version(file: Path | str | None) -> str:

@@ -12,6 +12,7 @@ from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
 from glsim.denoise.protocol import MIN_DEPTH_MM
 from glsim.denoise.safeguards import CLEAN_MM, estimate_noise_mm, trusted_mask
 from glsim.denoise.tiles import run_tiled
+from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DenoiserError
 
 Depth = NDArray[np.float32]
@@ -32,7 +33,10 @@ class NetworkDenoiser:
 
     uncertain: whether the network predicts its uncertainty (``with_uncertainty``). infrared:
     whether it sees the infrared image, (H, W) counts; without one it denoises by depth alone.
+    protocol: where the depths of its training are counted from.
     """
+
+    protocol: DepthProtocol = "depth"
 
     def __init__(
         self,

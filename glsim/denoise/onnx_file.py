@@ -16,7 +16,7 @@ import numpy as np
 from glsim.denoise.inputs import Inputs
 from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
 from glsim.denoise.onnx_check import check_onnx
-from glsim.denoise.onnx_inputs import read_inputs
+from glsim.denoise.onnx_inputs import read_inputs, read_protocol
 from glsim.errors import DenoiserError
 from glsim.files.regular import read_regular
 
@@ -94,6 +94,7 @@ def load_onnx(
         ) from None
     try:
         network = _open(data, runtime)
+        protocol = read_protocol(data)
     except Exception as error:  # both runtimes have their own classes of errors
         reason = " ".join(str(error).split())[:200]
         raise DenoiserError(f"{path}: is damaged, or is no ONNX network ({reason})") from None
@@ -103,7 +104,9 @@ def load_onnx(
             "glsim export"
         )
     uncertain = "sigma_mm" in network.outputs
-    return network_denoiser(network, str(path), uncertain, min_probability, network.inputs)
+    denoiser = network_denoiser(network, str(path), uncertain, min_probability, network.inputs)
+    denoiser.protocol = protocol
+    return denoiser
 
 
 def _open(data: bytes, runtime: Runtime | None) -> Any:

@@ -12,8 +12,11 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.errors import ConfigError, DenoiserError, did_you_mean
 
+#: A smaller depth, mm, is none from a camera: no depth camera measures nearer.
+MIN_MEASURED_MM: Final = 50.0
 _LOG = logging.getLogger(__name__)
 
 #: (H, W) float32 millimetres along the optical axis; 0 = no depth.
@@ -116,7 +119,8 @@ class Method:
     """A loaded denoiser with its name in tables and the neighbours in time that it needs.
 
     temporal: whether ``function`` is a SequenceDenoiser. infrared: whether it uses infrared.
-    version: changes when the source file of the denoiser changes.
+    version: changes when the source file of the denoiser changes. protocol: where the depths of
+    its training are counted from; None for denoisers that take both.
     """
 
     label: str
@@ -126,6 +130,16 @@ class Method:
     temporal: bool = False
     version: str = ""
     infrared: bool = False
+    protocol: DepthProtocol | None = None
+
+    def check_protocol(self, protocol: DepthProtocol) -> None:
+        """Raise ConfigError if the denoiser was trained under another protocol."""
+        if self.protocol is not None and self.protocol != protocol:
+            raise ConfigError(
+                f"{self.label}: was trained under the protocol {self.protocol} "
+                f"({MEANING[self.protocol]}), and this is {protocol}: give --protocol "
+                f"{self.protocol}, or a network trained with --protocol {protocol}"
+            )
 
     def __call__(
         self, noisy_mm: Depth, now: int = 0, infrared: NDArray[Any] | None = None
@@ -169,6 +183,13 @@ class Method:
             )
         if not (np.isfinite(depth_mm) & (depth_mm >= 0)).all():
             raise ConfigError(f"{self.label}: depth must be finite and at least 0 (0 = no return)")
+        valid = depth_mm[depth_mm > 0]
+        if self.protocol == "paper" and valid.size and valid.min() > MIN_MEASURED_MM:
+            raise ConfigError(
+                f"{self.label}: was trained with {MEANING['paper']}, and this map's is at "
+                f"{valid.min():.0f} mm: subtract the difference (glsim denoise --protocol paper "
+                "does), or train a network with --protocol depth"
+            )
 
     def denoise_map(self, depth_mm: NDArray[Any]) -> Denoised:
         """Denoise one (H, W) depth map, float or integer millimetres, as a stack of one frame.

@@ -11,6 +11,7 @@ import numpy as np
 
 from glsim.denoise.depth_files import MapFrames, infrared_files
 from glsim.denoise.map_denoiser import MapDenoiser
+from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.arrivals import FolderArrivals
 from glsim.files.atomic import write_atomic
@@ -33,13 +34,18 @@ class Watched(NamedTuple):
 
 
 def watch_folder(
-    folder: Path, out: Path, denoiser: MapDenoiser, depth_unit_mm: float
+    folder: Path,
+    out: Path,
+    denoiser: MapDenoiser,
+    depth_unit_mm: float,
+    protocol: DepthProtocol = "depth",
 ) -> Iterator[Watched]:
     """Denoise the depth maps of a folder and those that appear there, into ``out``, for ever.
 
     They are one sequence in the order of their names, in which numbers count by value. Maps keep
     their names. A map whose denoised map exists and is not older is left out, so that a watch
-    can be interrupted and started again. depth_unit_mm: step of the files, in and out.
+    can be interrupted and started again. depth_unit_mm: step of the files, in and out. protocol:
+    see ``MapFrames``.
 
     Raises ConfigError for folders that cannot be watched, DatasetError if one is removed.
     """
@@ -49,6 +55,11 @@ def watch_folder(
         raise ConfigError(f"-o {out}: is a file; with --watch give a folder")
     if out.resolve() == folder.resolve():
         raise ConfigError(f"-o {out}: is the folder that is watched: give another one")
+    if protocol == "paper" and denoiser.method.before:
+        raise ConfigError(
+            "--watch: moves each map by itself under the protocol paper: choose a denoiser of "
+            "single frames, or --protocol depth"
+        )
     stream = denoiser.stream()
     arrivals = FolderArrivals(folder, lambda name: not other_kind(name, "noisy"))
     for path, appeared_s, complete in arrivals:
@@ -59,9 +70,11 @@ def watch_folder(
         problem = ""
         try:
             images = infrared_files([path], None) if denoiser.method.infrared else ()
-            frames = MapFrames([path], depth_unit_mm, infrared=images)
+            frames = MapFrames([path], depth_unit_mm, infrared=images, protocol=protocol)
             counts = frames.infrared(0) if images else None
-            depth_m = stream.push(frames.load(0).noisy_mm, counts).depth_mm * np.float32(0.001)
+            sample = frames.load(0)
+            depth_mm = stream.push(sample.noisy_mm, counts).depth_mm
+            depth_m = frames.as_stored(0, depth_mm, sample.offset_mm) * np.float32(0.001)
         except DatasetError as error:
             problem = str(error)
         else:

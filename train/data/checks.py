@@ -7,10 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from glsim.dataset import Dataset, Split
 from glsim.dataset.disk_format import MANIFEST
 from glsim.dataset.reader import no_clean, no_expected
-from glsim.denoise.inputs import DEPTH_ALONE, Inputs
+from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs
+from glsim.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum, wrap_read_errors
 from glsim.files.regular import open_regular
@@ -31,6 +35,33 @@ def pair_layers(target: Target, inputs: Inputs = DEPTH_ALONE) -> tuple[str, ...]
 def fingerprint_of(target: Target) -> dict[str, str]:
     """Return the fingerprint's entry; none for clean, so that older trainings can be resumed."""
     return {} if target == "clean" else {"target": target}
+
+
+def protocol_entry(protocol: DepthProtocol) -> dict[str, str]:
+    """Return the fingerprint's entry of a protocol; none for depth, as for older trainings."""
+    return {} if protocol == "depth" else {"protocol": protocol}
+
+
+def joint_protocol(protocols: Sequence[DepthProtocol]) -> DepthProtocol:
+    """Return the protocol of several data sets. Raises ConfigError if they differ."""
+    if len(set(protocols)) > 1:
+        raise ConfigError(
+            f"the data sets are of different protocols ({', '.join(protocols)}): choose one "
+            "with --protocol"
+        )
+    return protocols[0]
+
+
+def moved_pair(images: NDArray[np.float32], inputs: Inputs) -> NDArray[np.float32]:
+    """Return a pair under the protocol paper: the nearest point of its target at 1 mm.
+
+    images: (C + 1, H, W), the stack of inputs and the target. All depths are moved alike, so that
+    neighbours in time keep their distance from the frame.
+    """
+    moved = subtract_offset(images, offset_to_nearest(images[-1]))
+    if inputs.infrared:
+        inputs.named(moved)[INFRARED][:] = inputs.named(images)[INFRARED]
+    return moved
 
 
 def checked_split(

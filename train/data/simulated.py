@@ -17,6 +17,7 @@ from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
+from glsim.depth_protocol import DepthProtocol, stored_protocol
 from glsim.errors import ConfigError, MeshError
 from glsim.frame import Frame, Skipped, to_mm
 from glsim.pipeline import open_sources, simulate
@@ -24,7 +25,13 @@ from glsim.plan.tasks import Task
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
 from glsim.settings.seeds import stable_seed
-from glsim.train.data.checks import Target, fingerprint_of, pair_layers
+from glsim.train.data.checks import (
+    Target,
+    fingerprint_of,
+    moved_pair,
+    pair_layers,
+    protocol_entry,
+)
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
 
@@ -72,6 +79,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         length: int | None = None,
         backend: str | None = None,
         target: Target = "clean",
+        protocol: DepthProtocol | None = None,
     ) -> None:
         """settings: faces, poses, sensor and crop; its seed determines the people, and ``seed``
         the choice and order of their frames and the noise.
@@ -84,6 +92,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         sees fewer new pairs. All uses of a pair lie within some hundred batches (one block, see
         ``stream``). start: number of the first batch, to resume. length: batches per iteration;
         default: endless. backend: as in ``glsim.simulate``. target: as in ``StoredPairs``.
+        protocol: as in ``StoredPairs``; default: that of ``settings.output.nearest_to_mm``.
 
         A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
         while iterating also MeshError (a whole block of bad faces, or one if settings.strict) and
@@ -103,6 +112,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         self._inputs, self._vary = inputs, vary_inputs
         self._start, self._length, self._backend = start, length, backend
         self._target = target
+        self.protocol: DepthProtocol = protocol or stored_protocol(settings.output.nearest_to_mm)
 
     def __len__(self) -> int:
         """Batches per iteration. Raises TypeError, as DataLoader expects, if it is endless."""
@@ -123,6 +133,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             "batch": self.stream.batch,
             "reuse": self.stream.reuse,
             **fingerprint_of(self._target),
+            **protocol_entry(self.protocol),
         } | ({"inputs": list(self._inputs)} if self._inputs != DEPTH_ALONE else {})
 
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
@@ -166,6 +177,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             self._target,
             self._inputs,
             self._vary,
+            self.protocol,
         )
         try:
             for place in places:
@@ -194,7 +206,9 @@ class _BlockRenderer:
         target: Target,
         inputs: Inputs,
         vary: bool,
+        protocol: DepthProtocol,
     ) -> None:
+        self._protocol = protocol
         self._stream, self._lanes, self._inputs, self._vary = stream, lanes, inputs, vary
         self._target: Target = target
         self._planned: deque[tuple[int, int]] = deque()  # (lane, block) of each frame to come
@@ -254,7 +268,8 @@ class _BlockRenderer:
             stack = stack_inputs(self._inputs, noisy_mm, before, after, infrared)
             if self._vary:
                 stack = vary_inputs(stack, self._inputs, rng)
-            images.append(np.concatenate([stack, target_mm[None]]))
+            pair = np.concatenate([stack, target_mm[None]])
+            images.append(moved_pair(pair, self._inputs) if self._protocol == "paper" else pair)
         return images
 
     def close(self) -> None:

@@ -13,9 +13,10 @@ from torch.utils.data import Dataset, get_worker_info
 
 from glsim.dataset import open_dataset
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs, stack_inputs
+from glsim.depth_protocol import DepthProtocol
 from glsim.frame import to_mm
 from glsim.settings.seeds import stable_seed
-from glsim.train.data.checks import Cut, Target, checked_split, pair_layers
+from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.surface_bumps import draw_surface_bumps
 
@@ -69,11 +70,13 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         seed: int = 0,
         cache_mb: float = CACHE_MB,
         target: Target = "clean",
+        protocol: DepthProtocol | None = None,
     ) -> None:
         """crop: side of the square frames, px; default: whole frames, all of one size. cut: how
         larger frames are cropped. inputs: what the network sees besides depth. seed: seed of
         ``augmentation`` and random crops. target: the layer that a network learns to give;
-        "expected" leaves the sensor's systematic error.
+        "expected" leaves the sensor's systematic error. protocol: where depths are counted from,
+        see ``glsim.depth_protocol``; default: as the data set's files.
 
         cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
         files in every epoch. Only the process that made this object has a cache: the workers of a
@@ -82,6 +85,7 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         Raises DatasetError and ConfigError, see ``glsim.train.data.checks.checked_split``.
         """
         self.dataset = open_dataset(dataset)
+        self.protocol: DepthProtocol = protocol or self.dataset.protocol
         self._layers = pair_layers(target, inputs)
         self.split = checked_split(self.dataset, split, crop, cut, self._layers)
         self._inputs = inputs
@@ -123,6 +127,8 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
             if self._inputs.infrared:
                 self._inputs.named(raised)[INFRARED][:] = self._inputs.named(images)[INFRARED]
             images = raised
+        if self.protocol == "paper":
+            images = moved_pair(images, self._inputs)
         noisy, target = images[:-1], images[-1:]
         if self._augmentation.vary_inputs:
             noisy = vary_inputs(noisy, self._inputs, rng)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise.protocol import Depth
+from glsim.depth_protocol import add_offset
 from glsim.errors import DeviceError
 from glsim.eval.report.figures.side_view import TURN_DEG, side_view
 from glsim.eval.report.figures.style import matplotlib, new_figure
@@ -23,16 +25,28 @@ NOTHING, FALSE_VALID, FALSE_INVALID = "#dcdcdc", "#ffc20a", "#1a1a1a"
 #: Margins around the face, px, and around its nearest and farthest depth, mm.
 _MARGIN_PX, _MARGIN_MM = 6, 25.0
 _TITLE_SIZE, _TEXT_SIZE = 7, 6
+#: Distance of faces whose distance is not known, mm: that of the paper's.
+_ASSUMED_MM: Final = 900.0
 
 
 @dataclass(frozen=True, eq=False)
 class GalleryFrame:
-    """A frame for the figure. predictions: method -> (H, W) millimetres, 0 = no depth."""
+    """A frame for the figure. predictions: method -> (H, W) millimetres, 0 = no depth.
+
+    offset_mm: what was subtracted from all maps; NaN if it is not known. Surfaces are drawn at
+    their distance from the camera (0.9 m if that is not known).
+    """
 
     clean: Depth
     intrinsics: Intrinsics
     predictions: Mapping[str, Depth]
     caption: str
+    offset_mm: float = 0.0
+
+    def in_space(self, depth: Depth) -> Depth:
+        """Return a map in millimetres from the camera."""
+        known = math.isfinite(self.offset_mm)
+        return add_offset(depth, self.offset_mm if known else _ASSUMED_MM)
 
 
 def method_gallery(frame: GalleryFrame) -> Any:
@@ -62,7 +76,7 @@ def method_gallery(frame: GalleryFrame) -> Any:
         panel[0].imshow(_depth_picture(prediction, depth_map)[cut], interpolation="nearest")
         panel[0].axhline(row - cut[0].start, color="black", linewidth=0.5, linestyle=":")
         panel[1].imshow(_error_picture(prediction, clean, error_map)[cut], interpolation="nearest")
-        picture = _normal_picture(prediction, frame.intrinsics)
+        picture = _normal_picture(frame.in_space(prediction), frame.intrinsics)
         panel[2].imshow(picture[cut], interpolation="nearest")
         _draw_side_view(panel[3], prediction, frame)
         _draw_scan(panel[4], prediction[row], clean[row], cut[1], (low, high))
@@ -165,7 +179,8 @@ def _normal_picture(depth: Depth, intrinsics: Intrinsics) -> NDArray[np.float64]
 
 def _draw_side_view(axis: Any, prediction: Depth, frame: GalleryFrame) -> None:
     try:
-        axis.imshow(side_view(prediction, frame.clean, frame.intrinsics))
+        maps = frame.in_space(prediction), frame.in_space(frame.clean)
+        axis.imshow(side_view(*maps, frame.intrinsics))
     except DeviceError as error:
         axis.text(0.5, 0.5, f"needs OpenGL:\n{error}", fontsize=4, ha="center", wrap=True)
 

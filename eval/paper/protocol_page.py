@@ -1,0 +1,211 @@
+"""Table 1 under both protocols and both masks, over seeds: what of it holds, and where.
+
+A case is a protocol (see ``glsim.depth_protocol``) and a clean mask: dense, or BlenSor's, which has
+no surface where the noisy map has no depth. Each seed is a data set of other people and noise,
+scored into FOLDER/filters/MASK/SEED/PROTOCOL/table.csv.
+"""
+
+from __future__ import annotations
+
+import csv
+import statistics
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from glsim.denoise import PAPER_FILTERS
+from glsim.depth_protocol import MEANING, DepthProtocol
+from glsim.errors import DatasetError
+from glsim.eval.metrics import METRICS
+from glsim.eval.paper.filter_table import yes_or_no
+from glsim.eval.paper.printed_values import PRINTED_FILTERS, PrintedRow
+from glsim.eval.report.document import Document, Heading, TextTable
+from glsim.eval.report.tables import format_number
+from glsim.files.atomic import wrap_read_errors
+
+#: Folder of the filters' data sets and scores in that of a reproduction.
+FILTERS_FOLDER: Final = "filters"
+#: ``output.clean_mask`` -> what it is, in the page.
+MASKS: Final = {"dense": "dense clean maps", "as-noisy": "BlenSor's mask"}
+#: Metrics of the page, and the paper's column of each, if it has one.
+_PRINTED: Final = {"mse_mm2": 1, "psnr_db": 2, "ssim_paper": 3}
+_METRICS: Final = (*_PRINTED, "ssim_16bit", "mse_flips_pct", "flips_px", "both_interior_rmse_mm")
+#: The filters that change single frames.
+_CHANGING: Final = ("median", "nlm", "bilateral")
+
+
+@dataclass
+class FilterCase:
+    """The scores of a protocol and a mask. values: filter -> metric -> mean of each seed."""
+
+    protocol: DepthProtocol
+    mask: str
+    values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    frames: int = 0
+
+    @property
+    def title(self) -> str:
+        """Its name in tables."""
+        return f"protocol {self.protocol}, {MASKS.get(self.mask, self.mask)}"
+
+    def mean(self, name: str, metric: str) -> float:
+        """Return the mean over seeds."""
+        return statistics.fmean(self.values[name][metric])
+
+    def ratios(self, name: str) -> list[float]:
+        """Return the MSE over the baseline's of each seed; none where that is 0."""
+        pairs = zip(self.values[name]["mse_mm2"], self.values["noisy"]["mse_mm2"], strict=True)
+        return [value / base for value, base in pairs if base > 0]
+
+
+def read_filter_cases(folder: Path) -> list[FilterCase]:
+    """Return the cases that are scored in the folder of a reproduction, in the order of names.
+
+    Raises DatasetError if there is none, or for a table that cannot be read.
+    """
+    cases: dict[tuple[str, str], FilterCase] = {}
+    for path in sorted((folder / FILTERS_FOLDER).glob("*/*/*/table.csv")):
+        mask, protocol = path.parts[-4], path.parts[-2]
+        if protocol not in MEANING:
+            continue
+        case = cases.setdefault((protocol, mask), FilterCase(protocol, mask))
+        with wrap_read_errors(path):
+            rows = list(csv.DictReader(path.read_text().splitlines()))
+        try:
+            _add(case, rows)
+        except (KeyError, ValueError) as error:
+            raise DatasetError(f"{path}: is no table of glsim eval: {error!r}") from None
+    if not cases:
+        raise DatasetError(
+            f"{folder / FILTERS_FOLDER}: holds no scores: run glsim reproduce -o {folder} first"
+        )
+    return list(cases.values())
+
+
+def _add(case: FilterCase, rows: list[dict[str, str]]) -> None:
+    """Add the table of a seed to a case."""
+    for row in rows:
+        if row["method"] in PAPER_FILTERS and row["metric"] in _METRICS:
+            of_filter = case.values.setdefault(row["method"], {})
+            of_filter.setdefault(row["metric"], []).append(float(row["mean"]))
+    case.frames += max(int(row["frames"]) for row in rows)
+
+
+def protocol_document(cases: list[FilterCase]) -> Document:
+    """Return the page."""
+    frames = ", ".join(
+        f"{case.title}: {case.frames} of {len(case.values['noisy']['mse_mm2'])} seeds"
+        for case in cases
+    )
+    document = Document(
+        "Table 1 under both protocols, with and without BlenSor's mask",
+        [
+            "Means over seeds ± their standard deviation; each seed has other people and other "
+            f"noise. Frames: {frames}.",
+            [f"protocol {name}: {meaning}" for name, meaning in MEANING.items()],
+        ],
+    )
+    document.parts += [Heading("MSE over the baseline's"), _ratio_table(cases)]
+    for metric in _METRICS:
+        document.parts += [Heading(METRICS[metric].heading), _metric_table(cases, metric)]
+    document.parts += [
+        Heading("Relations of the printed table"),
+        _relation_table(cases),
+        Heading("What this says"),
+        list(_conclusions(cases)),
+    ]
+    return document
+
+
+def _head() -> list[str]:
+    return ["case", *(PRINTED_FILTERS[name].title for name in PAPER_FILTERS)]
+
+
+def _cell(values: list[float], unit: str) -> str:
+    text = format_number(statistics.fmean(values), unit)
+    if len(values) < 2:
+        return text
+    return f"{text} ± {format_number(statistics.stdev(values), unit)}"
+
+
+def _ratio_table(cases: list[FilterCase]) -> TextTable:
+    base = PRINTED_FILTERS["noisy"].mse_mm2
+    printed = [f"{PRINTED_FILTERS[name].mse_mm2 / base:.3f}" for name in PAPER_FILTERS]
+    rows = [["printed", *printed]]
+    for case in cases:
+        cells = []
+        for name in PAPER_FILTERS:
+            ratios = case.ratios(name)
+            spread = f" ± {statistics.stdev(ratios):.3f}" if len(ratios) > 1 else ""
+            cells.append(f"{statistics.fmean(ratios):.3f}{spread}" if ratios else "n/a")
+        rows.append([case.title, *cells])
+    return TextTable(_head(), rows)
+
+
+def _metric_table(cases: list[FilterCase], metric: str) -> TextTable:
+    unit = METRICS[metric].unit
+    rows = []
+    if metric in _PRINTED:
+        place = _PRINTED[metric]
+        rows.append(
+            ["printed", *(format_number(PRINTED_FILTERS[n][place], unit) for n in PAPER_FILTERS)]  # type: ignore[arg-type]
+        )
+    for case in cases:
+        rows.append([case.title, *(_cell(case.values[n][metric], unit) for n in PAPER_FILTERS)])
+    return TextTable(_head(), rows)
+
+
+#: Relation of the printed table -> whether it holds for MSEs by filter.
+_RELATIONS: Final[dict[str, Callable[[Mapping[str, float]], bool]]] = {
+    "every filter lowers the MSE": lambda mse: all(mse[n] < mse["noisy"] for n in _CHANGING),
+    "NLM has the lowest MSE": lambda mse: min(mse, key=lambda n: mse[n]) == "nlm",
+    "Bilateral is below Median": lambda mse: mse["bilateral"] < mse["median"],
+    "Adaptive equals Baseline": lambda mse: mse["adaptive"] == mse["noisy"],
+}
+
+
+def relations(mse: Mapping[str, float]) -> dict[str, bool]:
+    """Return which relations hold for MSEs by filter."""
+    return {name: holds(mse) for name, holds in _RELATIONS.items()}
+
+
+def _relation_table(cases: list[FilterCase]) -> TextTable:
+    """Return in how many seeds of each case a relation holds."""
+    printed = relations({n: row.mse_mm2 for n, row in PRINTED_FILTERS.items()})
+    rows = [["printed", *map(yes_or_no, printed.values())]]
+    for case in cases:
+        seeds = range(len(case.values["noisy"]["mse_mm2"]))
+        held = [
+            relations({n: case.values[n]["mse_mm2"][seed] for n in PAPER_FILTERS}) for seed in seeds
+        ]
+        counts = [f"{sum(one[name] for one in held)} of {len(held)}" for name in _RELATIONS]
+        rows.append([case.title, *counts])
+    return TextTable(["case", *_RELATIONS], rows)
+
+
+def largest_ratio_difference(case: FilterCase) -> float:
+    """Return the largest difference of a filter's MSE ratio from the printed one."""
+    return max(
+        abs(statistics.fmean(case.ratios(name)) - _printed_ratio(PRINTED_FILTERS[name]))
+        for name in _CHANGING
+    )
+
+
+def _printed_ratio(row: PrintedRow) -> float:
+    return row.mse_mm2 / PRINTED_FILTERS["noisy"].mse_mm2
+
+
+def _conclusions(cases: list[FilterCase]) -> Iterator[str]:
+    printed = PRINTED_FILTERS["noisy"].mse_mm2
+    for case in cases:
+        mse, share = case.mean("noisy", "mse_mm2"), case.mean("noisy", "mse_flips_pct")
+        yield (
+            f"{case.title}: the baseline is {format_number(mse)} mm², {mse / printed:.2f} of the "
+            f"printed one; {share:.1f} % of it is in flipped pixels; the ratios of the filters are "
+            f"within {largest_ratio_difference(case):.3f} of the printed ones."
+        )
+    nearest = min(cases, key=largest_ratio_difference)
+    yield f"The printed ratios are nearest to those of {nearest.title}."
+    scale = min(cases, key=lambda case: abs(case.mean("noisy", "mse_mm2") / printed - 1))
+    yield f"The printed baseline is nearest to that of {scale.title}."

@@ -1,0 +1,145 @@
+"""Scores under both protocols: measured depth, and the nearest point of each frame at 1 mm."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from glsim.dataset import open_dataset
+from glsim.depth_protocol import DepthProtocol
+from glsim.errors import ConfigError, DatasetError
+from glsim.eval.report.html_report import example_frame
+from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.pairs import open_frames
+from glsim.eval.scoring.run import Evaluation, evaluate
+from tests.support.eval_scenes import SIZE
+from tests.support.moved_sets import write_domes
+
+
+class OfThePaper:
+    """Stands for a network that was trained under the protocol paper."""
+
+    protocol = "paper"
+
+    def __call__(self, noisy_mm: Any, valid: Any) -> tuple[Any, Any]:
+        return noisy_mm, valid
+
+
+NETWORK = "net@tests.eval.test_protocols:OfThePaper"
+
+
+@pytest.fixture(scope="module")
+def sets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    root = tmp_path_factory.mktemp("sets")
+    return {
+        "depth": write_domes(root / "depth", "depth"),
+        "paper": write_domes(root / "paper", "paper"),
+    }
+
+
+@pytest.fixture
+def folder(sets: dict[str, Path], tmp_path: Path) -> Path:
+    """The files of the set at 1 mm, without their records."""
+    return Path(shutil.copytree(sets["paper"] / "test", tmp_path / "folder"))
+
+
+def run(data: Path, out: Path, protocol: DepthProtocol | None, *specs: str) -> Evaluation:
+    job = ScoringJob(data, "test", specs or ("noisy",), protocol=protocol)
+    return evaluate(job, out, workers=1, baselines=False)
+
+
+def baseline_mse(data: Path, offset: bool) -> float:
+    """The MSE of the input by hand, from the millimetres of the test frames."""
+    values = []
+    for pair in open_dataset(data).split("test"):
+        clean, noisy = (image.astype(np.float64) for image in (pair.clean_mm, pair.noisy_mm))
+        by = clean[clean > 0].min() - 1 if offset else 0.0
+        moved = [np.where(image > 0, image - by, 0) for image in (clean, noisy)]
+        values.append(np.mean((moved[1] - moved[0]) ** 2))
+    return float(np.mean(values))
+
+
+@pytest.mark.parametrize("stored", ["depth", "paper"])
+def test_either_protocol_from_either_set(
+    sets: dict[str, Path], tmp_path: Path, stored: str
+) -> None:
+    for protocol, moved in (("depth", False), ("paper", True)):
+        found = run(sets[stored], tmp_path / protocol, protocol)  # type: ignore[arg-type]
+        wanted = baseline_mse(sets["depth"], moved)
+        assert found.summary.mean("noisy", "mse_mm2") == pytest.approx(wanted, rel=1e-5)
+        assert found.protocol == protocol
+    assert run(sets[stored], tmp_path / "default", None).protocol == stored
+
+
+def test_surfaces_are_compared_at_their_distance_from_the_camera(
+    sets: dict[str, Path], tmp_path: Path
+) -> None:
+    """Normals of a face that is squeezed into the camera would be others."""
+    angles = [
+        run(sets["depth"], tmp_path / name, name).summary.mean("noisy", "normal_mean_deg")  # type: ignore[arg-type]
+        for name in ("depth", "paper")
+    ]
+    assert angles[1] == pytest.approx(angles[0], rel=1e-3)
+    assert angles[0] > 10
+    bins = run(sets["depth"], tmp_path / "b", "paper").summary.bias_by_distance("noisy")
+    assert {900 <= each.from_mm <= 1000 for each in bins} == {True}
+
+
+def test_a_plain_folder_at_1_mm_is_scored(folder: Path, tmp_path: Path) -> None:
+    """Its distance is not known, so its normals are not either."""
+    sets_mse = baseline_mse(write_domes(tmp_path / "d", "depth"), True)
+    found = run(folder, tmp_path / "o", None)
+    assert (found.protocol, found.bad) == ("paper", 0)
+    assert found.summary.mean("noisy", "mse_mm2") == pytest.approx(sets_mse, rel=1e-6)
+    assert np.isnan(found.summary.mean("noisy", "normal_mean_deg"))
+    assert np.isnan(found.summary.mean("noisy", "normal_good_pct"))
+    frame = example_frame(ScoringJob(folder, "test", ("noisy",)))
+    assert frame is not None
+    assert frame.in_space(frame.clean).max() > 900
+    with pytest.raises(ConfigError, match=r"--protocol depth: the maps in .* have the nearest"):
+        run(folder, tmp_path / "p", "depth")
+
+
+def test_metres_are_still_refused(folder: Path, tmp_path: Path) -> None:
+    for file in folder.rglob("*.png"):
+        units = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(file), (units > 0).astype(np.uint16))
+    for protocol in (None, "paper"):
+        with pytest.raises(DatasetError, match="metres instead of millimetres"):
+            run(folder, tmp_path / "o", protocol)  # type: ignore[arg-type]
+
+
+def test_a_network_of_the_other_protocol_is_refused(sets: dict[str, Path], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"net: was trained under the protocol paper .* depth"):
+        run(sets["depth"], tmp_path / "o", None, NETWORK)
+    assert run(sets["depth"], tmp_path / "o", "paper", NETWORK).summary.methods == ["net"]
+
+
+def test_neighbours_in_time_have_the_offset_of_their_frame(sets: dict[str, Path]) -> None:
+    """A sequence whose head moves away keeps its distances."""
+    from glsim.denoise.frames import Stacks
+
+    frames = open_frames(sets["depth"], "test", protocol="paper")
+    stack, now = Stacks(frames, 1, 1).around(1, 1, 1)
+    assert (now, stack.shape) == (1, (2, *SIZE))
+    measured = open_dataset(sets["depth"]).split("test")
+    for image, pair in zip(stack, measured[:2], strict=True):
+        seen = pair.noisy_mm > 0
+        kept = np.maximum(pair.noisy_mm[seen] - 929, 1)
+        np.testing.assert_allclose(image[seen], kept, atol=1e-3)
+
+
+def test_reports_name_the_protocol(sets: dict[str, Path], tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    command = ["eval", str(sets["depth"]), "-o", str(out), "--paper-table", "1", "--workers", "1"]
+    assert main([*command, "--protocol", "paper", "--no-figures", "-q"]) == 0
+    text = (out / "table.md").read_text()
+    assert text.startswith("# depth, test, protocol paper\n")
+    assert "Protocol paper: the nearest point of each frame at 1 mm." in text
+    assert "Protocol paper" in (out / "paper_table_1.md").read_text()
