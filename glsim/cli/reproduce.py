@@ -6,6 +6,7 @@ A plan (glsim/cli/reproductions/*.toml) contains their options:
     seeds = [0, 1, 2]                  seeds of every recipe
     generate = "--subjects 60 ..."     options of glsim generate
     eval = "--tune"                    options of glsim eval
+    figures = false                    without the paper's figures; default: with them
     [[train]]                          groups in order; within a group all recipes are trained
     recipes = ["paper-d7-small"]       with the first seed, then all with the second, ...
     options = "--steps 300"            options of glsim train
@@ -24,7 +25,7 @@ from typing import Annotated
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.cli.common import console, options, print_message, run_command_line
+from glsim.cli.common import console, options, print_message, print_written, run_command_line
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
 from glsim.settings.tables import parse_table, read_toml
 
@@ -38,6 +39,8 @@ glsim reproduce -o paper --size full        the paper's size, for a GPU
 glsim reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
 
 glsim reproduce -o reproduced --plan        print the commands without running them
+
+glsim reproduce -o reproduced --figures     draw the paper's figures 1 to 5 from that folder
 
 Repeat the same command to resume an interrupted one.
 """
@@ -63,6 +66,7 @@ class ReproductionPlan(_Table):
     seeds: tuple[int, ...] = Field((0,), min_length=1)
     generate: str
     eval: str = ""
+    figures: bool = True
     train: tuple[TrainingGroup, ...] = Field(min_length=1)
 
     def commands(self, out: Path) -> Iterator[list[str]]:
@@ -78,6 +82,8 @@ class ReproductionPlan(_Table):
                            "--resume", "-o", run]  # fmt: skip
         tables = [word for table in "123" for word in ("--paper-table", table)]
         yield ["eval", data, *shlex.split(self.eval), *tables, "--runs", str(runs), "-o", str(out)]
+        if self.figures:
+            yield ["reproduce", "-o", str(out), "--figures"]
 
 
 def load_plan(size: str) -> ReproductionPlan:
@@ -98,13 +104,25 @@ def reproduce(
     plan: Annotated[
         bool, typer.Option("--plan", help="Print the commands without running them.")
     ] = False,
+    figures: Annotated[
+        bool,
+        typer.Option(
+            "--figures", help="Only draw the paper's figures, from the data and networks in -o."
+        ),
+    ] = False,
 ) -> None:
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
-    One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/ and
-    report.html. Each command is printed before it runs and can also be run by hand. A finished
-    training is not repeated: delete its folder in runs/ to train again.
+    One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/,
+    report.html, and the paper's figures in paper_figures/. Each command is printed before it runs
+    and can also be run by hand. A finished training is not repeated: delete its folder in runs/ to
+    train again.
     """
+    if figures:
+        from glsim.eval.paper.figures.write import write_paper_figures
+
+        print_written(write_paper_figures(out, lambda name: print_message(f"drawing {name}")))
+        return
     root_command = context.find_root().command
     chosen = load_plan(size)
     commands = list(chosen.commands(out))

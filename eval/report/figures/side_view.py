@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from glsim.denoise.protocol import Depth
 from glsim.eval.metrics.catalogue import FLYING_MM
+from glsim.eval.report.figures.cut_surface import cut_surface
 from glsim.eval.report.figures.map_pictures import FLYING
 from glsim.eval.report.figures.style import matplotlib
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.geometry.camera import Intrinsics, SensorRig
-from glsim.geometry.depth_map import surface
 from glsim.geometry.pose import pose_matrix
 from glsim.pipeline import simulate
 from glsim.preview import shaded
@@ -23,12 +23,14 @@ from glsim.settings.schema import Settings, load_settings
 
 #: Yaw of the head in the side view, degrees.
 TURN_DEG: Final = 30.0
-#: Triangles that the sensor saw at a larger angle are cut, degrees. Chosen by eye: at 88 cheeks and
-#: ears are bridged by fins, at 80 the noise of kinect-v2-paper tears holes into foreheads.
-STEEPEST_DEG: Final = 83.0
 #: Camera of the side view: a square image, px, focal length, px, and distance; a face fills it.
 _SIDE, _FOCAL, _DISTANCE_MM = 420, 1050.0, 900.0
 _WHITE: Final = 255
+
+
+def half_width_mm() -> float:
+    """Return half the width of a side view at the middle of the head, mm."""
+    return _SIDE / 2 * _DISTANCE_MM / _FOCAL
 
 
 def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArray[np.uint8]:
@@ -38,7 +40,7 @@ def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArra
     """
     middle = _middle(clean, intrinsics)
     picture = np.full((_SIDE, _SIDE, 3), _WHITE, np.uint8)
-    mesh = surface(prediction / np.float32(1000), SensorRig(intrinsics), STEEPEST_DEG)
+    mesh = cut_surface(prediction, SensorRig(intrinsics))
     settings = _settings()
     if mesh is not None:
         moved = replace(mesh, vertices_mm=mesh.vertices_mm - middle)
