@@ -229,6 +229,9 @@ def _write_results(
     figures: bool,
 ) -> None:
     """Write the tables and, if wanted, the figures and report.html into a folder."""
+    from glsim.dataset import open_dataset
+    from glsim.dataset.disk_format import HEADER
+    from glsim.eval.paper.data_note import data_note
     from glsim.eval.paper.filter_table import filter_table
     from glsim.eval.paper.network_tables import network_table
     from glsim.eval.paper.runs import group_by_network
@@ -250,6 +253,10 @@ def _write_results(
         else network_table(which, evaluation, table, *networks)
         for which in tables
     }
+    if pages and (job.dataset / HEADER).is_file():
+        note = data_note(open_dataset(job.dataset))
+        for page in pages.values():
+            page.parts.insert(1, note)
     texts = {
         "table.md": table_markdown(evaluation, table, heading),
         "table.tex": table_latex(table),

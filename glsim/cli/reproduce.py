@@ -4,7 +4,9 @@ A plan (glsim/cli/reproductions/*.toml) contains their options:
 
     title = "..."                      description of the plan
     seeds = [0, 1, 2]                  seeds of every recipe
-    generate = "--subjects 60 ..."     options of glsim generate
+    faces = "--subjects 60 ..."        options of glsim generate: faces, without the paper's sets
+    images = 600                       images in all, with some of the paper's sets
+    generate = "--sensor ..."          further options of glsim generate
     eval = "--tune"                    options of glsim eval
     figures = false                    without the paper's figures; default: with them
     [[train]]                          groups in order; within a group all recipes are trained
@@ -18,7 +20,7 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from glsim.cli.common import console, options, print_message, print_written, run_command_line
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
+from glsim.plan.paper_sources import PAPER_SOURCES, paper_mixture, set_text
 from glsim.settings.tables import parse_table, read_toml
 
 EXAMPLES = """
@@ -39,6 +42,8 @@ glsim reproduce -o paper --size full        the paper's size, for a GPU
 glsim reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
 
 glsim reproduce -o reproduced --plan        print the commands without running them
+
+glsim reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
 
 glsim reproduce -o reproduced --figures     draw the paper's figures 1 to 5 from that folder
 
@@ -64,15 +69,22 @@ class ReproductionPlan(_Table):
 
     title: str
     seeds: tuple[int, ...] = Field((0,), min_length=1)
+    faces: str = ""
+    images: int | None = Field(None, ge=len(PAPER_SOURCES))
     generate: str
     eval: str = ""
     figures: bool = True
     train: tuple[TrainingGroup, ...] = Field(min_length=1)
 
-    def commands(self, out: Path) -> Iterator[list[str]]:
-        """Yield the arguments of each ``glsim`` command in order."""
+    def commands(self, out: Path, roots: Mapping[str, Path] | None = None) -> Iterator[list[str]]:
+        """Yield the arguments of each ``glsim`` command in order.
+
+        roots: kind of the source -> folder, of the paper's face sets that are there. Raises
+        ConfigError for a folder without such a set.
+        """
         data, runs = str(out / "data"), out / "runs"
-        yield ["generate", *shlex.split(self.generate), "-o", data]
+        faces = self._mixture(roots) if roots else shlex.split(self.faces)
+        yield ["generate", *faces, *shlex.split(self.generate), "-o", data]
         for group in self.train:
             for seed in self.seeds:
                 for recipe in group.recipes:
@@ -85,6 +97,11 @@ class ReproductionPlan(_Table):
         if self.figures:
             yield ["reproduce", "-o", str(out), "--figures"]
 
+    def _mixture(self, roots: Mapping[str, Path]) -> list[str]:
+        if self.images is None:
+            raise ConfigError(f"{self.title}: a plan with face sets needs images = N")
+        return ["--set", set_text(paper_mixture(roots, self.images))]
+
 
 def load_plan(size: str) -> ReproductionPlan:
     """Load a shipped plan by its name, or a plan from a TOML file. Raises ConfigError."""
@@ -93,6 +110,12 @@ def load_plan(size: str) -> ReproductionPlan:
         known = [shipped.stem for shipped in _FOLDER.glob("*.toml")]
         raise ConfigError(f"--size {size}: no such plan ({did_you_mean(size, known)})")
     return parse_table(ReproductionPlan, read_toml(file), str(file))
+
+
+RootOption = Annotated[
+    Path | None,
+    typer.Option(help="Folder of this face set of the paper. Without it: embedded heads."),
+]
 
 
 def reproduce(
@@ -104,6 +127,9 @@ def reproduce(
     plan: Annotated[
         bool, typer.Option("--plan", help="Print the commands without running them.")
     ] = False,
+    d3dfacs: RootOption = None,
+    facewarehouse: RootOption = None,
+    biwi: RootOption = None,
     figures: Annotated[
         bool,
         typer.Option(
@@ -125,7 +151,9 @@ def reproduce(
         return
     root_command = context.find_root().command
     chosen = load_plan(size)
-    commands = list(chosen.commands(out))
+    given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
+    roots = {kind: root for kind, root in given.items() if root is not None}
+    commands = list(chosen.commands(out, roots))
     flags = options.flags
     if plan:
         for command in commands:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from glsim.eval.paper.runs import SeedGroup
 from glsim.geometry.camera import SensorRig
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings
-
-#: The paper's face sets: kind of the source -> name.
-PAPER_SOURCES: Final = {"d3dfacs": "D3DFACS", "facewarehouse": "FaceWarehouse", "biwi": "Biwi"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,23 +87,3 @@ def network_column(group: SeedGroup, name: str) -> Column:
     """Return the column of a network's first seed, with its size and steps below the name."""
     run = group.members[0]
     return Column(f"{name}\n{group.size}, {run.steps:,} steps", run.spec)
-
-
-def data_note(dataset: Dataset) -> str:
-    """Say whose heads the frames show, source by source, for the caption of every figure."""
-    counts: dict[str, int] = {}
-    for pair in dataset:
-        counts[pair.record["source"]] = counts.get(pair.record["source"], 0) + 1
-    real = [f"{name} ({counts[kind]:,})" for kind, name in PAPER_SOURCES.items() if kind in counts]
-    absent = [name for kind, name in PAPER_SOURCES.items() if kind not in counts]
-    others = {kind: count for kind, count in counts.items() if kind not in PAPER_SOURCES}
-    heads = [f"{source_title(kind)} ({count:,})" for kind, count in others.items()]
-    note = f"Frames of {', '.join([*real, *heads])}"
-    if absent and heads:
-        note += f"; {' and '.join(heads)} stand in for {', '.join(absent)}"
-    return f"{note}. Sensor: {dataset.sensor_title}."
-
-
-def source_title(kind: str) -> str:
-    """Return the name of a face source in captions."""
-    return {"procedural": "embedded heads", **PAPER_SOURCES}.get(kind, kind)

@@ -194,7 +194,7 @@ def _legend(frame: FigureFrame) -> list[Any]:
         line([], [], color=_CAMERA, marker="s", markersize=4, linestyle="", label="camera"),
     ]
     if frame.rig.emitters:
-        baseline = f"projector, {1000 * frame.rig.baseline_m:.0f} mm beside; its rays, dotted where stopped"
+        baseline = f"projector, {1000 * frame.rig.baseline_m:.0f} mm beside; its rays"
         handles.append(line([], [], color=_PROJECTOR, marker="D", markersize=4, label=baseline))
     for colour, text in ((_LIT, "seen and lit"), (_SHADOW, "seen, in the projector's shadow"),
                          (_UNSEEN, "not seen, or outside the crop")):  # fmt: skip

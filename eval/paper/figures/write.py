@@ -9,15 +9,14 @@ from typing import Any, Final
 
 from glsim.dataset import Dataset, open_dataset
 from glsim.errors import ConfigError
+from glsim.eval.paper.data_note import data_note, source_name
 from glsim.eval.paper.figures.frames import (
     Column,
     FigureFrame,
     choose_frame,
-    data_note,
     denoise,
     network_column,
     network_columns,
-    source_title,
 )
 from glsim.eval.paper.figures.frustum import frustum_figure
 from glsim.eval.paper.figures.panels import PanelRow, panel_figure
@@ -109,7 +108,7 @@ def _figures(dataset: Dataset, groups: Sequence[SeedGroup], note: str) -> list[_
     """Return the six figures; nothing is drawn yet."""
     example = choose_frame(dataset)
     of_facewarehouse = choose_frame(dataset, "facewarehouse")
-    shown = source_title(of_facewarehouse.pair.record["source"])
+    shown = source_name(of_facewarehouse.pair.record["source"])
     filters = [Column(f"{PRINTED_FILTERS[name][0]}\n", name) for name in _FILTERS]
     ours = [network_column(group, "ours, mask-aware") for group in groups if group.row is None]
     beside = [
