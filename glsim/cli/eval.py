@@ -38,6 +38,8 @@ glsim eval data -d face --truth expected  needs generate --layers clean,expected
 
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
 
+glsim eval data --runs runs --photo-runs photo_runs    do denoisers of photographs transfer?
+
 glsim eval --real recording -d face --tune -o real    real frames, without any truth
 
 glsim eval --list
@@ -78,6 +80,13 @@ def evaluate(
     ] = "clean",
     runs: Annotated[
         Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
+    ] = None,
+    photo_runs: Annotated[
+        Path | None,
+        typer.Option(
+            help="Only score the networks that glsim train --photos wrote to PHOTO_RUNS/*/*/, "
+            "beside those of the same recipes in --runs."
+        ),
     ] = None,
     tune: Annotated[
         bool,
@@ -141,6 +150,13 @@ def evaluate(
         return
     if dataset is None:
         raise ConfigError("give the folder of a data set, or --real and one of real frames")
+    if photo_runs is not None:
+        from glsim.cli.eval_photographs import evaluate_photographs
+
+        if runs is None or paper_table or denoiser:
+            raise ConfigError("--photo-runs: give --runs, and no --denoiser or --paper-table")
+        evaluate_photographs(dataset, split, photo_runs, runs, out)
+        return
     tables = sorted(set(paper_table or ()))
     networks = _find_networks(tables, runs)
     specs = list(denoiser or ())

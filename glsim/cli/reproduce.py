@@ -12,6 +12,9 @@ A plan (glsim/cli/reproductions/*.toml) contains their options:
     [[train]]                          groups in order; within a group all recipes are trained
     recipes = ["paper-d7-small"]       with the first seed, then all with the second, ...
     options = "--steps 300"            options of glsim train
+    [photographs]                      recipes that are trained on photographs too
+    recipes = ["paper-d7-small"]       each with all seeds and noises, like in [[train]]
+    sigmas = [25, 10]                  noise, grey levels of 255
 
 Each command resumes its own work; this module only skips trainings that are finished.
 """
@@ -20,7 +23,7 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -31,6 +34,7 @@ from glsim.cli.common import console, options, print_message, print_written, run
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
 from glsim.plan.paper_sources import PAPER_SOURCES, paper_mixture, set_text
 from glsim.settings.tables import parse_table, read_toml
+from glsim.train.data.photograph_files import BUNDLED, find_photographs
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -64,6 +68,12 @@ class TrainingGroup(_Table):
     options: str = ""
 
 
+class PhotographGroup(TrainingGroup):
+    """Recipes that are trained on photographs too, with each noise in grey levels of 255."""
+
+    sigmas: tuple[float, ...] = Field((25.0,), min_length=1)
+
+
 class ReproductionPlan(_Table):
     """Options of the commands; the module's docstring describes the keys."""
 
@@ -76,26 +86,45 @@ class ReproductionPlan(_Table):
     figures: bool = True
     train: tuple[TrainingGroup, ...] = Field(min_length=1)
 
-    def commands(self, out: Path, roots: Mapping[str, Path] | None = None) -> Iterator[list[str]]:
+    photographs: PhotographGroup | None = None
+
+    def commands(
+        self, out: Path, roots: Mapping[str, Path] | None = None, photos: str | None = None
+    ) -> Iterator[list[str]]:
         """Yield the arguments of each ``glsim`` command in order.
 
-        roots: kind of the source -> folder, of the paper's face sets that are there. Raises
-        ConfigError for a folder without such a set.
+        roots: kind of the source -> folder, of the paper's face sets that are there. photos: a
+        folder of photographs; default: those of scikit-image. Raises ConfigError for a folder
+        without such a set.
         """
         data, runs = str(out / "data"), out / "runs"
         faces = self._mixture(roots) if roots else shlex.split(self.faces)
         yield ["generate", *faces, *shlex.split(self.generate), "-o", data]
         for group in self.train:
-            for seed in self.seeds:
-                for recipe in group.recipes:
-                    run = str(runs / f"{Path(recipe).stem}-{seed}")
-                    options = shlex.split(group.options)
-                    yield ["train", recipe, *options, "--seed", str(seed), "--data", data,
-                           "--resume", "-o", run]  # fmt: skip
+            yield from self._trainings(group, data, runs)
         tables = [word for table in "123" for word in ("--paper-table", table)]
         yield ["eval", data, *shlex.split(self.eval), *tables, "--runs", str(runs), "-o", str(out)]
+        if self.photographs is not None:
+            photo_runs = out / "photo_runs"
+            for sigma in self.photographs.sigmas:
+                noise = ["--photos", photos or BUNDLED, "--photo-sigma", f"{sigma:g}"]
+                folder = photo_runs / f"sigma-{sigma:g}"
+                yield from self._trainings(self.photographs, data, folder, noise)
+            yield ["eval", data, "--runs", str(runs), "--photo-runs", str(photo_runs),
+                   "-o", str(out)]  # fmt: skip
         if self.figures:
             yield ["reproduce", "-o", str(out), "--figures"]
+
+    def _trainings(
+        self, group: TrainingGroup, data: str, runs: Path, further: Sequence[str] = ()
+    ) -> Iterator[list[str]]:
+        """Yield the trainings of a group: all recipes with the first seed, then with the next."""
+        for seed in self.seeds:
+            for recipe in group.recipes:
+                run = str(runs / f"{Path(recipe).stem}-{seed}")
+                options = [*shlex.split(group.options), *further]
+                yield ["train", recipe, *options, "--seed", str(seed), "--data", data,
+                       "--resume", "-o", run]  # fmt: skip
 
     def _mixture(self, roots: Mapping[str, Path]) -> list[str]:
         if self.images is None:
@@ -130,6 +159,12 @@ def reproduce(
     d3dfacs: RootOption = None,
     facewarehouse: RootOption = None,
     biwi: RootOption = None,
+    photos: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of photographs, such as DIV2K. Default: those that scikit-image has."
+        ),
+    ] = None,
     figures: Annotated[
         bool,
         typer.Option(
@@ -140,7 +175,8 @@ def reproduce(
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
     One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/,
-    report.html, and the paper's figures in paper_figures/. Each command is printed before it runs
+    report.html, photographs.md (the networks of photo_runs/, trained on photographs, on depth),
+    and the paper's figures in paper_figures/. Each command is printed before it runs
     and can also be run by hand. A finished training is not repeated: delete its folder in runs/ to
     train again.
     """
@@ -153,7 +189,9 @@ def reproduce(
     chosen = load_plan(size)
     given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
     roots = {kind: root for kind, root in given.items() if root is not None}
-    commands = list(chosen.commands(out, roots))
+    if chosen.photographs is not None:  # a folder without images is told before hours of work
+        find_photographs(BUNDLED if photos is None else str(photos))
+    commands = list(chosen.commands(out, roots, None if photos is None else str(photos)))
     flags = options.flags
     if plan:
         for command in commands:
