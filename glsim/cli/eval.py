@@ -39,6 +39,7 @@ glsim eval data -d face --truth expected  needs generate --layers clean,expected
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
 
 glsim eval data --ssim-readings -o ssim  which reading of the paper's SSIM gives its values
+glsim eval data --runs runs --photo-runs photo_runs    do denoisers of photographs transfer?
 
 glsim eval --real recording -d face --tune -o real    real frames, without any truth
 
@@ -87,6 +88,13 @@ def evaluate(
     ] = None,
     runs: Annotated[
         Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
+    ] = None,
+    photo_runs: Annotated[
+        Path | None,
+        typer.Option(
+            help="Only score the networks that glsim train --photos wrote to PHOTO_RUNS/*/*/, "
+            "beside those of the same recipes in --runs."
+        ),
     ] = None,
     tune: Annotated[
         bool,
@@ -163,6 +171,13 @@ def evaluate(
         from glsim.cli.eval_ssim import study_ssim
 
         study_ssim(dataset, split, out)
+        return
+    if photo_runs is not None:
+        from glsim.cli.eval_photographs import evaluate_photographs
+
+        if runs is None or paper_table or denoiser:
+            raise ConfigError("--photo-runs: give --runs, and no --denoiser or --paper-table")
+        evaluate_photographs(dataset, split, photo_runs, runs, out)
         return
     tables = sorted(set(paper_table or ()))
     networks = _find_networks(tables, runs)
@@ -258,6 +273,9 @@ def _write_results(
     figures: bool,
 ) -> None:
     """Write the tables and, if wanted, the figures and report.html into a folder."""
+    from glsim.dataset import open_dataset
+    from glsim.dataset.disk_format import HEADER
+    from glsim.eval.paper.data_note import data_note
     from glsim.eval.paper.filter_table import filter_table
     from glsim.eval.paper.network_tables import network_table
     from glsim.eval.paper.runs import group_by_network
@@ -280,6 +298,10 @@ def _write_results(
         else network_table(which, evaluation, table, *networks)
         for which in tables
     }
+    if pages and (job.dataset / HEADER).is_file():
+        note = data_note(open_dataset(job.dataset))
+        for page in pages.values():
+            page.parts.insert(1, note)
     texts = {
         "table.md": table_markdown(evaluation, table, heading),
         "table.tex": table_latex(table),

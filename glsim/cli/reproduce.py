@@ -4,9 +4,12 @@ A plan (glsim/cli/reproductions/*.toml) contains their options:
 
     title = "..."                      description of the plan
     seeds = [0, 1, 2]                  seeds of every recipe
-    generate = "--subjects 60 ..."     options of glsim generate
+    faces = "--subjects 60 ..."        options of glsim generate: faces, without the paper's sets
+    images = 600                       images in all, with some of the paper's sets
+    generate = "--sensor ..."          further options of glsim generate
     eval = "--tune"                    options of glsim eval
     protocols = ["depth", "paper"]     protocols of glsim train and glsim eval; default: depth
+    figures = false                    without the paper's figures; default: with them
     [[train]]                          groups in order; within a group all recipes are trained
     recipes = ["paper-d7-small"]       with the first seed, then all with the second, ...
     options = "--steps 300"            options of glsim train
@@ -15,6 +18,9 @@ A plan (glsim/cli/reproductions/*.toml) contains their options:
     [filters]                          table 1 on further sets, one per seed and clean mask,
     seeds = [1, 2, 3]                  under each protocol
     generate = "--subjects 20 ..."     options of glsim generate
+    [photographs]                      recipes that are trained on photographs too
+    recipes = ["paper-d7-small"]       each with all seeds and noises, like in [[train]]
+    sigmas = [25, 10]                  noise, grey levels of 255
 
 Each command resumes its own work; this module only skips trainings that are finished.
 """
@@ -23,17 +29,19 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.cli.common import console, options, print_message, run_command_line
+from glsim.cli.common import console, options, print_message, print_written, run_command_line
 from glsim.depth_protocol import DepthProtocol, check_protocol
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
+from glsim.plan.paper_sources import PAPER_SOURCES, paper_mixture, set_text
 from glsim.settings.tables import parse_table, read_toml
+from glsim.train.data.photograph_files import BUNDLED, find_photographs
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -45,6 +53,10 @@ glsim reproduce -o paper --size full        the paper's size, for a GPU
 glsim reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
 
 glsim reproduce -o reproduced --plan        print the commands without running them
+
+glsim reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
+
+glsim reproduce -o reproduced --figures     draw the paper's figures 1 to 5 from that folder
 
 Repeat the same command to resume an interrupted one.
 """
@@ -72,43 +84,58 @@ class FilterSets(_Table):
     generate: str
 
 
+class PhotographGroup(TrainingGroup):
+    """Recipes that are trained on photographs too, with each noise in grey levels of 255."""
+
+    sigmas: tuple[float, ...] = Field((25.0,), min_length=1)
+
+
 class ReproductionPlan(_Table):
     """Options of the commands; the module's docstring describes the keys."""
 
     title: str
     seeds: tuple[int, ...] = Field((0,), min_length=1)
+    faces: str = ""
+    images: int | None = Field(None, ge=len(PAPER_SOURCES))
     generate: str
     eval: str = ""
     protocols: tuple[DepthProtocol, ...] = Field(("depth",), min_length=1)
-    filters: FilterSets | None = None
+    figures: bool = True
     train: tuple[TrainingGroup, ...] = Field(min_length=1)
+    filters: FilterSets | None = None
+    photographs: PhotographGroup | None = None
 
-    def commands(self, out: Path) -> Iterator[list[str]]:
-        """Yield the arguments of each ``glsim`` command in order."""
+    def commands(
+        self, out: Path, roots: Mapping[str, Path] | None = None, photos: str | None = None
+    ) -> Iterator[list[str]]:
+        """Yield the arguments of each ``glsim`` command in order.
+
+        roots: kind of the source -> folder, of the paper's face sets that are there. photos: a
+        folder of photographs; default: those of scikit-image. Raises ConfigError for a folder
+        without such a set.
+        """
         data = str(out / "data")
-        yield ["generate", *shlex.split(self.generate), "-o", data]
+        faces = self._mixture(roots) if roots else shlex.split(self.faces)
+        yield ["generate", *faces, *shlex.split(self.generate), "-o", data]
         if self.filters is not None:
             yield from self._filter_commands(self.filters, out)
         for protocol in self.protocols:
             yield from self._network_commands(protocol, data, protocol_folder(out, protocol))
+        if self.photographs is not None:
+            yield from self._photograph_commands(self.photographs, data, out, photos or BUNDLED)
+        if self.figures:
+            yield ["reproduce", "-o", str(out), "--figures"]
 
     def _network_commands(
         self, protocol: DepthProtocol, data: str, out: Path
     ) -> Iterator[list[str]]:
         """Yield the trainings and the scoring of a protocol."""
-        runs = out / "runs"
         for group in self.train:
-            if protocol not in (group.protocols or self.protocols):
-                continue
-            for seed in group.seeds or self.seeds:
-                for recipe in group.recipes:
-                    run = str(runs / f"{Path(recipe).stem}-{seed}")
-                    options = shlex.split(group.options)
-                    yield ["train", recipe, *options, "--seed", str(seed), "--data", data,
-                           "--protocol", protocol, "--resume", "-o", run]  # fmt: skip
+            if protocol in (group.protocols or self.protocols):
+                yield from self._trainings(group, data, out / "runs", ["--protocol", protocol])
         tables = [word for table in "123" for word in ("--paper-table", table)]
         yield ["eval", data, *shlex.split(self.eval), *tables, "--protocol", protocol,
-               "--runs", str(runs), "-o", str(out)]  # fmt: skip
+               "--runs", str(out / "runs"), "-o", str(out)]  # fmt: skip
 
     def _filter_commands(self, sets: FilterSets, out: Path) -> Iterator[list[str]]:
         """Yield the commands of table 1 under each protocol and mask, and of its SSIM."""
@@ -127,6 +154,33 @@ class ReproductionPlan(_Table):
             yield ["eval", str(first / "data"), "--ssim-readings", "-o", str(first)]
         yield ["reproduce", "-o", str(out), "--filter-page"]
 
+    def _photograph_commands(
+        self, group: PhotographGroup, data: str, out: Path, photos: str
+    ) -> Iterator[list[str]]:
+        """Yield the trainings on photographs, and the scoring beside those on depth."""
+        photo_runs = out / "photo_runs"
+        for sigma in group.sigmas:
+            noise = ["--photos", photos, "--photo-sigma", f"{sigma:g}"]
+            yield from self._trainings(group, data, photo_runs / f"sigma-{sigma:g}", noise)
+        yield ["eval", data, "--runs", str(out / "runs"), "--photo-runs", str(photo_runs),
+               "-o", str(out)]  # fmt: skip
+
+    def _trainings(
+        self, group: TrainingGroup, data: str, runs: Path, further: Sequence[str] = ()
+    ) -> Iterator[list[str]]:
+        """Yield the trainings of a group: all recipes with the first seed, then with the next."""
+        for seed in group.seeds or self.seeds:
+            for recipe in group.recipes:
+                run = str(runs / f"{Path(recipe).stem}-{seed}")
+                options = [*shlex.split(group.options), *further]
+                yield ["train", recipe, *options, "--seed", str(seed), "--data", data,
+                       "--resume", "-o", run]  # fmt: skip
+
+    def _mixture(self, roots: Mapping[str, Path]) -> list[str]:
+        if self.images is None:
+            raise ConfigError(f"{self.title}: a plan with face sets needs images = N")
+        return ["--set", set_text(paper_mixture(roots, self.images))]
+
 
 def protocol_folder(out: Path, protocol: DepthProtocol) -> Path:
     """Return the folder of a protocol's networks and tables: depth is the folder itself."""
@@ -140,6 +194,12 @@ def load_plan(size: str) -> ReproductionPlan:
         known = [shipped.stem for shipped in _FOLDER.glob("*.toml")]
         raise ConfigError(f"--size {size}: no such plan ({did_you_mean(size, known)})")
     return parse_table(ReproductionPlan, read_toml(file), str(file))
+
+
+RootOption = Annotated[
+    Path | None,
+    typer.Option(help="Folder of this face set of the paper. Without it: embedded heads."),
+]
 
 
 def reproduce(
@@ -158,6 +218,15 @@ def reproduce(
             "nearest point of each face at 1 mm). Default: those of the plan, both."
         ),
     ] = None,
+    d3dfacs: RootOption = None,
+    facewarehouse: RootOption = None,
+    biwi: RootOption = None,
+    photos: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of photographs, such as DIV2K. Default: those that scikit-image has."
+        ),
+    ] = None,
     filter_page: Annotated[
         bool,
         typer.Option(
@@ -165,22 +234,39 @@ def reproduce(
             help="Only write protocols.md, table 1 under each protocol and mask, from -o.",
         ),
     ] = False,
+    figures: Annotated[
+        bool,
+        typer.Option(
+            "--figures", help="Only draw the paper's figures, from the data and networks in -o."
+        ),
+    ] = False,
 ) -> None:
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
-    One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/ and
-    report.html; protocol_paper/ holds those under the paper's protocol (nearest point at 1 mm),
-    protocols.md table 1 under both. Each command is printed before it runs and can also be run by
-    hand. A finished training is not repeated: delete its folder in runs/ to train again.
+    One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/,
+    report.html, photographs.md (the networks of photo_runs/, trained on photographs, on depth),
+    and the paper's figures in paper_figures/; protocol_paper/ holds the networks and tables under
+    the paper's protocol (nearest point at 1 mm), protocols.md table 1 under both. Each command is
+    printed before it runs and can also be run by hand. A finished training is not repeated: delete
+    its folder in runs/ to train again.
     """
+    if figures:
+        from glsim.eval.paper.figures.write import write_paper_figures
+
+        print_written(write_paper_figures(out, lambda name: print_message(f"drawing {name}")))
+        return
     root_command = context.find_root().command
     if filter_page:
         _write_filter_page(out)
         return
     chosen = load_plan(size)
+    given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
+    roots = {kind: root for kind, root in given.items() if root is not None}
+    if chosen.photographs is not None:  # a folder without images is told before hours of work
+        find_photographs(BUNDLED if photos is None else str(photos))
     if (only := check_protocol(protocol)) is not None:
         chosen = chosen.model_copy(update={"protocols": (only,)})
-    commands = list(chosen.commands(out))
+    commands = list(chosen.commands(out, roots, None if photos is None else str(photos)))
     flags = options.flags
     if plan:
         for command in commands:

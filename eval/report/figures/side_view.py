@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from glsim.denoise.protocol import Depth
 from glsim.eval.metrics.catalogue import FLYING_MM
+from glsim.eval.report.figures.cut_surface import cut_surface
+from glsim.eval.report.figures.map_pictures import FLYING
+from glsim.eval.report.figures.style import matplotlib
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.geometry.camera import Intrinsics, SensorRig
-from glsim.geometry.depth_map import surface
 from glsim.geometry.pose import pose_matrix
 from glsim.pipeline import simulate
 from glsim.preview import shaded
@@ -24,7 +26,11 @@ TURN_DEG: Final = 30.0
 #: Camera of the side view: a square image, px, focal length, px, and distance; a face fills it.
 _SIDE, _FOCAL, _DISTANCE_MM = 420, 1050.0, 900.0
 _WHITE: Final = 255
-_FLYING_COLOUR: Final = (220, 30, 30)
+
+
+def half_width_mm() -> float:
+    """Return half the width of a side view at the middle of the head, mm."""
+    return _SIDE / 2 * _DISTANCE_MM / _FOCAL
 
 
 def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArray[np.uint8]:
@@ -34,7 +40,7 @@ def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArra
     """
     middle = _middle(clean, intrinsics)
     picture = np.full((_SIDE, _SIDE, 3), _WHITE, np.uint8)
-    mesh = surface(prediction / np.float32(1000), SensorRig(intrinsics))
+    mesh = cut_surface(prediction, SensorRig(intrinsics))
     settings = _settings()
     if mesh is not None:
         moved = replace(mesh, vertices_mm=mesh.vertices_mm - middle)
@@ -44,9 +50,10 @@ def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArra
             depth[frames[0].window.slices] = frames[0].clean_m
             seen = depth > 0
             picture[seen] = shaded(depth, frames[0].intrinsics)[seen][:, ::-1]
+    flying_colour = np.rint(255 * np.array(matplotlib("colors").to_rgb(FLYING)))
     flying = (prediction > 0) & ((clean <= 0) | (np.abs(prediction - clean) > FLYING_MM))
     for row, column in _project(_points(prediction, intrinsics)[flying] - middle):
-        picture[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = _FLYING_COLOUR
+        picture[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = flying_colour
     return picture
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 import logging
+import textwrap
 from types import ModuleType
 from typing import Any
 
@@ -29,6 +30,15 @@ def new_figure(width_in: float, height_in: float) -> Any:
     return figure
 
 
+def add_note(figure: Any, text: str) -> None:
+    """Write a small note below a figure, in lines of its width."""
+    width = int(figure.get_figwidth() * _NOTE_LETTERS_PER_IN)
+    lines = "\n".join(textwrap.wrap(text, width))
+    figure.supxlabel(lines, fontsize=_NOTE_SIZE, color="#555555")
+
+
+#: Size of notes, points, and the letters of it that fit an inch.
+_NOTE_SIZE, _NOTE_LETTERS_PER_IN = 6, 19
 #: Colours of methods in the order of the tables: Okabe and Ito's, which colour-blind readers can
 #: tell apart. Further methods reuse them with other line styles.
 _COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#0072b2", "#cc79a7", "#999900")

@@ -1,0 +1,1 @@
+"""The paper's figures 1 to 5 on a reproduction's own data and networks, and one with ours."""

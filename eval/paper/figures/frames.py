@@ -1,0 +1,89 @@
+"""The frames of a reproduction that its figures show, and what each method makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from glsim.dataset import Dataset, Pair
+from glsim.denoise import DEFAULT_COMPOSITE, composed, load
+from glsim.denoise.protocol import Depth
+from glsim.errors import DatasetError
+from glsim.eval.paper.runs import SeedGroup
+from glsim.geometry.camera import SensorRig
+from glsim.sensors.sensor import sensor_of
+from glsim.settings.schema import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class FigureFrame:
+    """A frame of the data set: maps in mm, 0 = no depth, and the sensor that saw them.
+
+    rig: the sensor's rig. window: the same with the camera of the delivered frame.
+    """
+
+    pair: Pair
+    clean: Depth
+    noisy: Depth
+    rig: SensorRig
+    window: SensorRig
+
+
+class Column(NamedTuple):
+    """A method of a figure: its title, and the denoiser (``glsim.denoise.load``) that draws it."""
+
+    title: str
+    spec: str
+
+
+def settings_of(dataset: Dataset) -> Settings:
+    """Return the settings that made a data set."""
+    return Settings.model_validate(dataset.header["settings"])
+
+
+def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
+    """Return the middle frame of the test split, of one kind of face source if it has any.
+
+    Raises DatasetError for a data set without test frames or clean maps.
+    """
+    split = dataset.split("test")
+    if not len(split):
+        raise DatasetError(f"{dataset.path}: has no test frames to draw")
+    numbers = [n for n, pair in enumerate(split) if pair.record["source"] == kind]
+    chosen = numbers or range(len(split))
+    pair = split[chosen[len(chosen) // 2]]
+    rig = sensor_of(settings_of(dataset)).rig
+    window = replace(rig, intrinsics=pair.intrinsics)
+    return FigureFrame(pair, pair.clean_mm, pair.noisy_mm, rig, window)
+
+
+def denoise(frame: FigureFrame, columns: Sequence[Column]) -> dict[str, Depth]:
+    """Return title -> the depth map of each method, networks with the default composite.
+
+    Raises DenoiserError as the methods do.
+    """
+    maps: dict[str, Depth] = {}
+    for column in columns:
+        denoised = load(column.spec)(frame.noisy[None])
+        maps[column.title] = composed(denoised, frame.noisy, DEFAULT_COMPOSITE).astype(np.float32)
+    return maps
+
+
+def network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> list[Column]:
+    """Return a column for each row of the paper's tables that has a network: the largest one."""
+    columns = []
+    for row in rows:
+        of_row = [group for group in groups if group.row == row]
+        of_row.sort(key=lambda group: group.size == "full")
+        if of_row:
+            columns.append(network_column(of_row[-1], row))
+    return columns
+
+
+def network_column(group: SeedGroup, name: str) -> Column:
+    """Return the column of a network's first seed, with its size and steps below the name."""
+    run = group.members[0]
+    return Column(f"{name}\n{group.size}, {run.steps:,} steps", run.spec)
