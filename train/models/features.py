@@ -6,7 +6,7 @@ its frame, and a wall behind a face does not change those of the face.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import reduce
 from typing import Final, NamedTuple
 
@@ -113,9 +113,10 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     50 mm before the farthest. Without samples, both are ``fill_mm``.
     """
     measured = noisy_mm > 0
-    samples = list(_taps(torch.where(measured, noisy_mm, torch.inf), torch.inf))
-    nearest_mm = reduce(torch.minimum, samples)
-    farthest_mm = reduce(torch.maximum, _taps(torch.where(measured, noisy_mm, 0.0), 0.0))
+    depth_mm = torch.where(measured, noisy_mm, torch.inf)
+    samples = list(_taps(depth_mm, torch.inf))
+    nearest_mm = _extreme(torch.minimum, depth_mm, torch.inf)
+    farthest_mm = _extreme(torch.maximum, torch.where(measured, noisy_mm, 0.0), 0.0)
     surfaces = []
     for extreme in (nearest_mm, farthest_mm):
         total, count = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
@@ -155,6 +156,20 @@ def _taps(
     for down in steps:
         for right in steps:
             yield around[..., down : down + height, right : right + width]
+
+
+def _extreme(
+    smaller_or_larger: Callable[[Tensor, Tensor], Tensor], image: Tensor, outside: float
+) -> Tensor:
+    """Least or largest of the samples of `_taps`, by rows and then by columns."""
+    reach = _TAPS * _TAP_STEP
+    for axis in (-2, -1):
+        border = (0, 0, reach, reach) if axis == -2 else (reach, reach)
+        around = F.pad(image, border, value=outside)
+        steps = range(0, 2 * reach + 1, _TAP_STEP)
+        shifted = [around.narrow(axis, step, image.shape[axis]) for step in steps]
+        image = reduce(smaller_or_larger, shifted)
+    return image
 
 
 def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
@@ -253,17 +268,29 @@ def _guided(
     He, Sun and Tang, "Guided Image Filtering", TPAMI 2013. Depth is taken relative to
     ``around_mm``: squares of it keep their precision, and slopes count less as variance.
     """
-    side = 2 * radius + 1
-
-    def box_mean(values: Tensor) -> Tensor:
-        rows = F.avg_pool2d(values, (side, 1), stride=1, padding=(radius, 0))
-        return F.avg_pool2d(rows, (1, side), stride=1, padding=(0, radius))
-
-    share = box_mean(valid).clamp_min(_TINY)
     offset = (depth_mm - around_mm) * valid
-    mean = box_mean(offset) / share
-    variance = (box_mean(offset.square()) / share - mean.square()).clamp_min(0)
+    share, mean, square = _box_means([valid, offset, offset.square()], radius)
+    share = share.clamp_min(_TINY)
+    mean = mean / share
+    variance = (square / share - mean.square()).clamp_min(0)
     gain = variance / (variance + _GUIDED_MM**2)
-    gain_mean = box_mean(gain * valid) / share
-    bias_mean = box_mean((1.0 - gain) * mean * valid) / share
-    return gain_mean * (fill_mm - around_mm) + bias_mean + around_mm
+    gain_mean, bias_mean = _box_means([gain * valid, (1.0 - gain) * mean * valid], radius)
+    return (gain_mean * (fill_mm - around_mm) + bias_mean) / share + around_mm
+
+
+def _box_means(images: list[Tensor], radius: int) -> tuple[Tensor, ...]:
+    """Mean of each image over a square of half side ``radius``, a power of 2; outside is 0.
+
+    Sums of 2, 4, 8 ... pixels in turn: convolution and average pooling take many times as long.
+    """
+    side = 2 * radius + 1
+    sums = F.pad(torch.cat(images), (radius,) * 4)
+    for axis in (-2, -1):
+        last = sums.narrow(axis, side - 1, sums.shape[axis] - side + 1)
+        width = 1
+        while width < side - 1:
+            count = sums.shape[axis] - width
+            sums = sums.narrow(axis, 0, count) + sums.narrow(axis, width, count)
+            width *= 2
+        sums = sums.narrow(axis, 0, last.shape[axis]) + last
+    return (sums / side**2).chunk(len(images))
