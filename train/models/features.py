@@ -31,7 +31,9 @@ _SURFACE_MM: Final = 50.0
 _TAPS, _TAP_STEP = 2, 3
 #: Radii, px, and epsilon, mm, of the guided filters: epsilon is that of the filter which removes
 #: most of the noise of real Kinect V2 frames (docs/real_frames_tables.md).
-_GUIDED_RADII, _GUIDED_MM = (1, 2, 4, 8), 15.0
+_GUIDED_RADII, _GUIDED_MM = (1, 2, 4), 15.0
+#: Subtracted from depth before it is squared, mm: keeps float32 exact to 1 mm2 up to 4.5 m.
+_MIDDLE_MM: Final = 1000.0
 #: 3x3 samples this far apart, px, tell how much of the neighbourhood is the own surface.
 _SUPPORT_STEP: Final = 6
 #: Share of them beyond which a pixel is away from steps and holes: a straight rim up to 5 px away
@@ -59,7 +61,8 @@ class Features(NamedTuple):
     fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
     bands_mm: (B, FILTERS, H, W) what filters that keep steps would add, at most 50 mm, each relative
         to the one before, so that their sum is what the last one adds. In order:
-        guided filter with a radius of 1 px, robust mean of 5x5 px, guided filters of 2, 4 and 8 px
+        guided filter with a radius of 1 px, robust mean of 5x5 px, guided filters of 2 and 4 px,
+        and one of 4 px of the depth relative to all depth around, which smooths slopes as well
     even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
     channels: (B, CHANNELS, H, W), about -5 to 5, 0 where nothing is known:
         0 to 4 asinh(bands_mm / 2 mm): small at a step of any height
@@ -90,7 +93,9 @@ def depth_features(noisy_mm: Tensor) -> Features:
     around_mm, near = _weighted_mean(depth_mm, valid, _AROUND_RADIUS, _AROUND_SIGMA)
     fill_mm = _filled(depth_mm, valid)
     fill_mm = torch.where(fill_mm > 0, fill_mm, around_mm)
-    guided = [_guided(depth_mm, valid, fill_mm, around_mm, radius) for radius in _GUIDED_RADII]
+    middle_mm = torch.full_like(fill_mm, _MIDDLE_MM)
+    guided = [_guided(depth_mm, valid, fill_mm, middle_mm, radius) for radius in _GUIDED_RADII]
+    guided.append(_guided(depth_mm, valid, fill_mm, around_mm, _GUIDED_RADII[-1]))
     smoothed = torch.cat([guided[0], _robust_mean(fill_mm, depth_mm, valid), *guided[1:]], dim=1)
     filtered_mm = (smoothed - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
     bands_mm = torch.cat([filtered_mm[:, :1], filtered_mm[:, 1:] - filtered_mm[:, :-1]], dim=1)
@@ -261,21 +266,22 @@ def _tukey(offset_mm: Tensor) -> Tensor:
 
 
 def _guided(
-    depth_mm: Tensor, valid: Tensor, fill_mm: Tensor, around_mm: Tensor, radius: int
+    depth_mm: Tensor, valid: Tensor, fill_mm: Tensor, base_mm: Tensor, radius: int
 ) -> Tensor:
     """Smooth depth, mm, by a guided filter whose guide is depth itself; holes have no weight.
 
-    He, Sun and Tang, "Guided Image Filtering", TPAMI 2013. Depth is taken relative to
-    ``around_mm``: squares of it keep their precision, and slopes count less as variance.
+    He, Sun and Tang, "Guided Image Filtering", TPAMI 2013. Depth is taken relative to ``base_mm``.
+    A constant leaves the filter as it is; with a smooth surface slopes do not count as variance,
+    but pixels near a step do, because that surface bends there.
     """
-    offset = (depth_mm - around_mm) * valid
+    offset = (depth_mm - base_mm) * valid
     share, mean, square = _box_means([valid, offset, offset.square()], radius)
     share = share.clamp_min(_TINY)
     mean = mean / share
     variance = (square / share - mean.square()).clamp_min(0)
     gain = variance / (variance + _GUIDED_MM**2)
     gain_mean, bias_mean = _box_means([gain * valid, (1.0 - gain) * mean * valid], radius)
-    return (gain_mean * (fill_mm - around_mm) + bias_mean) / share + around_mm
+    return (gain_mean * (fill_mm - base_mm) + bias_mean) / share + base_mm
 
 
 def _box_means(images: list[Tensor], radius: int) -> tuple[Tensor, ...]:
