@@ -47,7 +47,7 @@ _NOISE_RADIUS, _NOISE_SIGMA = 12, 6.0
 #: Added to it before the logarithm, mm: less than rounding to whole millimetres gives.
 _LEAST_NOISE_MM: Final = 0.1
 #: Scales of what filters add and of the surrounding depth. On the interior of training frames, the
-#: bands have standard deviations of 0.7 to 1.6 mm (median over frames).
+#: bands have standard deviations of 0.6 to 1.9 mm (median over frames).
 _BAND_MM, _AROUND_MM = 2.0, 20.0
 #: Share of a neighbourhood that must be known for more than half of its mean to be believed.
 _LEAST_SHARE: Final = 0.02
@@ -59,8 +59,8 @@ class Features(NamedTuple):
     """Features of a batch of frames; each float32 with H and W of the frames.
 
     fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
-    bands_mm: (B, FILTERS, H, W) what filters that keep steps would add, at most 50 mm, each relative
-        to the one before, so that their sum is what the last one adds. In order:
+    bands_mm: (B, FILTERS, H, W) what filters that keep steps would add, at most 50 mm, each less
+        the one before, so that their sum is what the last one adds. In order:
         guided filter with a radius of 1 px, robust mean of 5x5 px, guided filters of 2 and 4 px,
         and one of 4 px of the depth relative to all depth around, which smooths slopes as well
     even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
@@ -71,8 +71,8 @@ class Features(NamedTuple):
         7, 8 log of the size of the noise around, in mm, of pixels 1 and 3 px apart
         9 validity, 0 or 1
 
-    Bands, unlike the filters themselves, are hardly correlated (condition number of 7 in place of
-    220 on training frames). With the filters as features, 2,600 steps left their weights where the
+    Bands, unlike the filters themselves, are hardly correlated (condition number of 6 in place of
+    400 on training frames). With the filters as features, 2,600 steps left their weights where the
     first 100 had brought them, and a fixed sum of the same filters had a lower error.
 
     Depth enters by differences only. A network that sees the distance learns the noise and the
