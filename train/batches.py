@@ -206,7 +206,9 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
             "train",
             crop=crop,
             cut=data.cut,
-            augmentation=Augmentation(data.flip, data.relief_mm, vary_inputs=True),
+            augmentation=Augmentation(
+                data.flip, data.relief_mm, data.slope_mm_per_px, vary_inputs=True
+            ),
             inputs=inputs,
             seed=recipe.seed + number * _SEED_STRIDE,
             target=data.target,

@@ -133,6 +133,9 @@ class DataSettings(_Table):
     relief_mm: float = Field(
         0.0, ge=0, le=1000, description="height of random surface bumps on stored pairs; 0: none"
     )
+    slope_mm_per_px: float = Field(
+        0.0, ge=0, le=100, description="largest slope of a plane added to stored pairs; 0: none"
+    )
     train_frames: int | None = Field(None, ge=1, description="use the first N frames; default: all")
     validation_frames: int | None = Field(
         None, ge=1, description="number of frames, spread evenly over the split; default: all"

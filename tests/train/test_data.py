@@ -17,7 +17,7 @@ from glsim.dataset import open_dataset
 from glsim.errors import ConfigError, DatasetError
 from glsim.train import Augmentation, StoredPairs, stored_batches
 from glsim.train.data.checks import fingerprint
-from glsim.train.data.surface_bumps import draw_surface_bumps
+from glsim.train.data.surface_bumps import draw_slope, draw_surface_bumps
 from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
 from tests.support.train_fakes import recipe
 
@@ -169,6 +169,32 @@ def test_bumps_have_the_height_that_is_asked_for() -> None:
     }
     assert squares[4.0] / squares[1.0] == pytest.approx(16, rel=0.6)
     assert 0.02 < squares[1.0] < 1
+
+
+def test_slopes_are_planes_that_lie_on_both_maps_alike(dataset: Path) -> None:
+    plain = StoredPairs(dataset, "train")
+    tilted = StoredPairs(dataset, "train", augmentation=Augmentation(slope_mm_per_px=5.0), seed=3)
+    slopes = []
+    for number in range(FRAMES):
+        before, after = (torch.stack(source[number])[:, 0] for source in (plain, tilted))
+        assert torch.equal(before > 0, after > 0)
+        added = torch.where(before > 0, after - before, torch.nan)
+        both = ~added.isnan().any(0)
+        torch.testing.assert_close(added[0][both], added[1][both], atol=2e-4, rtol=0)
+        rows, columns = (torch.diff(added[0], dim=axis) for axis in (0, 1))
+        for steps in (rows, columns):
+            known = steps[~steps.isnan()]
+            assert known.max() - known.min() < 1e-3
+        slopes.append(float(columns[~columns.isnan()].mean().abs()))
+    assert min(slopes) == 0, "some frames stay as they are"
+    assert 0.01 < max(slopes) <= 5.0
+
+
+def test_a_slope_leaves_half_of_the_nearest_depth() -> None:
+    rng = np.random.default_rng(0)
+    drawn = [draw_slope((64, 80), 50.0, 600.0, rng) for _ in range(50)]
+    assert -300.01 < min(plane.min() for plane in drawn) < -299
+    assert all(abs(plane.mean()) < 1e-3 for plane in drawn)
 
 
 def test_cuts_and_flips_move_both_maps_alike(dataset: Path) -> None:

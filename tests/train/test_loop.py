@@ -253,6 +253,27 @@ def test_the_masked_loss_looks_where_depth_can_be_known() -> None:
     assert loss(Prediction(clean, -logit), given, clean)[0] > 50
 
 
+def test_relative_errors_do_not_depend_on_the_camera_s_noise() -> None:
+    """A frame with six times the noise and six times the error counts the same."""
+    generator = torch.Generator().manual_seed(0)
+    noise = torch.randn((1, 1, 60, 60), generator=generator)
+    error = torch.randn(noise.shape, generator=generator)
+    clean = torch.full_like(noise, 900.0)
+    logit = torch.full_like(noise, 20.0)
+    parts = {
+        (relative, size): Masked(relative=relative)(
+            Prediction(clean + 0.5 * size * error, logit), clean + size * noise, clean
+        )[1]
+        for relative in (False, True)
+        for size in (1.0, 6.0)
+    }
+    for part in ("depth", "slope"):
+        assert parts[True, 6.0][part] == pytest.approx(float(parts[True, 1.0][part]), rel=1e-3)
+        assert parts[False, 6.0][part] > 5 * parts[False, 1.0][part]
+    with pytest.raises(ValueError, match="relative: goes with depth"):
+        Masked(depth="gaussian", relative=True)
+
+
 def test_likelihoods_have_their_minimum_at_the_spread() -> None:
     """For errors with standard deviation s, the best log_sigma is log s."""
     clean = torch.full((1, 1, 60, 60), 900.0)

@@ -18,7 +18,7 @@ from glsim.frame import to_mm
 from glsim.settings.seeds import stable_seed
 from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
-from glsim.train.data.surface_bumps import draw_surface_bumps
+from glsim.train.data.surface_bumps import draw_slope, draw_surface_bumps
 
 __all__ = ["CACHE_MB", "Augmentation", "StoredPairs"]
 
@@ -32,10 +32,13 @@ class Augmentation:
 
     flip: mirror left and right, at random with probability 1/2. Off by default: a time-of-flight
         camera's emitter and a structured-light camera's projector sit on one side of the lens, and
-        a mirrored pair has its shadows on the other side of the face.
+        a mirrored pair has its shadows on the other side of the face. For a network of any camera
+        that is one more camera.
 
     relief_mm: add bumps and creases up to about this height to both depths, see
         ``glsim.train.data.surface_bumps``.
+
+    slope_mm_per_px: add a plane of up to this slope to both depths, see the same module.
 
     vary_inputs: change the infrared's gain and the number of neighbours in time, or leave them
         out, see ``glsim.train.data.extra_inputs``; without such inputs it does nothing.
@@ -48,6 +51,7 @@ class Augmentation:
 
     flip: bool = False
     relief_mm: float = 0.0
+    slope_mm_per_px: float = 0.0
     vary_inputs: bool = False
 
 
@@ -121,9 +125,9 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         images = self._cropped(images, rng)
         if self._augmentation.flip and rng.random() < 0.5:
             images = images[:, :, ::-1]
-        if self._augmentation.relief_mm:
-            bumps_mm = draw_surface_bumps(images.shape[1:], self._augmentation.relief_mm, rng)
-            raised = np.where(images > 0, images + bumps_mm, np.float32(0))
+        if self._augmentation.relief_mm or self._augmentation.slope_mm_per_px:
+            added_mm = self._added_mm(images[-1], rng)
+            raised = np.where(images > 0, images + added_mm, np.float32(0))
             if self._inputs.infrared:
                 self._inputs.named(raised)[INFRARED][:] = self._inputs.named(images)[INFRARED]
             images = raised
@@ -133,6 +137,19 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         if self._augmentation.vary_inputs:
             noisy = vary_inputs(noisy, self._inputs, rng)
         return _tensor(noisy), _tensor(target)
+
+    def _added_mm(
+        self, target: NDArray[np.float32], rng: np.random.Generator
+    ) -> NDArray[np.float32]:
+        """Draw the bumps and the slope, (H, W) millimetres."""
+        augmentation = self._augmentation
+        added_mm = np.zeros(target.shape, np.float32)
+        if augmentation.relief_mm:
+            added_mm += draw_surface_bumps(target.shape, augmentation.relief_mm, rng)
+        if augmentation.slope_mm_per_px and (target > 0).any():
+            nearest_mm = float(target[target > 0].min())
+            added_mm += draw_slope(target.shape, augmentation.slope_mm_per_px, nearest_mm, rng)
+        return added_mm
 
     def _cropped(
         self, images: NDArray[np.float32], rng: np.random.Generator

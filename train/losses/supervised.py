@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from math import log
-from typing import Final, Literal
+from typing import Final, Literal, Self
 
 import torch
-from pydantic import Field
+from pydantic import Field, model_validator
 from torch import Tensor
 from torch.nn import functional
 
@@ -23,6 +23,10 @@ _SWITCH_MM: Final = 25.0
 #: not measured around it, such as a wall out of range: no network can know its depth. Such pixels
 #: would rule the gradient: in frames of rooms they are a quarter, with errors of half a metre.
 _KNOWABLE_MM: Final = 50.0
+#: With ``relative``, errors count as if every frame had this much noise, mm; frames with less than
+#: the least or more than the largest noise count as those. Between 0.5 and 10 mm lies what cameras
+#: add to a face at 0.9 m (docs/any_camera.md).
+_NOISE_MM, _LEAST_NOISE_MM, _LARGEST_NOISE_MM = 4.0, 0.5, 10.0
 
 
 class AllPixels(Loss):
@@ -68,6 +72,10 @@ class Masked(Loss):
         3.0, ge=0, description="weight of the error of pixel-to-pixel steps in the interior"
     )
     slope_beta_mm: float = Field(0.5, gt=0, description="beta_mm of the slope term")
+    relative: bool = Field(
+        False,
+        description="measure errors by each frame's own noise, so that no camera rules the others",
+    )
     sigma_weight: float = Field(
         0.1,
         ge=0,
@@ -77,13 +85,19 @@ class Masked(Loss):
         REACH_PX, ge=1, description="largest distance from a valid input pixel that counts"
     )
 
+    @model_validator(mode="after")
+    def _relative_has_no_likelihood(self) -> Self:
+        if self.relative and self.depth != "smooth_l1":
+            raise ValueError(f"relative: goes with depth = 'smooth_l1', not {self.depth!r}")
+        return self
+
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
         """Return total and parts: depth, and valid, choice, slope and sigma where they apply.
 
-        Among several candidates only the target surface's depth counts; sigma is that of the
-        chosen one. A pixel without a candidate near the truth shall have no depth.
+        Among several candidates only the target surface's depth counts; sigma, always in mm, is
+        that of the chosen one. A pixel without a candidate near the truth shall have no depth.
         """
         has_depth = (clean_mm > 0).float()
         error_mm = prediction.depth_mm - clean_mm
@@ -97,6 +111,8 @@ class Masked(Loss):
         counted = has_depth * dilated(noisy_mm > 0, self.reach_px)
         inside = counted * interior_mask(clean_mm)
         weight = self.edge_weight * counted + (1 - self.edge_weight) * inside
+        if self.relative:
+            error_mm = error_mm * (_NOISE_MM / _noise_mm(noisy_mm, clean_mm, inside))
         parts = {"depth": weighted_mean(self._depth_loss(error_mm, prediction.log_sigma), weight)}
         total = parts["depth"]
         if self.valid_weight and prediction.valid_logit is not None:
@@ -139,6 +155,18 @@ class Masked(Loss):
             both_inside = _without_last(inside, axis) * _without_first(inside, axis)
             terms.append(weighted_mean(_smooth_l1(step_mm, self.slope_beta_mm), both_inside))
         return torch.stack(terms).sum()
+
+
+def _noise_mm(noisy_mm: Tensor, clean_mm: Tensor, inside: Tensor) -> Tensor:
+    """Root mean square of each frame's noise on measured interior pixels: (B, 1, 1, 1) mm.
+
+    Errors of another surface count as 25 mm.
+    """
+    known = inside * (noisy_mm > 0)
+    squares = (noisy_mm - clean_mm).clamp(-_SWITCH_MM, _SWITCH_MM).square() * known
+    every = (1, 2, 3)
+    mean = squares.sum(every, keepdim=True) / known.sum(every, keepdim=True).clamp_min(1)
+    return mean.sqrt().clamp(_LEAST_NOISE_MM, _LARGEST_NOISE_MM)
 
 
 def target_surface(errors_mm: Tensor) -> Tensor:

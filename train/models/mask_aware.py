@@ -37,8 +37,9 @@ from glsim.train.models.features import (
 
 #: A number of neighbours in time, earlier or later.
 Neighbours = Annotated[int, Field(ge=0, le=MAX_NEIGHBOURS)]
-#: Depth correction for a network output of 1, mm: the scale of its first input channel.
-_CORRECTION_MM: Final = 10.0
+#: Depth correction for a network output of 1, mm: that of a band's gain of 1 is about 1 mm, and
+#: what is learnt at the same rate should move the depth about as much.
+_CORRECTION_MM: Final = 3.0
 #: Log odds of depth before training: +3 for measured pixels, -3 for holes, i.e. 95 %.
 _PRIOR_LOGIT: Final = 6.0
 #: Log odds of a pixel's own surface over another before training: 95 %.
@@ -67,8 +68,8 @@ class MaskAware(DepthModel):
     Choosing a mode instead is the idea of Tosi et al., "SMD-Nets: Stereo Mixture Density Networks",
     CVPR 2021.
 
-    The correction is a sum of what filters would correct (`features.Features.filtered_mm`), each
-    times a weight that the network predicts, and of a part of its own.
+    The correction is a sum of what filters would correct (`features.Features.bands_mm`), each band
+    times a gain that the network predicts, and of a part of its own.
 
     The correction of a surface has no mean: that of all measured pixels around (24 px), but those
     near steps and holes, is subtracted. So the network cannot move a surface as a whole, which
@@ -125,7 +126,7 @@ class MaskAware(DepthModel):
                 neighbours_mm = torch.cat(neighbours, dim=1)
                 in_time = mean_over_time(neighbours_mm, noisy_mm)
                 noisy_mm = noisy_mm + in_time.offset_mm
-            fill_mm, filtered_mm, channels, even = depth_features(noisy_mm)
+            fill_mm, bands_mm, channels, even = depth_features(noisy_mm)
             if self.surfaces:
                 around_mm = front_and_back(noisy_mm, fill_mm)
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
@@ -139,8 +140,8 @@ class MaskAware(DepthModel):
                 features = neighbour_features(neighbours_mm, fill_mm, in_time)
                 channels = torch.cat([channels, features], dim=1)
         out = self.backbone(channels, valid).float()
-        weights, out = out[:, :FILTERS], out[:, FILTERS:]
-        correction_mm = (weights * filtered_mm).sum(1, keepdim=True) + _CORRECTION_MM * out[:, :1]
+        gains, out = out[:, :FILTERS], out[:, FILTERS:]
+        correction_mm = (gains * bands_mm).sum(1, keepdim=True) + _CORRECTION_MM * out[:, :1]
         prediction = Prediction(
             depth_mm=fill_mm + correction_mm - local_mean(correction_mm, even),
             valid_logit=out[:, 1:2] + _PRIOR_LOGIT * (valid - 0.5),
