@@ -95,7 +95,7 @@ def _add(case: FilterCase, rows: list[dict[str, str]]) -> None:
 def protocol_document(cases: list[FilterCase]) -> Document:
     """Return the page."""
     frames = ", ".join(
-        f"{case.title}: {case.frames} of {len(case.values['noisy']['mse_mm2'])} seeds"
+        f"{case.frames} of {len(case.values['noisy']['mse_mm2'])} seeds ({case.title})"
         for case in cases
     )
     document = Document(
@@ -207,5 +207,13 @@ def _conclusions(cases: list[FilterCase]) -> Iterator[str]:
         )
     nearest = min(cases, key=largest_ratio_difference)
     yield f"The printed ratios are nearest to those of {nearest.title}."
-    scale = min(cases, key=lambda case: abs(case.mean("noisy", "mse_mm2") / printed - 1))
-    yield f"The printed baseline is nearest to that of {scale.title}."
+    scale = min(cases, key=_factor)
+    yield (
+        f"The printed baseline is nearest to that of {scale.title}: a factor {_factor(scale):.1f}."
+    )
+
+
+def _factor(case: FilterCase) -> float:
+    """Return by which factor, at least 1, the baseline is off the printed one; infinite for 0."""
+    ratio = case.mean("noisy", "mse_mm2") / PRINTED_FILTERS["noisy"].mse_mm2
+    return max(ratio, 1 / ratio) if ratio else float("inf")

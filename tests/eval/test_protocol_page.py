@@ -68,7 +68,10 @@ def test_cases_are_means_over_seeds(tmp_path: Path) -> None:
     assert "| protocol paper, dense clean maps | 2 of 2 | 2 of 2 | 2 of 2 | 2 of 2 |" in text
     assert "| protocol depth, BlenSor's mask | 0 of 2 | 0 of 2 | 2 of 2 | 2 of 2 |" in text
     assert "The printed ratios are nearest to those of protocol paper, dense clean maps." in text
-    assert "The printed baseline is nearest to that of protocol depth, BlenSor's mask." in text
+    assert (
+        "The printed baseline is nearest to that of protocol depth, BlenSor's mask: a factor 1.0."
+        in text
+    )
 
 
 def test_the_printed_table_has_its_relations() -> None:
