@@ -8,6 +8,7 @@ scored into FOLDER/filters/MASK/SEED/PROTOCOL/table.csv.
 from __future__ import annotations
 
 import csv
+import math
 import statistics
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -95,7 +96,7 @@ def _add(case: FilterCase, rows: list[dict[str, str]]) -> None:
 def protocol_document(cases: list[FilterCase]) -> Document:
     """Return the page."""
     frames = ", ".join(
-        f"{case.title}: {case.frames} of {len(case.values['noisy']['mse_mm2'])} seeds"
+        f"{case.frames} of {len(case.values['noisy']['mse_mm2'])} seeds ({case.title})"
         for case in cases
     )
     document = Document(
@@ -110,12 +111,52 @@ def protocol_document(cases: list[FilterCase]) -> Document:
     for metric in _METRICS:
         document.parts += [Heading(METRICS[metric].heading), _metric_table(cases, metric)]
     document.parts += [
+        Heading("(1 - SSIM) / MSE, 1e-7 per mm²"),
+        "SSIM with K1 = 0.01, K2 = 0.03, L = 65535. The ratio hardly depends on the size of the "
+        "errors; it depends on the depth around them, and on their extent.",
+        _dissimilarity_table(cases),
         Heading("Relations of the printed table"),
         _relation_table(cases),
         Heading("What this says"),
         list(_conclusions(cases)),
     ]
     return document
+
+
+#: The rows whose printed SSIM fits 16-bit maps, see ``glsim.eval.paper.ssim_readings``.
+_OF_16_BIT: Final = ("noisy", "median")
+
+
+def dissimilarity_per_mse(ssim: float, mse_mm2: float) -> float:
+    """Return (1 - SSIM) / MSE, 1e-7 per mm^2.
+
+    With the L of 16-bit maps C1 and C2 are large, and 1 - SSIM is a sum of squared errors with
+    weights that fall with the depth around: it tells where a map's depth begins, whatever the size
+    of its errors.
+    """
+    return 1e7 * (1 - ssim) / mse_mm2
+
+
+def _dissimilarities(case: FilterCase, name: str) -> list[float]:
+    """Return ``dissimilarity_per_mse`` of each seed."""
+    values = case.values[name]
+    pairs = zip(values["ssim_16bit"], values["mse_mm2"], strict=True)
+    return [dissimilarity_per_mse(ssim, mse) for ssim, mse in pairs if mse > 0]
+
+
+def _dissimilarity_table(cases: list[FilterCase]) -> TextTable:
+    """Return the ratio of each case; of the printed one, with the rounding of its SSIM."""
+    printed = []
+    for name in _OF_16_BIT:
+        row = PRINTED_FILTERS[name]
+        rounding = dissimilarity_per_mse(1 - 0.00005, row.mse_mm2)
+        value = dissimilarity_per_mse(row.ssim, row.mse_mm2)
+        printed.append(f"{value:.2f} ± {rounding:.2f} (rounding)")
+    rows = [["printed", *printed]]
+    for case in cases:
+        cells = [_cell(_dissimilarities(case, name) or [float("nan")], "") for name in _OF_16_BIT]
+        rows.append([case.title, *cells])
+    return TextTable(["case", *(PRINTED_FILTERS[name].title for name in _OF_16_BIT)], rows)
 
 
 def _head() -> list[str]:
@@ -207,5 +248,19 @@ def _conclusions(cases: list[FilterCase]) -> Iterator[str]:
         )
     nearest = min(cases, key=largest_ratio_difference)
     yield f"The printed ratios are nearest to those of {nearest.title}."
-    scale = min(cases, key=lambda case: abs(case.mean("noisy", "mse_mm2") / printed - 1))
-    yield f"The printed baseline is nearest to that of {scale.title}."
+    row = PRINTED_FILTERS["noisy"]
+    wanted = dissimilarity_per_mse(row.ssim, row.mse_mm2)
+    known = {case.title: values for case in cases if (values := _dissimilarities(case, "noisy"))}
+    if known:
+        like = min(known, key=lambda title: abs(math.log(statistics.fmean(known[title]) / wanted)))
+        yield f"The printed (1 - SSIM) / MSE of the baseline is nearest to that of {like}."
+    scale = min(cases, key=_factor)
+    yield (
+        f"The printed baseline is nearest to that of {scale.title}: a factor {_factor(scale):.1f}."
+    )
+
+
+def _factor(case: FilterCase) -> float:
+    """Return by which factor, at least 1, the baseline is off the printed one; infinite for 0."""
+    ratio = case.mean("noisy", "mse_mm2") / PRINTED_FILTERS["noisy"].mse_mm2
+    return max(ratio, 1 / ratio) if ratio else float("inf")

@@ -103,8 +103,16 @@ def _verdict(cases: Mapping[str, ReadingScores]) -> list[str]:
         max(values[column] for column in COLUMNS) - min(values[column] for column in COLUMNS)
         for scores in cases.values()
         for values in scores.ssim.values()
-        if values["noisy"] > 0.99
+        if 0.99 < values["noisy"] <= 1
     ]
+    above = sorted(
+        {
+            reading.program
+            for scores in cases.values()
+            for reading in READINGS
+            if scores.ssim[reading.name]["noisy"] > 1
+        }
+    )
     found = "One reading gives the column" if off[best] < _FOUND else "No reading gives the column"
     lines = [
         f"{found}: the nearest is {single[best]} ({best}), whose largest difference is "
@@ -116,6 +124,11 @@ def _verdict(cases: Mapping[str, ReadingScores]) -> list[str]:
             "Readings under which the baseline is above 0.99 spread the four rows by at most "
             f"{max(spreads):.4f}; the printed rows spread by {printed:.4f}. An L that hides the "
             "error of the baseline hides those of the filters too."
+        )
+    if above:
+        lines.append(
+            f"Above 1, and so no SSIM: {', '.join(above)}. It has C1 where C2 belongs, and C2 is "
+            "nine times C1."
         )
     comparison = "nearer than" if mixed[nearest] < off[best] else "no nearer than"
     lines.append(

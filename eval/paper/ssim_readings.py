@@ -227,7 +227,7 @@ class ReadingScores:
         }
 
 
-def measure_readings(frames: Frames, limit: int = 40) -> ReadingScores:
+def measure_readings(frames: Frames, limit: int = 20) -> ReadingScores:
     """Compute every reading on at most ``limit`` frames, evenly spread. Raises as the frames do."""
     numbers = np.unique(np.linspace(0, len(frames) - 1, min(limit, len(frames))).round())
     methods = {column: load(column) for column in COLUMNS}

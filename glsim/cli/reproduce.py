@@ -46,7 +46,7 @@ from glsim.train.data.photograph_files import BUNDLED, find_photographs
 EXAMPLES = """
 [bold]Examples[/bold]
 
-glsim reproduce -o reproduced               small: half an hour on two cores
+glsim reproduce -o reproduced               small: about an hour on two cores
 
 glsim reproduce -o paper --size full        the paper's size, for a GPU
 

@@ -54,8 +54,12 @@ class MapDenoiser:
         Without a composite: the denoiser's own depth, and its mask or probability of depth in
         [0, 1]. A temporal denoiser gets no neighbours: see ``stream``.
 
-        Raises ConfigError for an array that is no depth map, or that is no image or crop of the
-        device, DenoiserError if the denoiser returns something else than two images.
+        A network of the protocol paper (``method.protocol``) takes maps that are moved already,
+        with their nearest point at 1 mm: see ``glsim.depth_protocol``.
+
+        Raises ConfigError for an array that is no depth map, is not moved as the network needs it,
+        or is no image or crop of the device, DenoiserError if the denoiser returns something else
+        than two images.
         """
         return self.stream(intrinsics=intrinsics).push(depth_mm, infrared)
 

@@ -139,7 +139,7 @@ def test_the_full_plan_has_the_papers_numbers() -> None:
     [
         (None, "no such plan"),
         ("title = 'x'\ngenerate = ''\ntrain = []", "train"),
-        (TINY + "option = 1", "no such setting 'train.0.option'"),
+        (TINY + "option = 1", "no such setting 'filters.option'"),
     ],
 )
 def test_wrong_plans(
