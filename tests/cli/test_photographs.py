@@ -54,7 +54,9 @@ def test_the_table_has_a_row_for_each_training(
     command = ["eval", str(pairs), "-o", str(out), "-q", *folders]
     assert main(command) == 0
     text = (out / "photographs.md").read_text()
-    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if "DnCNN" in line[:9]]
+    lines = [
+        line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| DnCNN")
+    ]
     assert [line[1:5] for line in lines] == [
         ["11 photographs, sigma = 25.5 (10.0 mm)", "3", "0.50 ± 0.00", "as they are"],
         ["11 photographs, sigma = 25.5 (10.0 mm)", "3", "0.50 ± 0.00", "filled, mask kept"],
