@@ -203,7 +203,7 @@ def _document(
             "numbers that it knows. The noise is Gaussian with sigma in grey levels, scaled alike.",
             TextTable(head, rows),
             "Left of the photographs' noise: the error on held-out photographs over sigma; 1 "
-            "removes nothing, and what is above 1 has not yet learnt its own task. Photographs have no "
+            "removes nothing, and more than 1 has not learnt its own task. Photographs have no "
             "holes. *As they are*: holes are depth 0, as the paper's networks meet them. *Filled, "
             "mask kept*: holes get the depth of the nearest measured pixel before the network and "
             "are holes again after it, which leaves the noise of the surface alone to it.",

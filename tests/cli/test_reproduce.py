@@ -6,6 +6,8 @@ import json
 import shlex
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from glsim.cli import main
@@ -13,6 +15,7 @@ from glsim.cli.reproduce import load_plan
 from glsim.plan.paper_split import PAPER_IMAGES, split_as_paper
 from glsim.settings.schema import load_settings
 from glsim.train.recipe import load_recipe
+from tests.support.face_set_trees import write_tree
 
 TINY = """
 title = "tiny"
@@ -21,6 +24,7 @@ protocols = ["depth", "paper"]
 generate = \"\"\"--subjects 3 --frames-per-subject 1 --split 0.4,0.3,0.3 --crop 64 --workers 1
     --sensor kinect-v2-paper\"\"\"
 eval = "--workers 1 --no-probes --no-figures"
+figures = false
 [[train]]
 recipes = ["paper-d7-small", "RECIPE"]
 options = \"\"\"--steps 1 --set training.batch=1 --set data.crop=64 --set model.backbone.width=4
@@ -110,8 +114,14 @@ def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture
     assert main(["reproduce", "-o", "x", "--size", size, "--plan"]) == 0
     lines = [shlex.split(line)[1:] for line in capsys.readouterr().out.splitlines()]
     scored = {"small": 27 + 21, "full": 27 + 27}[size]
+    kinds = [line[0] for line in lines]
+    assert kinds[-2:] == ["eval", "reproduce"]
+    assert lines[-2][-4:] == ["--photo-runs", "x/photo_runs", "-o", "x"]
+    assert lines[-1] == ["reproduce", "-o", "x", "--figures"]
+    photographs = [line for line in lines if "--photos" in line]
+    lines = [line for line in lines if line not in photographs]
     assert [line[0] for line in lines].count("train") == scored
-    assert lines[-1][0] == "eval"
+    check_photographs([line for line in lines if line[0] == "train"], photographs)
     recipes = [load_recipe(line[1]) for line in lines if line[0] == "train"]
     rows = {"D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"}
     assert {recipe.row for recipe in recipes} == rows | {None}
@@ -123,11 +133,58 @@ def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture
             assert main([*line, "--plan"]) == 0
 
 
+def check_photographs(on_pairs: list[list[str]], on_photographs: list[list[str]]) -> None:
+    """Each is the training of a recipe and seed on our pairs, but for the photographs."""
+    for line in on_photographs:
+        at = line.index("--photos")
+        assert line[at + 1] == "scikit-image"
+        assert line[at + 2] == "--photo-sigma"
+        same = [word for word in line if word not in line[at : at + 4]]
+        assert same[:-1] in [other[:-1] for other in on_pairs]
+    seeds = [line[line.index("--seed") + 1] for line in on_photographs]
+    assert set(seeds) == {"0", "1", "2"}
+
+
+def test_face_sets_and_photographs_enter_the_plan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With a set, the whole data set is its mixture; the commands can be run by hand."""
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    root = write_tree("d3dfacs_alignments", tmp_path)
+    command = ["reproduce", "-o", "x", "--plan", "--d3dfacs", str(root), "--photos", str(photos)]
+    assert main(command) == 2
+    assert f"--photos {photos}: holds 0 images" in capsys.readouterr().err
+    for number in range(2):
+        cv2.imwrite(str(photos / f"{number}.png"), np.zeros((8, 8), np.uint8))
+    assert main(command) == 0
+    lines = [shlex.split(line)[1:] for line in capsys.readouterr().out.splitlines()]
+    assert {line[line.index("--photos") + 1] for line in lines if "--photos" in line} == {
+        str(photos)
+    }
+    assert "--subjects" not in lines[0]
+    assert main([*lines[0], "--plan"]) == 0
+    plan = capsys.readouterr().out
+    assert "d3dfacs" in plan
+    assert "600 images" in plan
+    assert main(["reproduce", "-o", "x", "--plan", "--biwi", str(tmp_path / "none")]) == 2
+    assert "none" in capsys.readouterr().err
+
+
+def test_a_plan_without_a_number_of_images_takes_no_face_sets(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = write_tree("hpdb", tmp_path)
+    assert main([*tiny(tmp_path), "--biwi", str(root), "--plan"]) == 2
+    assert "needs images = N" in capsys.readouterr().err
+
+
 def test_the_full_plan_has_the_papers_numbers() -> None:
-    words = shlex.split(load_plan("full").generate)
+    plan = load_plan("full")
+    words = shlex.split(f"{plan.faces} {plan.generate}")
     options = dict(zip(words[::2], words[1::2], strict=True))
     people, each = int(options["--subjects"]), int(options["--frames-per-subject"])
-    assert people * each == sum(PAPER_IMAGES)
+    assert people * each == plan.images == sum(PAPER_IMAGES)
     assert load_settings(overrides={"split": options["--split"]}).split == "paper"
     split = list(split_as_paper({f"{n:04d}": each for n in range(people)}, 1).values())
     for name, wanted in zip(("train", "val", "test"), PAPER_IMAGES, strict=True):

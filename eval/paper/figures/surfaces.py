@@ -35,7 +35,7 @@ def surfaces_figure(frame: FigureFrame, note: str) -> Any:
     low, high = seen.min(axis=0) - _MARGIN_MM, seen.max(axis=0) + _MARGIN_MM
     for place, (title, depth) in enumerate({"clean": frame.clean, "noisy": frame.noisy}.items()):
         axis = axes_3d(figure, place + 1, 2, _ELEVATION_DEG, _AZIMUTH_DEG)
-        set_limits(axis, low, high, zoom=1.0)
+        set_limits(axis, low, high, zoom=0.95)
         axis.set_title(title, fontsize=_TEXT_SIZE, y=1.0, pad=-4)
         _draw_surface(axis, depth, frame, low, high)
     add_note(figure, note)

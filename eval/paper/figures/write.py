@@ -125,7 +125,8 @@ def _figures(dataset: Dataset, groups: Sequence[SeedGroup], note: str) -> list[_
         _Figure(
             "figure_1",
             "The viewing frustum of the sensor with the head in it, camera and projector; right, "
-            "what the camera sees of the head, and where the projector's light does not reach.",
+            "what the camera sees of the head, and where the projector's light does not reach: its "
+            "rays are dotted behind what stops them.",
             lambda: frustum_figure(dataset, example, note),
         ),
         _Figure(
