@@ -8,6 +8,7 @@ from glsim.dataset.chunk_writer import FrameMaker
 from glsim.dataset.driver import GenerateProgress, GenerateSummary, generate, write_dataset
 from glsim.dataset.layer_images import write_frame
 from glsim.dataset.reader import Dataset, Pair, Split, open_dataset
+from glsim.dataset.shard_samples import webdataset_decoder
 from glsim.dataset.verification import verify
 from glsim.worker_processes import Workers, available_workers
 
@@ -29,6 +30,7 @@ __all__ = [
     "generate",
     "open_dataset",
     "verify",
+    "webdataset_decoder",
     "write_dataset",
     "write_frame",
 ]
