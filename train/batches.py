@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -220,6 +221,14 @@ class JoinedPairs(ConcatDataset[Batch]):
     def __init__(self, parts: Sequence[PairDataset]) -> None:
         super().__init__(parts)
         self._parts = parts
+        self._remote = any(getattr(part, "is_remote", False) for part in parts)
+
+    def __getitems__(self, indices: list[int]) -> list[Batch]:
+        """Return the pairs of a batch; those in object storage are asked for at the same time."""
+        if not self._remote:
+            return [self[index] for index in indices]
+        with ThreadPoolExecutor(len(indices)) as pool:
+            return list(pool.map(self.__getitem__, indices))
 
     def set_epoch(self, epoch: int) -> None:
         """See ``PairDataset``."""
