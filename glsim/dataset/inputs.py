@@ -10,7 +10,7 @@ from glsim.faces.base import FaceSource
 from glsim.files.contents import content_hash, text_hash
 from glsim.gl.shader_source import load_source
 from glsim.noise.stage import Stage
-from glsim.plan.tasks import Task
+from glsim.plan.tasks import Task, people_of
 
 
 def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
@@ -42,8 +42,8 @@ def source_hashes(
     Sources without a method ``contents`` read no files.
     """
     subjects: dict[int, dict[str, None]] = defaultdict(dict)
-    for task in tasks:
-        subjects[task.source][task.key.subject] = None
+    for person in people_of(tasks):
+        subjects[person.source][person.name] = None
     hashes = {}
     for number, source in enumerate(sources):
         contents = getattr(source, "contents", None)
