@@ -7,6 +7,8 @@ parts together; ``write_dataset``, ``write_part`` and ``merge_dataset`` do so fo
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ from typing import Any
 from glsim.dataset.chunk_writer import FrameMaker
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.identity import Inputs, make_identity
-from glsim.dataset.output_folder import OutputFolder
+from glsim.dataset.output_folder import OutputFolder, PartBusyError
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary, RunCounts
 from glsim.dataset.run import (
@@ -25,10 +27,10 @@ from glsim.dataset.run import (
     in_processes,
     make_missing_chunks,
 )
-from glsim.errors import DatasetError
+from glsim.errors import DatasetError, DifferentMachineError
 from glsim.plan.tasks import Task, make_tasks
 from glsim.settings.schema import Settings
-from glsim.worker_processes import Workers, available_workers
+from glsim.worker_processes import Workers, available_workers, portable_environment
 
 Progress = Callable[[GenerateProgress], None]
 
@@ -39,15 +41,17 @@ def generate(
     *,
     workers: Workers = "auto",
     backend: str | None = None,
+    portable: bool = False,
     progress: Progress | None = None,
 ) -> GenerateSummary:
     """Generate the data set that ``settings`` describe in the folder ``out``, or resume it.
 
     The same settings on the same renderer give the same bytes. backend: "egl" or "osmesa".
+    portable: compute alike on all x86-64 processors since Haswell, see ``portable_environment``.
     Raises the errors of ``write_dataset`` and ``glsim.pipeline.simulate``.
     """
-    run = simulation_run(settings, out, backend=backend)
-    return run_all(run, in_processes(available_workers(workers)), progress)
+    run, render = simulation_run(settings, out, workers, backend=backend, portable=portable)
+    return run_all(run, render, progress)
 
 
 def generate_part(
@@ -57,16 +61,20 @@ def generate_part(
     *,
     workers: Workers = "auto",
     backend: str | None = None,
+    portable: bool = False,
+    leave: bool = False,
     progress: Progress | None = None,
 ) -> PartSummary:
     """Generate one part of a data set, and merge all parts if this was the last one.
 
     Parts may be made in any order, on many machines that share the folder ``out``, and again: the
-    bytes are those of ``generate``. Raises the errors of ``write_part`` and
-    ``glsim.pipeline.simulate``.
+    bytes are those of ``generate``. portable: as for ``generate``. leave: see ``write_part``.
+    Raises the errors of ``write_part`` and ``glsim.pipeline.simulate``.
     """
-    run = simulation_run(settings, out, part=part, backend=backend)
-    return run_part(run, in_processes(available_workers(workers)), progress)
+    run, render = simulation_run(
+        settings, out, workers, part=part, backend=backend, portable=portable
+    )
+    return run_part(run, render, progress, leave=leave)
 
 
 def merge_parts(settings: Settings, out: Path) -> GenerateSummary:
@@ -82,15 +90,21 @@ def merge_parts(settings: Settings, out: Path) -> GenerateSummary:
 
 
 def simulation_run(
-    settings: Settings, out: Path, *, part: Part | None = None, backend: str | None = None
-) -> DatasetRun:
-    """Return the run that simulates the data set, or a part, with this machine's renderer."""
+    settings: Settings,
+    out: Path,
+    workers: Workers = "auto",
+    *,
+    part: Part | None = None,
+    backend: str | None = None,
+    portable: bool = False,
+) -> tuple[DatasetRun, ChunkRenderer]:
+    """Return the run that simulates the data set, or a part, and what renders its chunks here."""
     # Imported here because reading a data set needs no OpenGL.
     from glsim.appearance.dress import worn_regions
-    from glsim.dataset.arithmetic import fingerprint, simulate_alike
+    from glsim.dataset.arithmetic import machine_of_workers, simulate_alike, this_machine
     from glsim.dataset.inputs import source_hashes, stage_hashes
     from glsim.faces.regions import region_numbers
-    from glsim.gl.context import borrowed_context, describe
+    from glsim.gl.context import borrowed_context
     from glsim.pipeline import open_sources
     from glsim.scene.scenery import scene_regions
     from glsim.sensors.sensor import sensor_of
@@ -99,27 +113,33 @@ def simulation_run(
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
     worn = worn_regions(settings.appearance, sources)
-    with borrowed_context(backend) as context:
-        renderer, arithmetic = describe(context)["renderer"], fingerprint(context)
+    environment = portable_environment() if portable else {}
+    if environment:
+        machine = machine_of_workers(environment, backend)
+    else:
+        with borrowed_context(backend) as context:
+            machine = this_machine(context)
     make_frames = partial(
         simulate_alike,
-        arithmetic=arithmetic,
+        renderer=machine.renderer,
+        arithmetic=machine.arithmetic,
         sources=sources,
         backend=backend,
         layers=settings.output.layers,
     )
 
     def inputs() -> Inputs:
-        return Inputs(stage_hashes(sensor.stages), source_hashes(sources, tasks), arithmetic)
+        stages, files = stage_hashes(sensor.stages), source_hashes(sources, tasks)
+        return Inputs(stages, files, machine.arithmetic)
 
     regions = (
         region_numbers(sources, [*scene_regions(settings.scene), *worn])
         if "regions" in settings.output.layers
         else {}
     )
-    return DatasetRun(
-        settings, tasks, out, make_frames, sensor.describe(), renderer, regions, inputs, part
-    )
+    described, renderer = sensor.describe(), machine.renderer
+    run = DatasetRun(settings, tasks, out, make_frames, described, renderer, regions, inputs, part)
+    return run, in_processes(available_workers(workers), environment)
 
 
 def write_dataset(
@@ -168,16 +188,19 @@ def write_part(
     regions: Mapping[str, int] | None = None,
     inputs: Callable[[], Inputs] | None = None,
     workers: Workers = "auto",
+    leave: bool = False,
     progress: Progress | None = None,
 ) -> PartSummary:
     """Write one part of a data set, and merge all parts if this was the last one.
 
-    The arguments and errors are those of ``write_dataset``. Also raises DatasetError if another
-    process makes the same part.
+    leave: if ``renderer`` or the arithmetic of ``inputs`` are not those of the machine that began
+    the data set, make nothing, and leave the chunks to parts that end later. Otherwise that raises
+    DifferentMachineError. The other arguments and errors are those of ``write_dataset``. Also
+    raises DatasetError if another process makes the same part.
     """
     render = in_processes(available_workers(workers))
     run = DatasetRun(settings, tasks, out, make_frames, sensor, renderer, regions, inputs, part)
-    return run_part(run, render, progress)
+    return run_part(run, render, progress, leave=leave)
 
 
 def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -> GenerateSummary:
@@ -188,23 +211,30 @@ def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -
         return finish(run.folder, run.plan, run.identity, counts)
 
 
-def run_part(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -> PartSummary:
+def run_part(
+    run: DatasetRun, render: ChunkRenderer, progress: Progress | None, *, leave: bool = False
+) -> PartSummary:
     """Make the chunks of the run's part with ``render``, and merge if no chunk is missing then."""
     assert run.part is not None
     counts = RunCounts(run.frames, progress)
-    folder = run.folder
-    with folder.locked_part(run.identity, run.found):
-        if not folder.is_merged:
-            make_missing_chunks(run, render, counts)
-        counts.report(last=True)
+    left, taken = "", []
+    try:
+        make_part(run, render, counts)
+        taken = take_left_parts(run, render)
+    except DifferentMachineError as error:
+        if not leave:
+            raise
+        left = str(error)
+        run.folder.leave_part(run.part)
+    counts.report(last=True)
     # The part that completes the last chunk sees all records here, after its lock is free: two
     # parts that end together both come to this line, and the second finds the work done.
-    absent = absent_chunks(folder, run.plan)
+    absent = absent_chunks(run.folder, run.plan)
     whole = None
-    if not absent:
-        whole_folder = OutputFolder(run.out)
-        with whole_folder.locked(run.identity, run.found, wait=True):
-            whole = finish(whole_folder, run.plan, run.identity, RunCounts(run.frames))
+    if not absent and not left:
+        folder = OutputFolder(run.out)
+        with folder.locked(run.identity, run.found, wait=True):
+            whole = finish(folder, run.plan, run.identity, RunCounts(run.frames))
     return PartSummary(
         part=run.part,
         frames=counts.frames,
@@ -216,7 +246,28 @@ def run_part(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) 
         cpu_seconds=counts.cpu_seconds,
         absent_chunks=len(absent),
         dataset=whole,
+        left=left,
+        taken=tuple(taken),
     )
+
+
+def make_part(run: DatasetRun, render: ChunkRenderer, counts: RunCounts) -> None:
+    """Make the chunks of the run's part under its lock; a merged data set is left alone."""
+    with run.folder.locked_part(run.identity, run.found):
+        if not run.folder.is_merged:
+            make_missing_chunks(run, render, counts)
+
+
+def take_left_parts(run: DatasetRun, render: ChunkRenderer) -> list[Part]:
+    """Make the chunks that other machines left; return their parts, without those in work."""
+    taken = []
+    for part in run.folder.left_parts():
+        other = replace(run, part=part)
+        with suppress(PartBusyError):
+            make_part(other, render, RunCounts(other.frames))
+            other.folder.take_part(part)
+            taken.append(part)
+    return taken
 
 
 def merge_dataset(

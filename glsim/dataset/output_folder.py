@@ -13,7 +13,7 @@ from typing import Any
 
 from glsim.dataset.disk_format import HEADER, MERGED_INDEX, STATE
 from glsim.dataset.identity import Inputs, refuse_changed_inputs, refuse_difference
-from glsim.dataset.parts import Part
+from glsim.dataset.parts import Part, named_part
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
 from glsim.dataset.schema import parse_frame
 from glsim.errors import DatasetError
@@ -32,11 +32,16 @@ from glsim.files.lock import locked, locked_together
 INPUTS = "inputs.json"
 
 
+class PartBusyError(DatasetError):
+    """Another process makes this part."""
+
+
 class OutputFolder:
     """The folder ``out`` of a data set, with the run's files in its sub-folder ``.glsim``.
 
         lock            held by the run that writes here; the kernel frees it when a process dies.
                         Parts hold it together, each with part-<number>-of-<parts>.lock
+        left-<part>     a part whose machine computes differently, and left its chunks to others
         plan.json       what is being made: settings, versions, renderer, fingerprint of the plan
         inputs.json     hashes of the files that the sources read
         chunks/         one record per complete chunk
@@ -86,7 +91,7 @@ class OutputFolder:
         """
         assert self._part is not None
         self._make_state()
-        busy = DatasetError(
+        busy = PartBusyError(
             f"{self.out}: part {self._part} is being made by another process: wait until it ends"
         )
         with (
@@ -250,8 +255,31 @@ class OutputFolder:
         with wrap_write_errors(self._chunks):
             shutil.rmtree(self._chunks)
 
-    def discard_part_locks(self) -> None:
-        """Remove the locks of parts; nobody holds one while the folder is locked."""
+    # ---------------------------------------------------------------- parts
+
+    def leave_part(self, part: Part) -> None:
+        """Let other parts take the chunks of this one."""
         with wrap_write_errors(self._state):
-            for lock in self._state.glob("*.lock"):
-                lock.unlink(missing_ok=True)
+            (self._state / f"left-{part.name}").touch()
+
+    def left_parts(self) -> list[Part]:
+        """Return the parts whose chunks others may take, in the order of their names."""
+        with wrap_write_errors(self._state):
+            return sorted(
+                (named_part(path.name.removeprefix("left-")) for path in self._left_files()),
+                key=lambda part: part.name,
+            )
+
+    def take_part(self, part: Part) -> None:
+        """Record that the chunks of a part that was left are complete."""
+        with wrap_write_errors(self._state):
+            (self._state / f"left-{part.name}").unlink(missing_ok=True)
+
+    def discard_part_files(self) -> None:
+        """Remove the locks and marks of parts; nobody uses one while the folder is locked."""
+        with wrap_write_errors(self._state):
+            for file in [*self._state.glob("*.lock"), *self._left_files()]:
+                file.unlink(missing_ok=True)
+
+    def _left_files(self) -> list[Path]:
+        return list(self._state.glob("left-*-of-*"))

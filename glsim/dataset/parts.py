@@ -44,6 +44,12 @@ class Part:
         return f"{self.number}/{self.of}"
 
 
+def named_part(name: str) -> Part:
+    """Return the part of this ``name``."""
+    number, _, of = name.partition("-of-")
+    return Part(int(number), int(of))
+
+
 def parse_part(text: str, environment: Mapping[str, str]) -> Part:
     """Parse "3/16"; "auto" asks the environment for both numbers, "auto/16" for the first.
 

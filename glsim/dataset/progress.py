@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from glsim.dataset.parts import Part
@@ -54,6 +54,8 @@ class PartSummary:
 
     frames, skipped: numbers of frames of this part. rendered, reused: as in GenerateSummary.
     absent_chunks: number of chunks of other parts that nobody has completed yet.
+    left: why this machine left its chunks to the other parts; "" if it did not.
+    taken: parts whose chunks, left by other machines, this run has made too.
     """
 
     part: Part
@@ -66,6 +68,8 @@ class PartSummary:
     cpu_seconds: float
     absent_chunks: int
     dataset: GenerateSummary | None = None
+    left: str = ""
+    taken: Sequence[Part] = ()
 
 
 @dataclass

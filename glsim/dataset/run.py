@@ -39,18 +39,22 @@ log = logging.getLogger(__name__)
 ChunkRenderer = Callable[[RenderJob, Sequence[int], ChunkPlan], Generator[ChunkEvent, None, None]]
 
 
-def in_processes(count: int) -> ChunkRenderer:
-    """Return the renderer that uses worker processes; with 1 it renders in this process."""
+def in_processes(count: int, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
+    """Return the renderer that uses worker processes; with 1 it renders in this process.
+
+    environment: variables for the workers. With any, one worker is a process too: NumPy and
+    OpenBLAS read them when they are loaded.
+    """
 
     def render(
         job: RenderJob, numbers: Sequence[int], plan: ChunkPlan
     ) -> Generator[ChunkEvent, None, None]:
         chunks: Iterable[Chunk] = (plan[number] for number in numbers)
         processes = min(count, len(numbers))
-        if processes == 1:
+        if processes == 1 and not environment:
             yield from render_chunks(job, chunks)
-        elif processes > 1:
-            with WorkerPool(job, processes) as pool:
+        elif processes:
+            with WorkerPool(job, processes, environment) as pool:
                 yield from pool.render_chunks(chunks)
 
     return render
@@ -188,7 +192,7 @@ def finish(
     """Merge the chunk records, unless that is done. The caller holds the folder's lock."""
     if not folder.is_merged:
         merge(folder, plan, identity)
-    folder.discard_part_locks()
+    folder.discard_part_files()
     header = read_json(folder.out / HEADER)
     reasons = _skip_reasons(folder.out / SKIPPED)
     counts.report(last=True)

@@ -152,6 +152,7 @@ def test_a_killed_part_resumes_beside_the_others(
     assert process.stdout is not None
     while int(process.stdout.readline()) < 5:
         pass
+    process.send_signal(signal.SIGSTOP)  # it holds its lock for as long as this test takes
     with pytest.raises(DatasetError, match="part 0/2 is being made by another process: wait"):
         make_part(tmp_path, "0/2", format)
     with pytest.raises(DatasetError, match="another run is writing here"):
