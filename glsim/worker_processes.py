@@ -49,11 +49,11 @@ def portable_environment() -> dict[str, str]:
     """
     if platform.machine() not in ("x86_64", "AMD64"):
         return {}
-    from numpy._core import _multiarray_umath
-
-    # NumPy warns of a feature that it does not know, or that the processor lacks.
-    here: Mapping[str, bool] = _multiarray_umath.__cpu_features__
-    chosen: Sequence[str] = _multiarray_umath.__cpu_dispatch__
+    # The same tables as numpy.show_runtime() prints. NumPy warns of a feature that it does not
+    # know, or that the processor lacks.
+    tables = import_module("numpy._core._multiarray_umath")
+    here: Mapping[str, bool] = tables.__cpu_features__
+    chosen: Sequence[str] = tables.__cpu_dispatch__
     disabled = [name for name in chosen if name.startswith(_AFTER_HASWELL) and here.get(name)]
     features = {"NPY_DISABLE_CPU_FEATURES": " ".join(disabled)} if disabled else {}
     return _HASWELL | features

@@ -22,7 +22,7 @@ from glsim.dataset import (
     write_part,
 )
 from glsim.dataset.identity import Inputs
-from glsim.errors import ConfigError, DatasetError
+from glsim.errors import ConfigError, DatasetError, DifferentMachineError
 from tests.support.dataset_fakes import (
     SENSOR,
     Fault,
@@ -58,6 +58,7 @@ def make_part(
     workers: int = 1,
     inputs: Any = None,
     progress: Any = None,
+    leave: bool = False,
     **faults: Any,
 ) -> PartSummary:
     return write_part(
@@ -70,6 +71,7 @@ def make_part(
         renderer=renderer,
         workers=workers,
         inputs=inputs,
+        leave=leave,
         progress=progress,
     )
 
@@ -209,6 +211,32 @@ def test_parts_of_other_settings_or_machines_are_refused(tmp_path: Path) -> None
         make_part(tmp_path, "1/3", tasks=make_tasks(7))
     with pytest.raises(ConfigError, match='renderer = "fake renderer", not "another"'):
         make_part(tmp_path, "1/3", renderer="another")
+
+
+@pytest.mark.parametrize("different", ["renderer", "arithmetic"])
+def test_a_machine_that_differs_leaves_its_chunks_to_the_others(
+    tmp_path: Path, different: str
+) -> None:
+    def part(number: int, other: bool = False, **options: Any) -> PartSummary:
+        renderer = "another" if other and different == "renderer" else "fake renderer"
+        arithmetic = "another" if other and different == "arithmetic" else "first"
+        inputs = partial(Inputs, {}, {}, arithmetic)
+        return make_part(
+            tmp_path / "out", f"{number}/3", renderer=renderer, inputs=inputs, **options
+        )
+
+    part(0)
+    with pytest.raises(DifferentMachineError, match=r"was begun (with renderer|by a processor)"):
+        part(1, other=True)
+    left = part(1, other=True, leave=True)
+    assert (left.rendered, left.dataset) == (0, None)
+    assert "was begun" in left.left
+    last = part(2)
+    assert last.taken == (Part(1, 3),)
+    assert last.dataset is not None
+    assert verify(tmp_path / "out", deep=True) == []
+    make(tmp_path / "whole", inputs=partial(Inputs, {}, {}, "first"), **SKIP)
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
 def test_parts_are_named_by_both_ways_of_counting() -> None:
