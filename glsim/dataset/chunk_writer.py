@@ -12,6 +12,7 @@ from typing import IO, Any, Protocol, cast
 
 from glsim.dataset.chunks import Chunk
 from glsim.dataset.output_folder import OutputFolder
+from glsim.dataset.parts import Part
 from glsim.dataset.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
 from glsim.errors import GlsimError, MeshError
 from glsim.files.atomic import AtomicFile, checksum, to_json, wrap_write_errors, write_atomic
@@ -35,11 +36,12 @@ class FrameMaker(Protocol):
 
 @dataclass(frozen=True)
 class RenderJob:
-    """What all workers of a run share: settings, output folder and simulator."""
+    """What all workers of a run share: settings, output folder, simulator, and the run's part."""
 
     settings: Settings
     out: Path
     make_frames: FrameMaker
+    part: Part | None = None
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class _ChunkWriter:
     def __init__(self, job: RenderJob, chunk: Chunk) -> None:
         self._settings = job.settings
         self._chunk = chunk
-        self._folder = OutputFolder(job.out)
+        self._folder = OutputFolder(job.out, job.part)
         self._frames: list[str] = []
         self._skipped: list[str] = []
         self._bytes = 0
