@@ -22,6 +22,7 @@ from glsim.cli.common import (
 )
 from glsim.cli.progress import generation_progress
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.cloud import cloud_url
 
 if TYPE_CHECKING:
     from glsim.dataset import GenerateSummary
@@ -41,6 +42,8 @@ glsim generate -o data --source d3dfacs --root d3dfacs_alignments --every 5 --sp
 
 glsim generate -o data --set 'pose.yaw_deg={uniform=[-30,30]}' --sensor kinect-v2-paper
 
+glsim generate -o s3://bucket/faces --format webdataset --subjects 1000 --ray auto
+
 glsim generate -o data --preset office --subjects 200 --frames-per-subject 10
 
 glsim generate -o shared/data --subjects 100000 --part 3/16     one of 16 jobs on many machines
@@ -53,7 +56,12 @@ Repeat the same command to resume an interrupted run or to check a finished one.
 
 def generate(
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder for the data set.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            help="Folder for the data set, or a URL such as s3://bucket/faces for shards.",
+        ),
     ] = None,
     source: Annotated[
         str | None,
@@ -154,6 +162,13 @@ def generate(
             "timeout_min=240, slurm_partition=cpu. Repeatable.",
         ),
     ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Render on a cluster of Ray: auto, HOST:6379, or local. pip install 'glsim[ray]'",
+        ),
+    ] = None,
     portable: Annotated[
         bool,
         typer.Option(
@@ -207,7 +222,7 @@ def generate(
         return
     if out is None:
         raise ConfigError("give -o DIR, the folder of the data set (or --plan to print the plan)")
-    _refuse_together(part=part, merge=merge, slurm=slurm)
+    _refuse_together(part=part, merge=merge, slurm=slurm, ray=ray)
     from glsim.cli.generate_parts import make_one_part, merge_all_parts, submit_parts
 
     options = {"workers": worker_count(workers), "backend": backend, "portable": portable}
@@ -223,7 +238,7 @@ def generate(
         from glsim.dataset import generate as run
 
         with generation_progress() as progress:
-            summary = run(settings, out, **options, progress=progress)  # type: ignore[arg-type]
+            summary = run(settings, out, **options, ray=ray, progress=progress)  # type: ignore[arg-type]
         print_summary(summary, out)
 
 
@@ -237,7 +252,10 @@ def print_summary(summary: GenerateSummary, out: Path) -> None:
     """Print a summary of a run. Raises DatasetError if it has no frame."""
     frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())
     people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
-    print_message(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")
+    where = cloud_url(out) or str(out)
+    print_message(
+        f"{where}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})"
+    )
     if summary.reused:
         print_message(f"{summary.reused} of them were complete already")
     if summary.rendered:
@@ -250,4 +268,4 @@ def print_summary(summary: GenerateSummary, out: Path) -> None:
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
         console.print(f"skipped {count}: {why}", style="yellow")
     if not sum(summary.frames.values()):
-        raise DatasetError(f"{out}: no frame could be made, see {out / 'skipped.jsonl'}")
+        raise DatasetError(f"{where}: no frame could be made, see {where}/skipped.jsonl")

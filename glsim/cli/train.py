@@ -61,7 +61,8 @@ def train(
         typer.Option(
             "--data",
             metavar="DIR",
-            help="A data set of glsim generate. Repeatable; data sets are joined.",
+            help="A data set of glsim generate: a folder, or a URL such as s3://bucket/faces. "
+            "Repeatable; data sets are joined.",
         ),
     ] = None,
     simulate: Annotated[

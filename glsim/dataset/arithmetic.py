@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import socket
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,10 @@ from glsim.frame import Frame, Skipped
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
 from glsim.worker_processes import WorkerFailure, WorkerProcess
+
+if TYPE_CHECKING:
+    from glsim.faces.base import FaceSource
+    from glsim.pipeline import Simulator
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,47 @@ def simulate_alike(
     with borrowed_context(backend) as context:
         this_machine(context).refuse_other(renderer, arithmetic)
         yield from simulate(settings, tasks, context=context, **options)
+
+
+class KeptSimulator:
+    """Makes frames as ``simulate_alike``, with one context and simulator for all its calls.
+
+    It is for processes that are given their tasks piece by piece: linking the programs anew takes
+    as long as some ten frames. The context lives as long as the process.
+    """
+
+    def __init__(
+        self,
+        *,
+        renderer: str,
+        arithmetic: str,
+        sources: Sequence[FaceSource],
+        backend: str | None = None,
+        layers: Collection[str],
+    ) -> None:
+        self.sources = sources
+        self._renderer, self._arithmetic = renderer, arithmetic
+        self._backend, self._layers = backend, layers
+        self._kept: tuple[Settings, Simulator] | None = None
+
+    def __call__(self, settings: Settings, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
+        """Yield one result per task, in order. Raises as ``simulate_alike``."""
+        from glsim.gl.context import open_context
+        from glsim.pipeline import Simulator
+
+        if self._kept is None or self._kept[0] != settings:
+            context = open_context(self._backend)
+            this_machine(context).refuse_other(self._renderer, self._arithmetic)
+            made = Simulator(settings, list(self.sources), context, (), self._layers)
+            self._kept = settings, made
+        yield from self._kept[1].frames(tasks)
+
+
+def keeping_simulator(make_frames: Any) -> Any:
+    """Return a KeptSimulator for a partial ``simulate_alike``; any other maker as it is."""
+    if isinstance(make_frames, partial) and make_frames.func is simulate_alike:
+        return KeptSimulator(**make_frames.keywords)
+    return make_frames
 
 
 @lru_cache(maxsize=1)

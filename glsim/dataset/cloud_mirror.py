@@ -12,13 +12,12 @@ from glsim.dataset.manifest import REPAIR
 from glsim.dataset.schema import MAX_HEADER_BYTES, parse_header
 from glsim.errors import DatasetError
 from glsim.faces.cache_folder import cache_folder
-from glsim.files.atomic import AtomicFile, file_checksum, write_atomic
+from glsim.files.atomic import file_checksum, write_atomic
 from glsim.files.cloud import CloudFolder
 from glsim.files.contents import text_hash
 
 log = logging.getLogger(__name__)
 
-_BLOCK_BYTES = 1 << 24
 #: Bytes from the end of the index of chunks that hold its last line, see ``header_problem``.
 _INDEX_END_BYTES = 4096
 #: Bytes between two members of a shard: a header and the rest of the last block, 512 each.
@@ -67,9 +66,7 @@ def _copy(remote: CloudFolder, name: str, file: Path, recorded: Mapping[str, int
             f"{recorded['size']} recorded): {REPAIR}"
         )
     log.info("%s: copying %.0f MB to %s", remote.where(name), size / 1e6, file.parent)
-    with AtomicFile(file, sync=False) as copy:
-        for start in range(0, size, _BLOCK_BYTES):
-            copy.write(remote.read_range(name, start, min(_BLOCK_BYTES, size - start)))
+    remote.download(name, file)
 
 
 def fetch_images(remote: CloudFolder, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:

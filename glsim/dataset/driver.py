@@ -15,8 +15,9 @@ from typing import Any
 
 from glsim.dataset.chunk_writer import FrameMaker
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
+from glsim.dataset.cloud_output import open_output
 from glsim.dataset.identity import Inputs, make_identity
-from glsim.dataset.output_folder import OutputFolder, PartBusyError
+from glsim.dataset.output_folder import PartBusyError
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary, RunCounts
 from glsim.dataset.run import (
@@ -37,26 +38,33 @@ Progress = Callable[[GenerateProgress], None]
 
 def generate(
     settings: Settings,
-    out: Path,
+    out: Path | str,
     *,
     workers: Workers = "auto",
     backend: str | None = None,
     portable: bool = False,
+    ray: str | None = None,
     progress: Progress | None = None,
 ) -> GenerateSummary:
     """Generate the data set that ``settings`` describe in the folder ``out``, or resume it.
+
+    out: a folder, or a URL of object storage such as s3://bucket/faces for the format webdataset.
+    ray: the address of a cluster of Ray that renders instead of ``workers``, see
+    ``glsim.ray_cluster.ray_cluster``.
 
     The same settings on the same renderer give the same bytes. backend: "egl" or "osmesa".
     portable: compute alike on all x86-64 processors since Haswell, see ``portable_environment``.
     Raises the errors of ``write_dataset`` and ``glsim.pipeline.simulate``.
     """
-    run, render = simulation_run(settings, out, workers, backend=backend, portable=portable)
+    run, render = simulation_run(
+        settings, out, workers, backend=backend, portable=portable, ray=ray
+    )
     return run_all(run, render, progress)
 
 
 def generate_part(
     settings: Settings,
-    out: Path,
+    out: Path | str,
     part: Part,
     *,
     workers: Workers = "auto",
@@ -77,7 +85,7 @@ def generate_part(
     return run_part(run, render, progress, leave=leave)
 
 
-def merge_parts(settings: Settings, out: Path) -> GenerateSummary:
+def merge_parts(settings: Settings, out: Path | str) -> GenerateSummary:
     """Complete the data set of ``settings`` whose parts are all made; OpenGL is not needed.
 
     Raises DatasetError if a chunk is missing, and ConfigError for other settings than the parts'.
@@ -91,12 +99,13 @@ def merge_parts(settings: Settings, out: Path) -> GenerateSummary:
 
 def simulation_run(
     settings: Settings,
-    out: Path,
+    out: Path | str,
     workers: Workers = "auto",
     *,
     part: Part | None = None,
     backend: str | None = None,
     portable: bool = False,
+    ray: str | None = None,
 ) -> tuple[DatasetRun, ChunkRenderer]:
     """Return the run that simulates the data set, or a part, and what renders its chunks here."""
     # Imported here because reading a data set needs no OpenGL.
@@ -139,13 +148,17 @@ def simulation_run(
     )
     described, renderer = sensor.describe(), machine.renderer
     run = DatasetRun(settings, tasks, out, make_frames, described, renderer, regions, inputs, part)
+    if ray is not None:
+        from glsim.dataset.ray_renderer import on_ray
+
+        return run, on_ray(ray, environment)
     return run, in_processes(available_workers(workers), environment)
 
 
 def write_dataset(
     settings: Settings,
     tasks: Sequence[Task],
-    out: Path,
+    out: Path | str,
     make_frames: FrameMaker,
     *,
     sensor: Mapping[str, Any],
@@ -179,7 +192,7 @@ def write_dataset(
 def write_part(
     settings: Settings,
     tasks: Sequence[Task],
-    out: Path,
+    out: Path | str,
     make_frames: FrameMaker,
     part: Part,
     *,
@@ -232,7 +245,7 @@ def run_part(
     absent = absent_chunks(run.folder, run.plan)
     whole = None
     if not absent and not left:
-        folder = OutputFolder(run.out)
+        folder = open_output(run.out)
         with folder.locked(run.identity, run.found, wait=True):
             whole = finish(folder, run.plan, run.identity, RunCounts(run.frames))
     return PartSummary(
@@ -271,7 +284,7 @@ def take_left_parts(run: DatasetRun, render: ChunkRenderer) -> list[Part]:
 
 
 def merge_dataset(
-    settings: Settings, tasks: Sequence[Task], out: Path, *, sensor: Mapping[str, Any]
+    settings: Settings, tasks: Sequence[Task], out: Path | str, *, sensor: Mapping[str, Any]
 ) -> GenerateSummary:
     """Complete the data set of ``tasks`` whose parts are all made.
 
@@ -279,7 +292,7 @@ def merge_dataset(
     if a chunk is missing, and the errors of ``write_dataset``.
     """
     plan = ChunkPlan(tasks, CHUNK_FRAMES[settings.output.format])
-    folder = OutputFolder(out)
+    folder = open_output(out)
     begun = folder.begun_identity()
     identity = make_identity(settings, plan, sensor, begun["renderer"])
     identity |= {name: begun[name] for name in ("regions", "inputs") if name in begun}

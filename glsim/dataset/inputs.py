@@ -6,6 +6,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
+from glsim.dataset.identity import Inputs
+from glsim.errors import ConfigError
 from glsim.faces.base import FaceSource
 from glsim.files.contents import content_hash, text_hash
 from glsim.gl.shader_source import load_source
@@ -32,6 +34,23 @@ def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
             texts[file].append(line)
         hashes |= {file: text_hash("\n".join(lines)) for file, lines in texts.items()}
     return dict(sorted(hashes.items()))
+
+
+def refuse_other_inputs(
+    expected: Inputs, sources: Sequence[FaceSource], tasks: Sequence[Task], where: str
+) -> None:
+    """Raise ConfigError if this machine has other files for some tasks than ``expected`` says.
+
+    expected: the inputs of the whole data set, on the machine that drives it. where: this machine.
+    """
+    for source, files in source_hashes(sources, tasks).items():
+        theirs = expected.sources.get(source, {})
+        for name, hash in files.items():
+            if theirs.get(name) != hash:
+                raise ConfigError(
+                    f"{where}: source {source}: {name} is not the driver's file: give every "
+                    "machine the same files in the same place"
+                )
 
 
 def source_hashes(

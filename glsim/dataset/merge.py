@@ -33,10 +33,8 @@ from glsim.files.atomic import (
     file_checksum,
     to_json,
     wrap_read_errors,
-    wrap_write_errors,
     write_atomic,
 )
-from glsim.files.flush import flush_file
 from glsim.files.regular import open_regular
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -96,6 +94,7 @@ def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) ->
         temporary = folder.temporary_path(HEADER)
         checksum = write_atomic(data, folder.out / HEADER, temporary=temporary)
         index_file.write(to_json(checksum, HEADER).encode() + b"\n")
+    folder.publish_merged(outputs.keys() | {README, CROISSANT})
     folder.discard_chunk_records()
 
 
@@ -172,7 +171,4 @@ def unmerge(folder: OutputFolder, chunks: int, damaged: set[int]) -> None:
     for number, record in enumerate(read_merged_chunks(folder, chunks)):
         if record is not None and number not in damaged:
             folder.save_chunk(record)
-    with wrap_write_errors(folder.out):
-        (folder.out / HEADER).unlink(missing_ok=True)
-        flush_file(folder.out)  # from now on nothing calls the set complete
-        folder.merged_index.unlink()
+    folder.withdraw()

@@ -25,7 +25,7 @@ from glsim.files.atomic import (
     wrap_write_errors,
     write_atomic,
 )
-from glsim.files.flush import flush_files
+from glsim.files.flush import flush_file, flush_files
 from glsim.files.lock import locked, locked_together
 
 #: The file with the hashes of the sources' files; it only serves messages.
@@ -249,6 +249,19 @@ class OutputFolder:
             return f"{file['name']} is missing"
         same = actual["size"] == file["size"] and actual["crc32"] == file["crc32"]
         return None if same else f"{file['name']} is damaged"
+
+    def publish_merged(self, names: Iterable[str]) -> None:
+        """Do nothing: the files of the merged data set are in their place.
+
+        names: of all that describe the whole set, besides its header and the index of chunks.
+        """
+
+    def withdraw(self) -> None:
+        """Remove what calls the data set complete, the header before the index of chunks."""
+        with wrap_write_errors(self.out):
+            (self.out / HEADER).unlink(missing_ok=True)
+            flush_file(self.out)
+            self.merged_index.unlink()
 
     def discard_chunk_records(self) -> None:
         """Remove the chunk records, which the manifest replaces."""

@@ -19,6 +19,7 @@ from typing import Any
 
 from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob, render_chunks
 from glsim.dataset.chunks import CHUNK_FRAMES, Chunk, ChunkPlan
+from glsim.dataset.cloud_output import open_output
 from glsim.dataset.disk_format import HEADER, SKIPPED
 from glsim.dataset.identity import Inputs, make_identity
 from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
@@ -27,8 +28,9 @@ from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateSummary, RunCounts
 from glsim.dataset.records import ChunkRecord, ChunkSummary
 from glsim.dataset.worker_pool import WorkerPool
-from glsim.errors import DatasetError
+from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import read_json, wrap_write_errors
+from glsim.files.cloud import cloud_url
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
 
@@ -66,7 +68,7 @@ class DatasetRun:
 
     settings: Settings
     tasks: Sequence[Task]
-    out: Path
+    out: Path | str
     make_frames: FrameMaker
     sensor: Mapping[str, Any]
     renderer: str
@@ -76,6 +78,11 @@ class DatasetRun:
     plan: ChunkPlan = field(init=False)
 
     def __post_init__(self) -> None:
+        if cloud_url(self.out) is not None and self.settings.output.format != "webdataset":
+            raise ConfigError(
+                f"{self.out}: object storage takes shards: give --format webdataset "
+                "(output.format), or a folder"
+            )
         plan = ChunkPlan(self.tasks, CHUNK_FRAMES[self.settings.output.format])
         object.__setattr__(self, "plan", plan)
 
@@ -96,8 +103,8 @@ class DatasetRun:
 
     @cached_property
     def folder(self) -> OutputFolder:
-        """The folder ``out``."""
-        return OutputFolder(self.out, self.part)
+        """The folder ``out``, on disk or in object storage."""
+        return open_output(self.out, self.part)
 
     @property
     def numbers(self) -> range:
@@ -119,7 +126,7 @@ def make_missing_chunks(run: DatasetRun, render: ChunkRenderer, counts: RunCount
     The caller holds the lock of the folder, or of the part.
     """
     missing = find_missing_chunks(run, counts)
-    job = RenderJob(run.settings, run.out, run.make_frames, run.part)
+    job = RenderJob(run.settings, run.folder, run.make_frames, run.found)
     with closing(render(job, missing, run.plan)) as events:
         for event in events:
             if isinstance(event, ChunkSummary):

@@ -13,11 +13,13 @@ import random
 import re
 import time
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.atomic import AtomicFile
 
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
@@ -39,6 +41,10 @@ _LASTING = (FileNotFoundError, FileExistsError, PermissionError, IsADirectoryErr
 #: Classes of botocore and google.auth, by name because neither is imported here.
 _NO_ACCESS = ("NoCredentialsError", "DefaultCredentialsError", "PartialCredentialsError")
 _BLOCK_BYTES = 1 << 24
+#: Requests at the same time where many objects are deleted: each takes tens of milliseconds.
+_CONNECTIONS = 16
+#: Largest object that S3 takes in one request (its documentation: 5 GB).
+_MAX_PUT_BYTES = 5 * 1000**3
 
 
 def cloud_url(path: Path | str) -> str | None:
@@ -102,6 +108,20 @@ class CloudFolder:
 
         return self._try(name, ask)
 
+    def download(self, name: str, file: Path) -> bool:
+        """Copy an object to a file; return whether there is one."""
+        size = self.size(name)
+        if size is None:
+            return False
+        with AtomicFile(file, sync=False) as copy:
+            for block in self._blocks(name, size):
+                copy.write(block)
+        return True
+
+    def _blocks(self, name: str, size: int) -> Iterator[bytes]:
+        for start in range(0, size, _BLOCK_BYTES):
+            yield self.read_range(name, start, min(_BLOCK_BYTES, size - start))
+
     def checksum(self, name: str) -> dict[str, int] | None:
         """Return the size and CRC32 of an object's bytes; None if there is none.
 
@@ -125,8 +145,8 @@ class CloudFolder:
         if size is None:
             return found
         crc32 = 0
-        for start in range(0, size, _BLOCK_BYTES):
-            crc32 = zlib.crc32(self.read_range(name, start, min(_BLOCK_BYTES, size - start)), crc32)
+        for block in self._blocks(name, size):
+            crc32 = zlib.crc32(block, crc32)
         return {"size": size, "crc32": crc32}
 
     def names(self, prefix: str) -> list[str]:
@@ -148,9 +168,10 @@ class CloudFolder:
         """Write a file's bytes as an object; one of that name is replaced."""
 
         def send(fs: Any, path: str) -> None:
-            # One request for up to 5 GB: S3 checks it against its CRC32, and keeps that.
-            whole = {"chunksize": 1 << 33} if hasattr(fs, "call_s3") else {}
-            fs.put_file(str(file), path, **whole, **_checked(fs))
+            options: dict[str, Any] = _checked(fs)
+            if options and file.stat().st_size < _MAX_PUT_BYTES:
+                options["chunksize"] = _MAX_PUT_BYTES  # one request: S3 keeps its CRC32
+            fs.put_file(str(file), path, **options)
 
         self._write(name, send)
 
@@ -172,8 +193,8 @@ class CloudFolder:
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete objects; those that are not there are left out."""
-        for name in names:
-            self._try(name, lambda fs, path: fs.rm_file(path))
+        with ThreadPoolExecutor(_CONNECTIONS) as pool:
+            list(pool.map(lambda name: self._try(name, lambda fs, path: fs.rm_file(path)), names))
 
     # ---------------------------------------------------------------- connection and retries
 
@@ -236,7 +257,7 @@ class CloudFolder:
         raise AssertionError("the last attempt returns or raises")
 
 
-def _checked(fs: Any) -> dict[str, str]:
+def _checked(fs: Any) -> dict[str, Any]:
     """Return the options that let S3 check what it receives and keep the CRC32."""
     return {"ChecksumAlgorithm": "CRC32"} if hasattr(fs, "call_s3") else {}
 

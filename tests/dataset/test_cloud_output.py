@@ -1,0 +1,223 @@
+"""Writing to object storage: whatever the store does, its bytes are those of a local run."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from glsim.dataset import cloud_lock, open_dataset, write_part
+from glsim.dataset.chunks import CHUNK_FRAMES
+from glsim.dataset.parts import Part
+from glsim.errors import ConfigError, DatasetError
+from glsim.files import cloud
+from glsim.files.cloud import CloudFolder
+from tests.support.dataset_fakes import (
+    SENSOR,
+    Fault,
+    contents,
+    fake_frames,
+    make,
+    make_settings,
+    make_tasks,
+)
+from tests.support.object_store import BUCKET, Faults, Store, object_store
+
+SHARDS = make_settings(format="webdataset")
+#: Two shards of the split train, one of each of the others.
+TASKS = make_tasks(4, 5)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_shards() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(CHUNK_FRAMES, "webdataset", 8)
+        yield
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    out = tmp_path_factory.mktemp("expected") / "set"
+    make(out, SHARDS, TASKS)
+    return contents(out)
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Store]:
+    with pytest.MonkeyPatch.context() as patch, object_store(patch) as store:
+        yield store
+
+
+@pytest.fixture
+def store(server: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(cloud, "RETRY_AFTER_S", (0.0,) * 8)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    server.faults = Faults()
+    server.requests.clear()
+    yield server
+    server.faults = Faults()
+    assert not list(tmp_path.glob("glsim-*")), "a temporary folder is left"
+
+
+@pytest.fixture
+def url(request: pytest.FixtureRequest) -> str:
+    return f"s3://{BUCKET}/{abs(hash(request.node.name))}"
+
+
+def stored(url: str) -> dict[str, bytes]:
+    """Return name -> bytes of all objects of a data set, without locks."""
+    import s3fs
+
+    fs, root = s3fs.S3FileSystem(), url.removeprefix("s3://")
+    fs.invalidate_cache()
+    found = {path.removeprefix(f"{root}/"): fs.cat_file(path) for path in fs.find(root)}
+    return {name: data for name, data in found.items() if not name.endswith("lock")}
+
+
+def test_the_objects_are_the_files_of_a_local_run(store: Store, url: str, expected) -> None:
+    summary = make(url, SHARDS, TASKS)
+    assert stored(url) == expected
+    assert summary.rendered == 20
+    assert len(open_dataset(url)) == 20
+    store.requests.clear()
+    again = make(url, SHARDS, TASKS)
+    assert (again.rendered, again.reused) == (0, 20)
+    assert not any(method == "PUT" and path.endswith(".tar") for method, path in store.requests)
+
+
+def test_workers_upload_their_shards(store: Store, url: str, expected) -> None:
+    make(url, SHARDS, TASKS, workers=2)
+    assert stored(url) == expected
+
+
+def test_failing_and_throttled_requests_change_nothing(store: Store, url: str, expected) -> None:
+    store.faults = Faults(throttled=0.2, failed_puts=0.2, lost_answers=0.2)
+    make(url, SHARDS, TASKS)
+    assert {kind for kind, count in store.faults.counts.items() if count} == {
+        "throttled", "failed_puts", "lost_answers",
+    }  # fmt: skip
+    store.faults = Faults()
+    assert stored(url) == expected
+
+
+def interrupt(url: str, index: int) -> None:
+    with pytest.raises(ZeroDivisionError):
+        make(url, SHARDS, TASKS, faults=(Fault("bug", index),))
+
+
+def test_a_run_is_resumed_from_the_bucket(store: Store, url: str, expected) -> None:
+    interrupt(url, 18)
+    names = stored(url)
+    assert "train-000000.tar" in names
+    assert "dataset.json" not in names
+    with pytest.raises(DatasetError, match="is not complete"):
+        open_dataset(url)
+    summary = make(url, SHARDS, TASKS)
+    assert summary.reused == 10
+    assert stored(url) == expected
+
+
+def test_a_list_that_lags_costs_work_and_no_bytes(store: Store, url: str, expected) -> None:
+    interrupt(url, 18)
+    store.faults = Faults(hidden=("00000001.jsonl", "train-000000.tar"))
+    summary = make(url, SHARDS, TASKS)
+    assert store.faults.counts["hidden"] >= 2
+    assert summary.reused == 8  # the first shard is asked for by its name
+    store.faults = Faults()
+    assert stored(url) == expected
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"train-000000.tar": b"short"},
+        {"train-000000.tar": None},
+        {"manifest.jsonl": None},
+        {"skipped.jsonl": b"more\n"},
+        {"dataset.json": b"{}"},
+        {".glsim/chunks.jsonl": b"nothing"},
+    ],
+    ids=str,
+)
+def test_a_damaged_data_set_is_repaired(store: Store, url: str, expected, damage) -> None:
+    make(url, SHARDS, TASKS)
+    folder = CloudFolder(url)
+    for name, data in damage.items():
+        folder.delete([name]) if data is None else folder.put(name, data)
+    make(url, SHARDS, TASKS)
+    assert stored(url) == expected
+
+
+def test_parts_are_merged_by_the_last_one(store: Store, url: str, expected) -> None:
+    def part(number: int):
+        return write_part(
+            SHARDS, TASKS, url, fake_frames, Part(number, 2),
+            sensor=SENSOR, renderer="fake renderer", workers=1,
+        )  # fmt: skip
+
+    first = part(1)
+    assert first.dataset is None
+    assert first.absent_chunks == 2
+    assert part(0).dataset is not None
+    assert stored(url) == expected
+
+
+def test_another_data_set_is_refused(store: Store, url: str) -> None:
+    interrupt(url, 18)
+    with pytest.raises(ConfigError, match=rf"{url} was begun with seed"):
+        make(url, SHARDS.model_copy(update={"seed": 9}), TASKS)
+    with pytest.raises(ConfigError, match="object storage takes shards"):
+        make(url, make_settings(format="png"), TASKS)
+    CloudFolder(f"{url}-other").put("notes.txt", b"mine")
+    with pytest.raises(DatasetError, match="holds no data set of glsim"):
+        make(f"{url}-other", SHARDS, TASKS)
+
+
+def test_a_bucket_that_is_not_there_is_named(store: Store) -> None:
+    with pytest.raises(DatasetError, match=r"s3://nobody/set.*no such bucket"):
+        make("s3://nobody/set", SHARDS, TASKS)
+
+
+def test_one_of_two_runs_gets_the_lock(store: Store, url: str, monkeypatch) -> None:
+    monkeypatch.setattr(cloud_lock, "BEAT_S", 0.05)
+    monkeypatch.setattr(cloud_lock, "EXPIRES_S", 5.0)
+    folder, won, refused = CloudFolder(url), [], []
+    both = threading.Barrier(2)
+
+    def run() -> None:
+        both.wait()
+        try:
+            with cloud_lock.cloud_lock(folder, "lock"):
+                won.append(1)
+                both.wait()
+        except DatasetError as error:
+            refused.append(str(error))
+            both.wait()
+
+    threads = [threading.Thread(target=run) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(won) == 1
+    assert "another run is writing here" in refused[0]
+    assert folder.size("lock") is None
+
+
+@pytest.mark.parametrize(
+    ("host", "pid"), [("another-machine", 1), (None, 2**22 + 1)], ids=["silent", "dead"]
+)
+def test_the_lock_of_a_dead_run_is_taken_over(
+    store: Store, url: str, monkeypatch: pytest.MonkeyPatch, host: str | None, pid: int
+) -> None:
+    monkeypatch.setattr(cloud_lock, "EXPIRES_S", 0.2)
+    folder = CloudFolder(url)
+    words = {"host": host or cloud_lock.socket.gethostname(), "pid": pid, "token": "x", "beat": 3}
+    folder.put("lock", json.dumps(words).encode())
+    with cloud_lock.cloud_lock(folder, "lock"):
+        assert b'"x"' not in folder.read("lock", 4096)
+    assert folder.size("lock") is None
