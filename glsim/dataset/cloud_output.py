@@ -243,15 +243,15 @@ class CloudOutput(OutputFolder):
         """Return the parts that are left to other machines, in order."""
         names = [name for name in self.cloud.names(STATE) if name.startswith(_LEFT)]
         parts = [named_part(name.removeprefix(_LEFT)) for name in names]
-        return sorted(parts, key=lambda part: (part.of, part.number))
+        return sorted(parts, key=lambda part: part.name)
 
     def take_part(self, part: Part) -> None:
         """Record that the chunks of a part that was left are complete."""
         self.cloud.delete([f"{STATE}/{_LEFT}{part.name}"])
 
-    def discard_part_locks(self) -> None:
+    def discard_part_files(self) -> None:
         """Remove the locks of parts, and what says that some were left."""
-        super().discard_part_locks()
+        super().discard_part_files()
         names = self.cloud.names(STATE)
         old = [name for name in names if name.endswith(".lock") or name.startswith(_LEFT)]
         self.cloud.delete(f"{STATE}/{name}" for name in old)

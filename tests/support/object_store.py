@@ -66,7 +66,8 @@ class Store:
             return _answer(environ, start, "500 Internal Server Error", _FAILED)
         if faults.hidden and "list-type=2" in environ.get("QUERY_STRING", ""):
             return self._lagging_list(environ, start)
-        return self._application(environ, start)
+        answer: Iterable[bytes] = self._application(environ, start)
+        return answer
 
     def _lagging_list(self, environ: dict[str, Any], start: Callable[..., Any]) -> Iterable[bytes]:
         head: list[Any] = []
