@@ -126,9 +126,12 @@ class StoredBatches:
 class SimulatedBatches:
     """Batches rendered on demand; see ``BatchSource``. Each epoch continues the same stream."""
 
-    def __init__(self, settings: Settings, recipe: Recipe) -> None:
-        """Render the validation frames. Raises ConfigError, MeshError, DeviceError."""
-        self._settings, self._recipe = settings, recipe
+    def __init__(self, settings: Settings, recipe: Recipe, ray: str | None = None) -> None:
+        """Render the validation frames. ray: as in SimulatedPairs.
+
+        Raises ConfigError, MeshError, DeviceError.
+        """
+        self._settings, self._recipe, self._ray = settings, recipe, ray
         self.fingerprint = self._pairs(0, 0).fingerprint()
         count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
         steps = -(-count // VALIDATION_BATCH)
@@ -139,6 +142,7 @@ class SimulatedBatches:
             inputs=inputs_of(recipe.model),
             length=steps,
             target=recipe.data.target,
+            ray=ray,
         )
         rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
         self.validation: Dataset[Batch] = Subset(rendered, range(count))
@@ -172,6 +176,7 @@ class SimulatedBatches:
             vary_inputs=True,
             start=start,
             target=self._recipe.data.target,
+            ray=self._ray,
         )
 
 
@@ -236,9 +241,10 @@ class JoinedPairs(ConcatDataset[Batch]):
             part.set_epoch(epoch)
 
 
-def simulated_batches(recipe: Recipe) -> SimulatedBatches:
+def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatches:
     """Make the batches of a recipe's [simulate]: changes to `randomised` unless it sets sensor.
 
+    ray: address of a cluster whose nodes render, as in SimulatedPairs.
     Raises ConfigError, MeshError, DeviceError.
     """
     if isinstance(build_loss(recipe.loss), SecondCaptureLoss):
@@ -250,7 +256,7 @@ def simulated_batches(recipe: Recipe) -> SimulatedBatches:
     if recipe.data.crop:
         changes["output"] = {"crop": recipe.data.crop, **changes.get("output", {})}
     load = load_settings if "sensor" in changes else randomised
-    return SimulatedBatches(load(overrides=changes), recipe)
+    return SimulatedBatches(load(overrides=changes), recipe, ray)
 
 
 def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Dataset[Batch]:

@@ -71,6 +71,13 @@ def train(
             "--simulate", help="Render pairs during training instead of reading a data set."
         ),
     ] = False,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="With --simulate: render on a cluster of Ray (auto, HOST:6379); train here.",
+        ),
+    ] = None,
     minutes: Annotated[
         float | None,
         typer.Option(help="Training time, minutes, including earlier runs that are resumed."),
@@ -114,6 +121,8 @@ def train(
         raise ConfigError("give a recipe: a name of glsim train --list, or a .toml file")
     if bool(data) == simulate:
         raise ConfigError("give --data DIR or --simulate, one of the two")
+    if ray is not None and not simulate:
+        raise ConfigError("--ray renders pairs: give it with --simulate")
     given = overrides(
         seed=seed,
         training__max_minutes=minutes,
@@ -132,7 +141,7 @@ def train(
             f"training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' ({error})"
         ) from None
 
-    pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen)
+    pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen, ray)
     with stopping() as stop, training_progress(chosen.title) as show:
         report = fit(chosen, pairs, folder, resume=resume, on_step=show, should_stop=stop)
     _print_result(report, folder)

@@ -72,7 +72,7 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
             reference = [ray.put(shared)]
             calls = ((number, (shared.token, reference, plan[number])) for number in numbers)
             for number, made in run_tasks(ray, render_on_node, calls, environment):
-                record = checked_chunk(made, number)
+                record = checked_chunk(made, number, uploaded=isinstance(job.folder, CloudOutput))
                 for name, data in made.files.items():
                     path = job.folder.out / name
                     with wrap_write_errors(path.parent):
@@ -87,10 +87,11 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
     return render
 
 
-def checked_chunk(made: MadeChunk, number: int) -> ChunkRecord:
+def checked_chunk(made: MadeChunk, number: int, *, uploaded: bool = False) -> ChunkRecord:
     """Return the record of a chunk whose files are those that it names, whole, and no others.
 
-    Nothing that came over the network is believed. Raises DatasetError.
+    uploaded: whether the node sent its shard to object storage, and compared it there. Nothing
+    that came over the network is believed. Raises DatasetError.
     """
     record = parse_chunk_record(made.record)
     expected: dict[str, dict[str, Any]] = {}
@@ -104,8 +105,9 @@ def checked_chunk(made: MadeChunk, number: int) -> ChunkRecord:
                 raise DatasetError(f"{where} a frame is not in its shard")
     if shard is not None:
         expected[shard["name"]] = shard
-    uploaded = shard is not None and not made.files  # to object storage, by the node
-    if record.summary.chunk != number or (not uploaded and set(expected) != set(made.files)):
+    if uploaded:
+        expected = {}
+    if record.summary.chunk != number or set(expected) != set(made.files):
         raise DatasetError(f"{where} its record is of other files")
     for name, data in made.files.items():
         if checksum(data) != {"size": expected[name]["size"], "crc32": expected[name]["crc32"]}:
