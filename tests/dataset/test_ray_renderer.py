@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -11,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.dataset import GenerateProgress, GenerateSummary, generate, verify
+from glsim.dataset import GenerateProgress, GenerateSummary, generate, ray_renderer, verify
+from glsim.dataset.chunks import Chunk
 from glsim.dataset.driver import run_all
 from glsim.dataset.ray_renderer import MadeChunk, checked_chunk, on_ray
 from glsim.dataset.records import ChunkRecord, ChunkSummary
@@ -96,9 +98,27 @@ def test_a_process_that_dies_once_is_replaced(tmp_path: Path, nodes: Nodes) -> N
     assert contents(tmp_path / "ray") == contents(tmp_path / "local")
 
 
-def test_a_chunk_that_kills_every_process_ends_the_run(tmp_path: Path, nodes: Nodes) -> None:
+def test_a_chunk_that_kills_every_process_ends_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    chunk = Chunk(3, "train", 3, TASKS[70:72])
+
+    def render() -> None:
+        with ray_renderer._counted_deaths("a-token", chunk):
+            pass
+
+    render()  # without a death nothing is counted
+    for _ in range(5):
+        if (child := os.fork()) == 0:
+            with ray_renderer._counted_deaths("a-token", chunk):
+                os._exit(1)
+        os.waitpid(child, 0)
     with pytest.raises(DatasetError, match=r"5 processes of .* died while they rendered"):
-        make_on_ray(tmp_path / "ray", nodes, faults=(Fault("kill", 70),))
+        render()
+    render_other = ray_renderer._counted_deaths("a-token", replace(chunk, number=4))
+    with render_other:
+        pass
 
 
 def test_errors_of_the_simulator_arrive_as_they_are(tmp_path: Path, nodes: Nodes) -> None:
