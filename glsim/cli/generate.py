@@ -243,7 +243,7 @@ def generate(
 
 
 def _refuse_together(**given: object) -> None:
-    names = [f"--{name}" for name, value in given.items() if value]
+    names = [f"--{name}" for name, value in given.items() if value not in (None, False)]
     if len(names) > 1:
         raise ConfigError(f"{' and '.join(names)} exclude each other: give one of them")
 

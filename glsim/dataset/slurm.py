@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -69,14 +71,7 @@ def generate_on_slurm(
     with executor.batch():
         jobs: Sequence[Any] = [executor.submit(job) for job in jobs_of]
     watch = _Watch(OutputFolder(out), plan, progress)
-    try:
-        while not all(job.done() for job in jobs):
-            watch.look()
-            time.sleep(min(_LOOK_EVERY_S, 0.2 + (time.monotonic() - started) / 20))
-    except BaseException:
-        for job in jobs:
-            job.cancel(check=False)
-        raise
+    wait_for(jobs, watch.look, in_queue if executor.cluster == "slurm" else None)
     watch.look()
     results = [_result(job) for job in jobs]
     # The last part has merged; this reads what it made, or says what is missing.
@@ -93,11 +88,55 @@ def generate_on_slurm(
     )
 
 
+def wait_for(
+    jobs: Sequence[Any],
+    look: Callable[[], None],
+    queued: Callable[[Sequence[str]], set[str]] | None,
+) -> None:
+    """Wait until all jobs have ended, and call ``look`` now and then; cancel them after an error.
+
+    queued: returns which of these jobs Slurm still knows. Where Slurm keeps no accounts, submitit
+    waits for a killed job for ever. Raises DatasetError if a job is gone without a result.
+    """
+    gone: set[str] = set()
+    try:
+        while waiting := [job for job in jobs if not job.done()]:
+            look()
+            time.sleep(_LOOK_EVERY_S)
+            if queued is None:
+                continue
+            before, gone = gone, {job.job_id for job in waiting}
+            gone -= queued([job.job_id for job in waiting])
+            for job in waiting:
+                # Twice: its result may arrive after it has left the queue.
+                if job.job_id in before & gone and not job.done():
+                    raise DatasetError(
+                        f"Slurm job {job.job_id} is gone and left no result: see "
+                        f"{job.paths.stderr}; run the same command again to continue"
+                    )
+    except BaseException:
+        for job in jobs:
+            job.cancel(check=False)
+        raise
+
+
+def in_queue(job_ids: Sequence[str]) -> set[str]:
+    """Return which of these jobs squeue lists, and all of them if it cannot be run."""
+    arrays = {job_id.partition("_")[0] for job_id in job_ids}
+    command = ["squeue", "--noheader", "--array", "--format=%i", f"--jobs={','.join(arrays)}"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:
+        return set(job_ids)
+    return set(done.stdout.split())  # none if it fails: it does not know the array any more
+
+
 def _executor(out: Path, cluster: str, options: Mapping[str, Any]) -> Any:
     try:
         import submitit
     except ImportError:
         raise ConfigError("--slurm needs submitit: pip install 'glsim[slurm]'") from None
+    logging.getLogger("submitit").setLevel(logging.ERROR)  # it warns of missing accounts
     folder = out / STATE / "slurm"
     try:
         executor = submitit.AutoExecutor(folder=folder, cluster=cluster)

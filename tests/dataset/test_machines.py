@@ -73,6 +73,7 @@ def test_pins_decide_and_are_quiet() -> None:
 def test_a_portable_set_is_that_of_the_pinned_processor_whatever_runs_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setitem(chunks.CHUNK_FRAMES, "png", 3)
     settings = tiny(tmp_path)
     generate(settings, tmp_path / "a", workers=1, portable=True)
     # A machine of another kind: all its processes would compute as an older processor.

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from glsim.dataset import GenerateProgress, chunks, generate
-from glsim.dataset.slurm import PartJob, generate_on_slurm, slurm_options
+from glsim.dataset.slurm import PartJob, generate_on_slurm, in_queue, slurm_options, wait_for
 from glsim.errors import ConfigError, DatasetError
 from tests.dataset.test_machines import tiny
 from tests.support.dataset_fakes import contents
@@ -63,6 +63,50 @@ def test_options_of_jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         generate_on_slurm(settings, tmp_path / "a", 1)
 
 
+class _Lost:
+    """A job that was killed where Slurm keeps no accounts: submitit waits for it for ever."""
+
+    job_id = "7_0"
+    cancelled = False
+
+    class paths:  # noqa: N801
+        stderr = "7_0_0_log.err"
+
+    def done(self) -> bool:
+        return False
+
+    def cancel(self, check: bool) -> None:
+        self.cancelled = True
+
+
+def test_a_job_that_vanishes_is_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    squeue = tmp_path / "squeue"
+    squeue.write_text(f"#!/bin/sh\necho asked >> {tmp_path}/asked\nexit 1\n")
+    squeue.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("glsim.dataset.slurm._LOOK_EVERY_S", 0.01)
+    job = _Lost()
+    with pytest.raises(
+        DatasetError, match=r"Slurm job 7_0 is gone and left no result: see 7_0_0_lo"
+    ):
+        wait_for([job], lambda: None, in_queue)
+    assert (tmp_path / "asked").read_text().count("asked") == 2
+
+
+def test_a_job_is_waited_for_while_it_is_in_the_queue(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    squeue = tmp_path / "squeue"
+    squeue.write_text("#!/bin/sh\necho 7_0\necho 7_1\n")
+    squeue.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert in_queue(["7_0", "7_1"]) == {"7_0", "7_1"}
+    (tmp_path / "squeue").unlink()
+    assert in_queue(["7_0"]) == {"7_0"}, "without squeue nobody knows"
+
+
 def test_there_are_no_more_jobs_than_chunks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -71,8 +115,7 @@ def test_there_are_no_more_jobs_than_chunks(
     monkeypatch.setattr("glsim.dataset.slurm._executor", lambda *_: _Refusing(asked))
     with pytest.raises(KeyboardInterrupt):
         generate_on_slurm(tiny(tmp_path), tmp_path / "out", 50)
-    count = sum(-(-3 // 2) for _ in range(2))  # two people of three frames, each in a split
-    assert [str(job.part) for job in asked] == [f"0/{count}"]
+    assert [str(job.part) for job in asked] == ["0/3"]  # six frames, all of the split train
 
 
 class _Refusing:
