@@ -114,13 +114,15 @@ class CloudFolder:
         if size is None:
             return False
         with AtomicFile(file, sync=False) as copy:
-            for block in self._blocks(name, size):
+            for block in self.blocks(name, size):
                 copy.write(block)
         return True
 
-    def _blocks(self, name: str, size: int) -> Iterator[bytes]:
-        for start in range(0, size, _BLOCK_BYTES):
-            yield self.read_range(name, start, min(_BLOCK_BYTES, size - start))
+    def blocks(self, name: str, size: int | None = None) -> Iterator[bytes]:
+        """Yield the bytes of an object in blocks, so that memory does not grow with it."""
+        end = self.size(name) if size is None else size
+        for start in range(0, end or 0, _BLOCK_BYTES):
+            yield self.read_range(name, start, min(_BLOCK_BYTES, (end or 0) - start))
 
     def checksum(self, name: str) -> dict[str, int] | None:
         """Return the size and CRC32 of an object's bytes; None if there is none.
@@ -145,7 +147,7 @@ class CloudFolder:
         if size is None:
             return found
         crc32 = 0
-        for block in self._blocks(name, size):
+        for block in self.blocks(name, size):
             crc32 = zlib.crc32(block, crc32)
         return {"size": size, "crc32": crc32}
 

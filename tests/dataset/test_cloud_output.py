@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from glsim.dataset import cloud_lock, open_dataset, write_part
+from glsim.dataset import cloud_lock, open_dataset, verify, write_part
 from glsim.dataset.chunks import CHUNK_FRAMES
 from glsim.dataset.parts import Part
 from glsim.errors import ConfigError, DatasetError
@@ -52,15 +52,12 @@ def server() -> Iterator[Store]:
 
 
 @pytest.fixture
-def store(server: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(cloud, "RETRY_AFTER_S", (0.0,) * 8)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+def store(server: Store, here: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+    monkeypatch.setattr(cloud, "RETRY_AFTER_S", (0.0,) * 40)
     server.faults = Faults()
     server.requests.clear()
     yield server
     server.faults = Faults()
-    assert not list(tmp_path.glob("glsim-*")), "a temporary folder is left"
 
 
 @pytest.fixture
@@ -68,11 +65,27 @@ def url(request: pytest.FixtureRequest) -> str:
     return f"s3://{BUCKET}/{abs(hash(request.node.name))}"
 
 
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Caches and temporary folders in ``tmp_path``; nothing may be left of the latter."""
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    yield
+    assert not list(tmp_path.glob("glsim-*")), "a temporary folder is left"
+
+
+@pytest.fixture
+def memory(request: pytest.FixtureRequest) -> str:
+    """A folder in fsspec's store in memory, which needs no server."""
+    pytest.importorskip("fsspec")
+    return f"memory://{BUCKET}/{abs(hash(request.node.name))}"
+
+
 def stored(url: str) -> dict[str, bytes]:
     """Return name -> bytes of all objects of a data set, without locks."""
-    import s3fs
+    from fsspec.core import url_to_fs
 
-    fs, root = s3fs.S3FileSystem(), url.removeprefix("s3://")
+    fs, root = url_to_fs(url)
     fs.invalidate_cache()
     found = {path.removeprefix(f"{root}/"): fs.cat_file(path) for path in fs.find(root)}
     return {name: data for name, data in found.items() if not name.endswith("lock")}
@@ -109,16 +122,16 @@ def interrupt(url: str, index: int) -> None:
         make(url, SHARDS, TASKS, faults=(Fault("bug", index),))
 
 
-def test_a_run_is_resumed_from_the_bucket(store: Store, url: str, expected) -> None:
-    interrupt(url, 18)
-    names = stored(url)
+def test_a_run_is_resumed_from_the_bucket(here: None, memory: str, expected) -> None:
+    interrupt(memory, 18)
+    names = stored(memory)
     assert "train-000000.tar" in names
     assert "dataset.json" not in names
     with pytest.raises(DatasetError, match="is not complete"):
-        open_dataset(url)
-    summary = make(url, SHARDS, TASKS)
+        open_dataset(memory)
+    summary = make(memory, SHARDS, TASKS)
     assert summary.reused == 10
-    assert stored(url) == expected
+    assert stored(memory) == expected
 
 
 def test_a_list_that_lags_costs_work_and_no_bytes(store: Store, url: str, expected) -> None:
@@ -143,19 +156,19 @@ def test_a_list_that_lags_costs_work_and_no_bytes(store: Store, url: str, expect
     ],
     ids=str,
 )
-def test_a_damaged_data_set_is_repaired(store: Store, url: str, expected, damage) -> None:
-    make(url, SHARDS, TASKS)
-    folder = CloudFolder(url)
+def test_a_damaged_data_set_is_repaired(here: None, memory: str, expected, damage) -> None:
+    make(memory, SHARDS, TASKS)
+    folder = CloudFolder(memory)
     for name, data in damage.items():
         folder.delete([name]) if data is None else folder.put(name, data)
-    make(url, SHARDS, TASKS)
-    assert stored(url) == expected
+    make(memory, SHARDS, TASKS)
+    assert stored(memory) == expected
 
 
-def test_parts_are_merged_by_the_last_one(store: Store, url: str, expected) -> None:
+def test_parts_are_merged_by_the_last_one(here: None, memory: str, expected) -> None:
     def part(number: int):
         return write_part(
-            SHARDS, TASKS, url, fake_frames, Part(number, 2),
+            SHARDS, TASKS, memory, fake_frames, Part(number, 2),
             sensor=SENSOR, renderer="fake renderer", workers=1,
         )  # fmt: skip
 
@@ -163,18 +176,18 @@ def test_parts_are_merged_by_the_last_one(store: Store, url: str, expected) -> N
     assert first.dataset is None
     assert first.absent_chunks == 2
     assert part(0).dataset is not None
-    assert stored(url) == expected
+    assert stored(memory) == expected
 
 
-def test_another_data_set_is_refused(store: Store, url: str) -> None:
-    interrupt(url, 18)
-    with pytest.raises(ConfigError, match=rf"{url} was begun with seed"):
-        make(url, SHARDS.model_copy(update={"seed": 9}), TASKS)
+def test_another_data_set_is_refused(here: None, memory: str) -> None:
+    interrupt(memory, 18)
+    with pytest.raises(ConfigError, match=rf"{memory} was begun with seed"):
+        make(memory, SHARDS.model_copy(update={"seed": 9}), TASKS)
     with pytest.raises(ConfigError, match="object storage takes shards"):
-        make(url, make_settings(format="png"), TASKS)
-    CloudFolder(f"{url}-other").put("notes.txt", b"mine")
+        make(memory, make_settings(format="png"), TASKS)
+    CloudFolder(f"{memory}-other").put("notes.txt", b"mine")
     with pytest.raises(DatasetError, match="holds no data set of glsim"):
-        make(f"{url}-other", SHARDS, TASKS)
+        make(f"{memory}-other", SHARDS, TASKS)
 
 
 def test_a_bucket_that_is_not_there_is_named(store: Store) -> None:
@@ -212,12 +225,29 @@ def test_one_of_two_runs_gets_the_lock(store: Store, url: str, monkeypatch) -> N
     ("host", "pid"), [("another-machine", 1), (None, 2**22 + 1)], ids=["silent", "dead"]
 )
 def test_the_lock_of_a_dead_run_is_taken_over(
-    store: Store, url: str, monkeypatch: pytest.MonkeyPatch, host: str | None, pid: int
+    here: None, memory: str, monkeypatch: pytest.MonkeyPatch, host: str | None, pid: int
 ) -> None:
     monkeypatch.setattr(cloud_lock, "EXPIRES_S", 0.2)
-    folder = CloudFolder(url)
+    folder = CloudFolder(memory)
     words = {"host": host or cloud_lock.socket.gethostname(), "pid": pid, "token": "x", "beat": 3}
     folder.put("lock", json.dumps(words).encode())
     with cloud_lock.cloud_lock(folder, "lock"):
         assert b'"x"' not in folder.read("lock", 4096)
     assert folder.size("lock") is None
+
+
+def test_verify_finds_what_is_wrong_in_a_bucket(here: None, memory: str) -> None:
+    make(memory, SHARDS, TASKS)
+    folder = CloudFolder(memory)
+    assert verify(memory) == verify(memory, deep=True) == []
+    good = folder.read("train-000001.tar", 1 << 30)
+    folder.put("train-000001.tar", good[:-600] + b"x" + good[-599:])
+    folder.put("train-000007.tar", b"")
+    folder.delete(["test-000000.tar", "skipped.jsonl"])
+    assert verify(memory) == [
+        "skipped.jsonl is missing",
+        "test-000000.tar is missing",
+        "train-000001.tar is not what was written: its CRC32 differs",
+        "train-000007.tar is in no record",
+    ]
+    assert verify(f"{memory}-none")[0].endswith("it has no dataset.json")
