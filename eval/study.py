@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from glsim.dataset import generate
-from glsim.dataset.driver import GenerateProgress as GenerationProgress
+from glsim.dataset.progress import GenerateProgress as GenerationProgress
 from glsim.denoise import PAPER_FILTERS
 from glsim.errors import ConfigError
 from glsim.eval.report.tables import ResultTable, format_number

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from glsim.corrupt import Corrupter
-    from glsim.dataset import generate, open_dataset, verify
+    from glsim.dataset import generate, open_dataset, verify, webdataset_decoder
     from glsim.denoise import load_denoiser
     from glsim.errors import GlsimError
     from glsim.eval.scoring.blocks import ScoringJob
@@ -65,6 +65,7 @@ _HOME = {
     "sensor_names": "glsim.sensors.sensor",
     "simulate": "glsim.pipeline",
     "verify": "glsim.dataset",
+    "webdataset_decoder": "glsim.dataset",
 }
 
 __all__ = [
@@ -97,6 +98,7 @@ __all__ = [
     "sensor_names",
     "simulate",
     "verify",
+    "webdataset_decoder",
 ]
 
 

@@ -43,6 +43,10 @@ class ConfigError(GlsimError):
     """A setting, a parameter or a sensor file is wrong."""
 
 
+class DifferentMachineError(ConfigError):
+    """A machine renders or computes differently from the one that began a data set."""
+
+
 class ShaderError(GlsimError):
     """A GLSL file does not parse, compile or link."""
 

@@ -9,10 +9,11 @@ no ``if __name__ == "__main__"``, and a Ctrl-C in the terminal reaches the paren
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -33,6 +34,31 @@ SINGLE_THREADED = {
     "OPENBLAS_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
+#: The environment in which all x86-64 processors since Haswell (2013) compute alike: OpenBLAS and
+#: llvmpipe choose their code by the processor, unless these say otherwise. Vectors of 256 bits are
+#: llvmpipe's own choice on processors with AVX2.
+_HASWELL = {"OPENBLAS_CORETYPE": "Haswell", "LP_NATIVE_VECTOR_WIDTH": "256"}
+#: NumPy's names of what came after Haswell: single features, and the level x86-64-v4 in NumPy 2.4.
+_AFTER_HASWELL = ("AVX512", "X86_V4")
+
+
+def portable_environment() -> dict[str, str]:
+    """Return the environment that makes worker processes compute alike on mixed processors.
+
+    Empty on a machine that is no x86-64: it computes in its own way.
+    """
+    if platform.machine() not in ("x86_64", "AMD64"):
+        return {}
+    # The same tables as numpy.show_runtime() prints. NumPy warns of a feature that it does not
+    # know, or that the processor lacks.
+    tables = import_module("numpy._core._multiarray_umath")
+    here: Mapping[str, bool] = tables.__cpu_features__
+    chosen: Sequence[str] = tables.__cpu_dispatch__
+    disabled = [name for name in chosen if name.startswith(_AFTER_HASWELL) and here.get(name)]
+    features = {"NPY_DISABLE_CPU_FEATURES": " ".join(disabled)} if disabled else {}
+    return _HASWELL | features
+
+
 _START = (
     "import sys; module, function, descriptor, *sys.path = sys.argv[1:];"
     f"from {__name__} import serve; serve(module, function, int(descriptor))"
@@ -72,8 +98,15 @@ class WorkerFailure:
 class WorkerProcess:
     """The parent's side of a worker; ``connection`` receives its messages and WorkerFailure."""
 
-    def __init__(self, work: Callable[[Connection[Any, Any]], None]) -> None:
-        """Start a process that calls ``work``, a module-level function, with its connection."""
+    def __init__(
+        self,
+        work: Callable[[Connection[Any, Any]], None],
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        """Start a process that calls ``work``, a module-level function, with its connection.
+
+        environment: variables besides this process's and SINGLE_THREADED.
+        """
         self.connection: Connection[object, object]
         self.connection, theirs = Pipe()
         with theirs:
@@ -83,7 +116,7 @@ class WorkerProcess:
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=2,  # keep what libraries print out of the parent's output
-                env=os.environ | SINGLE_THREADED,
+                env=os.environ | SINGLE_THREADED | dict(environment or {}),
                 process_group=0,
             )
 

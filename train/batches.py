@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -135,9 +136,12 @@ class StoredBatches:
 class SimulatedBatches:
     """Batches rendered on demand; see ``BatchSource``. Each epoch continues the same stream."""
 
-    def __init__(self, settings: Settings, recipe: Recipe) -> None:
-        """Render the validation frames. Raises ConfigError, MeshError, DeviceError."""
-        self._settings, self._recipe = settings, recipe
+    def __init__(self, settings: Settings, recipe: Recipe, ray: str | None = None) -> None:
+        """Render the validation frames. ray: as in SimulatedPairs.
+
+        Raises ConfigError, MeshError, DeviceError.
+        """
+        self._settings, self._recipe, self._ray = settings, recipe, ray
         self.fingerprint = self._pairs(0, 0).fingerprint()
         count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
         steps = -(-count // VALIDATION_BATCH)
@@ -149,6 +153,7 @@ class SimulatedBatches:
             length=steps,
             target=recipe.data.target,
             protocol=recipe.data.protocol,
+            ray=ray,
         )
         rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
         self.validation: Dataset[Batch] = Subset(rendered, range(count))
@@ -183,6 +188,7 @@ class SimulatedBatches:
             start=start,
             target=self._recipe.data.target,
             protocol=self._recipe.data.protocol,
+            ray=self._ray,
         )
 
 
@@ -242,6 +248,14 @@ class JoinedPairs(ConcatDataset[Batch]):
     def __init__(self, parts: Sequence[PairDataset]) -> None:
         super().__init__(parts)
         self._parts = parts
+        self._remote = any(getattr(part, "is_remote", False) for part in parts)
+
+    def __getitems__(self, indices: list[int]) -> list[Batch]:
+        """Return the pairs of a batch; those in object storage are asked for at the same time."""
+        if not self._remote:
+            return [self[index] for index in indices]
+        with ThreadPoolExecutor(len(indices)) as pool:
+            return list(pool.map(self.__getitem__, indices))
 
     def set_epoch(self, epoch: int) -> None:
         """See ``PairDataset``."""
@@ -249,9 +263,10 @@ class JoinedPairs(ConcatDataset[Batch]):
             part.set_epoch(epoch)
 
 
-def simulated_batches(recipe: Recipe) -> SimulatedBatches:
+def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatches:
     """Make the batches of a recipe's [simulate]: changes to `randomised` unless it sets sensor.
 
+    ray: address of a cluster whose nodes render, as in SimulatedPairs.
     Raises ConfigError, MeshError, DeviceError.
     """
     if isinstance(build_loss(recipe.loss), SecondCaptureLoss):
@@ -263,7 +278,7 @@ def simulated_batches(recipe: Recipe) -> SimulatedBatches:
     if recipe.data.crop:
         changes["output"] = {"crop": recipe.data.crop, **changes.get("output", {})}
     load = load_settings if "sensor" in changes else randomised
-    return SimulatedBatches(load(overrides=changes), recipe)
+    return SimulatedBatches(load(overrides=changes), recipe, ray)
 
 
 def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Dataset[Batch]:

@@ -23,6 +23,7 @@ from glsim.denoise.frames import Frames, Key, MovedFrames, Sample, check_millime
 from glsim.denoise.protocol import Depth
 from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.cloud import cloud_url
 from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX
 from glsim.files.regular import read_regular
 from glsim.geometry.camera import Intrinsics
@@ -44,11 +45,11 @@ class DatasetFrames:
     def __init__(self, path: Path, split: str, truth: TruthLayer = "clean") -> None:
         dataset = open_dataset(path)
         if truth not in dataset.layers:
-            raise DatasetError(no_clean(path) if truth == "clean" else no_expected(path))
+            raise DatasetError(no_clean(dataset) if truth == "clean" else no_expected(dataset))
         self._truth, self.stored = truth, dataset.protocol
         self.regions: Mapping[str, int] = dataset.regions
         self._split: Split = dataset.split(split)
-        self.identity = f"{zlib.crc32((path / HEADER).read_bytes()):08x} {split} {truth}"
+        self.identity = f"{zlib.crc32((dataset.path / HEADER).read_bytes()):08x} {split} {truth}"
 
     def __len__(self) -> int:
         return len(self._split)
@@ -211,6 +212,8 @@ def open_frames(
 def _open(
     path: Path, split: str, focal_px: float | None, truth: TruthLayer
 ) -> DatasetFrames | FolderFrames:
+    if cloud_url(path) is not None:
+        return DatasetFrames(path, split, truth)
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder")
     if (path / HEADER).exists() or (path / ".glsim").exists():

@@ -51,7 +51,10 @@ Repeat the same command to resume an interrupted run.
 
 def evaluate(
     dataset: Annotated[
-        Path | None, typer.Argument(help="A data set, or a folder of *_clean.png and *_noisy.png.")
+        Path | None,
+        typer.Argument(
+            help="A data set (folder or URL), or a folder of *_clean.png and *_noisy.png."
+        ),
     ] = None,
     denoiser: Annotated[
         list[str] | None,

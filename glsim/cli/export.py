@@ -9,6 +9,7 @@ import typer
 
 from glsim.cli.common import print_message, print_written, split_names
 from glsim.errors import ConfigError, DatasetError, TrainError
+from glsim.files.cloud import cloud_url
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -60,7 +61,7 @@ def export(
     PyTorch and are written if they give its depths within 0.01 mm, or safetensors files, which hold
     the weights and the recipe and can hold no code.
     """
-    if source.is_dir():
+    if source.is_dir() or cloud_url(source) is not None:
         _export_frames(source, out, to, layers, split, frames)
         return
     if not source.exists():

@@ -22,6 +22,7 @@ from glsim.cli.common import (
 )
 from glsim.cli.progress import generation_progress
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.cloud import cloud_url
 
 if TYPE_CHECKING:
     from glsim.dataset import GenerateSummary
@@ -41,7 +42,13 @@ glsim generate -o data --source d3dfacs --root d3dfacs_alignments --every 5 --sp
 
 glsim generate -o data --set 'pose.yaw_deg={uniform=[-30,30]}' --sensor kinect-v2-paper
 
+glsim generate -o s3://bucket/faces --format webdataset --subjects 1000 --ray auto
+
 glsim generate -o data --preset office --subjects 200 --frames-per-subject 10
+
+glsim generate -o shared/data --subjects 100000 --part 3/16     one of 16 jobs on many machines
+
+glsim generate --subjects 100000 --plan --price-per-core-hour 0.04
 
 Repeat the same command to resume an interrupted run or to check a finished one.
 """
@@ -49,7 +56,12 @@ Repeat the same command to resume an interrupted run or to check a finished one.
 
 def generate(
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder for the data set.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            help="Folder for the data set, or a URL such as s3://bucket/faces for shards.",
+        ),
     ] = None,
     source: Annotated[
         str | None,
@@ -122,11 +134,67 @@ def generate(
             help="Print the number of images, their size and the time, without writing anything.",
         ),
     ] = False,
+    price_per_core_hour: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PRICE", help="With --plan: print the price of the run, in any currency."
+        ),
+    ] = None,
+    frames_per_second: Annotated[
+        float | None,
+        typer.Option(help="With --plan: frames per second of one core, instead of a measurement."),
+    ] = None,
+    part: Annotated[
+        str | None,
+        typer.Option(
+            metavar="I/N",
+            help="Make only the chunks whose number modulo N is I (from 0, or from 1 to N); the "
+            "last part to end merges. auto takes I and N from Slurm, AWS Batch or SkyPilot, auto/N "
+            "takes I from Kubernetes.",
+        ),
+    ] = None,
+    merge: Annotated[
+        bool,
+        typer.Option("--merge", help="Complete a data set whose parts are made; needs no OpenGL."),
+    ] = False,
+    slurm: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Submit N parts as an array of Slurm jobs, and wait."),
+    ] = None,
+    slurm_set: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="An option of the Slurm jobs in submitit's words, such as cpus_per_task=8, "
+            "timeout_min=240, slurm_partition=cpu. Repeatable.",
+        ),
+    ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Render on a cluster of Ray: auto, HOST:6379, or local. pip install 'glsim[ray]'",
+        ),
+    ] = None,
+    portable: Annotated[
+        bool,
+        typer.Option(
+            "--portable",
+            help="Compute alike on all x86-64 processors since 2013, for machines that differ.",
+        ),
+    ] = False,
+    leave: Annotated[
+        bool,
+        typer.Option(
+            "--leave",
+            help="With --part or --slurm: a machine that renders or computes differently leaves "
+            "its chunks to parts that end later, instead of an error.",
+        ),
+    ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Stop at the first bad mesh.")] = False,
     backend: BackendOption = None,
 ) -> None:
     """Generate a data set of clean and noisy depth frames, split by subject; resumable."""
-    from glsim.dataset import generate as run
     from glsim.depth_protocol import NEAREST_MM, check_protocol
     from glsim.settings.schema import load_settings
     from glsim.worker_processes import worker_count
@@ -160,22 +228,45 @@ def generate(
     if plan:
         from glsim.cli.generate_plan import print_plan
 
-        print_plan(settings, worker_count(workers), backend)
+        count = worker_count(workers)
+        print_plan(settings, count, backend, price_per_core_hour, frames_per_second)
         return
     if out is None:
         raise ConfigError("give -o DIR, the folder of the data set (or --plan to print the plan)")
-    with generation_progress() as progress:
-        summary = run(
-            settings, out, workers=worker_count(workers), backend=backend, progress=progress
-        )
-    print_summary(summary, out)
+    _refuse_together(part=part, merge=merge, slurm=slurm, ray=ray)
+    from glsim.cli.generate_parts import make_one_part, merge_all_parts, submit_parts
+
+    options = {"workers": worker_count(workers), "backend": backend, "portable": portable}
+    if merge:
+        merge_all_parts(settings, out)
+    elif slurm is not None:
+        # Of the node that a job runs on, unless the user gives a number.
+        jobs = options | {"workers": "auto" if workers == "auto" else options["workers"]}
+        submit_parts(settings, out, slurm, slurm_set or [], jobs | {"leave": leave})
+    elif part is not None:
+        make_one_part(settings, out, part, options | {"leave": leave})
+    else:
+        from glsim.dataset import generate as run
+
+        with generation_progress() as progress:
+            summary = run(settings, out, **options, ray=ray, progress=progress)  # type: ignore[arg-type]
+        print_summary(summary, out)
+
+
+def _refuse_together(**given: object) -> None:
+    names = [f"--{name}" for name, value in given.items() if value not in (None, False)]
+    if len(names) > 1:
+        raise ConfigError(f"{' and '.join(names)} exclude each other: give one of them")
 
 
 def print_summary(summary: GenerateSummary, out: Path) -> None:
     """Print a summary of a run. Raises DatasetError if it has no frame."""
     frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())
     people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
-    print_message(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")
+    where = cloud_url(out) or str(out)
+    print_message(
+        f"{where}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})"
+    )
     if summary.reused:
         print_message(f"{summary.reused} of them were complete already")
     if summary.rendered:
@@ -188,4 +279,4 @@ def print_summary(summary: GenerateSummary, out: Path) -> None:
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
         console.print(f"skipped {count}: {why}", style="yellow")
     if not sum(summary.frames.values()):
-        raise DatasetError(f"{out}: no frame could be made, see {out / 'skipped.jsonl'}")
+        raise DatasetError(f"{where}: no frame could be made, see {where}/skipped.jsonl")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from glsim.cli.common import console, make_console
+from glsim.cli.common import console, make_console, options
+from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
     from glsim.settings.distribution import Distribution
@@ -14,14 +16,27 @@ if TYPE_CHECKING:
     from glsim.settings.schema import Settings
 
 
-def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
-    """Print the number of images by source, subject and split, their size and the time."""
+def print_plan(
+    settings: Settings,
+    workers: int,
+    backend: str | None,
+    price_per_core_hour: float | None = None,
+    frames_per_second: float | None = None,
+) -> None:
+    """Print the number of images by source and split, their size, the time and the price.
+
+    With --verbose also those of each person. frames_per_second: of one core, instead of a sample's.
+    """
     from glsim.dataset.estimate import SAMPLE_FRAMES, estimate_dataset
     from glsim.pipeline import open_sources
     from glsim.plan.paper_split import PAPER_IMAGES
     from glsim.plan.tasks import make_tasks
     from glsim.sensors.sensor import sensor_code
 
+    for name, value in (("price-per-core-hour", price_per_core_hour), ("frames-per-second",
+                        frames_per_second)):  # fmt: skip
+        if value is not None and not 0 < value < math.inf:
+            raise ConfigError(f"--{name} {value:g}: give a number above 0")
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
     code = sensor_code(settings)  # a plan runs none of it, and so measures nothing
@@ -32,19 +47,20 @@ def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
         workers=workers,
         backend=backend,
         sample=0 if code else SAMPLE_FRAMES,
+        frames_per_second=frames_per_second,
     )
     out = make_console(width=120)
-    people = Table("source", "subject", "split", "images", box=None)
-    for source, subject, split, count in estimate.rows:
-        people.add_row(source, subject, split, str(count))
-    out.print(people)
+    if options.verbose:
+        for person in tasks.people():
+            source = f"{person.source} {sources[person.source].name}"
+            out.print(f"{source}  {person.subject}  {person.split}  {person.frames} images")
     sums = Table("source", "people", "images", box=None)
-    for source, (persons, images) in estimate.by_source().items():
+    for source, (persons, images) in estimate.by_source.items():
         sums.add_row(source, str(persons), str(images))
     out.print(sums)
     splits = Table("split", "people", "images", "share", "the paper", box=None)
     for (split, (persons, images)), paper in zip(
-        estimate.by_split().items(), PAPER_IMAGES, strict=True
+        estimate.by_split.items(), PAPER_IMAGES, strict=True
     ):
         share = f"{100 * images / max(1, estimate.frames):.1f} %"
         splits.add_row(split, str(persons), str(images), share, str(paper))
@@ -57,10 +73,18 @@ def print_plan(settings: Settings, workers: int, backend: str | None) -> None:
         if code
         else "typical values"
     )
+    if estimate.given_speed:
+        basis = f"{frames_per_second:g} frames/s of a core as given; size: {basis}"
     out.print(
         f"{estimate.frames} images, {_bytes(estimate.bytes)}, {_time(estimate.seconds)} with "
         f"{estimate.workers} worker(s) ({basis}); nothing was written"
     )
+    if price_per_core_hour is not None:
+        hours = estimate.core_hours
+        out.print(
+            f"{hours:.3g} core-hours: {hours * price_per_core_hour:.2f} at {price_per_core_hour:g} "
+            "per core-hour; storage and traffic are not in it"
+        )
     for why in dict.fromkeys(estimate.skipped):
         console.print(f"would be skipped: {why}", style="yellow")
 

@@ -65,7 +65,8 @@ def train(
         typer.Option(
             "--data",
             metavar="DIR",
-            help="A data set of glsim generate. Repeatable; data sets are joined.",
+            help="A data set of glsim generate: a folder, or a URL such as s3://bucket/faces. "
+            "Repeatable; data sets are joined.",
         ),
     ] = None,
     simulate: Annotated[
@@ -85,6 +86,13 @@ def train(
     photo_sigma: Annotated[
         float | None,
         typer.Option(min=0, help="With --photos: the noise, grey levels of 255. Default: 25."),
+    ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="With --simulate: render on a cluster of Ray (auto, HOST:6379); train here.",
+        ),
     ] = None,
     minutes: Annotated[
         float | None,
@@ -141,6 +149,8 @@ def train(
         raise ConfigError("--photos: give --data DIR too: its depths are those of the photographs")
     if photo_sigma is not None and photos is None:
         raise ConfigError("--photo-sigma: give --photos too")
+    if ray is not None and not simulate:
+        raise ConfigError("--ray renders pairs: give it with --simulate")
     given = overrides(
         seed=seed,
         training__max_minutes=minutes,
@@ -167,7 +177,9 @@ def train(
         sigma_grey = DEFAULT_SIGMA_GREY if photo_sigma is None else photo_sigma
         pairs = photograph_batches(photos, sigma_grey, data or (), chosen)
     else:
-        pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen)
+        pairs = (
+            batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen, ray)
+        )
     with stopping() as stop, training_progress(chosen.title) as show:
         report = fit(chosen, pairs, folder, resume=resume, on_step=show, should_stop=stop)
     _print_result(report, folder)

@@ -1,13 +1,23 @@
 """Data sets on disk: generate, resume, verify and read them.
 
-``driver`` runs a generation; ``chunk_writer`` renders and writes the chunks, in the driver or in
-each ``worker_process``; ``reader`` reads the result.
+``driver`` runs a generation, or a part of one, by the steps in ``run``; ``chunk_writer`` renders
+and writes the chunks, in the driver or in each ``worker_process``; ``reader`` reads the result.
 """
 
 from glsim.dataset.chunk_writer import FrameMaker
-from glsim.dataset.driver import GenerateProgress, GenerateSummary, generate, write_dataset
+from glsim.dataset.driver import (
+    generate,
+    generate_part,
+    merge_dataset,
+    merge_parts,
+    write_dataset,
+    write_part,
+)
 from glsim.dataset.layer_images import write_frame
+from glsim.dataset.parts import Part, parse_part
+from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary
 from glsim.dataset.reader import Dataset, Pair, Split, open_dataset
+from glsim.dataset.shard_samples import webdataset_decoder
 from glsim.dataset.verification import verify
 from glsim.worker_processes import Workers, available_workers
 
@@ -21,14 +31,22 @@ __all__ = [
     "GenerateProgress",
     "GenerateSummary",
     "Pair",
+    "Part",
+    "PartSummary",
     "Progress",
     "Split",
     "Summary",
     "Workers",
     "available_workers",
     "generate",
+    "generate_part",
+    "merge_dataset",
+    "merge_parts",
     "open_dataset",
+    "parse_part",
     "verify",
+    "webdataset_decoder",
     "write_dataset",
     "write_frame",
+    "write_part",
 ]

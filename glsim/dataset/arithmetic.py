@@ -7,16 +7,46 @@ differ in their bytes, so one data set must not be made on both.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
-from functools import lru_cache
-from typing import Any
+import socket
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from glsim.errors import ConfigError
+from glsim.errors import DeviceError, DifferentMachineError
 from glsim.frame import Frame, Skipped
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
+from glsim.worker_processes import WorkerFailure, WorkerProcess
+
+if TYPE_CHECKING:
+    from glsim.faces.base import FaceSource
+    from glsim.pipeline import Simulator
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a process renders with.
+
+    host: name of the computer. renderer: of OpenGL. arithmetic: see ``fingerprint``.
+    """
+
+    host: str
+    renderer: str
+    arithmetic: str
+
+    def refuse_other(self, renderer: str, arithmetic: str) -> None:
+        """Raise DifferentMachineError unless a data set's renderer and arithmetic are these."""
+        if (self.renderer, self.arithmetic) != (renderer, arithmetic):
+            raise DifferentMachineError(
+                f"{self.host}: a worker computes differently from the process that started it "
+                f"({self.renderer}, {self.arithmetic}, not {renderer}, {arithmetic}): give both "
+                "the same OpenGL driver, and --portable or the same OPENBLAS_CORETYPE and "
+                "NPY_DISABLE_CPU_FEATURES"
+            )
 
 
 def fingerprint(context: Any) -> str:
@@ -28,30 +58,99 @@ def fingerprint(context: Any) -> str:
     return digest.hexdigest()
 
 
+def this_machine(context: Any) -> Machine:
+    """Return the host, the renderer and the arithmetic of this process."""
+    from glsim.gl.context import describe
+
+    return Machine(socket.gethostname(), describe(context)["renderer"], fingerprint(context))
+
+
+def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> Machine:
+    """Return what a worker process with these variables is. Raises the errors of the worker."""
+    worker = WorkerProcess(_report_machine, environment)
+    worker.send(backend)
+    try:
+        answer = worker.connection.recv()
+    except (EOFError, ConnectionError):
+        raise DeviceError(
+            f"a worker process with {dict(environment)} ended with status {worker.process.wait()}"
+        ) from None
+    finally:
+        worker.stop()
+    if isinstance(answer, WorkerFailure):
+        raise answer.error
+    assert isinstance(answer, Machine)
+    return answer
+
+
+def _report_machine(connection: Connection[object, object]) -> None:
+    from glsim.gl.context import borrowed_context
+
+    backend = connection.recv()
+    with borrowed_context(backend if isinstance(backend, str) else None) as context:
+        connection.send(this_machine(context))
+
+
 def simulate_alike(
     settings: Settings,
     tasks: Iterable[Task],
     *,
+    renderer: str,
     arithmetic: str,
     backend: str | None = None,
     **options: Any,
 ) -> Iterator[Frame | Skipped]:
-    """Call ``glsim.pipeline.simulate`` if this process computes as ``arithmetic`` says.
+    """Call ``glsim.pipeline.simulate`` if this process renders and computes as these say.
 
-    Raises ConfigError if it does not, and the errors of ``simulate``.
+    Raises DifferentMachineError if it does not, and the errors of ``simulate``.
     """
     from glsim.gl.context import borrowed_context
     from glsim.pipeline import simulate
 
     with borrowed_context(backend) as context:
-        found = fingerprint(context)
-        if found != arithmetic:
-            raise ConfigError(
-                "a worker computes differently from the process that started it "
-                f"({found}, not {arithmetic}): give both the same OPENBLAS_CORETYPE, "
-                "NPY_DISABLE_CPU_FEATURES and OpenGL driver"
-            )
+        this_machine(context).refuse_other(renderer, arithmetic)
         yield from simulate(settings, tasks, context=context, **options)
+
+
+class KeptSimulator:
+    """Makes frames as ``simulate_alike``, with one context and simulator for all its calls.
+
+    It is for processes that are given their tasks piece by piece: linking the programs anew takes
+    as long as some ten frames. The context lives as long as the process.
+    """
+
+    def __init__(
+        self,
+        *,
+        renderer: str,
+        arithmetic: str,
+        sources: Sequence[FaceSource],
+        backend: str | None = None,
+        layers: Collection[str],
+    ) -> None:
+        self.sources = sources
+        self._renderer, self._arithmetic = renderer, arithmetic
+        self._backend, self._layers = backend, layers
+        self._kept: tuple[Settings, Simulator] | None = None
+
+    def __call__(self, settings: Settings, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
+        """Yield one result per task, in order. Raises as ``simulate_alike``."""
+        from glsim.gl.context import open_context
+        from glsim.pipeline import Simulator
+
+        if self._kept is None or self._kept[0] != settings:
+            context = open_context(self._backend)
+            this_machine(context).refuse_other(self._renderer, self._arithmetic)
+            made = Simulator(settings, list(self.sources), context, (), self._layers)
+            self._kept = settings, made
+        yield from self._kept[1].frames(tasks)
+
+
+def keeping_simulator(make_frames: Any) -> Any:
+    """Return a KeptSimulator for a partial ``simulate_alike``; any other maker as it is."""
+    if isinstance(make_frames, partial) and make_frames.func is simulate_alike:
+        return KeptSimulator(**make_frames.keywords)
+    return make_frames
 
 
 @lru_cache(maxsize=1)

@@ -7,10 +7,10 @@ import tarfile
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import IO, Any, Protocol, cast
 
 from glsim.dataset.chunks import Chunk
+from glsim.dataset.identity import Inputs
 from glsim.dataset.output_folder import OutputFolder
 from glsim.dataset.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
 from glsim.errors import GlsimError, MeshError
@@ -35,11 +35,15 @@ class FrameMaker(Protocol):
 
 @dataclass(frozen=True)
 class RenderJob:
-    """What all workers of a run share: settings, output folder and simulator."""
+    """What all workers of a run share: settings, output folder, simulator.
+
+    inputs: the driver's, for workers on other machines, whose files may be others.
+    """
 
     settings: Settings
-    out: Path
+    folder: OutputFolder
     make_frames: FrameMaker
+    inputs: Inputs | None = None
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ class _ChunkWriter:
     def __init__(self, job: RenderJob, chunk: Chunk) -> None:
         self._settings = job.settings
         self._chunk = chunk
-        self._folder = OutputFolder(job.out)
+        self._folder = job.folder
         self._frames: list[str] = []
         self._skipped: list[str] = []
         self._bytes = 0

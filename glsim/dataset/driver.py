@@ -1,122 +1,119 @@
-"""The driver of a run: survey the folder, render missing chunks, merge. It resumes any run."""
+"""The driver of a run: survey the folder, render missing chunks, merge. It resumes any run.
+
+``generate`` makes a whole data set, ``generate_part`` one part of it, and ``merge_parts`` puts
+parts together; ``write_dataset``, ``write_part`` and ``merge_dataset`` do so for given tasks.
+"""
 
 from __future__ import annotations
 
-import json
-import logging
-import resource
-import time
-from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob, render_chunks
-from glsim.dataset.chunks import CHUNK_FRAMES, Chunk, ChunkPlan
-from glsim.dataset.disk_format import HEADER, SKIPPED
+from glsim.dataset.chunk_writer import FrameMaker
+from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
+from glsim.dataset.cloud_output import open_output
 from glsim.dataset.identity import Inputs, make_identity
-from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
-from glsim.dataset.output_folder import OutputFolder
-from glsim.dataset.records import ChunkRecord, ChunkSummary
-from glsim.dataset.worker_pool import WorkerPool
-from glsim.errors import DatasetError
-from glsim.files.atomic import read_json, wrap_write_errors
+from glsim.dataset.output_folder import PartBusyError
+from glsim.dataset.parts import Part
+from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary, RunCounts
+from glsim.dataset.run import (
+    ChunkRenderer,
+    DatasetRun,
+    absent_chunks,
+    finish,
+    in_processes,
+    make_missing_chunks,
+)
+from glsim.errors import DatasetError, DifferentMachineError
 from glsim.plan.tasks import Task, make_tasks
 from glsim.settings.schema import Settings
-from glsim.worker_processes import Workers, available_workers
+from glsim.worker_processes import Workers, available_workers, portable_environment
 
-log = logging.getLogger(__name__)
-
-#: Seconds between two calls of ``progress``.
-_PROGRESS_EVERY_S = 0.1
-
-
-@dataclass(frozen=True)
-class GenerateProgress:
-    """The state of a run. ``done`` of ``total`` frames include skipped and reused ones.
-
-    skipped: frames that could not be made. reused: frames that an earlier run completed.
-    bytes: size of all images.
-    """
-
-    done: int
-    total: int
-    skipped: int
-    reused: int
-    bytes: int
-
-
-@dataclass(frozen=True)
-class GenerateSummary:
-    """The results of a run and the contents of the data set.
-
-    frames, subjects: split -> number. skipped: reason -> number of frames.
-    rendered, reused: frames of this run and of earlier ones, skipped frames included.
-    bytes: size of all images. seconds: wall time. cpu_seconds: of this process and its workers.
-    """
-
-    frames: Mapping[str, int]
-    subjects: Mapping[str, int]
-    skipped: Mapping[str, int]
-    rendered: int
-    reused: int
-    bytes: int
-    seconds: float
-    cpu_seconds: float
-
-
-@dataclass
-class _RunCounts:
-    """Counts frames and bytes, and passes them to ``callback``."""
-
-    total: int
-    callback: Callable[[GenerateProgress], None] | None
-    frames: int = 0
-    skipped: int = 0
-    reused: int = 0
-    bytes: int = 0
-    in_progress: dict[int, int] = field(default_factory=dict)  # chunk number -> frames done
-    reported_s: float = 0.0
-
-    def complete(self, summary: ChunkSummary, *, reused: bool = False) -> None:
-        self.in_progress.pop(summary.chunk, None)
-        self.frames += summary.frames
-        self.skipped += summary.skipped
-        self.reused += summary.total if reused else 0
-        self.bytes += summary.bytes
-        self.report()
-
-    def report(self, *, last: bool = False) -> None:
-        now = time.monotonic()
-        if self.callback is None or (not last and now - self.reported_s < _PROGRESS_EVERY_S):
-            return
-        self.reported_s = now
-        done = self.frames + self.skipped + sum(self.in_progress.values())
-        self.callback(GenerateProgress(done, self.total, self.skipped, self.reused, self.bytes))
+Progress = Callable[[GenerateProgress], None]
 
 
 def generate(
     settings: Settings,
-    out: Path,
+    out: Path | str,
     *,
     workers: Workers = "auto",
     backend: str | None = None,
-    progress: Callable[[GenerateProgress], None] | None = None,
+    portable: bool = False,
+    ray: str | None = None,
+    progress: Progress | None = None,
 ) -> GenerateSummary:
     """Generate the data set that ``settings`` describe in the folder ``out``, or resume it.
 
+    out: a folder, or a URL of object storage such as s3://bucket/faces for the format webdataset.
+    ray: the address of a cluster of Ray that renders instead of ``workers``, see
+    ``glsim.ray_cluster.ray_cluster``.
+
     The same settings on the same renderer give the same bytes. backend: "egl" or "osmesa".
+    portable: compute alike on all x86-64 processors since Haswell, see ``portable_environment``.
     Raises the errors of ``write_dataset`` and ``glsim.pipeline.simulate``.
     """
+    run, render = simulation_run(
+        settings, out, workers, backend=backend, portable=portable, ray=ray
+    )
+    return run_all(run, render, progress)
+
+
+def generate_part(
+    settings: Settings,
+    out: Path | str,
+    part: Part,
+    *,
+    workers: Workers = "auto",
+    backend: str | None = None,
+    portable: bool = False,
+    leave: bool = False,
+    progress: Progress | None = None,
+) -> PartSummary:
+    """Generate one part of a data set, and merge all parts if this was the last one.
+
+    Parts may be made in any order, on many machines that share the folder ``out``, and again: the
+    bytes are those of ``generate``. portable: as for ``generate``. leave: see ``write_part``.
+    Raises the errors of ``write_part`` and ``glsim.pipeline.simulate``.
+    """
+    run, render = simulation_run(
+        settings, out, workers, part=part, backend=backend, portable=portable
+    )
+    return run_part(run, render, progress, leave=leave)
+
+
+def merge_parts(settings: Settings, out: Path | str) -> GenerateSummary:
+    """Complete the data set of ``settings`` whose parts are all made; OpenGL is not needed.
+
+    Raises DatasetError if a chunk is missing, and ConfigError for other settings than the parts'.
+    """
+    from glsim.pipeline import open_sources
+    from glsim.sensors.sensor import sensor_of
+
+    tasks = make_tasks(settings, open_sources(settings))
+    return merge_dataset(settings, tasks, out, sensor=sensor_of(settings).describe())
+
+
+def simulation_run(
+    settings: Settings,
+    out: Path | str,
+    workers: Workers = "auto",
+    *,
+    part: Part | None = None,
+    backend: str | None = None,
+    portable: bool = False,
+    ray: str | None = None,
+) -> tuple[DatasetRun, ChunkRenderer]:
+    """Return the run that simulates the data set, or a part, and what renders its chunks here."""
     # Imported here because reading a data set needs no OpenGL.
     from glsim.appearance.dress import worn_regions
-    from glsim.dataset.arithmetic import fingerprint, simulate_alike
+    from glsim.dataset.arithmetic import machine_of_workers, simulate_alike, this_machine
     from glsim.dataset.inputs import source_hashes, stage_hashes
     from glsim.faces.regions import region_numbers
-    from glsim.gl.context import borrowed_context, describe
+    from glsim.gl.context import borrowed_context
     from glsim.pipeline import open_sources
     from glsim.scene.scenery import scene_regions
     from glsim.sensors.sensor import sensor_of
@@ -125,41 +122,43 @@ def generate(
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
     worn = worn_regions(settings.appearance, sources)
-    with borrowed_context(backend) as context:
-        renderer, arithmetic = describe(context)["renderer"], fingerprint(context)
+    environment = portable_environment() if portable else {}
+    if environment:
+        machine = machine_of_workers(environment, backend)
+    else:
+        with borrowed_context(backend) as context:
+            machine = this_machine(context)
     make_frames = partial(
         simulate_alike,
-        arithmetic=arithmetic,
+        renderer=machine.renderer,
+        arithmetic=machine.arithmetic,
         sources=sources,
         backend=backend,
         layers=settings.output.layers,
     )
 
     def inputs() -> Inputs:
-        return Inputs(stage_hashes(sensor.stages), source_hashes(sources, tasks), arithmetic)
+        stages, files = stage_hashes(sensor.stages), source_hashes(sources, tasks)
+        return Inputs(stages, files, machine.arithmetic)
 
-    return write_dataset(
-        settings,
-        tasks,
-        out,
-        make_frames,
-        sensor=sensor.describe(),
-        renderer=renderer,
-        regions=(
-            region_numbers(sources, [*scene_regions(settings.scene), *worn])
-            if "regions" in settings.output.layers
-            else {}
-        ),
-        inputs=inputs,
-        workers=workers,
-        progress=progress,
+    regions = (
+        region_numbers(sources, [*scene_regions(settings.scene), *worn])
+        if "regions" in settings.output.layers
+        else {}
     )
+    described, renderer = sensor.describe(), machine.renderer
+    run = DatasetRun(settings, tasks, out, make_frames, described, renderer, regions, inputs, part)
+    if ray is not None:
+        from glsim.dataset.ray_renderer import on_ray
+
+        return run, on_ray(ray, environment)
+    return run, in_processes(available_workers(workers), environment)
 
 
 def write_dataset(
     settings: Settings,
     tasks: Sequence[Task],
-    out: Path,
+    out: Path | str,
     make_frames: FrameMaker,
     *,
     sensor: Mapping[str, Any],
@@ -167,7 +166,7 @@ def write_dataset(
     regions: Mapping[str, int] | None = None,
     inputs: Callable[[], Inputs] | None = None,
     workers: Workers = "auto",
-    progress: Callable[[GenerateProgress], None] | None = None,
+    progress: Progress | None = None,
 ) -> GenerateSummary:
     """Write the data set of ``tasks`` to the folder ``out``, or the frames that it still lacks.
 
@@ -185,114 +184,123 @@ def write_dataset(
     bad mesh if the settings are strict; KeyboardInterrupt after ending the workers. After any of
     these, the same call continues the run.
     """
-    started, cpu_started = time.monotonic(), _cpu_seconds()
-    processes = available_workers(workers)
-    plan = ChunkPlan(tasks, CHUNK_FRAMES[settings.output.format])
-    identity = make_identity(settings, plan, sensor, renderer)
-    if regions:
-        identity["regions"] = dict(regions)  # pixel values of the layer "regions"; 0 = none
-    found = inputs() if inputs is not None else None
-    if found is not None:
-        identity["inputs"] = found.identity()
-    folder = OutputFolder(out)
-    counts = _RunCounts(len(tasks), progress)
-    with folder.locked(identity, found):
-        missing = _find_missing_chunks(folder, plan, counts)
-        job = RenderJob(settings, out, make_frames)
-        # Closed before the lock is released: no worker outlives the lock.
-        with closing(_render_missing(job, plan, missing, processes)) as events:
-            for event in events:
-                if isinstance(event, ChunkSummary):
-                    counts.complete(event)
-                else:
-                    counts.in_progress[event.chunk] = event.frames
-                    counts.report()
-        if inputs is not None and found is not None and missing:
-            now = inputs()
-            if now != found:  # some of this run's frames are of the old contents, some of the new
-                folder.discard_chunks(missing)
-                raise DatasetError(
-                    f"{now.changed_since(found)} was changed during the run, and the frames of "
-                    "this run are discarded: restore it, or choose another folder"
-                )
-        if not folder.is_merged:
-            merge(folder, plan, identity)
-        header = read_json(out / HEADER)
-        reasons = _skip_reasons(out / SKIPPED)
-        counts.report(last=True)
-    return GenerateSummary(
-        frames=header["frames"],
-        subjects={split: len(names) for split, names in header["subjects"].items()},
-        skipped=reasons,
-        rendered=counts.frames + counts.skipped - counts.reused,
+    render = in_processes(available_workers(workers))
+    run = DatasetRun(settings, tasks, out, make_frames, sensor, renderer, regions, inputs)
+    return run_all(run, render, progress)
+
+
+def write_part(
+    settings: Settings,
+    tasks: Sequence[Task],
+    out: Path | str,
+    make_frames: FrameMaker,
+    part: Part,
+    *,
+    sensor: Mapping[str, Any],
+    renderer: str,
+    regions: Mapping[str, int] | None = None,
+    inputs: Callable[[], Inputs] | None = None,
+    workers: Workers = "auto",
+    leave: bool = False,
+    progress: Progress | None = None,
+) -> PartSummary:
+    """Write one part of a data set, and merge all parts if this was the last one.
+
+    leave: if ``renderer`` or the arithmetic of ``inputs`` are not those of the machine that began
+    the data set, make nothing, and leave the chunks to parts that end later. Otherwise that raises
+    DifferentMachineError. The other arguments and errors are those of ``write_dataset``. Also
+    raises DatasetError if another process makes the same part.
+    """
+    render = in_processes(available_workers(workers))
+    run = DatasetRun(settings, tasks, out, make_frames, sensor, renderer, regions, inputs, part)
+    return run_part(run, render, progress, leave=leave)
+
+
+def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -> GenerateSummary:
+    """Make all chunks with ``render`` under the folder's lock, and merge them."""
+    counts = RunCounts(run.frames, progress)
+    with run.folder.locked(run.identity, run.found):
+        make_missing_chunks(run, render, counts)
+        return finish(run.folder, run.plan, run.identity, counts)
+
+
+def run_part(
+    run: DatasetRun, render: ChunkRenderer, progress: Progress | None, *, leave: bool = False
+) -> PartSummary:
+    """Make the chunks of the run's part with ``render``, and merge if no chunk is missing then."""
+    assert run.part is not None
+    counts = RunCounts(run.frames, progress)
+    left, taken = "", []
+    try:
+        make_part(run, render, counts)
+        taken = take_left_parts(run, render)
+    except DifferentMachineError as error:
+        if not leave:
+            raise
+        left = str(error)
+        run.folder.leave_part(run.part)
+    counts.report(last=True)
+    # The part that completes the last chunk sees all records here, after its lock is free: two
+    # parts that end together both come to this line, and the second finds the work done.
+    absent = absent_chunks(run.folder, run.plan)
+    whole = None
+    if not absent and not left:
+        folder = open_output(run.out)
+        with folder.locked(run.identity, run.found, wait=True):
+            whole = finish(folder, run.plan, run.identity, RunCounts(run.frames))
+    return PartSummary(
+        part=run.part,
+        frames=counts.frames,
+        skipped=counts.skipped,
+        rendered=counts.rendered,
         reused=counts.reused,
         bytes=counts.bytes,
-        seconds=time.monotonic() - started,
-        cpu_seconds=_cpu_seconds() - cpu_started,
+        seconds=counts.seconds,
+        cpu_seconds=counts.cpu_seconds,
+        absent_chunks=len(absent),
+        dataset=whole,
+        left=left,
+        taken=tuple(taken),
     )
 
 
-def _find_missing_chunks(
-    folder: OutputFolder, plan: ChunkPlan, counts: _RunCounts
-) -> Sequence[int]:
-    """Return the numbers of the chunks that are missing or damaged, and count the others.
+def make_part(run: DatasetRun, render: ChunkRenderer, counts: RunCounts) -> None:
+    """Make the chunks of the run's part under its lock; a merged data set is left alone."""
+    with run.folder.locked_part(run.identity, run.found):
+        if not run.folder.is_merged:
+            make_missing_chunks(run, render, counts)
 
-    A complete data set with any damage is turned back into a resumable one.
+
+def take_left_parts(run: DatasetRun, render: ChunkRenderer) -> list[Part]:
+    """Make the chunks that other machines left; return their parts, without those in work."""
+    taken = []
+    for part in run.folder.left_parts():
+        other = replace(run, part=part)
+        with suppress(PartBusyError):
+            make_part(other, render, RunCounts(other.frames))
+            other.folder.take_part(part)
+            taken.append(part)
+    return taken
+
+
+def merge_dataset(
+    settings: Settings, tasks: Sequence[Task], out: Path | str, *, sensor: Mapping[str, Any]
+) -> GenerateSummary:
+    """Complete the data set of ``tasks`` whose parts are all made.
+
+    The renderer and the inputs are those of the parts, and not this machine's. Raises DatasetError
+    if a chunk is missing, and the errors of ``write_dataset``.
     """
-    merged = folder.is_merged
-    missing: list[int] = []
-    for chunk, record in zip(plan, _chunk_records(folder, plan), strict=True):
-        problem = "its record is damaged" if merged else None
-        if record is not None:
-            problem = folder.chunk_problem(record, chunk)
-            if problem is None:
-                counts.complete(record.summary, reused=True)
-                continue
-        missing.append(chunk.number)
-        if problem is not None:
-            first = chunk.tasks[0].stem
-            log.warning("%s: rendering %s and the next frames again", problem, first)
-    if merged:
-        if missing or not merged_files_are_intact(folder, len(plan)):
-            unmerge(folder, len(plan), set(missing))
-        else:
-            folder.discard_chunk_records()  # left over if the last run was killed at its very end
-    return missing
-
-
-def _chunk_records(folder: OutputFolder, plan: ChunkPlan) -> Iterator[ChunkRecord | None]:
-    """Yield the record of each chunk in order; None if it is missing or damaged."""
-    if folder.is_merged:
-        yield from read_merged_chunks(folder, len(plan))
-        return
-    for number in range(len(plan)):
-        try:
-            yield folder.load_chunk(number)
-        except DatasetError as error:
-            log.warning("%s: rendering it again", error)
-            yield None
-
-
-def _render_missing(
-    job: RenderJob, plan: ChunkPlan, missing: Sequence[int], processes: int
-) -> Generator[ChunkEvent, None, None]:
-    """Render the missing chunks in this process, or in worker processes."""
-    chunks: Iterable[Chunk] = (plan[number] for number in missing)
-    processes = min(processes, len(missing))
-    if processes == 1:
-        yield from render_chunks(job, chunks)
-    elif processes > 1:
-        with WorkerPool(job, processes) as pool:
-            yield from pool.render_chunks(chunks)
-
-
-def _skip_reasons(path: Path) -> Counter[str]:
-    """Count the skipped frames by reason."""
-    with wrap_write_errors(path), path.open(encoding="utf-8") as lines:
-        return Counter(json.loads(line)["why"] for line in lines)
-
-
-def _cpu_seconds() -> float:
-    """Return the CPU seconds of this process and of all its children that have ended."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
+    plan = ChunkPlan(tasks, CHUNK_FRAMES[settings.output.format])
+    folder = open_output(out)
+    begun = folder.begun_identity()
+    identity = make_identity(settings, plan, sensor, begun["renderer"])
+    identity |= {name: begun[name] for name in ("regions", "inputs") if name in begun}
+    with folder.locked(identity):
+        absent = absent_chunks(folder, plan)
+        if absent:
+            raise DatasetError(
+                f"{out}: {len(absent)} of {len(plan)} chunks are not made yet, the first is number "
+                f"{absent[0]}: run the parts that are missing, or glsim generate without --part"
+            )
+        return finish(folder, plan, identity, RunCounts(plan.frames))

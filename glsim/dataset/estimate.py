@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from glsim.dataset.records import frame_record
@@ -14,7 +13,7 @@ from glsim.files.atomic import checksum, to_json
 from glsim.files.png import encode_png
 from glsim.frame import Frame
 from glsim.pipeline import simulate
-from glsim.plan.tasks import Task
+from glsim.plan.tasks import Task, people_of
 from glsim.settings.schema import SPLIT_NAMES, Settings
 
 #: Number of frames that are made to measure size and time, spread evenly over the plan.
@@ -31,39 +30,36 @@ TYPICAL_SECONDS = 0.025
 class DatasetEstimate:
     """The expected contents, size and time of a data set.
 
-    rows: (number and kind of the source, subject, split, images). bytes: total on disk.
-    seconds: wall time with ``workers`` processes. measured_frames: number of frames on which bytes
-    and seconds were measured; 0 if they are the constants above. skipped: the reason for each
-    sample frame that could not be made.
+    by_source: "number kind" of each source -> (people, images). by_split: split -> the same.
+    bytes: total on disk. core_seconds: of one core. seconds: wall time with ``workers`` processes.
+    measured_frames: number of frames on which bytes and seconds were measured; 0 if they are the
+    constants above. given_speed: whether the caller gave the frames per second. skipped: the
+    reason for each sample frame that could not be made.
     """
 
-    rows: Sequence[tuple[str, str, str, int]]
+    by_source: Mapping[str, tuple[int, int]]
+    by_split: Mapping[str, tuple[int, int]]
     bytes: int
-    seconds: float
+    core_seconds: float
     workers: int
     measured_frames: int
+    given_speed: bool = False
     skipped: Sequence[str] = ()
 
     @property
     def frames(self) -> int:
         """The number of frames (pairs of images)."""
-        return sum(row[3] for row in self.rows)
+        return sum(images for _, images in self.by_split.values())
 
-    def by_split(self) -> dict[str, tuple[int, int]]:
-        """Return split -> (people, images)."""
-        people = Counter(split for _, _, split, _ in self.rows)
-        images: Counter[str] = Counter()
-        for _, _, split, count in self.rows:
-            images[split] += count
-        return {split: (people[split], images[split]) for split in SPLIT_NAMES}
+    @property
+    def seconds(self) -> float:
+        """Wall time, seconds."""
+        return self.core_seconds / self.workers
 
-    def by_source(self) -> dict[str, tuple[int, int]]:
-        """Return source -> (people, images)."""
-        counts: dict[str, tuple[int, int]] = {}
-        for source, _, _, count in self.rows:
-            people, images = counts.get(source, (0, 0))
-            counts[source] = people + 1, images + count
-        return counts
+    @property
+    def core_hours(self) -> float:
+        """Hours of one core."""
+        return self.core_seconds / 3600
 
 
 def estimate_dataset(
@@ -73,17 +69,24 @@ def estimate_dataset(
     *,
     workers: int = 1,
     sample: int = SAMPLE_FRAMES,
+    frames_per_second: float | None = None,
     backend: str | None = None,
 ) -> DatasetEstimate:
     """Estimate a data set from a small sample of frames; nothing is written.
 
     sample: number of frames; 0, or a machine without OpenGL, uses the constants above.
+    frames_per_second: of one core, where it is known; otherwise it is that of the sample.
     """
-    images = Counter((task.source, task.subject, task.split) for task in tasks)
-    rows = [
-        (f"{number} {sources[number].name}", subject, split, count)
-        for (number, subject, split), count in images.items()
-    ]
+    by_source: dict[str, tuple[int, int]] = {}
+    by_split = dict.fromkeys(SPLIT_NAMES, (0, 0))
+    seen: set[tuple[int, str]] = set()
+    for person in people_of(tasks):
+        new = (person.source, person.subject) not in seen
+        seen.add((person.source, person.subject))
+        name = f"{person.source} {sources[person.source].name}"
+        for sums, key in ((by_source, name), (by_split, person.split)):
+            people, images = sums.get(key, (0, 0))
+            sums[key] = people + new, images + person.frames
     layers = len(settings.output.layers)
     frame_bytes = float(layers * TYPICAL_LAYER_BYTES + TYPICAL_RECORD_BYTES)
     frame_s, skipped = TYPICAL_SECONDS, []
@@ -113,9 +116,18 @@ def estimate_dataset(
             frame_s = (time.monotonic() - started) / len(chosen)
     except DeviceError:
         sizes = []
+    if frames_per_second is not None:
+        frame_s = 1 / frames_per_second
     total = len(tasks)
     return DatasetEstimate(
-        rows, round(total * frame_bytes), total * frame_s / workers, workers, len(sizes), skipped
+        by_source,
+        by_split,
+        round(total * frame_bytes),
+        total * frame_s,
+        workers,
+        len(sizes),
+        frames_per_second is not None,
+        skipped,
     )
 
 

@@ -7,6 +7,7 @@ name, would make one data set of two halves.
 from __future__ import annotations
 
 import json
+import socket
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -15,7 +16,7 @@ from typing import Any
 
 from glsim.dataset.chunks import ChunkPlan
 from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION
-from glsim.errors import ConfigError
+from glsim.errors import ConfigError, DifferentMachineError
 from glsim.files.atomic import to_json
 from glsim.files.contents import text_hash
 from glsim.reason import Reason
@@ -119,10 +120,10 @@ def refuse_changed_inputs(
             name = inputs.changed_file(source, before) if isinstance(before, dict) else None
             raise ConfigError(f"source {source}: {name or 'a file'} {choice}")
     if old.get("arithmetic", inputs.arithmetic) != inputs.arithmetic:
-        raise ConfigError(
+        raise DifferentMachineError(
             f"{out} was begun by a processor, NumPy, OpenBLAS or OpenGL driver whose last bits "
-            "differ from this machine's: continue there, or choose another folder "
-            "(OPENBLAS_CORETYPE and NPY_DISABLE_CPU_FEATURES choose an older processor's code)"
+            f"differ from this machine's ({socket.gethostname()}): continue there, or choose "
+            "another folder (--portable computes alike on all x86-64 processors since 2013)"
         )
 
 
@@ -144,7 +145,8 @@ def refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[str
                 f"from those of {new.get(name)}: continue with that version, or choose another "
                 "folder"
             )
-        raise ConfigError(
+        kind = DifferentMachineError if name == "renderer" else ConfigError
+        raise kind(
             f"{out} was begun with {name.removeprefix('settings.')} = "
             f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: continue with the "
             "same, or choose another folder"

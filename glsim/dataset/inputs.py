@@ -6,11 +6,13 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
+from glsim.dataset.identity import Inputs
+from glsim.errors import ConfigError
 from glsim.faces.base import FaceSource
 from glsim.files.contents import content_hash, text_hash
 from glsim.gl.shader_source import load_source
 from glsim.noise.stage import Stage
-from glsim.plan.tasks import Task
+from glsim.plan.tasks import Task, people_of
 
 
 def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
@@ -34,6 +36,23 @@ def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
     return dict(sorted(hashes.items()))
 
 
+def refuse_other_inputs(
+    expected: Inputs, sources: Sequence[FaceSource], tasks: Sequence[Task], where: str
+) -> None:
+    """Raise ConfigError if this machine has other files for some tasks than ``expected`` says.
+
+    expected: the inputs of the whole data set, on the machine that drives it. where: this machine.
+    """
+    for source, files in source_hashes(sources, tasks).items():
+        theirs = expected.sources.get(source, {})
+        for name, hash in files.items():
+            if theirs.get(name) != hash:
+                raise ConfigError(
+                    f"{where}: source {source}: {name} is not the driver's file: give every "
+                    "machine the same files in the same place"
+                )
+
+
 def source_hashes(
     sources: Sequence[FaceSource], tasks: Sequence[Task]
 ) -> dict[str, dict[str, str]]:
@@ -42,8 +61,8 @@ def source_hashes(
     Sources without a method ``contents`` read no files.
     """
     subjects: dict[int, dict[str, None]] = defaultdict(dict)
-    for task in tasks:
-        subjects[task.source][task.key.subject] = None
+    for person in people_of(tasks):
+        subjects[person.source][person.name] = None
     hashes = {}
     for number, source in enumerate(sources):
         contents = getattr(source, "contents", None)

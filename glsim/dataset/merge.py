@@ -33,10 +33,8 @@ from glsim.files.atomic import (
     file_checksum,
     to_json,
     wrap_read_errors,
-    wrap_write_errors,
     write_atomic,
 )
-from glsim.files.flush import flush_file
 from glsim.files.regular import open_regular
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -62,23 +60,23 @@ def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) ->
 
             names = [MANIFEST, SKIPPED]
             outputs = {name: create(name) for name in names}
-            for chunk in plan:
-                record = folder.load_chunk(chunk.number)
+            for number in range(len(plan)):
+                record, split = folder.load_chunk(number), plan.split_of(number)
                 if record is None:
-                    raise DatasetError(f"{folder.out}: the record of chunk {chunk.number} is gone")
+                    raise DatasetError(f"{folder.out}: the record of chunk {number} is gone")
                 index_file.write(record.first_line.encode())
                 outputs[MANIFEST].write("".join(record.frames).encode())
                 outputs[SKIPPED].write("".join(record.skipped).encode())
-                where = f"the record of chunk {chunk.number}:"
+                where = f"the record of chunk {number}:"
                 frames: list[Record] = [parse_frame(line, where) for line in record.frames]
-                subjects[chunk.split] |= dict.fromkeys(frame["subject"] for frame in frames)
-                counts[chunk.split] += len(frames)
+                subjects[split] |= dict.fromkeys(frame["subject"] for frame in frames)
+                counts[split] += len(frames)
                 skipped += record.summary.skipped
                 if record.summary.shard is not None:
                     shard = record.summary.shard
                     files[shard["name"]] = {"size": shard["size"], "crc32": shard["crc32"]}
                 elif frames:
-                    name = f"{chunk.split}/{METADATA}"
+                    name = f"{split}/{METADATA}"
                     if name not in outputs:
                         outputs[name] = create(name)
                     rows = [to_json(metadata_row(frame), name) + "\n" for frame in frames]
@@ -96,6 +94,7 @@ def merge(folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any]) ->
         temporary = folder.temporary_path(HEADER)
         checksum = write_atomic(data, folder.out / HEADER, temporary=temporary)
         index_file.write(to_json(checksum, HEADER).encode() + b"\n")
+    folder.publish_merged(outputs.keys() | {README, CROISSANT})
     folder.discard_chunk_records()
 
 
@@ -172,7 +171,4 @@ def unmerge(folder: OutputFolder, chunks: int, damaged: set[int]) -> None:
     for number, record in enumerate(read_merged_chunks(folder, chunks)):
         if record is not None and number not in damaged:
             folder.save_chunk(record)
-    with wrap_write_errors(folder.out):
-        (folder.out / HEADER).unlink(missing_ok=True)
-        flush_file(folder.out)  # from now on nothing calls the set complete
-        folder.merged_index.unlink()
+    folder.withdraw()

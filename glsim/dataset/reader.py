@@ -8,6 +8,7 @@ in ``.glsim``, and every file that a record names is a regular file inside the d
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.dataset.cloud_mirror import fetch_images, mirror
 from glsim.dataset.disk_format import HEADER, MANIFEST
 from glsim.dataset.header import header_problem, manifest_problem, read_header
 from glsim.dataset.layer_images import LayerImage, decode_layer
@@ -23,6 +25,7 @@ from glsim.dataset.manifest import REPAIR, Manifest
 from glsim.depth_protocol import DepthProtocol, stored_protocol
 from glsim.errors import DatasetError, did_you_mean
 from glsim.files.atomic import checksum, wrap_read_errors
+from glsim.files.cloud import CloudFolder, cloud_url
 from glsim.files.png import MAX_IMAGE_BYTES
 from glsim.files.regular import open_regular, read_regular
 from glsim.frame import WRITABLE, to_mm
@@ -40,10 +43,16 @@ class Pair:
     record: its record in the manifest, see ``glsim.dataset.records.frame_record``.
     """
 
-    def __init__(self, root: Path, record: Mapping[str, Any], depth_unit_mm: float) -> None:
+    def __init__(
+        self,
+        root: Path | CloudFolder,
+        record: Mapping[str, Any],
+        depth_unit_mm: float,
+    ) -> None:
         self.record = record
         self._root = root
         self._unit_mm = depth_unit_mm
+        self._fetched: dict[str, bytes] = {}  # layer -> bytes, of a data set in object storage
 
     def __repr__(self) -> str:
         return f"Pair({self.split}/{self.subject}/{self.sequence}_{self.frame:05d})"
@@ -150,9 +159,10 @@ class Pair:
                 f"{self._root}: has no layer {layer!r} ({did_you_mean(layer, files)})"
             )
         file = files[layer]
-        path = self._root / file["name"]
-        where = f"{path} ({file['member']})" if "member" in file else str(path)
-        data = _read(self._root, file)
+        where = f"{self._root}/{file['name']}"
+        if "member" in file:
+            where += f" ({file['member']})"
+        data = self._read(layer)
         image = decode_layer(data, layer, where)
         if checksum(data) != {"size": file["size"], "crc32": file["crc32"]}:
             raise DatasetError(
@@ -168,6 +178,18 @@ class Pair:
         if layer == "reason" and image.max(initial=0) > max(Reason):
             raise DatasetError(f"{where}: holds {image.max()}, which is no code of a reason")
         return image
+
+    def fetch(self) -> None:
+        """Read the bytes of all layers from object storage, if the data set lies there."""
+        if isinstance(self._root, CloudFolder) and not self._fetched:
+            self._fetched = fetch_images(self._root, self.record["files"])
+
+    def _read(self, layer: str) -> bytes:
+        """Read a whole file or a member of a shard; a truncated member is returned truncated."""
+        if isinstance(self._root, CloudFolder):
+            self.fetch()
+            return self._fetched[layer]
+        return _read(self._root, self.record["files"][layer])
 
     def _depth_mm(self, layer: str) -> NDArray[np.float32]:
         return to_mm(self.image(layer), self._unit_mm, self.depth_offset_mm)
@@ -214,15 +236,19 @@ class Split(Sequence[Pair]):
 
 
 class Dataset:
-    """A complete data set on disk. It is cheap to send to other processes.
+    """A complete data set on disk or in object storage. It is cheap to send to other processes.
 
-    header: the contents of dataset.json. Opening reads the manifest once for its checksum. Raises
+    header: the contents of dataset.json. path: its folder; of one in object storage, the folder
+    with the copies of its header and manifest, see ``glsim.dataset.cloud_mirror``. Opening reads
+    the manifest once for its checksum. Raises
     DatasetError if the folder holds no complete data set, one of a newer version of glsim, or one
     whose header or manifest is damaged or was changed.
     """
 
     def __init__(self, path: Path | str) -> None:
-        self.path = Path(path)
+        url = cloud_url(path)
+        self._images: Path | CloudFolder = Path(path) if url is None else CloudFolder(url)
+        self.path = self._images if isinstance(self._images, Path) else mirror(self._images)
         self.header = read_header(self.path)
         self.depth_unit_mm = float(self.header["depth_unit_mm"])
         if problem := header_problem(self.path):
@@ -232,6 +258,9 @@ class Dataset:
             raise DatasetError(f"{self._manifest.path}: {problem}: {REPAIR}")
         if MANIFEST not in self.header["files"]:
             log.warning("%s: has no checksum in %s: changes are not noticed", MANIFEST, HEADER)
+
+    def __str__(self) -> str:
+        return str(self._images)
 
     def __len__(self) -> int:
         return sum(self.header["frames"].values())
@@ -272,6 +301,22 @@ class Dataset:
         sensor = self.header.get("sensor", {})
         return str(sensor.get("title", sensor.get("name", "unknown sensor")))
 
+    def file_size(self, name: str) -> int:
+        """Return the size of a file of the data set, bytes. Raises DatasetError if it is none."""
+        if isinstance(self._images, CloudFolder):
+            size = self._images.size(name)
+            if size is None:
+                raise DatasetError(f"{self._images.where(name)}: is missing: {REPAIR}")
+            return size
+        path = self._images / name
+        with wrap_read_errors(path), open_regular(path, inside=self._images) as file:
+            return os.fstat(file.fileno()).st_size
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether the images lie in object storage: each read takes a request over the network."""
+        return isinstance(self._images, CloudFolder)
+
     @property
     def is_tree(self) -> bool:
         """Whether each image is its own file rather than a member of a shard."""
@@ -283,8 +328,8 @@ class Dataset:
 
     def pairs(self, first: int, count: int) -> Iterator[Pair]:
         """Yield the frames of consecutive lines of the manifest, each read when it is needed."""
-        for number, line in enumerate(self._manifest.lines(first, count), start=first):
-            yield self._pair(self._manifest.parse(line, number), number)
+        lines = enumerate(self._manifest.lines(first, count), start=first)
+        return (self._pair(self._manifest.parse(line, number), number) for number, line in lines)
 
     def _pair(self, record: Mapping[str, Any], number: int) -> Pair:
         """Make the pair of a line; its split must be the one that the header counts it to."""
@@ -301,10 +346,10 @@ class Dataset:
         for layer in self.header["settings"]["output"]["layers"]:
             if layer not in record["files"]:
                 raise self._manifest.damage(number, f"files: it lacks the layer {layer!r}")
-        return Pair(self.path, record, self.depth_unit_mm)
+        return Pair(self._images, record, self.depth_unit_mm)
 
 
-def no_clean(path: Path) -> str:
+def no_clean(path: object) -> str:
     """Return the error message for a data set without clean maps."""
     return (
         f"{path}: has no layer 'clean', the true depth that this needs: generate a data set with "
@@ -313,7 +358,7 @@ def no_clean(path: Path) -> str:
     )
 
 
-def no_expected(path: Path) -> str:
+def no_expected(path: object) -> str:
     """Return the error message for a data set without maps of the expected depth."""
     return (
         f"{path}: has no layer 'expected', the true depth with the sensor's systematic error: "
@@ -322,5 +367,8 @@ def no_expected(path: Path) -> str:
 
 
 def open_dataset(path: Path | str) -> Dataset:
-    """Open a complete data set. Raises DatasetError as ``Dataset`` does."""
+    """Open a complete data set: a folder, or a URL of object storage such as s3://bucket/faces.
+
+    Raises DatasetError as ``Dataset`` does.
+    """
     return Dataset(path)

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset.driver import GenerateProgress, GenerateSummary, write_dataset
+from glsim.dataset.driver import write_dataset
+from glsim.dataset.progress import GenerateProgress, GenerateSummary
 from glsim.errors import MeshError
 from glsim.faces.base import FaceKey
 from glsim.faces.scans.biwi import Biwi

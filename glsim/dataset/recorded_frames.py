@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from glsim.dataset.driver import GenerateProgress, GenerateSummary, write_dataset
+from glsim.dataset.driver import write_dataset
 from glsim.dataset.identity import Inputs
 from glsim.dataset.inputs import source_hashes
+from glsim.dataset.progress import GenerateProgress, GenerateSummary
 from glsim.dataset.recordings import CALIBRATION, FrameFiles, find_frames
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import os
 import tarfile
+import tempfile
 from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import IO, Any
 
+from glsim.dataset.cloud_mirror import mirror
 from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
 from glsim.dataset.header import header_problem, manifest_problem, read_header
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.manifest import Manifest
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum, file_checksum
+from glsim.files.cloud import CloudFolder, cloud_url
 from glsim.files.png import MAX_IMAGE_BYTES
 from glsim.files.regular import open_regular, read_regular
 from glsim.settings.schema import SPLIT_NAMES
@@ -31,10 +34,14 @@ def verify(path: Path | str, deep: bool = False) -> list[str]:
     a split has a record. deep: also checks the CRC32 of every image, decodes it, compares it with
     its record, and compares the members of shards with the records. Never raises DatasetError.
     """
-    root = Path(path)
+    url = cloud_url(path)
     try:
+        remote = None if url is None else CloudFolder(url)
+        root = Path(path) if remote is None else mirror(remote)
         header = read_header(root)
         manifest = Manifest(root)
+        if remote is not None:
+            return list(_CloudVerification(remote, root, header, manifest, deep).problems())
     except DatasetError as error:
         return [str(error)]
     return list(_Verification(root, header, manifest, deep).problems())
@@ -212,6 +219,54 @@ class _Verification:
                 name = f"{split}/{path.name}"
                 if path not in self._folders and name not in listed and path.name != METADATA:
                     yield f"{name} is in no record"
+
+
+class _CloudVerification(_Verification):
+    """Checks a data set in object storage; header and manifest are the copies in ``root``.
+
+    A shard is compared with the size and CRC32 that the store has; ``deep`` also reads it.
+    """
+
+    def __init__(
+        self,
+        remote: CloudFolder,
+        root: Path,
+        header: Mapping[str, Any],
+        manifest: Manifest,
+        deep: bool,
+    ) -> None:
+        super().__init__(root, header, manifest, deep)
+        self._remote = remote
+
+    def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
+        found = self._remote.checksum(name)
+        if found is None:
+            yield f"{name} is missing"
+        elif found["size"] != expected["size"]:
+            yield f"{name} has {found['size']} bytes instead of {expected['size']}"
+        elif found["crc32"] != expected["crc32"]:
+            yield f"{name} is not what was written: its CRC32 differs"
+
+    def _member_problems(self) -> Iterator[str]:
+        for shard in sorted(self._members.keys() - self._bad_files):
+            with tempfile.TemporaryFile() as file:
+                for block in self._remote.blocks(shard):
+                    file.write(block)
+                file.seek(0)
+                try:
+                    yield from self._shard_problems(shard, file)
+                except tarfile.TarError as error:
+                    yield f"{shard}: is no tar file: {error}"
+
+    def _entries(self, folder: str) -> list[Path]:
+        return [self._root / folder / name for name in self._remote.names(folder)]
+
+    def _stray_entries(self) -> Iterator[str]:
+        for name in self._remote.names(""):
+            split = name.partition("-")[0]
+            listed = name in self._header["files"]
+            if name.endswith(".tar") and split in SPLIT_NAMES and not listed:
+                yield f"{name} is in no record"
 
 
 def _person(record: _Record) -> tuple[str, str]:

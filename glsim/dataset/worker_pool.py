@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from multiprocessing.connection import wait
 from types import TracebackType
 
@@ -23,19 +23,25 @@ _ATTEMPTS = 2
 
 
 class _Worker(WorkerProcess):
-    def __init__(self, job: RenderJob) -> None:
-        super().__init__(work)
+    def __init__(self, job: RenderJob, environment: Mapping[str, str]) -> None:
+        super().__init__(work, environment)
         self.chunks: list[Chunk] = []  # being rendered, the oldest first
         self.dismissed = False  # whether it has been told that there are no more chunks
         self.send(job)
 
 
 class WorkerPool:
-    """Worker processes that render chunks. A context manager: its exit ends all of them."""
+    """Worker processes that render chunks. A context manager: its exit ends all of them.
 
-    def __init__(self, job: RenderJob, count: int) -> None:
+    environment: variables for the workers, such as ``portable_environment()``.
+    """
+
+    def __init__(
+        self, job: RenderJob, count: int, environment: Mapping[str, str] | None = None
+    ) -> None:
         self._job = job
         self._count = count
+        self._environment = environment or {}
         self._workers: list[_Worker] = []
 
     def __enter__(self) -> WorkerPool:
@@ -60,7 +66,7 @@ class WorkerPool:
         source = iter(chunks)
         deaths: Counter[int] = Counter()
         for _ in range(self._count):
-            self._workers.append(_Worker(self._job))
+            self._workers.append(_Worker(self._job, self._environment))
         while self._workers:
             by_connection = {worker.connection: worker for worker in self._workers}
             for ready in wait(list(by_connection)):
@@ -74,7 +80,7 @@ class WorkerPool:
                     if worker.chunks or not worker.dismissed:
                         _report_death(worker, status, deaths)
                         waiting.extend(worker.chunks)
-                        self._workers.append(_Worker(self._job))
+                        self._workers.append(_Worker(self._job, self._environment))
                     continue
                 if isinstance(message, ChunkRequest):
                     chunk = waiting.popleft() if waiting else next(source, None)

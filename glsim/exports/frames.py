@@ -91,11 +91,11 @@ def depth_layers(dataset: Dataset, layers: Sequence[str] | None = None) -> tuple
     for layer in layers or ():
         if layer not in there:
             raise ConfigError(
-                f"{dataset.path}: has no layer of depth {layer!r}: {did_you_mean(layer, there)}"
+                f"{dataset}: has no layer of depth {layer!r}: {did_you_mean(layer, there)}"
             )
     chosen = there if layers is None else [layer for layer in there if layer in layers]
     if not chosen:
-        raise ConfigError(f"{dataset.path}: has no layer of depth to export")
+        raise ConfigError(f"{dataset}: has no layer of depth to export")
     return tuple(chosen)
 
 

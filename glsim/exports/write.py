@@ -103,7 +103,7 @@ def export_dataset(
         if name in _WHOLE:
             done = _write_whole(name, frames(), out)
     if not done:
-        raise DatasetError(f"{dataset.path}: has no frame {'in ' + split if split else 'at all'}")
+        raise DatasetError(f"{dataset}: has no frame {'in ' + split if split else 'at all'}")
     return done
 
 

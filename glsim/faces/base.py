@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, overload
 
 from glsim.errors import MeshError
 from glsim.faces.neck import Neck
@@ -26,6 +27,40 @@ class FaceKey:
     frame: int
     time_s: float = 0.0
     path: str = ""
+
+
+class ComputedKeys(Sequence[FaceKey]):
+    """The keys of a subject's frames as a function of their number: no list is kept.
+
+    No two of them have the same sequence and frame.
+    """
+
+    @property
+    @abstractmethod
+    def words(self) -> tuple[object, ...]:
+        """All that the keys depend on, besides the code."""
+
+    @abstractmethod
+    def _key(self, number: int) -> FaceKey:
+        """Return the key of a frame, from 0."""
+
+    @overload
+    def __getitem__(self, number: int) -> FaceKey: ...
+    @overload
+    def __getitem__(self, number: slice) -> list[FaceKey]: ...
+    def __getitem__(self, number: int | slice) -> FaceKey | list[FaceKey]:
+        """Compute a key, or a list of them."""
+        if isinstance(number, slice):
+            return [self._key(one) for one in range(*number.indices(len(self)))]
+        position = number + len(self) if number < 0 else number
+        if not 0 <= position < len(self):
+            raise IndexError(f"there are {len(self)} frames, not one at {number}")
+        return self._key(position)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and list(self) == list(other)
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +115,11 @@ class FaceSource(Protocol):
         """Return the first ``count`` subjects (None: all; ConfigError if there is no last one)."""
         ...
 
-    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """Return the keys of the first ``count`` frames of a subject, in order (None: all)."""
+    def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
+        """Return the keys of the first ``count`` frames of a subject, in order (None: all).
+
+        A source without end returns ``ComputedKeys``: its plans are as large as anybody wants.
+        """
         ...
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:

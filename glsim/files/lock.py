@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,12 +15,13 @@ from glsim.files.atomic import cannot_write
 
 
 @contextmanager
-def locked(file: Path, busy: GlsimError) -> Iterator[None]:
-    """Hold the lock ``file``; the kernel frees it when the process dies.
+def locked(file: Path, busy: GlsimError, *, wait: bool = False) -> Iterator[None]:
+    """Hold the lock ``file`` alone; the kernel frees it when the process dies.
 
-    Raises ``busy`` if another process holds it, DatasetError if it cannot be made.
+    wait: until the others free it. Raises ``busy`` if another process holds it, DatasetError if it
+    cannot be made.
     """
-    lock = FileLock(file, timeout=0)
+    lock = FileLock(file, timeout=-1 if wait else 0)
     try:
         lock.acquire()
     except Timeout:
@@ -29,3 +32,26 @@ def locked(file: Path, busy: GlsimError) -> Iterator[None]:
         yield
     finally:
         lock.release()
+
+
+@contextmanager
+def locked_together(file: Path, busy: GlsimError) -> Iterator[None]:
+    """Hold the lock ``file`` with others that hold it so, while nobody holds it alone.
+
+    Raises as ``locked``.
+    """
+    try:
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise cannot_write(file, error) from error
+    try:
+        try:
+            # The same kind of lock as FileLock's, which is exclusive.
+            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise busy from None
+        except OSError as error:
+            raise cannot_write(file, error) from error
+        yield
+    finally:
+        os.close(descriptor)

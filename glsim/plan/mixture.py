@@ -3,35 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from glsim.errors import ConfigError
-from glsim.faces.base import FaceKey
 from glsim.settings.schema import SourceSettings
 
 
-def mix_sources(
-    sources: Sequence[SourceSettings], frames: Sequence[tuple[int, list[FaceKey]]]
-) -> list[list[FaceKey]]:
-    """Choose the frames of each person, thinned evenly over each source.
+@dataclass(frozen=True)
+class Thinning:
+    """``count`` of the ``total`` frames of a source, at even distances."""
 
-    frames: (number of the source, frames) of each person. Raises ConfigError as ``image_counts``.
+    total: int
+    count: int
+
+    def below(self, position: int) -> int:
+        """Return how many of the first ``position`` frames are chosen."""
+        return position * self.count // self.total if self.total else 0
+
+    def position(self, number: int) -> int:
+        """Return where the chosen frame of this number is among all frames, both from 0."""
+        return -(-(number + 1) * self.total // self.count) - 1
+
+
+def mix_sources(sources: Sequence[SourceSettings], available: Sequence[int]) -> list[Thinning]:
+    """Choose the frames of each source. available: its number of frames.
+
+    Raises ConfigError as ``image_counts``.
     """
-    available = [sum(len(k) for n, k in frames if n == number) for number in range(len(sources))]
     counts = image_counts(sources, available)
-    seen = [0] * len(sources)
-    chosen = []
-    for number, keys in frames:
-        total, count = available[number], counts[number]
-        start = seen[number]
-        # The condition is true ``count`` times in ``total``, at even distances.
-        kept = [
-            key
-            for at, key in enumerate(keys, start)
-            if (at + 1) * count // total > at * count // total
-        ]
-        seen[number] += len(keys)
-        chosen.append(kept)
-    return chosen
+    return [Thinning(total, count) for total, count in zip(available, counts, strict=True)]
 
 
 def image_counts(sources: Sequence[SourceSettings], available: Sequence[int]) -> list[int]:

@@ -84,18 +84,26 @@ def _best_swap(
 
     missing: images that each split lacks.
     """
-    # The last entry of each list is nobody: a swap with nobody is a move.
-    from_a, from_b = (np.append(np.flatnonzero(chosen == split), -1) for split in (a, b))
+    persons_a, persons_b = (np.flatnonzero(chosen == split) for split in (a, b))
+    # Of people with equally many images the first one is enough. The last entry of each list is
+    # nobody: a swap with nobody is a move.
+    from_a, from_b = (np.append(_first_of_size(who, sizes), -1) for who in (persons_a, persons_b))
     images_a, images_b = (np.where(who < 0, 0, sizes[who]) for who in (from_a, from_b))
     moved = images_a[:, None] - images_b[None]
     before = abs(missing[a]), abs(missing[b])
     change = np.abs(missing[a] + moved) + np.abs(missing[b] - moved) - before[0] - before[1]
-    if len(from_a) == 2:
+    if len(persons_a) == 1:
         change[0, -1] = 0.0  # the last person stays
-    if len(from_b) == 2:
+    if len(persons_b) == 1:
         change[-1, 0] = 0.0
     i, j = np.unravel_index(np.argmin(change), change.shape)
     moves = [
         (int(person), split) for person, split in ((from_a[i], b), (from_b[j], a)) if person >= 0
     ]
     return float(change[i, j]), moves
+
+
+def _first_of_size(people: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the first person of each number of images, in the order of ``people``."""
+    _, first = np.unique(sizes[people], return_index=True)
+    return people[np.sort(first)]

@@ -54,7 +54,7 @@ class Bench:
         self._base, self._open_sources, self._backend = base, open_sources, backend
         self._context: moderngl.Context | None = None
         self._plan: tuple[object, ...] | None = None
-        self._tasks: list[Task] = []
+        self._tasks: Sequence[Task] = ()
         self._plain: Simulator | None = None
         self._coded: tuple[Mapping[str, StageCode], Simulator] | None = None
         self._last: Simulator | None = None

@@ -86,7 +86,7 @@ def capture_scenes(
     Raises MeshError if a sensor does not see the face.
     """
     with borrowed_context(backend) as context:
-        made: tuple[str, list[Task], dict[str, Simulator]] = ("", [], {})
+        made: tuple[str, Sequence[Task], dict[str, Simulator]] = ("", [], {})
         for scene in scenes:
             if made[0] != repr(scene.base):
                 made = (repr(scene.base), *_simulators(scene, sensors, context))
@@ -110,7 +110,7 @@ def capture(simulator: Simulator, task: Task, scene: Scene) -> Frame:
 
 def _simulators(
     scene: Scene, sensors: Sequence[str], context: Any
-) -> tuple[list[Task], dict[str, Simulator]]:
+) -> tuple[Sequence[Task], dict[str, Simulator]]:
     """Return a plan and a simulator per sensor; they share sources, programs and what is worn."""
     tables = {key: value for key, value in scene.base.items() if key != "preset"}
     settings = load_settings(overrides=tables, preset=scene.base.get("preset"))

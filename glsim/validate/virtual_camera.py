@@ -165,7 +165,7 @@ class _Scene:
     def subjects(self, count: int | None) -> list[str]:
         return self._source.subjects(count)
 
-    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+    def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
         return self._source.frames(subject, count)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:

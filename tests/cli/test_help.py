@@ -15,7 +15,9 @@ import typer
 from glsim.cli import app, main
 
 #: Files in glsim/cli that are no commands.
-SHARED_FILES = {"__init__", "common", "eval_real", "eval_ssim", "generate_plan", "progress"}
+SHARED_FILES = {
+    "__init__", "common", "eval_real", "eval_ssim", "generate_parts", "generate_plan", "progress",
+}  # fmt: skip
 
 
 def commands(group: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any]]:

@@ -69,7 +69,7 @@ def stop(state: GenerateProgress) -> None:
 
 def begin(settings: Settings, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the first chunks of a data set."""
-    monkeypatch.setattr("glsim.dataset.driver._PROGRESS_EVERY_S", 0.0)
+    monkeypatch.setattr("glsim.dataset.progress._PROGRESS_EVERY_S", 0.0)
     with pytest.raises(KeyboardInterrupt):
         generate(settings, out, workers=1, progress=stop)
     assert list((out / ".glsim" / "chunks").iterdir())

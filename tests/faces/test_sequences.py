@@ -41,3 +41,16 @@ def test_settings_choose_length_and_rate_of_generated_sequences() -> None:
     assert keys[5].sequence != keys[4].sequence
     with pytest.raises(ConfigError, match="folder has no such option"):
         load_settings(overrides={"source": {"kind": "folder", "frames_per_second": 30}})
+
+
+@pytest.mark.parametrize("rate", [None, 30.0])
+def test_keys_are_the_same_in_any_order(rate: float | None) -> None:
+    keys = performance_frames(3, "p0001", 50, 8, rate)
+    whole = list(performance_frames(3, "p0001", 50, 8, rate))
+    assert len(keys) == len(whole) == 50
+    assert [keys[number] for number in reversed(range(50))] == whole[::-1]
+    assert keys[5:20:3] == whole[5:20:3]
+    assert keys[-1] == whole[-1]
+    assert performance_frames(3, "p0001", 10**9, 8, rate)[10**9 - 1].frame == 7
+    with pytest.raises(IndexError, match="there are 50 frames, not one at 50"):
+        keys[50]

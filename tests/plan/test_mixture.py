@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from glsim.errors import ConfigError
 from glsim.faces import open_source
-from glsim.faces.base import FaceKey
 from glsim.pipeline import open_sources
 from glsim.plan.mixture import image_counts, mix_sources
 from glsim.plan.paper_split import PAPER_IMAGES, split_as_paper
@@ -43,12 +42,19 @@ def test_counts_and_weights() -> None:
 def test_thinning_is_even_and_exact(people: list[int], data: st.DataObject) -> None:
     total = sum(people)
     count = data.draw(st.integers(1, total))
-    frames = [(0, [FaceKey(f"p{n}", "a", k) for k in range(have)]) for n, have in enumerate(people)]
-    taken = mix_sources(_sources({"count": count}), frames)
-    assert sum(map(len, taken)) == count
-    for have, kept in zip(people, taken, strict=True):
-        assert abs(len(kept) - have * count / total) <= 1
-    assert mix_sources(_sources({}), frames) == [keys for _, keys in frames]
+    (thinning,) = mix_sources(_sources({"count": count}), [total])
+    positions = [thinning.position(number) for number in range(count)]
+    assert positions == sorted(set(positions))
+    assert 0 <= positions[0] <= positions[-1] < total
+    assert [thinning.below(p) for p in positions] == list(range(count))
+    first = 0
+    for have in people:
+        kept = thinning.below(first + have) - thinning.below(first)
+        assert kept == sum(first <= p < first + have for p in positions)
+        assert abs(kept - have * count / total) <= 1
+        first += have
+    (every,) = mix_sources(_sources({}), [total])
+    assert [every.position(number) for number in range(total)] == list(range(total))
 
 
 def test_the_papers_split_is_met_where_the_people_allow_it() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -9,11 +11,13 @@ from hypothesis import given
 from hypothesis import settings as quick
 from hypothesis import strategies as st
 
+from glsim.dataset.chunks import ChunkPlan
 from glsim.errors import ConfigError, DatasetError
 from glsim.faces.base import FaceKey
 from glsim.faces.one_mesh import OneMesh
+from glsim.pipeline import open_sources
 from glsim.plan.split import split_subjects
-from glsim.plan.tasks import Task, check_plan, make_tasks
+from glsim.plan.tasks import Plan, make_tasks
 from glsim.settings.schema import Settings, load_settings
 from glsim.settings.seeds import stable_seed
 from tests.support.scenes import plate
@@ -40,7 +44,7 @@ def settings(subjects: int = 10, frames: int = 4, **overrides: object) -> Settin
     return load_settings(overrides={"source": source} | overrides)
 
 
-def plan(subjects: int = 10, frames: int = 4, **overrides: object) -> list[Task]:
+def plan(subjects: int = 10, frames: int = 4, **overrides: object) -> Plan:
     return make_tasks(settings(subjects, frames, **overrides), [People()])
 
 
@@ -143,10 +147,114 @@ class _Nobody(People):
         return []
 
 
+class _Alike(People):
+    """People of the same name, or frames of the same name."""
+
+    def __init__(self, subject: str) -> None:
+        super().__init__()
+        self._subject_name = subject
+
+    def subjects(self, count: int | None) -> list[str]:
+        return [self._subject_name.format(n) for n in range(count or 0)]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        return [FaceKey(subject, "a", n // 2) for n in range(count or 0)]
+
+
 def test_a_plan_that_would_leak_or_overwrite_is_an_error() -> None:
-    tasks = plan(2, 2, split=[0.5, 0.5, 0.0])
-    moved = replace(tasks[1], split="test")
-    with pytest.raises(DatasetError, match=r"subject p0 is in test and in (train|val)"):
-        check_plan([tasks[0], moved])
+    with pytest.raises(DatasetError, match="a source names two of its people alike: rename one"):
+        make_tasks(settings(3, 2), [_Alike("same")])
     with pytest.raises(DatasetError, match=r"2 frames would be written to .*/p0/a_00000: sequence"):
-        check_plan([tasks[0], tasks[0]])
+        ChunkPlan(make_tasks(settings(3, 4), [_Alike("p{}")]), 32)
+    with pytest.raises(DatasetError, match=r"'train/\.\./a_00000' does not name a file inside"):
+        ChunkPlan(make_tasks(settings(1, 1), [_Alike("..")]), 32)
+
+
+def test_a_plan_is_a_sequence_that_is_computed() -> None:
+    computed = plan(5, 6, devices=2)
+    whole = list(computed)
+    assert [computed[index] for index in range(30)] == whole
+    assert computed[7:23:5] == whole[7:23:5]
+    assert computed[-1] == whole[-1]
+    assert computed[10:9] == []
+    assert computed == whole
+    assert computed != whole[:-1]
+    with pytest.raises(IndexError, match="the plan has 30 frames, not one at 30"):
+        computed[30]
+
+
+MIXED = {"source": [{"kind": "procedural", "subjects": 4, "frames_per_subject": 20, "weight": 2},
+                    {"kind": "procedural", "subjects": 3, "frames_per_subject": 50, "weight": 1},
+                    {"kind": "procedural", "subjects": 2, "frames_per_subject": 9, "count": 5}],
+         "split": "paper"}  # fmt: skip
+PINNED = [
+    ({"source": {"subjects": 7, "frames_per_subject": 65}, "seed": 3, "devices": 3},
+     "6f2649e69743b3ed"),
+    ({"source": {"subjects": 5, "frames_per_subject": 33, "frames_per_sequence": 8,
+                 "frames_per_second": 30}, "seed": 1}, "0dc80896b88f286d"),
+    (MIXED, "7ab789cf92b83b66"),
+    ({"source": {"subjects": 40, "frames_per_subject": 3}, "split": "paper", "seed": 5},
+     "d83f95b2d02506d6"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("tree", "expected"), PINNED)
+def test_tasks_are_those_of_the_plans_that_were_lists(
+    tree: dict[str, object], expected: str
+) -> None:
+    """Data sets of the same settings are the same for ever. Hashes: of the plan as a list, 0.2."""
+    given = load_settings(overrides=tree)
+    text = "\n".join(map(repr, make_tasks(given, open_sources(given))))
+    assert hashlib.blake2b(text.encode(), digest_size=8).hexdigest() == expected
+
+
+@quick(deadline=None, max_examples=60)
+@given(st.lists(st.integers(0, 7), min_size=1, max_size=12).filter(any), st.integers(1, 9))
+def test_chunks_hold_every_frame_once_by_split_and_index(each: list[int], size: int) -> None:
+    class Uneven(People):
+        def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+            return super().frames(subject, each[int(subject[1:])])
+
+    tasks = make_tasks(settings(len(each), 1), [Uneven()])
+    for planned in (tasks, list(tasks)):
+        chunks = ChunkPlan(planned, size)
+        made = [task for chunk in chunks for task in chunk.tasks]
+        assert made == [t for split in ("train", "val", "test") for t in tasks if t.split == split]
+        assert all({t.split for t in chunk.tasks} == {chunk.split} for chunk in chunks)
+        assert [chunks.frames_in(c.number) for c in chunks] == [len(c.tasks) for c in chunks]
+        assert {chunks.split_of(c.number) == c.split for c in chunks} == {True}
+        assert len({chunk.shard for chunk in chunks}) == len(chunks)
+
+
+def test_a_fingerprint_changes_with_the_plan() -> None:
+    def fingerprint(source: People | None = None, **overrides: object) -> str:
+        given = settings(5, 4, **overrides)
+        return ChunkPlan(make_tasks(given, [source or People()]), 32).fingerprint()
+
+    first = fingerprint()
+    assert first == fingerprint()
+    others = [fingerprint(seed=1), fingerprint(devices=2), fingerprint(split=[1, 0, 0])]
+    others += [fingerprint(People("other")), fingerprint(_Renamed())]
+    assert len({first, *others}) == 6
+
+
+class _Renamed(People):
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        return [replace(key, path="another.obj") for key in super().frames(subject, count)]
+
+
+def test_ten_million_frames_are_planned_in_the_memory_of_their_people() -> None:
+    given = load_settings(overrides={"source": {"subjects": 500, "frames_per_subject": 20_000}})
+    tracemalloc.start()
+    tasks = make_tasks(given, open_sources(given))
+    chunks = ChunkPlan(tasks, 512)
+    chunks.fingerprint()
+    last = chunks[len(chunks) - 1].tasks[-1]
+    used = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(tasks) == 10_000_000
+    assert tasks[last.index] == last
+    assert used < 3e6
+    many = load_settings(overrides={"source": {"subjects": 600_000}})
+    with pytest.raises(ConfigError, match="at most 50000000 of 500000 people: make several, with"):
+        make_tasks(many, open_sources(given))

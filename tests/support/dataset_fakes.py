@@ -160,6 +160,7 @@ def make(
     workers: int = 1,
     progress: Any = None,
     renderer: str = "fake renderer",
+    inputs: Any = None,
     **faults: Any,
 ) -> GenerateSummary:
     """Write a data set of fake frames."""
@@ -170,6 +171,7 @@ def make(
         partial(fake_frames, **faults),
         sensor=SENSOR,
         renderer=renderer,
+        inputs=inputs,
         workers=workers,
         progress=progress,
     )

@@ -105,7 +105,7 @@ def _source_reader(
 
     def read(afresh: bool) -> str | None:
         source = open_source() if afresh or always else kept
-        keys = source.frames(subject, None)
+        keys = list(source.frames(subject, None))
         chosen = [key for key in keys if key.path == path] or keys
         results = list(source.load(chosen[:1] + chosen[-1:]))
         for result in results:

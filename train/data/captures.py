@@ -41,7 +41,7 @@ class StoredCaptures(StoredPairs):
         for first, after in pairwise([*starts, len(keys)]):
             if after - first < 2:
                 raise DatasetError(
-                    f"{self.dataset.path}: {self.split[first]!r} is the only frame of its "
+                    f"{self.dataset}: {self.split[first]!r} is the only frame of its "
                     "sequence, and this loss needs a second one: generate more frames for each "
                     "person (--frames-per-subject)"
                 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -16,8 +15,7 @@ from glsim.dataset.reader import no_clean, no_expected
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import file_checksum, wrap_read_errors
-from glsim.files.regular import open_regular
+from glsim.files.atomic import file_checksum
 from glsim.settings.schema import SPLIT_NAMES
 
 #: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a
@@ -83,17 +81,17 @@ def checked_split(
     if not len(split):
         have = ", ".join(f"{n} {dataset.header['frames'][n]}" for n in SPLIT_NAMES)
         raise DatasetError(
-            f"{dataset.path}: has no frames in its split {name!r} (frames: {have}): generate one "
+            f"{dataset}: has no frames in its split {name!r} (frames: {have}): generate one "
             "with other shares (--split)"
         )
     for layer in layers:
         if layer not in dataset.layers:
             if layer == "clean":
-                raise DatasetError(no_clean(dataset.path))
+                raise DatasetError(no_clean(dataset))
             if layer == "expected":
-                raise DatasetError(f"{no_expected(dataset.path)}, or set data.target = 'clean'")
+                raise DatasetError(f"{no_expected(dataset)}, or set data.target = 'clean'")
             raise DatasetError(
-                f"{dataset.path}: has no layer {layer!r}: generate it with --layers "
+                f"{dataset}: has no layer {layer!r}: generate it with --layers "
                 f"{','.join(sorted({'clean', *layers}))}"
             )
     _check_subjects(dataset)
@@ -108,7 +106,7 @@ def _check_subjects(dataset: Dataset) -> None:
         other = split_of.setdefault(pair.subject, pair.split)
         if other != pair.split:
             raise DatasetError(
-                f"{dataset.path}: subject {pair.subject} is in {other} and in {pair.split}: scores "
+                f"{dataset}: subject {pair.subject} is in {other} and in {pair.split}: scores "
                 "on it would be too good: glsim generate splits by subject"
             )
 
@@ -120,14 +118,16 @@ def _check_frames(
     sizes: dict[str, int] = {}
     for pair in split:
         size = (pair.record["intrinsics"]["height"], pair.record["intrinsics"]["width"])
-        _check_size(f"{dataset.path}: {pair!r}", size, crop, cut)
+        _check_size(f"{dataset}: {pair!r}", size, crop, cut)
         if crop is None and size != first:
             raise DatasetError(
-                f"{dataset.path}: {pair!r} is {size[1]} x {size[0]} pixels, frames before it "
+                f"{dataset}: {pair!r} is {size[1]} x {size[0]} pixels, frames before it "
                 f"{first[1]} x {first[0]}: a batch needs one size: give a crop"
             )
+        if dataset.is_tree and dataset.is_remote:
+            continue  # a request for each image would take hours: reading it checks it
         for layer in layers:
-            _check_file(dataset.path, pair.record["files"][layer], sizes)
+            _check_file(dataset, pair.record["files"][layer], sizes)
 
 
 def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -> None:
@@ -140,22 +140,21 @@ def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -
         )
 
 
-def _check_file(root: Path, file: Mapping[str, Any], sizes: dict[str, int]) -> None:
+def _check_file(dataset: Dataset, file: Mapping[str, Any], sizes: dict[str, int]) -> None:
     """Raise DatasetError if the file is missing or ends before the image does.
 
     sizes: cache of the sizes of shards, filled here.
     """
-    path = root / file["name"]
     if file["name"] not in sizes:
-        with wrap_read_errors(path), open_regular(path, inside=root) as stream:
-            size = os.fstat(stream.fileno()).st_size
+        size = dataset.file_size(file["name"])
         if "offset" in file:
             sizes[file["name"]] = size
     else:
         size = sizes[file["name"]]
     if size < file.get("offset", 0) + file["size"]:
         raise DatasetError(
-            f"{path}: is cut short: run glsim generate again with the same settings to repair it"
+            f"{dataset}/{file['name']}: is cut short: run glsim generate again with the same "
+            "settings to repair it"
         )
 
 

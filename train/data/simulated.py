@@ -6,9 +6,11 @@ import logging
 import zlib
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
@@ -34,6 +36,9 @@ from glsim.train.data.checks import (
 )
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
+
+if TYPE_CHECKING:
+    from glsim.train.data.ray_blocks import RayBlocks
 
 log = logging.getLogger(__name__)
 
@@ -80,6 +85,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         backend: str | None = None,
         target: Target = "clean",
         protocol: DepthProtocol | None = None,
+        ray: str | None = None,
     ) -> None:
         """settings: faces, poses, sensor and crop; its seed determines the people, and ``seed``
         the choice and order of their frames and the noise.
@@ -93,6 +99,9 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         ``stream``). start: number of the first batch, to resume. length: batches per iteration;
         default: endless. backend: as in ``glsim.simulate``. target: as in ``StoredPairs``.
         protocol: as in ``StoredPairs``; default: that of ``settings.output.nearest_to_mm``.
+
+        ray: address of a cluster of Ray whose nodes render, see ``glsim.ray_cluster.ray_cluster``;
+        this process gets the pairs. The batches are the same. Then ``loader`` needs no workers.
 
         A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
         while iterating also MeshError (a whole block of bad faces, or one if settings.strict) and
@@ -111,7 +120,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         )
         self._inputs, self._vary = inputs, vary_inputs
         self._start, self._length, self._backend = start, length, backend
-        self._target = target
+        self._target, self._ray = target, ray
         self.protocol: DepthProtocol = protocol or stored_protocol(settings.output.nearest_to_mm)
 
     def __len__(self) -> int:
@@ -139,10 +148,12 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
         """Make a DataLoader of batches in order. Raises ConfigError.
 
-        workers: processes that render; 0: this one. A script that uses workers needs
-        ``if __name__ == "__main__":``.
+        workers: processes that render; 0: this one. With ``ray`` none is started here. A script
+        that uses workers needs ``if __name__ == "__main__":``.
         """
         _check_workers(workers)
+        if self._ray is not None:
+            workers = 0  # the nodes are the workers
         of_workers = {"multiprocessing_context": "forkserver", "prefetch_factor": _PREFETCH}
         return DataLoader(
             self,
@@ -170,20 +181,21 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             place.lane: place.block
             for place in map(self.stream.place, range(self._start, self._start + LANES))
         }
-        blocks = _BlockRenderer(
-            self.stream,
-            [(lane, first[lane]) for lane in lanes],
-            self._backend,
-            self._target,
-            self._inputs,
-            self._vary,
-            self.protocol,
+        maker = BlockMaker(
+            self.stream, self._target, self._inputs, self._vary, self._backend, self.protocol
         )
-        try:
+        order = [(lane, first[lane]) for lane in lanes]
+        if self._ray is None:
+            blocks: _BlockRenderer | RayBlocks = _BlockRenderer(maker, order)
+        else:
+            from glsim.train.data.ray_blocks import RayBlocks
+
+            blocks = RayBlocks(maker, order, self._ray)
+        with closing(blocks):
             for place in places:
-                yield blocks.batch(place)
-        finally:
-            blocks.close()
+                pairs = blocks.pairs(place)
+                images = torch.from_numpy(np.stack([pairs[number] for number in place.pairs]))
+                yield images[:, :-1], images[:, -1:]
 
 
 def _check_workers(workers: int) -> None:
@@ -192,35 +204,64 @@ def _check_workers(workers: int) -> None:
         raise ConfigError(f"{workers} workers cannot share {LANES} lanes: take one of {allowed}")
 
 
+@dataclass(frozen=True)
+class BlockMaker:
+    """What the pairs of blocks are made of, wherever they are rendered."""
+
+    stream: BatchStream
+    target: Target
+    inputs: Inputs
+    vary: bool
+    backend: str | None
+    protocol: DepthProtocol
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """The layers of a frame that are needed."""
+        return pair_layers(self.target, self.inputs)
+
+    def images(
+        self, results: Sequence[Frame | Skipped], lane: int, block: int
+    ) -> list[NDArray[np.float32]]:
+        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and the target.
+
+        Raises MeshError if no frame could be rendered.
+        """
+        frames = replace_skipped(results)
+        pairs = [_pair_mm(frame, pair_layers(self.target)) for frame in frames]
+        moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
+        neighbours = Neighbours(moments, self.inputs)
+        rng = np.random.default_rng(stable_seed("inputs", self.stream.seed, lane, block))
+        images = []
+        for number, (frame, (noisy_mm, target_mm)) in enumerate(zip(frames, pairs, strict=True)):
+            before, after = ([pairs[n][0] for n in side] for side in neighbours.of(number))
+            infrared = frame.infrared if self.inputs.infrared else None
+            stack = stack_inputs(self.inputs, noisy_mm, before, after, infrared)
+            if self.vary:
+                stack = vary_inputs(stack, self.inputs, rng)
+            pair = np.concatenate([stack, target_mm[None]])
+            images.append(moved_pair(pair, self.inputs) if self.protocol == "paper" else pair)
+        return images
+
+
 class _BlockRenderer:
     """Renders the blocks of some lanes, a little ahead of their use.
 
     lanes: numbers and first blocks of the lanes, in the order of their use.
     """
 
-    def __init__(
-        self,
-        stream: BatchStream,
-        lanes: list[tuple[int, int]],
-        backend: str | None,
-        target: Target,
-        inputs: Inputs,
-        vary: bool,
-        protocol: DepthProtocol,
-    ) -> None:
-        self._protocol = protocol
-        self._stream, self._lanes, self._inputs, self._vary = stream, lanes, inputs, vary
-        self._target: Target = target
+    def __init__(self, maker: BlockMaker, lanes: list[tuple[int, int]]) -> None:
+        self._maker, self._stream, self._lanes = maker, maker.stream, lanes
         self._planned: deque[tuple[int, int]] = deque()  # (lane, block) of each frame to come
         self._rendered: dict[tuple[int, int], list[Frame | Skipped]] = {}  # unfinished blocks
         self._pairs: dict[tuple[int, int], list[NDArray[np.float32]]] = {}
         self._frames_due = 0.0
         frames = simulate(
-            stream.settings,
+            self._stream.settings,
             self._tasks(),
-            sources=stream.sources,
-            backend=backend,
-            layers=pair_layers(target, inputs),
+            sources=self._stream.sources,
+            backend=maker.backend,
+            layers=maker.layers,
         )
         self._frames = cast("Generator[Frame | Skipped]", frames)
 
@@ -231,8 +272,11 @@ class _BlockRenderer:
                     self._planned.append((lane, first + later))
                     yield task
 
-    def batch(self, place: BatchPlace) -> tuple[Tensor, Tensor]:
-        """Return a batch; also render its share, batch / reuse frames, of the next blocks."""
+    def pairs(self, place: BatchPlace) -> Sequence[NDArray[np.float32]]:
+        """Return the pairs of a batch's block; also render its share of the next blocks.
+
+        That is batch / reuse frames.
+        """
         block = (place.lane, place.block)
         self._pairs.pop((place.lane, place.block - 1), None)
         while block not in self._pairs:
@@ -241,9 +285,7 @@ class _BlockRenderer:
         while self._frames_due >= 1:
             self._frames_due -= 1
             self._render_frame()
-        pairs = self._pairs[block]
-        images = torch.from_numpy(np.stack([pairs[number] for number in place.pairs]))
-        return images[:, :-1], images[:, -1:]
+        return self._pairs[block]
 
     def _render_frame(self) -> None:
         """Render the next frame; the last one of a block completes its pairs."""
@@ -252,25 +294,7 @@ class _BlockRenderer:
         rendered = self._rendered.setdefault(block, [])
         rendered.append(result)
         if len(rendered) == self._stream.block_pairs:
-            frames = replace_skipped(self._rendered.pop(block))
-            self._pairs[block] = self._images(frames, block)
-
-    def _images(self, frames: Sequence[Frame], block: tuple[int, int]) -> list[NDArray[np.float32]]:
-        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and the target."""
-        pairs = [_pair_mm(frame, pair_layers(self._target)) for frame in frames]
-        moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
-        neighbours = Neighbours(moments, self._inputs)
-        rng = np.random.default_rng(stable_seed("inputs", self._stream.seed, *block))
-        images = []
-        for number, (frame, (noisy_mm, target_mm)) in enumerate(zip(frames, pairs, strict=True)):
-            before, after = ([pairs[n][0] for n in side] for side in neighbours.of(number))
-            infrared = frame.infrared if self._inputs.infrared else None
-            stack = stack_inputs(self._inputs, noisy_mm, before, after, infrared)
-            if self._vary:
-                stack = vary_inputs(stack, self._inputs, rng)
-            pair = np.concatenate([stack, target_mm[None]])
-            images.append(moved_pair(pair, self._inputs) if self._protocol == "paper" else pair)
-        return images
+            self._pairs[block] = self._maker.images(self._rendered.pop(block), *block)
 
     def close(self) -> None:
         """Release the OpenGL context."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,6 +109,11 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         """Set the epoch of the random draws. Call it before iterating a loader."""
         self._epoch.fill_(epoch)
 
+    @property
+    def is_remote(self) -> bool:
+        """Whether the images lie in object storage."""
+        return self.dataset.is_remote
+
     def __len__(self) -> int:
         return len(self.split)
 
@@ -137,6 +143,13 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         if self._augmentation.vary_inputs:
             noisy = vary_inputs(noisy, self._inputs, rng)
         return _tensor(noisy), _tensor(target)
+
+    def __getitems__(self, indices: list[int]) -> list[tuple[Tensor, Tensor]]:
+        """Return the pairs of a batch; those in object storage are asked for at the same time."""
+        if not self.is_remote:
+            return [self[index] for index in indices]
+        with ThreadPoolExecutor(len(indices)) as pool:
+            return list(pool.map(self.__getitem__, indices))
 
     def _added_mm(
         self, target: NDArray[np.float32], rng: np.random.Generator

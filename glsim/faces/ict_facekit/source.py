@@ -85,7 +85,7 @@ class IctFaceKit:
             raise ConfigError("ict-facekit faces never end: give a number of subjects")
         return [f"i{number:04d}" for number in range(count)]
 
-    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+    def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
         return performance_frames(
             self.seed, subject, count, self.frames_per_sequence, self.frames_per_second

@@ -67,7 +67,7 @@ class ProceduralFaces:
             raise ConfigError("procedural faces never end: give a number of subjects")
         return [f"p{number:04d}" for number in range(count)]
 
-    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+    def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
         """Return the first ``count`` frames of a subject, sequence by sequence."""
         return performance_frames(
             self.seed, subject, count, self.frames_per_sequence, self.frames_per_second

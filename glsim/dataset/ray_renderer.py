@@ -1,0 +1,184 @@
+"""Chunks on a cluster of Ray: nodes render them, and the driver writes them to its folder.
+
+Nodes need the same glsim and the same files of faces, but no common disk: a task makes its chunk in
+a temporary folder of its node and returns the bytes. Only the driver writes the data set, so a task
+that runs twice, or on after its node was given up, leaves nothing half-written.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import tempfile
+import traceback
+import uuid
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from glsim.dataset.arithmetic import KeptSimulator, keeping_simulator
+from glsim.dataset.chunk_writer import ChunkEvent, RenderJob, render_chunks
+from glsim.dataset.chunks import Chunk, ChunkPlan
+from glsim.dataset.cloud_output import CloudOutput, ScratchFolder
+from glsim.dataset.inputs import refuse_other_inputs
+from glsim.dataset.records import ChunkRecord, parse_chunk_record
+from glsim.dataset.run import ChunkRenderer
+from glsim.dataset.schema import parse_frame
+from glsim.errors import ConfigError, DatasetError, GlsimError
+from glsim.files.atomic import checksum, wrap_write_errors, write_atomic
+from glsim.ray_cluster import ray_cluster, run_tasks
+from glsim.worker_processes import WorkerFailure
+
+#: Processes that may die on one machine while they render the same chunk: nodes die for reasons of
+#: their own, but a chunk that kills every process would otherwise be tried for ever.
+_DEATHS = 5
+
+
+@dataclass(frozen=True)
+class ClusterJob:
+    """What all tasks of a run share. folder: the driver's working folder, for relative paths."""
+
+    job: RenderJob
+    token: str
+    glsim_version: str
+    folder: str
+
+
+@dataclass(frozen=True)
+class MadeChunk:
+    """A chunk as a node made it: its record and its files, name -> bytes."""
+
+    record: bytes
+    files: dict[str, bytes]
+
+
+def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
+    """Return the renderer that uses a cluster, see ``glsim.ray_cluster.ray_cluster``.
+
+    environment: variables for the processes of the nodes.
+    """
+
+    def render(
+        job: RenderJob, numbers: Sequence[int], plan: ChunkPlan
+    ) -> Generator[ChunkEvent, None, None]:
+        if not numbers:
+            return
+        shared = ClusterJob(job, uuid.uuid4().hex, version("glsim"), str(Path.cwd()))
+        with ray_cluster(address) as ray:
+            # In a list, which Ray hands over as it is: a process that has the job needs no copy.
+            reference = [ray.put(shared)]
+            calls = ((number, (shared.token, reference, plan[number])) for number in numbers)
+            for number, made in run_tasks(ray, render_on_node, calls, environment):
+                record = checked_chunk(made, number, uploaded=isinstance(job.folder, CloudOutput))
+                for name, data in made.files.items():
+                    path = job.folder.out / name
+                    with wrap_write_errors(path.parent):
+                        path.parent.mkdir(parents=True, exist_ok=True)
+                    temporary = job.folder.temporary_path(path.name)
+                    write_atomic(data, path, temporary=temporary, sync=False)
+                if made.files:
+                    job.folder.flush_images(record)
+                job.folder.save_chunk(record)
+                yield record.summary
+
+    return render
+
+
+def checked_chunk(made: MadeChunk, number: int, *, uploaded: bool = False) -> ChunkRecord:
+    """Return the record of a chunk whose files are those that it names, whole, and no others.
+
+    uploaded: whether the node sent its shard to object storage, and compared it there. Nothing
+    that came over the network is believed. Raises DatasetError.
+    """
+    record = parse_chunk_record(made.record)
+    expected: dict[str, dict[str, Any]] = {}
+    where = f"chunk {number}, as a node of the cluster made it:"
+    shard = record.summary.shard
+    for line in record.frames:
+        for file in parse_frame(line, where)["files"].values():
+            if shard is None:
+                expected[file["name"]] = file
+            elif file["name"] != shard["name"]:
+                raise DatasetError(f"{where} a frame is not in its shard")
+    if shard is not None:
+        expected[shard["name"]] = shard
+    if uploaded:
+        expected = {}
+    if record.summary.chunk != number or set(expected) != set(made.files):
+        raise DatasetError(f"{where} its record is of other files")
+    for name, data in made.files.items():
+        if checksum(data) != {"size": expected[name]["size"], "crc32": expected[name]["crc32"]}:
+            raise DatasetError(f"{where} {name} was damaged on its way")
+    return record
+
+
+# -------------------------------------------------------------------- on the nodes
+
+_shared: ClusterJob | None = None  # of this process: its sources and its simulator are kept
+
+
+def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk | WorkerFailure:
+    """Make a chunk: the task of the cluster. Errors are returned, for Ray wraps raised ones."""
+    global _shared
+    try:
+        if _shared is None or _shared.token != token:
+            import ray
+
+            given: ClusterJob = ray.get(reference[0])
+            _shared = replace(given, job=_prepared(given))
+        with _counted_deaths(token, chunk), tempfile.TemporaryDirectory(prefix="glsim-") as folder:
+            return _render(_shared.job, chunk, Path(folder))
+    except GlsimError as error:
+        return WorkerFailure(error)
+    except Exception as error:
+        failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")
+        failure.add_note(traceback.format_exc())
+        return WorkerFailure(failure)
+
+
+def _prepared(shared: ClusterJob) -> RenderJob:
+    """Return the job for this process, which keeps its simulator. Raises ConfigError."""
+    if version("glsim") != shared.glsim_version:
+        raise ConfigError(
+            f"{socket.gethostname()} has glsim {version('glsim')}, the driver "
+            f"{shared.glsim_version}: install the same version on every node"
+        )
+    with suppress(OSError):
+        os.chdir(shared.folder)
+    return replace(shared.job, make_frames=keeping_simulator(shared.job.make_frames))
+
+
+def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
+    if job.inputs is not None and isinstance(job.make_frames, KeptSimulator):
+        sources = job.make_frames.sources
+        refuse_other_inputs(job.inputs, sources, chunk.tasks, socket.gethostname())
+    cloud = job.folder.cloud if isinstance(job.folder, CloudOutput) else None
+    scratch = ScratchFolder(folder, cloud)
+    for _ in render_chunks(replace(job, folder=scratch), [chunk]):
+        pass
+    assert scratch.record is not None
+    return MadeChunk(scratch.record.to_bytes(), scratch.files())
+
+
+@contextmanager
+def _counted_deaths(token: str, chunk: Chunk) -> Iterator[None]:
+    """Count the processes of this machine that died in this block with this chunk.
+
+    Raises DatasetError if that were too many.
+    """
+    counter = Path(tempfile.gettempdir()) / f"glsim-{token}-{chunk.number}.deaths"
+    with counter.open("ab") as file:
+        if file.tell() >= _DEATHS:
+            raise DatasetError(
+                f"{_DEATHS} processes of {socket.gethostname()} died while they rendered "
+                f"{chunk.tasks[0].stem} and the next frames (out of memory?): what is complete is "
+                "kept; run the same command again to continue"
+            )
+        file.write(b".")
+    try:
+        yield
+    finally:
+        counter.unlink(missing_ok=True)

@@ -1,0 +1,143 @@
+"""A cluster of Ray: connect to it, and hand out tasks with a bounded number under way.
+
+Tasks are plain ones with unlimited retries: a node that dies takes its tasks with it, and Ray
+starts them again elsewhere. Actors are not used; pinned ones waited for ever when a node died.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from glsim.errors import ConfigError
+from glsim.worker_processes import SINGLE_THREADED, WorkerFailure
+
+log = logging.getLogger(__name__)
+_T = TypeVar("_T")
+
+#: Tasks under way for each core: the second waits on its node while the first runs.
+TASKS_PER_CORE = 2
+#: Seconds between two looks at the number of cores: nodes join and leave.
+_CORES_EVERY_S = 2.0
+
+
+@contextmanager
+def ray_cluster(address: str) -> Iterator[Any]:
+    """Connect to a cluster, and yield the module ray. A connection that is there is used.
+
+    address: "auto" (the cluster of this machine), "host:6379", "ray://host:10001", or "local" for
+    one that starts here and ends with this process. Raises ConfigError if there is none, or Ray is
+    not installed.
+    """
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError("a cluster needs Ray: pip install 'glsim[ray]'") from None
+    if ray.is_initialized():
+        yield ray
+        return
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+    except (ConnectionError, TimeoutError):
+        raise ConfigError(
+            f"Ray at {address}: no cluster answers: start one with ray start --head, and name "
+            "host:6379, or auto on a machine of the cluster"
+        ) from None
+    except (ValueError, RuntimeError) as error:  # another version of Ray or Python
+        text = " ".join(str(error).split())
+        raise ConfigError(f"Ray at {address}: {text[:300]}") from None
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def cluster_cores(ray: Any) -> int:
+    """Return the number of cores of all nodes."""
+    return int(ray.cluster_resources().get("CPU", 0))
+
+
+def run_tasks(
+    ray: Any,
+    function: Callable[..., object],
+    calls: Iterable[tuple[_T, tuple[Any, ...]]],
+    environment: Mapping[str, str] | None = None,
+) -> Generator[tuple[_T, Any], None, None]:
+    """Call a function on the cluster; yield (name, result) as results arrive, in any order.
+
+    function: of a module, which every node has. calls: name and arguments of each call; they are
+    taken when there is a core for them. A call whose result is lost with its node is made again.
+    environment: variables for the processes of the nodes. Raises the error of a call, which it
+    returns as a ``WorkerFailure``.
+    """
+    task = remote_task(ray, function, environment)
+    source = iter(calls)
+    again: deque[tuple[_T, tuple[Any, ...]]] = deque()
+    running: dict[Any, tuple[_T, tuple[Any, ...]]] = {}
+    cores, looked_s = 0, float("-inf")
+    more = True
+    try:
+        while True:
+            if time.monotonic() - looked_s > _CORES_EVERY_S:
+                found, looked_s = cluster_cores(ray), time.monotonic()
+                if found != cores:
+                    log.info("the cluster has %d cores", found)
+                cores = found
+            while (more or again) and len(running) < max(1, TASKS_PER_CORE * cores):
+                call = again.popleft() if again else next(source, None)
+                if call is None:
+                    more = False
+                    break
+                running[task.remote(*call[1])] = call
+            if not running:
+                return
+            done, _ = ray.wait(list(running), num_returns=1, timeout=_CORES_EVERY_S)
+            for reference in done:
+                call = running.pop(reference)
+                try:
+                    result = task_result(ray, reference)
+                except LostResultError as error:
+                    log.warning("%s: calling it again", error)
+                    again.append(call)
+                    continue
+                yield call[0], result
+    finally:
+        for reference in running:
+            ray.cancel(reference, force=True)
+
+
+class LostResultError(Exception):
+    """The result of a task went with its node."""
+
+
+def remote_task(
+    ray: Any, function: Callable[..., object], environment: Mapping[str, str] | None = None
+) -> Any:
+    """Return a function as a task of one core and one thread, with unlimited retries."""
+    variables = SINGLE_THREADED | dict(environment or {})
+    return ray.remote(function).options(
+        num_cpus=1, max_retries=-1, runtime_env={"env_vars": variables}
+    )
+
+
+def task_result(ray: Any, reference: Any) -> Any:
+    """Return a task's result. Raises LostResultError, or the error in its ``WorkerFailure``."""
+    try:
+        result = ray.get(reference)
+    except ray.exceptions.RayTaskError as error:
+        text = " ".join(str(error.cause).split())
+        raise ConfigError(
+            f"a node of the cluster cannot run glsim: {type(error.cause).__name__}: {text[:300]}: "
+            "install the same glsim and its extras on every node"
+        ) from error
+    except ray.exceptions.RuntimeEnvSetupError as error:
+        raise ConfigError(f"a node of the cluster cannot start workers: {error}") from error
+    except ray.exceptions.RayError as error:
+        raise LostResultError(" ".join(str(error).split())[:200]) from error
+    if isinstance(result, WorkerFailure):
+        raise result.error
+    return result

@@ -1,0 +1,104 @@
+"""Test that mixed processors compute alike if asked, and that one that differs is refused."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from glsim.dataset import arithmetic, chunks, generate, generate_part, parse_part
+from glsim.dataset.arithmetic import Machine, machine_of_workers
+from glsim.errors import DeviceError, DifferentMachineError
+from glsim.settings.schema import Settings, load_settings
+from glsim.worker_processes import SINGLE_THREADED, portable_environment
+from tests.support.dataset_fakes import contents
+
+ROOT = Path(__file__).parents[2]
+SENSOR = """
+title = "tiny"
+[rig]
+width = 48
+height = 40
+focal_px = [60, 60]
+centre_px = [24, 20]
+"""
+
+
+def tiny(folder: Path) -> Settings:
+    (folder / "mine.toml").write_text(SENSOR)
+    source = {"kind": "procedural", "subjects": 2, "frames_per_subject": 3}
+    return load_settings(overrides={"sensor": str(folder / "mine.toml"), "source": source})
+
+
+def test_a_worker_says_what_it_is_and_another_is_refused_by_name() -> None:
+    machine = machine_of_workers({}, None)
+    assert machine.host == platform.node()
+    assert len(machine.arithmetic) == 16
+    machine.refuse_other(machine.renderer, machine.arithmetic)
+    with pytest.raises(DifferentMachineError, match=rf"{machine.host}: a worker computes differ"):
+        machine.refuse_other("another renderer", machine.arithmetic)
+    with pytest.raises(DifferentMachineError, match=r"not llvmpipe, 0123\): give both the same"):
+        Machine("node7", "llvmpipe", "4567").refuse_other("llvmpipe", "0123")
+
+
+def test_a_worker_that_cannot_start_is_one_clear_line() -> None:
+    with pytest.raises(DeviceError, match=r"a worker process with .* ended with status 1"):
+        machine_of_workers({"PYTHONHOME": "/nowhere"}, None)
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the pins are those of x86-64")
+def test_pins_decide_and_are_quiet() -> None:
+    """An older processor's code, which the user's environment asks for, is overruled by a pin."""
+    pins = portable_environment()
+    assert pins["OPENBLAS_CORETYPE"] == "Haswell"
+    quiet = subprocess.run(
+        [sys.executable, "-W", "error", "-c", "import numpy"],
+        env=os.environ | pins,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert quiet.stderr == ""
+    old = {"OPENBLAS_CORETYPE": "Prescott"}
+    pinned = machine_of_workers(pins, None)
+    assert machine_of_workers(old, None).arithmetic != pinned.arithmetic
+    assert machine_of_workers(old | pins, None) == pinned
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the pins are those of x86-64")
+def test_a_portable_set_is_that_of_the_pinned_processor_whatever_runs_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(chunks.CHUNK_FRAMES, "png", 3)
+    settings = tiny(tmp_path)
+    generate(settings, tmp_path / "a", workers=1, portable=True)
+    # A machine of another kind: all its processes would compute as an older processor.
+    monkeypatch.setitem(SINGLE_THREADED, "OPENBLAS_CORETYPE", "Prescott")
+    with pytest.raises(DifferentMachineError, match="a worker computes differently from the proc"):
+        generate(settings, tmp_path / "b", workers=2)
+    summary = generate_part(
+        settings, tmp_path / "c", parse_part("0/1", {}), workers=2, portable=True
+    )
+    assert summary.dataset is not None
+    assert contents(tmp_path / "c") == contents(tmp_path / "a")
+
+
+def test_a_machine_that_differs_may_leave_its_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = tiny(tmp_path)
+    monkeypatch.setitem(chunks.CHUNK_FRAMES, "png", 2)
+    generate_part(settings, tmp_path / "out", parse_part("0/2", {}), workers=1)
+    with monkeypatch.context() as other:
+        other.setattr(arithmetic, "_numpy_arithmetic", lambda: b"another processor")
+        part = parse_part("1/2", {})
+        with pytest.raises(DifferentMachineError, match=rf"this machine's \({platform.node()}\)"):
+            generate_part(settings, tmp_path / "out", part, workers=1)
+        assert generate_part(settings, tmp_path / "out", part, workers=1, leave=True).left
+    again = generate_part(settings, tmp_path / "out", parse_part("0/2", {}), workers=1)
+    assert again.taken == (parse_part("1/2", {}),)
+    assert again.dataset is not None

@@ -1,0 +1,176 @@
+"""Chunks on a cluster of Ray: whatever becomes of its nodes, the bytes are those of a local run."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glsim.dataset import GenerateProgress, GenerateSummary, generate, ray_renderer, verify
+from glsim.dataset.chunks import Chunk
+from glsim.dataset.driver import run_all
+from glsim.dataset.ray_renderer import MadeChunk, checked_chunk, on_ray
+from glsim.dataset.records import ChunkRecord, ChunkSummary
+from glsim.dataset.run import DatasetRun
+from glsim.errors import ConfigError, DatasetError, MeshError
+from glsim.files.atomic import checksum
+from glsim.ray_cluster import ray_cluster
+from glsim.settings.schema import load_settings
+from tests.support.dataset_fakes import (
+    SENSOR,
+    Fault,
+    contents,
+    fake_frames,
+    make,
+    make_settings,
+    make_tasks,
+)
+from tests.support.ray_nodes import Nodes, ray_nodes
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # Ray leaves files and sockets open
+TASKS = make_tasks(4, 40)
+
+
+@pytest.fixture(scope="module")
+def nodes() -> Iterator[Nodes]:
+    ray = pytest.importorskip("ray", reason="needs pip install 'glsim[ray]'")
+    with ray_nodes() as nodes:
+        nodes.add()
+        ray.init(address=nodes.address, log_to_driver=False, logging_level=logging.ERROR)
+        yield nodes
+        ray.shutdown()
+
+
+def make_on_ray(
+    out: Path,
+    nodes: Nodes,
+    progress: Callable[[GenerateProgress], None] | None = None,
+    settings=None,
+    **faults,
+) -> GenerateSummary:
+    make_frames = partial(fake_frames, **faults)
+    run = DatasetRun(settings or make_settings(), TASKS, out, make_frames, SENSOR, "fake renderer")
+    return run_all(run, on_ray(nodes.address), progress)
+
+
+@pytest.mark.parametrize("format", ["png", "webdataset"])
+def test_a_cluster_makes_the_bytes_of_a_local_run(
+    tmp_path: Path, nodes: Nodes, format: str
+) -> None:
+    settings, seen = make_settings(format=format), []
+    make(tmp_path / "local", settings, TASKS, skip_every=7)
+    summary = make_on_ray(tmp_path / "ray", nodes, seen.append, settings, skip_every=7)
+    assert contents(tmp_path / "ray") == contents(tmp_path / "local")
+    assert (summary.rendered, sum(summary.skipped.values())) == (160, 22)
+    assert seen[-1].done == seen[-1].total == 160
+    assert make_on_ray(tmp_path / "ray", nodes, settings=settings).reused == 160
+
+
+def test_a_killed_node_costs_work_and_no_bytes(tmp_path: Path, nodes: Nodes) -> None:
+    """The node dies after the first chunk; the others arrive from those that are left."""
+    make(tmp_path / "local", tasks=TASKS)
+    second = nodes.add()
+    killed = []
+
+    def kill_one(progress: GenerateProgress) -> None:
+        if progress.done and not killed:
+            killed.append(progress.done)
+            nodes.kill(second)
+
+    summary = make_on_ray(tmp_path / "ray", nodes, kill_one, delay_s=0.01)
+    assert killed
+    assert killed[0] < 160
+    assert summary.rendered == 160
+    assert contents(tmp_path / "ray") == contents(tmp_path / "local")
+    assert verify(tmp_path / "ray", deep=True) == []
+
+
+def test_a_process_that_dies_once_is_replaced(tmp_path: Path, nodes: Nodes) -> None:
+    once = str(tmp_path / "once")
+    make_on_ray(tmp_path / "ray", nodes, faults=(Fault("kill", 70, once),))
+    make(tmp_path / "local", tasks=TASKS)
+    assert contents(tmp_path / "ray") == contents(tmp_path / "local")
+
+
+def test_a_chunk_that_kills_every_process_ends_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    chunk = Chunk(3, "train", 3, TASKS[70:72])
+
+    def render() -> None:
+        with ray_renderer._counted_deaths("a-token", chunk):
+            pass
+
+    render()  # without a death nothing is counted
+    for _ in range(5):
+        if (child := os.fork()) == 0:
+            with ray_renderer._counted_deaths("a-token", chunk):
+                os._exit(1)
+        os.waitpid(child, 0)
+    with pytest.raises(DatasetError, match=r"5 processes of .* died while they rendered"):
+        render()
+    render_other = ray_renderer._counted_deaths("a-token", replace(chunk, number=4))
+    with render_other:
+        pass
+
+
+def test_errors_of_the_simulator_arrive_as_they_are(tmp_path: Path, nodes: Nodes) -> None:
+    with pytest.raises(MeshError, match="the mesh has a hole"):
+        make_on_ray(tmp_path / "ray", nodes, faults=(Fault("mesh", 50),))
+    make_on_ray(tmp_path / "ray", nodes)
+    make(tmp_path / "local", tasks=TASKS)
+    assert contents(tmp_path / "ray") == contents(tmp_path / "local")
+
+
+def test_generate_renders_on_a_cluster(tmp_path: Path, nodes: Nodes) -> None:
+    """With the real simulator, which each process keeps from chunk to chunk."""
+    overrides = {"source": {"kind": "procedural", "subjects": 4, "frames_per_subject": 10}}
+    settings = load_settings(overrides=overrides | {"output": {"crop": 32}})
+    generate(settings, tmp_path / "local", workers=1)
+    generate(settings, tmp_path / "ray", ray=nodes.address)
+    assert contents(tmp_path / "ray") == contents(tmp_path / "local")
+
+
+def test_an_address_without_a_cluster_is_an_error() -> None:
+    ray = pytest.importorskip("ray")
+    if ray.is_initialized():
+        pytest.skip("this process is connected to a cluster")
+    with pytest.raises(ConfigError, match="Ray at"), ray_cluster("nowhere"):
+        pass
+
+
+# ------------------------------------------------------------- what a node sends is not believed
+
+
+def made_chunk(tmp_path: Path) -> MadeChunk:
+    make(tmp_path, make_settings(format="webdataset"), make_tasks(1, 2))
+    lines = (tmp_path / "manifest.jsonl").read_text().splitlines(keepends=True)
+    data = (tmp_path / "train-000000.tar").read_bytes()
+    shard = {"name": "train-000000.tar"} | checksum(data)
+    record = ChunkRecord(ChunkSummary(0, 2, 0, 100, shard), lines, [])
+    return MadeChunk(record.to_bytes(), {"train-000000.tar": data})
+
+
+def test_a_whole_chunk_is_taken(tmp_path: Path) -> None:
+    assert checked_chunk(made_chunk(tmp_path), 0).summary.frames == 2
+
+
+def test_a_changed_chunk_is_refused(tmp_path: Path) -> None:
+    made = made_chunk(tmp_path)
+    ((name, data),) = made.files.items()
+    with pytest.raises(DatasetError, match="damaged on its way"):
+        checked_chunk(replace(made, files={name: data[:-1] + b"x"}), 0)
+    with pytest.raises(DatasetError, match="other files"):
+        checked_chunk(replace(made, files={name: data, "../outside": b""}), 0)
+    with pytest.raises(DatasetError, match="other files"):
+        checked_chunk(made, 1)
+    with pytest.raises(DatasetError, match="is damaged"):
+        checked_chunk(replace(made, record=made.record.replace(b"s000", b"s001")), 0)
+    assert np.frombuffer(data, np.uint8).any()

@@ -1,0 +1,64 @@
+"""A cluster of Ray on this machine: several nodes with processes of their own, to be killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+#: Bytes of each node's object store: some hundred small chunks.
+_STORE_BYTES = 100_000_000
+
+
+class Nodes:
+    """A head without cores, and nodes of one core each."""
+
+    def __init__(self) -> None:
+        from ray.cluster_utils import Cluster
+
+        self._cluster = Cluster(
+            initialize_head=True,
+            head_node_args={"num_cpus": 0, "object_store_memory": _STORE_BYTES},
+        )
+        self.address: str = self._cluster.address
+
+    def add(self, cores: int = 1) -> Any:
+        """Start a node; return it."""
+        return self._cluster.add_node(num_cpus=cores, object_store_memory=_STORE_BYTES)
+
+    def kill(self, node: Any) -> None:
+        """Kill a node and its workers with SIGKILL, as a power cut does."""
+        processes = [p.process.pid for each in node.all_processes.values() for p in each]
+        for pid in [pid for process in processes for pid in _below(process)]:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self._cluster.remove_node(node, allow_graceful=False)
+
+    def stop(self) -> None:
+        """End all nodes."""
+        self._cluster.shutdown()
+
+
+def _below(process: int) -> list[int]:
+    """Return a process and those that it started, itself first."""
+    found, waiting = [], [process]
+    while waiting:
+        pid = waiting.pop()
+        found.append(pid)
+        with suppress(OSError):
+            for task in Path(f"/proc/{pid}/task").iterdir():
+                waiting += map(int, (task / "children").read_text().split())
+    return found
+
+
+@contextmanager
+def ray_nodes() -> Iterator[Nodes]:
+    """Run a cluster that ends with the block."""
+    nodes = Nodes()
+    try:
+        yield nodes
+    finally:
+        nodes.stop()

@@ -1,0 +1,144 @@
+"""Blocks of pairs that the nodes of a cluster render while this process trains."""
+
+from __future__ import annotations
+
+import socket
+import traceback
+import uuid
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.dataset.arithmetic import Machine, this_machine
+from glsim.errors import GlsimError
+from glsim.pipeline import Simulator
+from glsim.ray_cluster import (
+    TASKS_PER_CORE,
+    LostResultError,
+    cluster_cores,
+    ray_cluster,
+    remote_task,
+    task_result,
+)
+from glsim.train.data.simulated import BlockMaker
+from glsim.train.data.stream import LANES, BatchPlace
+from glsim.worker_processes import WorkerFailure
+
+
+class RayBlocks:
+    """The blocks of some lanes, rendered on a cluster in the order of their use.
+
+    Nodes are at most LANES blocks, or two a core, ahead of the training: what they have made waits
+    in Ray's object store, and no node begins another block before one is used. Blocks are taken by
+    their place and not as they arrive, so the batches are those of a rendering here.
+
+    lanes: numbers and first blocks of the lanes, in the order of their use. Raises ConfigError as
+    ``ray_cluster``; ``pairs`` raises the errors of the nodes, and DifferentMachineError for a node
+    that computes differently from the first one.
+    """
+
+    def __init__(self, maker: BlockMaker, lanes: list[tuple[int, int]], address: str) -> None:
+        self._stack = ExitStack()
+        self._ray = self._stack.enter_context(ray_cluster(address))
+        self._task = remote_task(self._ray, render_block_on_node)
+        self._shared = (uuid.uuid4().hex, [self._ray.put(maker)])
+        self._order = ((lane, first + later) for later in count() for lane, first in lanes)
+        self._ahead: dict[tuple[int, int], Any] = {}  # block -> reference of its pairs
+        self._pairs: dict[tuple[int, int], NDArray[np.float32]] = {}
+        self._machine: Machine | None = None
+
+    def pairs(self, place: BatchPlace) -> NDArray[np.float32]:
+        """Return the pairs of a batch's block, (pairs, C + 1, H, W) float32; waits for them."""
+        block = (place.lane, place.block)
+        self._pairs.pop((place.lane, place.block - 1), None)
+        if block not in self._pairs:
+            self._submit()
+            while block not in self._ahead:  # the training was begun in the middle of a block
+                self._submit_next()
+            self._pairs[block] = self._wait_for(block)
+            self._submit()
+        return self._pairs[block]
+
+    def _submit(self) -> None:
+        """Keep the nodes busy, but not further ahead than the class says."""
+        while len(self._ahead) < max(LANES, TASKS_PER_CORE * cluster_cores(self._ray)):
+            self._submit_next()
+
+    def _submit_next(self) -> None:
+        block = next(self._order)
+        self._ahead[block] = self._task.remote(*self._shared, *block)
+
+    def _wait_for(self, block: tuple[int, int]) -> NDArray[np.float32]:
+        while True:
+            try:
+                made: MadeBlock = task_result(self._ray, self._ahead.pop(block))
+                break
+            except LostResultError:
+                self._ahead[block] = self._task.remote(*self._shared, *block)
+        if self._machine is None:
+            self._machine = made.machine
+        made.machine.refuse_other(self._machine.renderer, self._machine.arithmetic)
+        return made.pairs
+
+    def close(self) -> None:
+        """Cancel what is not used, and leave the cluster."""
+        for reference in self._ahead.values():
+            self._ray.cancel(reference, force=True)
+        self._ahead.clear()
+        self._stack.close()
+
+
+# -------------------------------------------------------------------- on the nodes
+
+
+@dataclass(frozen=True)
+class MadeBlock:
+    """The pairs of a block, (pairs, C + 1, H, W) float32, and the machine that made them."""
+
+    pairs: NDArray[np.float32]
+    machine: Machine
+
+
+class _Renderer:
+    """The simulator of this process, which is kept from block to block."""
+
+    def __init__(self, token: str, maker: BlockMaker) -> None:
+        from glsim.gl.context import open_context
+
+        self.token, self._maker, stream = token, maker, maker.stream
+        context = open_context(maker.backend)
+        self._machine = this_machine(context)
+        self._simulator = Simulator(
+            stream.settings, list(stream.sources), context, (), maker.layers
+        )
+
+    def render(self, lane: int, block: int) -> MadeBlock:
+        frames = list(self._simulator.frames(self._maker.stream.tasks(lane, block)))
+        pairs = np.stack(self._maker.images(frames, lane, block))
+        return MadeBlock(pairs, self._machine)
+
+
+_renderer: _Renderer | None = None
+
+
+def render_block_on_node(
+    token: str, reference: list[Any], lane: int, block: int
+) -> MadeBlock | WorkerFailure:
+    """Render a block: the task of the cluster. Errors are returned, for Ray wraps raised ones."""
+    global _renderer
+    try:
+        if _renderer is None or _renderer.token != token:
+            import ray
+
+            _renderer = _Renderer(token, ray.get(reference[0]))
+        return _renderer.render(lane, block)
+    except GlsimError as error:
+        return WorkerFailure(error)
+    except Exception as error:
+        failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")
+        failure.add_note(traceback.format_exc())
+        return WorkerFailure(failure)
