@@ -68,7 +68,8 @@ def draw_slope(
     plane = np.sin(angle) * down[:, None] + np.cos(angle) * right
     slope = largest_mm_per_px * rng.random() ** 2
     limit = _NEARER * nearest_mm / max(float(np.abs(plane).max()), 1e-6)
-    return (min(slope, limit) * plane).astype(np.float32)
+    added_mm: NDArray[np.float32] = (min(slope, limit) * plane).astype(np.float32)
+    return added_mm
 
 
 def _smooth_noise(

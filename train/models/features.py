@@ -299,4 +299,5 @@ def _box_means(images: list[Tensor], radius: int) -> tuple[Tensor, ...]:
             sums = sums.narrow(axis, 0, count) + sums.narrow(axis, width, count)
             width *= 2
         sums = sums.narrow(axis, 0, last.shape[axis]) + last
-    return (sums / side**2).chunk(len(images))
+    means: tuple[Tensor, ...] = (sums / side**2).chunk(len(images))
+    return means
