@@ -60,19 +60,14 @@ function build(view, panel, reasonWords) {
   canvas.tabIndex = 0;
   canvas.dataset.kind = "surface";
   canvas.setAttribute("aria-label", "noisy surface: drag or arrow keys turn it");
-  try {
-    surface = new Surface(canvas);
-  } catch (error) {
-    surface = { missing: true };
-  }
-  if (surface.missing) make(tile, "p", "note", "this browser has no WebGL2");
+  surface = new Surface(canvas);
   ghost.addEventListener("change", () => { surface.ghost = ghost.checked; surface.draw(); });
   tile.addEventListener("dblclick", () => enlarge(tile));
   const strip = make(root, "div", "strip");
   state.readout = make(strip, "div", "readout", "move over an image; drag a line with Shift for its profile");
   state.profile = make(strip, "canvas", "profile");
   figures = new Figures(panel);
-  new ResizeObserver(() => { redraw(); surface.draw?.(); figures.draw(); drawProfile(); }).observe(root);
+  new ResizeObserver(() => { redraw(); surface.draw(); figures.draw(); drawProfile(); }).observe(root);
 }
 
 function enlarge(tile) {
@@ -81,7 +76,7 @@ function enlarge(tile) {
   for (const other of tiles.children) other.classList.toggle("big", one && other === tile);
   fit();
   redraw();
-  surface.draw?.();
+  surface.draw();
 }
 
 // Show the whole window of the picture.
@@ -225,7 +220,7 @@ function display(picture) {
   redraw();
   readout();
   drawProfile();
-  surface.set?.(picture);
+  surface.set(picture);
 }
 
 // Show a picture of the server. While one is on its way, only the newest request waits.
