@@ -41,7 +41,6 @@ from glsim.depth_protocol import DepthProtocol, check_protocol
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
 from glsim.plan.paper_sources import PAPER_SOURCES, paper_mixture, set_text
 from glsim.settings.tables import parse_table, read_toml
-from glsim.train.data.photograph_files import BUNDLED, find_photographs
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -114,6 +113,8 @@ class ReproductionPlan(_Table):
         folder of photographs; default: those of scikit-image. Raises ConfigError for a folder
         without such a set.
         """
+        from glsim.train.data.photograph_files import BUNDLED  # loads OpenCV
+
         data = str(out / "data")
         faces = self._mixture(roots) if roots else shlex.split(self.faces)
         yield ["generate", *faces, *shlex.split(self.generate), "-o", data]
@@ -263,6 +264,8 @@ def reproduce(
     given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
     roots = {kind: root for kind, root in given.items() if root is not None}
     if chosen.photographs is not None:  # a folder without images is told before hours of work
+        from glsim.train.data.photograph_files import BUNDLED, find_photographs
+
         find_photographs(BUNDLED if photos is None else str(photos))
     if (only := check_protocol(protocol)) is not None:
         chosen = chosen.model_copy(update={"protocols": (only,)})

@@ -58,8 +58,8 @@ def test_the_table_has_a_row_for_each_training(
         line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| DnCNN")
     ]
     assert [line[1:5] for line in lines] == [
-        ["11 photographs, sigma = 25.5 (10.0 mm)", "3", "0.50 ± 0.00", "as they are"],
-        ["11 photographs, sigma = 25.5 (10.0 mm)", "3", "0.50 ± 0.00", "filled, mask kept"],
+        ["11 photographs, sigma = 25.5 (10.0 mm)", "3", "0.50 ± 0", "as they are"],
+        ["11 photographs, sigma = 25.5 (10.0 mm)", "3", "0.50 ± 0", "filled, mask kept"],
         ["our pairs", "3", "-", "as they are"],
         ["our pairs", "3", "-", "filled, mask kept"],
     ]
