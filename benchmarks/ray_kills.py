@@ -35,7 +35,7 @@ def settings_of(frames: int) -> Settings:
 def timed(settings: Settings, out: Path, **options: object) -> float:
     """Make a data set; return the seconds."""
     started = time.monotonic()
-    generate(settings, out, **options)  # type: ignore[arg-type]
+    generate(settings, out, **options)
     return time.monotonic() - started
 
 
