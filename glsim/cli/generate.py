@@ -229,9 +229,9 @@ def generate(
     if merge:
         merge_all_parts(settings, out)
     elif slurm is not None:
-        # Of the node that a job runs on, unless the user gives a number.
-        jobs = options | {"workers": "auto" if workers == "auto" else options["workers"]}
-        submit_parts(settings, out, slurm, slurm_set or [], jobs | {"leave": leave})
+        # The cores of a job, or of the node that it runs on, and not of this machine.
+        jobs = {"workers": "auto" if workers == "auto" else options["workers"], "leave": leave}
+        submit_parts(settings, out, slurm, slurm_set or [], options | jobs)
     elif part is not None:
         make_one_part(settings, out, part, options | {"leave": leave})
     else:

@@ -54,8 +54,11 @@ def submit_parts(
 
     if parts < 1:
         raise ConfigError(f"--slurm {parts}: give a number of jobs of at least 1")
+    slurm_settings = slurm_options(slurm)
+    if options["workers"] == "auto" and "cpus_per_task" in slurm_settings:
+        options = {**options, "workers": slurm_settings["cpus_per_task"]}
     with generation_progress() as progress:
         summary = generate_on_slurm(
-            settings, out, parts, slurm=slurm_options(slurm), progress=progress, **options
+            settings, out, parts, slurm=slurm_settings, progress=progress, **options
         )
     print_summary(summary, out)

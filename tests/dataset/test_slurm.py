@@ -16,6 +16,11 @@ from tests.support.dataset_fakes import contents
 pytest.importorskip("submitit")
 
 
+@pytest.fixture(autouse=True)
+def look_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("glsim.dataset.slurm._LOOK_EVERY_S", 0.2)
+
+
 def test_an_array_of_jobs_gives_the_bytes_of_one_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
