@@ -18,6 +18,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+#: Frames that are planned to measure how many a driver hands out in a second.
+HANDED_OUT = 9_600
+
 
 def peak_mb() -> float:
     """Peak resident memory of this process, from /proc (Linux): getrusage's includes a parent's."""
@@ -51,6 +54,26 @@ def plan_case(people: int, frames: int) -> dict[str, float]:
         chunks = ChunkPlan(make_tasks(settings, sources), 32)
         chunks.fingerprint()
         return chunks, chunks[len(chunks) // 2]
+
+    return measured(work)
+
+
+def chunks_case(people: int, frames: int, chunk_frames: int) -> dict[str, float]:
+    """Make chunks and the messages that send them to workers: what the driver does for each."""
+    import pickle
+
+    from glsim.dataset.chunks import ChunkPlan
+    from glsim.pipeline import open_sources
+    from glsim.plan.tasks import make_tasks
+    from glsim.settings.schema import load_settings
+
+    source = {"kind": "procedural", "subjects": people, "frames_per_subject": frames}
+    settings = load_settings(overrides={"source": source})
+    chunks = ChunkPlan(make_tasks(settings, open_sources(settings)), chunk_frames)
+
+    def work() -> object:
+        numbers = range(HANDED_OUT // chunk_frames)
+        return sum(len(pickle.dumps(chunks[number])) for number in numbers)
 
     return measured(work)
 
@@ -95,18 +118,24 @@ def write_set(folder: Path, frames: int, people: int = 10_000) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Planning and opening of large data sets.")
     parser.add_argument("--frames", type=int, default=10_000_000, help="Frames to plan.")
-    parser.add_argument("--open", type=int, default=1_000_000, help="Frames of the set to open.")
+    parser.add_argument(
+        "--open", type=int, default=1_000_000, help="Frames of the set to open; 0: none."
+    )
     parser.add_argument("--folder", type=Path, help="Where to write that set. Default: /tmp.")
     parser.add_argument("--case", nargs="+", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.case:
         kind, *values = arguments.case
-        case = open_case(Path(values[0])) if kind == "open" else plan_case(*map(int, values))
+        if kind == "open":
+            case = open_case(Path(values[0]))
+        else:
+            make = plan_case if kind == "plan" else chunks_case
+            case = make(*map(int, values))
         print(json.dumps(case))
         return
     out = Console(soft_wrap=True)
 
-    def run(title: str, *words: str) -> None:
+    def run(title: str, *words: str) -> dict[str, float]:
         command = [sys.executable, "-m", "benchmarks.plan", "--case", *words]
         done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
         case = json.loads(done.stdout)
@@ -114,10 +143,17 @@ def main() -> None:
             f"{title}: {case['cpu_s']:.2f} s of CPU ({case['wall_s']:.2f} s), "
             f"{case['grown_mb']:.0f} MB above the {case['before_mb']:.0f} MB of the imports"
         )
+        return dict(case)
 
     for people in (10, 1_000, 100_000):
         each = arguments.frames // people
         run(f"plan of {people} people x {each} frames", "plan", str(people), str(each))
+    for size in (32, 512):
+        case = run(f"{HANDED_OUT} frames in chunks of {size}", "chunks", "1000", "1000", str(size))
+        rate = HANDED_OUT / case["cpu_s"]
+        out.print(f"  a driver hands out {rate:.0f} frames/s, {rate / size:.0f} chunks/s")
+    if not arguments.open:
+        return
     with tempfile.TemporaryDirectory(dir=arguments.folder) as name:
         folder = Path(name) / "set"
         write_set(folder, arguments.open)

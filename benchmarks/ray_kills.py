@@ -17,6 +17,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 from glsim.dataset import generate
 from glsim.ray_cluster import ray_cluster
@@ -32,10 +33,10 @@ def settings_of(frames: int) -> Settings:
     return load_settings(overrides=tree)
 
 
-def timed(settings: Settings, out: Path, **options: object) -> float:
+def timed(settings: Settings, out: Path, **options: Any) -> float:
     """Make a data set; return the seconds."""
     started = time.monotonic()
-    generate(settings, out, **options)  # type: ignore[arg-type]
+    generate(settings, out, **options)
     return time.monotonic() - started
 
 
@@ -48,7 +49,7 @@ def kill_and_replace(nodes: Nodes, node: object, after_s: float, joined: list[ob
 
 def main() -> int:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--frames", type=int, default=2000)
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)

@@ -21,7 +21,12 @@ class Nodes:
 
         self._cluster = Cluster(
             initialize_head=True,
-            head_node_args={"num_cpus": 0, "object_store_memory": _STORE_BYTES},
+            head_node_args={
+                "num_cpus": 0,
+                "object_store_memory": _STORE_BYTES,
+                "include_dashboard": False,
+                "no_monitor": True,  # nothing is scaled
+            },
         )
         self.address: str = self._cluster.address
 
