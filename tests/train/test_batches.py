@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 import torch
-from lightning_fabric import Fabric
 from torch import Tensor
 
 from glsim import Settings
 from glsim.train import batches
 from glsim.train.batches import BatchSource, SimulatedBatches
-from glsim.train.recipe import Recipe
+from glsim.train.recipe import Recipe, TrainingSettings
+from glsim.train.run_setup import make_fabric
 from tests.support.train_fakes import batch_source, recipe
 
 
@@ -65,14 +65,14 @@ def test_a_stream_goes_on_from_epoch_to_epoch(stream: Recipe) -> None:
     source = SimulatedBatches(Settings(), stream)
     assert len(source.validation) == 12  # type: ignore[arg-type]
     before = Numbers.opened
-    assert source.prepare(Fabric(accelerator="cpu", devices=1)) == 3
+    assert source.prepare(make_fabric(TrainingSettings())) == 3
     assert [numbers(source, epoch) for epoch in (0, 1)] == [[0, 1, 2], [3, 4, 5]]
     assert Numbers.opened == before + 1, "its workers stay alive"
 
 
 def test_a_stream_resumes_in_the_middle_of_an_epoch(stream: Recipe) -> None:
     source = SimulatedBatches(Settings(), stream)
-    source.prepare(Fabric(accelerator="cpu", devices=1))
+    source.prepare(make_fabric(TrainingSettings()))
     assert numbers(source, 1, skip=1) == [4, 5]
     assert numbers(source, 2) == [6, 7, 8]
     assert numbers(source, 0) == [0, 1, 2], "or anywhere else"
@@ -80,7 +80,7 @@ def test_a_stream_resumes_in_the_middle_of_an_epoch(stream: Recipe) -> None:
 
 def test_stored_pairs_resume_in_the_middle_of_an_epoch() -> None:
     source = batch_source(recipe(training={"batch": 2}))
-    assert source.prepare(Fabric(accelerator="cpu", devices=1)) == 5
+    assert source.prepare(make_fabric(TrainingSettings())) == 5
     whole = [noisy for noisy, _ in source.batches(1, 0)]
     rest = [noisy for noisy, _ in source.batches(1, 3)]
     assert torch.equal(torch.stack(whole[3:]), torch.stack(rest))
