@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glsim.cli.common import console, print_message
-from glsim.cli.generate import print_summary
+from glsim.cli.generation_summary import print_summary
 from glsim.cli.progress import generation_progress
 from glsim.errors import ConfigError
 

@@ -52,7 +52,7 @@ def biwi(
     backend: BackendOption = None,
 ) -> None:
     """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps."""
-    from glsim.cli.generate import print_summary
+    from glsim.cli.generation_summary import print_summary
     from glsim.cli.progress import generation_progress
     from glsim.dataset.real_frames import import_biwi
     from glsim.worker_processes import worker_count
@@ -95,7 +95,7 @@ def kinect2(
     workers: WorkersOption = "1",
 ) -> None:
     """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps."""
-    from glsim.cli.generate import print_summary
+    from glsim.cli.generation_summary import print_summary
     from glsim.cli.progress import generation_progress
     from glsim.dataset.recorded_frames import import_recordings
     from glsim.worker_processes import worker_count

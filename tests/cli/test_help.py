@@ -16,7 +16,8 @@ from glsim.cli import app, main
 
 #: Files in glsim/cli that are no commands.
 SHARED_FILES = {
-    "__init__", "common", "eval_real", "eval_ssim", "generate_parts", "generate_plan", "progress",
+    "__init__", "common", "eval_photographs", "eval_real", "eval_ssim", "generate_parts",
+    "generate_plan", "generation_summary", "progress",
 }  # fmt: skip
 
 

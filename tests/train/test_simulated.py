@@ -18,7 +18,7 @@ from glsim.frame import Skipped
 from glsim.pipeline import open_sources, simulate
 from glsim.settings.schema import Settings, load_settings
 from glsim.train import SimulatedPairs, StoredPairs, randomised
-from glsim.train.data.simulated import replace_skipped
+from glsim.train.data.block_maker import replace_skipped
 from glsim.train.data.stream import BATCHES_PER_BLOCK, LANES, BatchStream, split_people
 from tests.support.scenes import face_mesh
 
@@ -81,7 +81,7 @@ def test_pairs_are_those_of_a_data_set(tmp_path: Path) -> None:
     stored = StoredPairs(tmp_path / "d", "train")
     frames = [frame for frame in simulate(settings) if not isinstance(frame, Skipped)]
     assert len(open_dataset(tmp_path / "d")) == len(frames) == 4
-    from glsim.train.data.simulated import _pair_mm
+    from glsim.train.data.block_maker import _pair_mm
 
     for number, frame in enumerate(frames):
         given = _pair_mm(frame, ("noisy", "clean"))

@@ -24,7 +24,7 @@ from glsim.ray_cluster import (
     remote_task,
     task_result,
 )
-from glsim.train.data.simulated import BlockMaker
+from glsim.train.data.block_maker import BlockMaker
 from glsim.train.data.stream import LANES, BatchPlace
 from glsim.worker_processes import WorkerFailure
 

@@ -7,7 +7,6 @@ import zlib
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -18,23 +17,20 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
+from glsim.denoise.inputs import DEPTH_ALONE, Inputs
 from glsim.depth_protocol import DepthProtocol, stored_protocol
-from glsim.errors import ConfigError, MeshError
-from glsim.frame import Frame, Skipped, to_mm
+from glsim.errors import ConfigError
+from glsim.frame import Frame, Skipped
 from glsim.pipeline import open_sources, simulate
 from glsim.plan.tasks import Task
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
-from glsim.settings.seeds import stable_seed
+from glsim.train.data.block_maker import BlockMaker
 from glsim.train.data.checks import (
     Target,
     fingerprint_of,
-    moved_pair,
-    pair_layers,
     protocol_entry,
 )
-from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
 
 if TYPE_CHECKING:
@@ -204,46 +200,6 @@ def _check_workers(workers: int) -> None:
         raise ConfigError(f"{workers} workers cannot share {LANES} lanes: take one of {allowed}")
 
 
-@dataclass(frozen=True)
-class BlockMaker:
-    """What the pairs of blocks are made of, wherever they are rendered."""
-
-    stream: BatchStream
-    target: Target
-    inputs: Inputs
-    vary: bool
-    backend: str | None
-    protocol: DepthProtocol
-
-    @property
-    def layers(self) -> tuple[str, ...]:
-        """The layers of a frame that are needed."""
-        return pair_layers(self.target, self.inputs)
-
-    def images(
-        self, results: Sequence[Frame | Skipped], lane: int, block: int
-    ) -> list[NDArray[np.float32]]:
-        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and the target.
-
-        Raises MeshError if no frame could be rendered.
-        """
-        frames = replace_skipped(results)
-        pairs = [_pair_mm(frame, pair_layers(self.target)) for frame in frames]
-        moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
-        neighbours = Neighbours(moments, self.inputs)
-        rng = np.random.default_rng(stable_seed("inputs", self.stream.seed, lane, block))
-        images = []
-        for number, (frame, (noisy_mm, target_mm)) in enumerate(zip(frames, pairs, strict=True)):
-            before, after = ([pairs[n][0] for n in side] for side in neighbours.of(number))
-            infrared = frame.infrared if self.inputs.infrared else None
-            stack = stack_inputs(self.inputs, noisy_mm, before, after, infrared)
-            if self.vary:
-                stack = vary_inputs(stack, self.inputs, rng)
-            pair = np.concatenate([stack, target_mm[None]])
-            images.append(moved_pair(pair, self.inputs) if self.protocol == "paper" else pair)
-        return images
-
-
 class _BlockRenderer:
     """Renders the blocks of some lanes, a little ahead of their use.
 
@@ -299,27 +255,3 @@ class _BlockRenderer:
     def close(self) -> None:
         """Release the OpenGL context."""
         self._frames.close()
-
-
-def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
-    """Replace each skipped frame by the next good one. Raises MeshError if none is good."""
-    good = [number for number, result in enumerate(results) if isinstance(result, Frame)]
-    bad = [result for result in results if isinstance(result, Skipped)]
-    if not good:
-        raise MeshError(
-            f"none of {len(results)} faces can be rendered, e.g. {bad[0].key}: {bad[0].why}"
-        )
-    for result in bad:
-        log.warning("%s: skipped and replaced by another: %s", result.key.subject, result.why)
-    frames = []
-    for number in range(len(results)):
-        frame = results[min((other for other in good if other >= number), default=good[0])]
-        assert isinstance(frame, Frame)
-        frames.append(frame)
-    return frames
-
-
-def _pair_mm(frame: Frame, layers: Sequence[str]) -> NDArray[np.float32]:
-    """Noisy depth and target, (2, H, W) millimetres, rounded as in files."""
-    both = np.stack([frame.image(layer) for layer in layers])
-    return to_mm(both, frame.depth_unit_mm, frame.depth_offset_mm)
