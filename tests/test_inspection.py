@@ -130,5 +130,5 @@ def test_an_estimate_without_opengl_says_so(
     estimate = estimate_dataset(settings, sources, tasks, workers=2)
     assert estimate.measured_frames == 0
     assert estimate.bytes > 0
-    assert estimate.by_split() == {"train": (1, 47), "val": (0, 0), "test": (0, 0)}
-    assert estimate.by_source() == {"0 facewarehouse": (1, 47)}
+    assert estimate.by_split == {"train": (1, 47), "val": (0, 0), "test": (0, 0)}
+    assert estimate.by_source == {"0 facewarehouse": (1, 47)}

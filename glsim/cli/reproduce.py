@@ -161,8 +161,8 @@ class ReproductionPlan(_Table):
         """Yield the trainings on photographs, and the scoring beside those on depth."""
         photo_runs = out / "photo_runs"
         for sigma in group.sigmas:
-            noise = ["--photos", photos, "--photo-sigma", f"{sigma:g}"]
-            yield from self._trainings(group, data, photo_runs / f"sigma-{sigma:g}", noise)
+            further = ["--protocol", "depth", "--photos", photos, "--photo-sigma", f"{sigma:g}"]
+            yield from self._trainings(group, data, photo_runs / f"sigma-{sigma:g}", further)
         yield ["eval", data, "--runs", str(out / "runs"), "--photo-runs", str(photo_runs),
                "-o", str(out)]  # fmt: skip
 

@@ -137,5 +137,5 @@ def test_more_frames_than_fit_in_memory_are_refused(
     assert main(["generate", "-o", "data", "--subjects", "1000000000", "-q"]) == 2
     assert capsys.readouterr().err == (
         "glsim: error: 1000000000 subjects of 30 frames are 30000000000 frames; one data set has "
-        "at most 10000000: make several, with other seeds\n"
+        "at most 50000000 of 500000 people: make several, with other seeds\n"
     )

@@ -109,7 +109,7 @@ def test_a_sequence_is_neutral_at_both_ends(source: ProceduralFaces) -> None:
 
 
 def test_bytes_do_not_depend_on_batch_order_or_instance(source: ProceduralFaces) -> None:
-    keys = source.frames("p0001", 12) + source.frames("p0002", 4)
+    keys = [*source.frames("p0001", 12), *source.frames("p0002", 4)]
     forward = {f.key: f for f in source.load(keys)}
     other = pickle.loads(pickle.dumps(source))
     for key in reversed(keys):

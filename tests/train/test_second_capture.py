@@ -199,7 +199,7 @@ def test_a_small_network_learns_to_smooth_without_clean_frames(
     network, loss = build_model(model), build_loss(table)
     optimiser = torch.optim.Adam(network.parameters(), 1e-2)
     clean = surface(24)
-    for step in range(50):
+    for step in range(80):
         first, second = capture(10 * step, clean), capture(10 * step + 5, clean)
         total, _ = loss.training_loss(network, first, second, draw())
         optimiser.zero_grad()

@@ -36,7 +36,7 @@ def part(face: Face, *names: str) -> NDArray[np.float32]:
 
 
 def test_a_frame_depends_on_its_key_alone(people: People) -> None:
-    keys = people.frames("a0001", 33)[28:] + people.frames("a0000", 2)
+    keys = [*people.frames("a0001", 33)[28:], *people.frames("a0000", 2)]
     together = faces(people, keys)
     other = pickle.loads(pickle.dumps(people))
     for key, face in zip(reversed(keys), reversed(together), strict=True):
