@@ -7,13 +7,15 @@ starts them again elsewhere. Actors are not used; pinned ones waited for ever wh
 from __future__ import annotations
 
 import logging
+import socket
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from glsim.errors import ConfigError
+from glsim.errors import ConfigError, GlsimError
 from glsim.worker_processes import SINGLE_THREADED, WorkerFailure
 
 log = logging.getLogger(__name__)
@@ -59,6 +61,15 @@ def ray_cluster(address: str) -> Iterator[Any]:
 def cluster_cores(ray: Any) -> int:
     """Return the number of cores of all nodes."""
     return int(ray.cluster_resources().get("CPU", 0))
+
+
+def failure_of(error: Exception) -> WorkerFailure:
+    """Return what a task sends in place of its result. Other errors than ours name the machine."""
+    if isinstance(error, GlsimError):
+        return WorkerFailure(error)
+    failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")
+    failure.add_note(traceback.format_exc())
+    return WorkerFailure(failure)
 
 
 def run_tasks(

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import socket
 import tempfile
-import traceback
 import uuid
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -27,9 +26,9 @@ from glsim.dataset.inputs import refuse_other_inputs
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
 from glsim.dataset.run import ChunkRenderer
 from glsim.dataset.schema import parse_frame
-from glsim.errors import ConfigError, DatasetError, GlsimError
+from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import checksum, wrap_write_errors, write_atomic
-from glsim.ray_cluster import ray_cluster, run_tasks
+from glsim.ray_cluster import failure_of, ray_cluster, run_tasks
 from glsim.worker_processes import WorkerFailure
 
 #: Processes that may die on one machine while they render the same chunk: nodes die for reasons of
@@ -131,12 +130,8 @@ def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk 
             _shared = replace(given, job=_prepared(given))
         with _counted_deaths(token, chunk), tempfile.TemporaryDirectory(prefix="glsim-") as folder:
             return _render(_shared.job, chunk, Path(folder))
-    except GlsimError as error:
-        return WorkerFailure(error)
     except Exception as error:
-        failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")
-        failure.add_note(traceback.format_exc())
-        return WorkerFailure(failure)
+        return failure_of(error)
 
 
 def _prepared(shared: ClusterJob) -> RenderJob:

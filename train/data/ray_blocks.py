@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import socket
-import traceback
 import uuid
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.dataset.arithmetic import Machine, this_machine
-from glsim.errors import GlsimError
 from glsim.pipeline import Simulator
 from glsim.ray_cluster import (
     TASKS_PER_CORE,
     LostResultError,
     cluster_cores,
+    failure_of,
     ray_cluster,
     remote_task,
     task_result,
@@ -136,9 +134,5 @@ def render_block_on_node(
 
             _renderer = _Renderer(token, ray.get(reference[0]))
         return _renderer.render(lane, block)
-    except GlsimError as error:
-        return WorkerFailure(error)
     except Exception as error:
-        failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")
-        failure.add_note(traceback.format_exc())
-        return WorkerFailure(failure)
+        return failure_of(error)
