@@ -130,7 +130,8 @@ def test_what_is_not_there_is_said_in_one_line(store: Store, local: Path) -> Non
 
 def test_a_store_that_stays_away_is_an_error(store: Store) -> None:
     store.faults = Faults(throttled=1.0)
-    with pytest.raises(DatasetError, match=r"slow down.*run the same command again"):
+    refused = r"(slow down|Service Unavailable).*run the same command again"
+    with pytest.raises(DatasetError, match=refused):
         open_dataset(URL)
 
 

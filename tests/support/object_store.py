@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -124,6 +125,9 @@ def object_store(monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
 
     s3fs.S3FileSystem.clear_instance_cache()
     try:
+        # moto keeps its buckets for as long as the process lives.
+        reset = Request(f"http://127.0.0.1:{http.server_port}/moto-api/reset", method="POST")
+        urlopen(reset).close()
         s3fs.S3FileSystem().mkdir(BUCKET)
         yield store
     finally:
