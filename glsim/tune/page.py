@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,7 @@ class Page:
         self._number = 0
         self._drawing = self._wanted = self._measuring = self._closed = False
         self._files: dict[Path, float] = {}
+        self._read_at = 0.0
 
     # what is shown
 
@@ -156,6 +158,7 @@ class Page:
         return await self.workshop.on_gl(self.bench.draw, tuning, self.top.noise_of)
 
     async def _draw(self, tuning: Tuning) -> None:
+        self._read_at = time.time()
         self.picture = await self._drawn(tuning)
         self.workshop.packets[f"{self.tab}/a"] = pack(self.picture.frame)
 
@@ -230,7 +233,8 @@ class Page:
         files = files.union(*(source.files for source in sources))
         times = {f: f.stat().st_mtime for f in files if f.is_file()}
         known, self._files = self._files, times
-        if any(known.get(f, t) != t for f, t in times.items()):
+        # A file that was not looked at before may have changed since it was read.
+        if any(t != known[f] if f in known else t > self._read_at for f, t in times.items()):
             self.bench.reload()
             self.sections.reload()
             await self.refresh()
