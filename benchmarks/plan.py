@@ -23,7 +23,10 @@ HANDED_OUT = 9_600
 
 
 def peak_mb() -> float:
-    """Peak resident memory of this process, from /proc (Linux): getrusage's includes a parent's."""
+    """Return the peak resident memory of this process, MB. Needs Linux.
+
+    It is read from /proc: getrusage counts the memory of the parent process too.
+    """
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
@@ -90,7 +93,7 @@ def open_case(folder: Path) -> dict[str, float]:
 
 
 def write_set(folder: Path, frames: int, people: int = 10_000) -> None:
-    """Write header and manifest of a data set with the record of a real frame, many times."""
+    """Write the header and manifest of a data set of ``frames`` frames; all records are alike."""
     from glsim.dataset import generate
     from glsim.files.atomic import AtomicFile
     from glsim.settings.schema import load_settings

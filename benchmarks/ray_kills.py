@@ -1,4 +1,4 @@
-"""Nodes of a cluster are killed while it makes a data set: are its bytes those of a local run?
+"""Kill nodes of a Ray cluster that makes a data set, and compare its bytes with a local run's.
 
     python -m benchmarks.ray_kills [--frames 2000] [--kills 10]
 

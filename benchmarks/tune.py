@@ -126,7 +126,7 @@ def after(page: Any, number: int) -> None:
 
 
 def slider_times(page: Any, changes: int) -> list[float]:
-    """Move a slider by arrow keys; return the time from each key to the painted picture, ms."""
+    """Press an arrow key on a slider ``changes`` times; return the ms to each painted picture."""
     page.click(f'[data-stage="{_STAGE}"] button.name')
     page.focus(f'[data-name="{_PARAMETER}"] .q-slider__track-container')
     page.wait_for_timeout(1000)

@@ -83,13 +83,20 @@ class WindowStatistics(NamedTuple):
     variances: _Array
 
     def similarity(self, c1: float, c2: float, c3: float) -> float:
-        """Return the mean SSIM. c3: in the place of C2 below the line, where it equals C2."""
+        """Return the mean SSIM over all windows.
+
+        c1, c2: the constants of Wang et al. 2004. c3: the constant beside the variances in the
+        denominator; theirs is c2 again.
+        """
         upper = (2 * self.product + c1) * (2 * self.covariance + c2)
         return float((upper / ((self.squares + c1) * (self.variances + c3))).mean())
 
 
 def window_statistics(first: Moments, second: Moments) -> WindowStatistics:
-    """Compute what SSIM needs of two images that are not smaller than the window."""
+    """Compute means, variances and the covariance of each 7x7 window of two images.
+
+    The images are at least 7x7 pixels.
+    """
     pad = WINDOW // 2
     inner = (slice(pad, -pad), slice(pad, -pad))
     samples = WINDOW * WINDOW

@@ -9,7 +9,9 @@ from glsim.cli.common import print_written
 
 
 def study_ssim(dataset: Path, split: str, out: Path) -> None:
-    """Write ssim_readings.md for the frames of a split under each protocol that they allow.
+    """Compare readings of the paper's SSIM on a split; write ssim_readings.md to ``out``.
+
+    Both depth protocols are measured, but one if the distance from the camera is unknown.
 
     Raises as ``open_frames`` does.
     """

@@ -45,7 +45,7 @@ from glsim.settings.tables import parse_table, read_toml
 EXAMPLES = """
 [bold]Examples[/bold]
 
-glsim reproduce -o reproduced               small: about an hour on two cores
+glsim reproduce -o reproduced               small: an hour on two cores, by estimate
 
 glsim reproduce -o paper --size full        the paper's size, for a GPU
 

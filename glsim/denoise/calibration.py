@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.frames import Frames, Key, Sample
+from glsim.denoise.frames import ChangedFrames, Frames, Sample
 from glsim.denoise.protocol import Depth
 from glsim.errors import ConfigError
 from glsim.geometry.camera import Intrinsics
@@ -106,7 +106,7 @@ class DeviceCalibration:
         return row, column
 
 
-class CalibratedFrames:
+class CalibratedFrames(ChangedFrames):
     """Frames whose noisy maps are calibrated; clean maps stay.
 
     own_camera: whether their intrinsics are those that a data set states, so that crops have a
@@ -114,23 +114,9 @@ class CalibratedFrames:
     """
 
     def __init__(self, frames: Frames, device: DeviceCalibration, own_camera: bool) -> None:
-        self._frames, self._device, self._own_camera = frames, device, own_camera
-        self.regions, self.protocol = frames.regions, frames.protocol
-        self.identity = f"{frames.identity} {device.identity}"
+        super().__init__(frames, device.identity, frames.protocol)
+        self._device, self._own_camera = device, own_camera
 
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    def key(self, number: int) -> Key:
-        """Return the key of a frame."""
-        return self._frames.key(number)
-
-    def load(self, number: int) -> Sample:
-        """Read and calibrate a frame. Raises as the frames and the calibration do."""
-        sample = self._frames.load(number)
+    def _changed(self, sample: Sample) -> Sample:
         crop = sample.intrinsics if self._own_camera else None
         return replace(sample, noisy_mm=self._device(sample.noisy_mm, crop))
-
-    def infrared(self, number: int) -> NDArray[Any]:
-        """Read a frame's infrared."""
-        return self._frames.infrared(number)

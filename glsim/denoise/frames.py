@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -108,16 +109,13 @@ def is_moved(depth: Depth) -> bool:
     return float(values.min()) == NEAREST_MM and float(np.median(values)) >= _METRES_MM
 
 
-class MovedFrames:
-    """Frames under the protocol paper: the nearest point of each clean map is at 1 mm."""
+class ChangedFrames(ABC):
+    """Frames whose depth maps are changed when they are read; the rest is as in ``frames``."""
 
-    protocol: DepthProtocol = "paper"
-
-    def __init__(self, frames: Frames) -> None:
-        """frames: under either protocol."""
-        self._frames = frames
-        self.regions = frames.regions
-        self.identity = f"{frames.identity} paper"
+    def __init__(self, frames: Frames, identity: str, protocol: DepthProtocol) -> None:
+        """identity: of the change. protocol: of the changed maps."""
+        self._frames, self.regions, self.protocol = frames, frames.regions, protocol
+        self.identity = f"{frames.identity} {identity}"
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -127,8 +125,25 @@ class MovedFrames:
         return self._frames.key(number)
 
     def load(self, number: int) -> Sample:
-        """Read a frame and move it. Raises as the frames do."""
-        sample = self._frames.load(number)
+        """Read a frame and change its maps. Raises as the frames and the change do."""
+        return self._changed(self._frames.load(number))
+
+    @abstractmethod
+    def _changed(self, sample: Sample) -> Sample: ...
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read a frame's infrared."""
+        return self._frames.infrared(number)
+
+
+class MovedFrames(ChangedFrames):
+    """Frames under the protocol paper: the nearest point of each clean map is at 1 mm."""
+
+    def __init__(self, frames: Frames) -> None:
+        """frames: under either protocol."""
+        super().__init__(frames, "paper", "paper")
+
+    def _changed(self, sample: Sample) -> Sample:
         offset_mm = offset_to_nearest(sample.clean_mm)
         return replace(
             sample,
@@ -136,10 +151,6 @@ class MovedFrames:
             noisy_mm=subtract_offset(sample.noisy_mm, offset_mm),
             offset_mm=sample.offset_mm + offset_mm,
         )
-
-    def infrared(self, number: int) -> NDArray[Any]:
-        """Read a frame's infrared."""
-        return self._frames.infrared(number)
 
 
 class Stacks:

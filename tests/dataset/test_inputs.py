@@ -18,19 +18,11 @@ from glsim.faces import open_source
 from glsim.faces.ict_facekit import IctFaceKit
 from glsim.files.contents import content_hash
 from glsim.settings.schema import Settings, load_settings
-from tests.support.dataset_fakes import contents
+from tests.support.dataset_fakes import TINY_SENSOR, contents
 from tests.support.face_models import write_face_x_model
 from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, ply_bytes, put
 
 ROOT = Path(__file__).parents[2]
-SENSOR = """
-title = "tiny"
-[rig]
-width = 48
-height = 40
-focal_px = [60, 60]
-centre_px = [24, 20]
-"""
 STAGE = """#version 330 core
 // lift: moves depth.
 #include "amount.glsl"
@@ -57,7 +49,7 @@ def with_stage(folder: Path, use: str) -> Settings:
     (folder / "lift.glsl").write_text(STAGE)
     (folder / "amount.glsl").write_text("#define AMOUNT_M 0.01\n")
     (folder / "lift.py").write_text(PYTHON)
-    (folder / "mine.toml").write_text(f'{SENSOR}\n[[stage]]\nuse = "{use}"\n')
+    (folder / "mine.toml").write_text(f'{TINY_SENSOR}\n[[stage]]\nuse = "{use}"\n')
     source = {"kind": "procedural", "subjects": 2, "frames_per_subject": 3}
     return load_settings(overrides={"sensor": str(folder / "mine.toml"), "source": source})
 
@@ -111,7 +103,7 @@ def scans(folder: Path, kind: str = "folder") -> Settings:
     for number in range(3):
         put(folder / "scans" / "a" / f"{number}.obj", obj_bytes(FACE + number, TRIANGLES))
     put(folder / "scans" / "a" / "skin.mtl", b"newmtl a\nKd 1 1 1\n")
-    (folder / "mine.toml").write_text(SENSOR)
+    (folder / "mine.toml").write_text(TINY_SENSOR)
     return load_settings(
         overrides={
             "sensor": str(folder / "mine.toml"),

@@ -15,21 +15,13 @@ from glsim.dataset.arithmetic import Machine, machine_of_workers
 from glsim.errors import DeviceError, DifferentMachineError
 from glsim.settings.schema import Settings, load_settings
 from glsim.worker_processes import SINGLE_THREADED, portable_environment
-from tests.support.dataset_fakes import contents
+from tests.support.dataset_fakes import TINY_SENSOR, contents
 
 ROOT = Path(__file__).parents[2]
-SENSOR = """
-title = "tiny"
-[rig]
-width = 48
-height = 40
-focal_px = [60, 60]
-centre_px = [24, 20]
-"""
 
 
 def tiny(folder: Path) -> Settings:
-    (folder / "mine.toml").write_text(SENSOR)
+    (folder / "mine.toml").write_text(TINY_SENSOR)
     source = {"kind": "procedural", "subjects": 2, "frames_per_subject": 3}
     return load_settings(overrides={"sensor": str(folder / "mine.toml"), "source": source})
 

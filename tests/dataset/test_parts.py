@@ -24,7 +24,9 @@ from glsim.dataset import (
 from glsim.dataset.identity import Inputs
 from glsim.errors import ConfigError, DatasetError, DifferentMachineError
 from tests.support.dataset_fakes import (
+    FORMATS,
     SENSOR,
+    SKIP,
     Fault,
     contents,
     fake_frames,
@@ -34,18 +36,6 @@ from tests.support.dataset_fakes import (
 )
 
 ROOT = Path(__file__).parents[2]
-FORMATS = ["png", "webdataset"]
-SKIP = {"skip_every": 7}
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
-    result = {}
-    for format in FORMATS:
-        out = tmp_path_factory.mktemp("undisturbed") / format
-        make(out, make_settings(format=format), **SKIP)
-        result[format] = contents(out)
-    return result
 
 
 def make_part(

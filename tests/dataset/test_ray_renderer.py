@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -31,7 +30,7 @@ from tests.support.dataset_fakes import (
     make_settings,
     make_tasks,
 )
-from tests.support.ray_nodes import Nodes, ray_nodes
+from tests.support.ray_nodes import Nodes, connected_nodes
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Ray leaves files and sockets open
 TASKS = make_tasks(4, 40)
@@ -39,12 +38,8 @@ TASKS = make_tasks(4, 40)
 
 @pytest.fixture(scope="module")
 def nodes() -> Iterator[Nodes]:
-    ray = pytest.importorskip("ray", reason="needs pip install 'glsim[ray]'")
-    with ray_nodes() as nodes:
-        nodes.add()
-        ray.init(address=nodes.address, log_to_driver=False, logging_level=logging.ERROR)
+    with connected_nodes() as nodes:
         yield nodes
-        ray.shutdown()
 
 
 def make_on_ray(

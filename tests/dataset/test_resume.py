@@ -20,21 +20,17 @@ from glsim.dataset import GenerateProgress, verify
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import cannot_write
 from glsim.settings.schema import load_settings
-from tests.support.dataset_fakes import Fault, children, contents, make, make_settings, make_tasks
+from tests.support.dataset_fakes import (
+    FORMATS,
+    SKIP,
+    Fault,
+    children,
+    contents,
+    make,
+    make_settings,
+    make_tasks,
+)
 from tests.support.user_rights import ordinary_user
-
-FORMATS = ["png", "webdataset"]
-SKIP = {"skip_every": 7}
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
-    result = {}
-    for format in FORMATS:
-        out = tmp_path_factory.mktemp("undisturbed") / format
-        make(out, make_settings(format=format), **SKIP)
-        result[format] = contents(out)
-    return result
 
 
 def resume(out: Path, format: str, expected: dict[str, bytes], **options) -> None:

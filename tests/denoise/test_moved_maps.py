@@ -14,7 +14,7 @@ from glsim.denoise import load, load_denoiser
 from glsim.depth_protocol import offset_to_nearest, subtract_offset
 from glsim.errors import ConfigError
 from tests.support.eval_scenes import dome
-from tests.support.moved_sets import write_domes
+from tests.support.moved_sets import write_both_protocols
 
 
 class Trained:
@@ -39,11 +39,7 @@ def written(folder: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def sets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    root = tmp_path_factory.mktemp("sets")
-    return {
-        "depth": write_domes(root / "depth", "depth"),
-        "paper": write_domes(root / "paper", "paper"),
-    }
+    return write_both_protocols(tmp_path_factory.mktemp("sets"))
 
 
 @pytest.mark.parametrize("denoiser", ["median", "bilateral", "temporal_median"])

@@ -19,7 +19,7 @@ from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.pairs import open_frames
 from glsim.eval.scoring.run import Evaluation, evaluate
 from tests.support.eval_scenes import SIZE
-from tests.support.moved_sets import write_domes
+from tests.support.moved_sets import write_both_protocols, write_domes
 
 
 class OfThePaper:
@@ -36,11 +36,7 @@ NETWORK = "net@tests.eval.test_protocols:OfThePaper"
 
 @pytest.fixture(scope="module")
 def sets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    root = tmp_path_factory.mktemp("sets")
-    return {
-        "depth": write_domes(root / "depth", "depth"),
-        "paper": write_domes(root / "paper", "paper"),
-    }
+    return write_both_protocols(tmp_path_factory.mktemp("sets"))
 
 
 @pytest.fixture

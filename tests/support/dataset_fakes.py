@@ -31,6 +31,18 @@ from glsim.settings.seeds import stable_seed
 CAMERA = Intrinsics(32, 24, 40.0, 40.0, 16.0, 12.0)
 WINDOW = Rect(4, 2, 20, 18)
 SENSOR = {"name": "fake", "stages": [{"name": "noise", "sigma_mm": 2.0}]}
+#: The file of a real sensor without noise, of small frames.
+TINY_SENSOR = """
+title = "tiny"
+[rig]
+width = 48
+height = 40
+focal_px = [60, 60]
+centre_px = [24, 20]
+"""
+FORMATS = ["png", "webdataset"]
+#: Faults of `fake_frames`: every seventh face is a bad one.
+SKIP = {"skip_every": 7}
 
 
 def make_settings(**output: Any) -> Settings:

@@ -47,6 +47,12 @@ def dome_frames(settings: Settings, tasks: Iterable[Task]) -> Iterator[Frame]:
         )
 
 
+def write_both_protocols(root: Path) -> dict[str, Path]:
+    """Write the same domes as measured and at 1 mm; return protocol -> folder."""
+    protocols: tuple[DepthProtocol, ...] = ("depth", "paper")
+    return {protocol: write_domes(root / protocol, protocol) for protocol in protocols}
+
+
 def write_domes(out: Path, protocol: DepthProtocol, subjects: int = 4, frames: int = 2) -> Path:
     """Write a data set of domes under a protocol; return its folder."""
     nearest_to_mm = 1.0 if protocol == "paper" else None

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 #: Bytes of each node's object store: some hundred small chunks.
 _STORE_BYTES = 100_000_000
@@ -57,6 +60,17 @@ def _below(process: int) -> list[int]:
             for task in Path(f"/proc/{pid}/task").iterdir():
                 waiting += map(int, (task / "children").read_text().split())
     return found
+
+
+@contextmanager
+def connected_nodes() -> Iterator[Nodes]:
+    """Run a cluster of one node, and connect this process to it. Skips the test without Ray."""
+    ray = pytest.importorskip("ray", reason="needs pip install 'glsim[ray]'")
+    with ray_nodes() as nodes:
+        nodes.add()
+        ray.init(address=nodes.address, log_to_driver=False, logging_level=logging.ERROR)
+        yield nodes
+        ray.shutdown()
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 
 import pytest
@@ -11,19 +10,15 @@ import torch
 from glsim.settings.schema import Settings, load_settings
 from glsim.train.data import ray_blocks
 from glsim.train.data.simulated import SimulatedPairs
-from tests.support.ray_nodes import Nodes, ray_nodes
+from tests.support.ray_nodes import Nodes, connected_nodes
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Ray leaves files and sockets open
 
 
 @pytest.fixture(scope="module")
 def nodes() -> Iterator[Nodes]:
-    ray = pytest.importorskip("ray", reason="needs pip install 'glsim[ray]'")
-    with ray_nodes() as nodes:
-        nodes.add()
-        ray.init(address=nodes.address, log_to_driver=False, logging_level=logging.ERROR)
+    with connected_nodes() as nodes:
         yield nodes
-        ray.shutdown()
 
 
 def small(**source) -> Settings:

@@ -261,7 +261,7 @@ def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
 
 
 def _tukey(offset_mm: Tensor) -> Tensor:
-    """Weight (1 - (offset / 50 mm)^2)^2 of an offset of at most 50 mm to either side."""
+    """Compute Tukey's weight, 1 at an offset of 0 and 0 at 50 mm; offsets are -50 to 50 mm."""
     return (1.0 - (offset_mm / _SURFACE_MM).square()).square()
 
 

@@ -84,6 +84,9 @@ def network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> list[Co
 
 
 def network_column(group: SeedGroup, name: str) -> Column:
-    """Return the column of a network's first seed, with its size and steps below the name."""
+    """Return a network's column of the figure: the training with the first seed.
+
+    The title says the size of the network and its training steps below ``name``.
+    """
     run = group.members[0]
     return Column(f"{name}\n{group.size}, {run.steps:,} steps", run.spec)

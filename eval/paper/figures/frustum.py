@@ -106,7 +106,7 @@ def _head(dataset: Dataset, frame: FigureFrame) -> Mesh:
 
 
 def _face_colours(head: Mesh, frame: FigureFrame) -> NDArray[np.float64]:
-    """Return (N, 3) RGB of the head's triangles: unseen, lit or in the shadow."""
+    """Colour the head's N triangles by what the camera sees: unseen, lit, in shadow; (N, 3) RGB."""
     rgb = matplotlib("colors").to_rgb
     camera = frame.window.intrinsics
     lit = lit_by_marching(frame.clean / np.float32(1000), frame.window)
@@ -155,7 +155,7 @@ def _devices(axis: Any, emitter: Points | None) -> None:
 
 
 def _rays(axis: Any, frame: FigureFrame, emitter: Points | None, low: Points) -> None:
-    """Draw rays from the projector to points in the shadow; dotted behind what stops them."""
+    """Draw rays from the projector to points in its shadow, dotted behind what blocks them."""
     if emitter is None:
         return
     lit = lit_by_marching(frame.clean / np.float32(1000), frame.window)

@@ -43,9 +43,10 @@ _TICKS_PX, _TICKS_MM = 40, 100
 def panel_figure(
     frame: FigureFrame, methods: Mapping[str, Depth], rows: Sequence[PanelRow], note: str
 ) -> Any:
-    """Draw the truth, the noisy input and ``methods``; return the figure.
+    """Draw a column of panels for the truth and for each method; return the figure.
 
-    methods: title -> (H, W) millimetres, 0 = no depth. note: a line below the panels.
+    methods: title -> (H, W) depth in millimetres, 0 = none; the noisy input is one of them.
+    note: a line below the panels.
     """
     columns = {"truth": frame.clean, **methods}
     # A row of maps above a row of side views, and the last row, have an axis below.
@@ -114,7 +115,10 @@ def _draw_side_view(axis: Any, depth: Depth, frame: FigureFrame) -> None:
 
 
 def _label(axes: Sequence[Any], kind: PanelRow, bottom: bool) -> None:
-    """Label the axes of a row: units at its left end and, if ``bottom``, below."""
+    """Label the axes of a row of panels with their units, px or mm.
+
+    The vertical axis is labelled at the left end; the horizontal ones only if ``bottom``.
+    """
     unit = "mm" if kind == "side" else "px"
     for number, axis in enumerate(axes):
         axis.tick_params(labelsize=_TEXT_SIZE, length=2, width=0.4)

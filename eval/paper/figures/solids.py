@@ -57,8 +57,9 @@ def set_limits(axis: Any, low: Points, high: Points, zoom: float = 1.0) -> None:
 def add_triangles(
     axis: Any, corners_mm: Points, colours: Points, normals: Points | None = None, zorder: int = 1
 ) -> None:
-    """Draw (N, 3, 3) triangles, figure axes, in (N, 3) or (3,) RGB, as a matte surface.
+    """Draw triangles as a matte surface.
 
+    corners_mm: (N, 3, 3) in the axes of the figure. colours: (N, 3) or (3,) RGB, 0 to 1.
     normals: (N, 3) unit normals; default: those of the triangles, turned to the light.
     """
     if normals is None:

@@ -38,7 +38,7 @@ def add_note(figure: Any, text: str) -> None:
 
 
 #: Size of notes, points, and the letters of it that fit an inch.
-_NOTE_SIZE, _NOTE_LETTERS_PER_IN = 6, 19
+_NOTE_SIZE, _NOTE_LETTERS_PER_IN = 6, 17
 #: Colours of methods in the order of the tables: Okabe and Ito's, which colour-blind readers can
 #: tell apart. Further methods reuse them with other line styles.
 _COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#0072b2", "#cc79a7", "#999900")
