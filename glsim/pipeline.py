@@ -1,12 +1,9 @@
 """Turn settings into frames: the file to read first.
 
 simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
-    source.load          -> a face (mesh in canonical axes, mm), in batches
-    vary                 -> the face with another shape and albedo, if the settings vary it
-    Dresser.dress        -> the face with hair, glasses and cloth, if the settings dress it
-    pose, draw_values    -> pose and stage parameters, drawn from the task's seeds
-    move_pose, bend_neck -> motion of generated heads; shoulders stay upright below a turned head
-    crop_window          -> the delivered part of the image
+    FrameScenes.load     -> faces (meshes in canonical axes, mm), varied and dressed, in batches
+    FrameScenes.build    -> the scene: face, pose, room, other people, and the delivered crop
+    draw_values          -> stage parameters, drawn from the task's seeds
     Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
     ShaderChain.run      -> depth (noisy), reason, infrared: GPU targets, readback queued
     Readback.arrays      -> the same as float32 arrays
@@ -20,29 +17,19 @@ import itertools
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import moderngl
-import numpy as np
-from numpy.typing import NDArray
 
-from glsim.appearance.dress import Dresser, worn_regions
-from glsim.errors import ConfigError, GlsimError, MeshError
+from glsim.errors import ConfigError, MeshError
 from glsim.faces import open_source
-from glsim.faces.base import BadFace, Face, FaceSource, Part
-from glsim.faces.head_motion import head_motion, move_pose
-from glsim.faces.landmarks import landmark_vertices, to_camera
-from glsim.faces.neck import bend_neck
-from glsim.faces.regions import RegionLabels
-from glsim.faces.variation import draw_variation, vary
+from glsim.faces.base import BadFace, Face, FaceSource
 from glsim.frame import LAYERS, Frame, Skipped
 from glsim.frame_assembly import assemble_frame, seen_landmarks
-from glsim.geometry.camera import Intrinsics
-from glsim.geometry.pose import pose_matrix
-from glsim.geometry.rect import Rect
+from glsim.frame_scene import FrameScene, FrameScenes, unusable
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
 from glsim.noise.chain import LinkedStages, ShaderChain, array_reach_px, run_array_stages
@@ -51,12 +38,9 @@ from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
-from glsim.render.renderer import NORMAL, Renderer
-from glsim.scene.body import body_of
-from glsim.scene.other_people import OtherPeople
-from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
+from glsim.render.renderer import NORMAL, Rendered, Renderer
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
-from glsim.settings.schema import GENERATORS, Settings, with_assignments
+from glsim.settings.schema import Settings, with_assignments
 from glsim.settings.seeds import stable_seed
 
 #: Faces per batch: a matrix product of this many rows keeps a core busy, and the vertices of a
@@ -70,18 +54,37 @@ _RING_ON_GPU = 4
 
 @dataclass(eq=False)
 class _InFlight:
-    """A frame between drawing and readback."""
+    """A frame between drawing and readback. drawn: the drawn values of the stages."""
 
     readback: Readback
     task: Task
-    face: Face
-    crop: Rect
+    scene: FrameScene
     frame: FrameContext
     values: dict[str, dict[str, float]]
-    pose: dict[str, float]
     drawn: dict[str, float]
-    head_to_camera: NDArray[np.float64]
-    landmarks_m: NDArray[np.float64] | None
+
+
+class _LastRendering:
+    """The clean layers of the last scene, kept until another is rendered.
+
+    Other noise over the same frame then takes the noise stages alone.
+    """
+
+    def __init__(self) -> None:
+        self._asked: tuple[FrameScene, int] | None = None
+        self._rendered: Rendered | None = None
+        self._kept = ExitStack()
+
+    def of(self, renderer: Renderer, scene: FrameScene, reach_px: int) -> Rendered:
+        """Return a scene's layers, valid until another is asked for. Raises MeshError."""
+        asked = scene, reach_px
+        if self._rendered is None or self._asked != asked:
+            self._rendered = None
+            self._kept.close()  # its targets are used again
+            drawing = renderer.render(scene.meshes, scene.crop, scene.labels, reach_px)
+            self._rendered = self._kept.enter_context(drawing)
+            self._asked = asked
+        return self._rendered
 
 
 def simulate(
@@ -166,15 +169,17 @@ class Simulator:
             pattern_mm=None if own is None else own.error_mm,
             linked=self._linked,
         )
-        further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
-        self._labels = RegionLabels(sources, further) if "regions" in layers else None
-        same_wear = like is not None and like._settings.appearance == settings.appearance
-        self._dressers: list[Dresser] = (
-            like._dressers
-            if like is not None and same_wear
-            else [Dresser(source, settings.appearance) for source in sources]
+        regions = "regions" in layers
+        self._scenes: FrameScenes = (
+            like._scenes.like(settings, self.sensor.rig, regions=regions)
+            if like is not None
+            else FrameScenes(settings, sources, self.sensor.rig, regions=regions)
         )
-        self._others = OtherPeople(settings, sources, self._dressers, self.sensor.rig)
+        self._rendering: _LastRendering = (
+            like._rendering
+            if like is not None and like._scenes is self._scenes
+            else _LastRendering()
+        )
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
@@ -268,48 +273,11 @@ class Simulator:
         with ThreadPoolExecutor(1, "faces") as reader:
             ahead: deque[Future[list[tuple[Task, Face | BadFace]]]] = deque()
             for batch in _batches(tasks):
-                ahead.append(reader.submit(self._load, batch))
+                ahead.append(reader.submit(self._scenes.load, batch))
                 if len(ahead) == 2:
                     yield from ahead.popleft().result()
             while ahead:
                 yield from ahead.popleft().result()
-
-    def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
-        """Load the faces of one source. A file that its source cannot survive is a bad face."""
-        self._others.load([self._held(task) for task in batch])
-        source = self._sources[batch[0].source]
-        loaded: list[tuple[Task, Face | BadFace]] = []
-        while len(loaded) < len(batch):
-            rest = batch[len(loaded) :]
-            faces = iter(source.load([task.key for task in rest]))
-            for task in rest:
-                try:
-                    face = next(faces, None)
-                    if isinstance(face, Face):
-                        face = self._change(task, face)
-                except GlsimError:
-                    raise
-                except Exception as error:
-                    if not task.key.path:
-                        raise  # no file is to blame
-                    loaded.append((task, BadFace(task.key, _unusable(task, error))))
-                    break  # the iterator has ended: the others get a new one
-                if face is None:
-                    raise GlsimError(f"source {source.name} gave no face for {task.stem}")
-                loaded.append((task, face))
-        return loaded
-
-    def _change(self, task: Task, face: Face) -> Face:
-        """Vary a face, then dress it: what is worn follows the varied mesh."""
-        seeds = self._held(task).seeds
-        varied = vary(face, self._settings.variation, seeds)
-        return self._dressers[task.source].dress(varied, seeds)
-
-    def _held(self, task: Task) -> Task:
-        """Return the task with the seeds of its settings; those of its noise are its own."""
-        if self._settings.redraw is None:
-            return task
-        return replace(task, seeds=task.seeds.held_in_sequence())
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue the drawing of one frame, or return the record of a bad face."""
@@ -320,7 +288,7 @@ class Simulator:
         except MeshError as error:
             return self._skipped(task, error)
         except MemoryError as error:
-            return self._skipped(task, _unusable(task, error))
+            return self._skipped(task, unusable(task, error))
 
     def _skipped(self, task: Task, error: MeshError) -> Skipped:
         """Return the record of a bad face. Raises ``error`` if the settings are strict."""
@@ -329,61 +297,23 @@ class Simulator:
         return Skipped(task.key, self._sources[task.source].name, str(error))
 
     def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
-        settings, rig = self._settings, self.sensor.rig
-        held = self._held(task)
+        rig, stages = self.sensor.rig, self.sensor.stages
         make_current(self._context)  # the caller may have used another since the last frame
-        pose = {
-            name: getattr(settings.pose, name).draw(held.seeds, f"pose.{name}")
-            for name in type(settings.pose).model_fields
-        }
-        still, motion = pose, pose.pop("motion")
-        if self._sources[task.source].name in GENERATORS:  # recorded faces move by themselves
-            offsets = head_motion(task.seeds.sequence, task.key.time_s)
-            offsets = {name: motion * offset for name, offset in offsets.items()}
-            pose = move_pose(pose, offsets, face.neck)
-        drawn, values = draw_values(self.sensor.stages, held.seeds)
-        drawn |= draw_variation(settings.variation, held.seeds)
-        drawn |= self._dressers[task.source].drawn(face, held.seeds)
-        body = body_of(face) if settings.scene.room != "none" else None
-        scenery = build_scenery(settings.scene, settings.pose, held.seeds, rig, body)
-        drawn |= scenery.drawn
-        person = [
-            bend_neck(mesh, face.neck, pose, still)
-            for mesh in (face.mesh, *(part.mesh for part in face.parts))
-        ]
-        view = scenery.stands(pose_matrix(pose))
-        check_behind(scenery, person, view)
-        others = self._others.props(held, scenery) if body is not None else []
-        further = [*scenery.props, *others]
-        meshes = [(mesh, view) for mesh in person] + [(prop.mesh, prop.view) for prop in further]
-        crop = crop_window(rig.intrinsics, still, settings.output.crop)
-        labels: list[NDArray[np.float32] | None] = []
-        if self._labels is not None:
-            named: list[Part | Prop] = [*face.parts, *further]
-            labels = [
-                self._labels.of(task.source, len(face.mesh.vertices_mm)),
-                *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in named),
-            ]
-        reach_px = array_reach_px(self.sensor.stages, values)
-        with self._renderer.render(meshes, crop, labels, reach_px) as rendered:
-            frame = FrameContext.for_frame(
-                rig=rig,
-                window=rendered.window,
-                seed=task.seeds.frame,
-                sequence_seed=task.seeds.sequence,
-                device_seed=stable_seed("device", settings.seed, task.device),
-                time_s=task.key.time_s,
-                nearest_m=rendered.nearest_m,
-            )
-            self._chain.run(rendered, frame, values, readback)
-        head_to_camera, landmarks_m = view.astype(np.float64), None
-        if settings.output.landmarks:
-            chosen = landmark_vertices(self._sources[task.source])
-            landmarks_m = to_camera(person[0].vertices_mm[chosen], head_to_camera)
-        head_to_camera[:3, :3] *= 1000.0  # the view takes millimetres, this matrix metres
-        return _InFlight(
-            readback, task, face, crop, frame, values, pose, drawn, head_to_camera, landmarks_m
+        scene = self._scenes.build(task, face)
+        drawn, values = draw_values(stages, self._scenes.held(task).seeds)
+        reach_px = array_reach_px(stages, values)
+        rendered = self._rendering.of(self._renderer, scene, reach_px)
+        frame = FrameContext.for_frame(
+            rig=rig,
+            window=rendered.window,
+            seed=task.seeds.frame,
+            sequence_seed=task.seeds.sequence,
+            device_seed=stable_seed("device", self._settings.seed, task.device),
+            time_s=task.key.time_s,
+            nearest_m=rendered.nearest_m,
         )
+        self._chain.run(rendered, frame, values, readback)
+        return _InFlight(readback, task, scene, frame, values, drawn)
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:
         """Wait for one frame's layers, run the array stages, and assemble the Frame."""
@@ -399,32 +329,27 @@ class Simulator:
                 ),
             )
         run_array_stages(self.sensor.stages, layers, item.frame, item.values)
-        task, face = item.task, item.face
+        task, scene = item.task, item.scene
         made = assemble_frame(
             layers,
             item.frame.window,
-            item.crop,
+            scene.crop,
             self.sensor.rig.intrinsics,
             self._settings.output,
             self._extra,
             key=task.key,
             source=self._sources[task.source].name,
             seed=task.seeds.frame,
-            pose=item.pose,
-            expression=face.expression,
-            parameters=item.drawn,
-            notes=face.notes,
-            region_numbers={} if self._labels is None else self._labels.numbers,
-            head_to_camera=item.head_to_camera,
+            pose=scene.pose,
+            expression=scene.face.expression,
+            parameters={**item.drawn, **scene.drawn},
+            notes=scene.face.notes,
+            region_numbers=self._scenes.region_numbers,
+            head_to_camera=scene.head_to_camera_m,
         )
-        if item.landmarks_m is None:
+        if scene.landmarks_m is None:
             return made
-        return replace(made, landmarks=seen_landmarks(item.landmarks_m, made))
-
-
-def _unusable(task: Task, error: Exception) -> MeshError:
-    what = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}".removesuffix(": ")
-    return MeshError(f"{task.key.path or task.stem}: cannot be used ({what})")
+        return replace(made, landmarks=seen_landmarks(scene.landmarks_m, made))
 
 
 def _batches(tasks: Iterable[Task]) -> Iterator[list[Task]]:
@@ -432,18 +357,3 @@ def _batches(tasks: Iterable[Task]) -> Iterator[list[Task]]:
     for _, run in itertools.groupby(tasks, key=lambda task: task.source):
         while batch := list(itertools.islice(run, _FACE_BATCH)):
             yield batch
-
-
-def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) -> Rect:
-    """Return the delivered square, centred on the face and shifted into the image.
-
-    side: pixels; None delivers the whole image.
-    """
-    if side is None:
-        return Rect(0, 0, image.width, image.height)
-    # A face at or behind the camera has no place in the image; the renderer reports it.
-    depth_mm = max(pose["distance_mm"], 1.0)
-    centre = image.project(np.array([[pose["x_mm"], pose["y_mm"], depth_mm]]))[0]
-    left = int(np.clip(round(centre[0] - side / 2), 0, image.width - side))
-    top = int(np.clip(round(centre[1] - side / 2), 0, image.height - side))
-    return Rect(left, top, side, side)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.pipeline import Simulator, simulate
 from glsim.plan.tasks import Task, make_tasks
+from glsim.render.renderer import Renderer
 from glsim.settings.schema import Settings, SourceSettings, load_settings, with_assignments
 from tests.support.scenes import face_mesh
 
@@ -95,6 +97,31 @@ def test_other_values_give_the_frames_of_a_new_simulator(
     assert_same(only(changed, tasks), wanted)
     before = only(simulator, make_tasks(settings, list(sources)))
     assert not np.array_equal(before.noisy, wanted.noisy), "the values must matter"
+
+
+def test_other_noise_over_the_same_frame_renders_nothing_anew(
+    context: moderngl.Context, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sources, tasks = planned(settings)
+    rendered: list[object] = []
+    render = Renderer.render
+    monkeypatch.setattr(Renderer, "render", lambda *a: (rendered.append(a), render(*a))[1])
+    simulator = Simulator(settings, sources, context)
+    quiet = only(simulator, tasks)
+    loud = simulator.with_values({"axial.base_sigma_mm": 9})
+    assert not np.array_equal(only(loud, tasks).noisy, quiet.noisy)
+    more = simulator.with_stage("loud", LOUD).with_layers(("clean", "noisy"), ("normal",))
+    assert not np.array_equal(only(more, tasks).noisy, quiet.noisy)
+    assert len(rendered) == 1, "neither values nor code of a stage change what is rendered"
+
+    turned = loud.with_values({"pose.yaw_deg": 30})
+    assert not np.array_equal(only(turned, tasks).clean, quiet.clean)
+    other = [replace(tasks[0], seeds=tasks[0].seeds._replace(frame=1))]
+    only(turned, other)
+    assert len(rendered) == 3, "a pose and another task do"
+    (fresh,) = simulate(settings, tasks, sources=sources, context=context)
+    assert isinstance(fresh, Frame)
+    assert_same(only(simulator, tasks), fresh)
 
 
 def test_values_link_no_program_and_a_stage_links_one(

@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -56,6 +57,7 @@ class Bench:
         self._plan: tuple[object, ...] | None = None
         self._tasks: Sequence[Task] = ()
         self._plain: Simulator | None = None
+        self._posed: tuple[Mapping[str, Any], Simulator] | None = None
         self._coded: tuple[Mapping[str, StageCode], Simulator] | None = None
         self._last: Simulator | None = None
 
@@ -65,9 +67,14 @@ class Bench:
         noise_of: number of the frame whose noise it has; None: its own. Raises GlsimError: the
         bench serves on with what it has.
         """
-        coded = self._with_code(tuning)
-        values = {k: v for k, v in tuning.values.items() if k not in _OF_PLAN}
-        simulator = coded.with_values(values) if values else coded
+        plain = self._of_sensor(tuning)
+        of_stages = {
+            name: value
+            for name, value in tuning.values.items()
+            if name.partition(".")[0] in {*tuning.code, *(s.name for s in plain.sensor.stages)}
+        }
+        coded = self._with_code(tuning, self._with_scene(plain, tuning, of_stages))
+        simulator = coded.with_values(of_stages) if of_stages else coded
         task = self._tasks[tuning.frame % len(self._tasks)]
         if noise_of is not None:
             noise = self._tasks[noise_of % len(self._tasks)].seeds.frame
@@ -88,13 +95,25 @@ class Bench:
             elapsed,
         )
 
-    def _with_code(self, tuning: Tuning) -> Simulator:
-        """Return the simulator of the tuning's sensor and code, without its values."""
-        plain = self._of_sensor(tuning)
+    def _with_scene(
+        self, plain: Simulator, tuning: Tuning, of_stages: Mapping[str, Any]
+    ) -> Simulator:
+        """Return the sensor's simulator with the tuning's rig, pose and scene.
+
+        It is kept: simulators that share it draw other noise over the scene that it has rendered.
+        """
+        values = {k: v for k, v in tuning.values.items() if k not in {*_OF_PLAN, *of_stages}}
+        if self._posed is None or self._posed[0] != values:
+            self._posed = values, plain.with_values(values) if values else plain
+            self._coded = None
+        return self._posed[1]
+
+    def _with_code(self, tuning: Tuning, posed: Simulator) -> Simulator:
+        """Return a simulator with the tuning's code."""
         if not tuning.code:
-            return plain
+            return posed
         if self._coded is None or self._coded[0] != tuning.code:
-            simulator = plain
+            simulator = posed
             for stage, code in tuning.code.items():
                 simulator = simulator.with_stage(stage, code.text, code.before)
             self._coded = dict(tuning.code), simulator
@@ -110,7 +129,7 @@ class Bench:
             if self._context is None:
                 self._context = open_context(self._backend)
             self._plain = Simulator(settings, sources, self._context, ("normal",))
-            self._plan, self._tasks, self._coded = plan, tasks, None
+            self._plan, self._tasks, self._posed, self._coded = plan, tasks, None, None
         return self._plain
 
     def reload(self) -> None:
@@ -121,7 +140,7 @@ class Bench:
     def close(self) -> None:
         """Release the context; the next frame opens another one."""
         self._plan = None
-        self._plain = self._coded = self._last = None
+        self._plain = self._posed = self._coded = self._last = None
         if self._context is not None:
             self._context.release()
             self._context = None

@@ -1,0 +1,215 @@
+"""Build the scene of a frame: its face, varied and dressed, its pose, the room and other people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.appearance.dress import Dresser, worn_regions
+from glsim.errors import GlsimError, MeshError
+from glsim.faces.base import BadFace, Face, FaceSource, Part
+from glsim.faces.head_motion import head_motion, move_pose
+from glsim.faces.landmarks import landmark_vertices, to_camera
+from glsim.faces.neck import bend_neck
+from glsim.faces.regions import RegionLabels
+from glsim.faces.variation import draw_variation, vary
+from glsim.geometry.camera import Intrinsics, SensorRig
+from glsim.geometry.mesh import Mesh
+from glsim.geometry.pose import pose_matrix
+from glsim.geometry.rect import Rect
+from glsim.plan.tasks import Task
+from glsim.scene.body import body_of
+from glsim.scene.other_people import OtherPeople
+from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
+from glsim.settings.schema import GENERATORS, Settings
+
+
+@dataclass(frozen=True, eq=False)
+class FrameScene:
+    """What a frame shows.
+
+    meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
+    labels: per mesh the (V,) region numbers of its vertices, or None; empty without regions.
+    crop: the delivered part of the image. pose: its values, with motion. drawn: values that were
+    drawn for the face, what it wears and the room, by their names.
+    head_to_camera_m: (4, 4), both in metres. landmarks_m: (68, 3) camera-frame metres, or None.
+    """
+
+    face: Face
+    meshes: Sequence[tuple[Mesh, NDArray[np.float32]]]
+    labels: Sequence[NDArray[np.float32] | None]
+    crop: Rect
+    pose: Mapping[str, float]
+    drawn: Mapping[str, float]
+    head_to_camera_m: NDArray[np.float64]
+    landmarks_m: NDArray[np.float64] | None
+
+
+class FrameScenes:
+    """Loads faces and builds scenes for one rig. The last scene is kept, for it may be asked again.
+
+    region_numbers: name -> number of the regions that the labels have; empty without regions.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        sources: Sequence[FaceSource],
+        rig: SensorRig,
+        *,
+        regions: bool,
+        dressers: Sequence[Dresser] | None = None,
+    ) -> None:
+        """regions: whether scenes have labels. dressers: one per source, to share their clothes.
+
+        Raises ConfigError if regions are asked of faces that have none.
+        """
+        self._settings, self._sources, self._rig, self._regions = settings, sources, rig, regions
+        further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
+        self._labels = RegionLabels(sources, further) if regions else None
+        self._dressers = dressers or [Dresser(source, settings.appearance) for source in sources]
+        self._others = OtherPeople(settings, sources, self._dressers, rig)
+        self._last: tuple[Task, FrameScene] | None = None
+
+    def like(self, settings: Settings, rig: SensorRig, *, regions: bool) -> FrameScenes:
+        """Return scenes of the same sources for other settings; these, if they build the same."""
+        if rig == self._rig and regions == self._regions and _same(settings, self._settings):
+            return self
+        dressers = self._dressers if settings.appearance == self._settings.appearance else None
+        return FrameScenes(settings, self._sources, rig, regions=regions, dressers=dressers)
+
+    @property
+    def region_numbers(self) -> Mapping[str, int]:
+        """Name -> number of the regions."""
+        return {} if self._labels is None else self._labels.numbers
+
+    def held(self, task: Task) -> Task:
+        """Return the task with the seeds of its settings; those of its noise are its own."""
+        if self._settings.redraw is None:
+            return task
+        return replace(task, seeds=task.seeds.held_in_sequence())
+
+    def load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
+        """Load the faces of one source. A file that its source cannot survive is a bad face."""
+        if self._last is not None and [*batch] == [self._last[0]]:
+            return [(self._last[0], self._last[1].face)]
+        self._others.load([self.held(task) for task in batch])
+        source = self._sources[batch[0].source]
+        loaded: list[tuple[Task, Face | BadFace]] = []
+        while len(loaded) < len(batch):
+            rest = batch[len(loaded) :]
+            faces = iter(source.load([task.key for task in rest]))
+            for task in rest:
+                try:
+                    face = next(faces, None)
+                    if isinstance(face, Face):
+                        face = self._change(task, face)
+                except GlsimError:
+                    raise
+                except Exception as error:
+                    if not task.key.path:
+                        raise  # no file is to blame
+                    loaded.append((task, BadFace(task.key, unusable(task, error))))
+                    break  # the iterator has ended: the others get a new one
+                if face is None:
+                    raise GlsimError(f"source {source.name} gave no face for {task.stem}")
+                loaded.append((task, face))
+        return loaded
+
+    def _change(self, task: Task, face: Face) -> Face:
+        """Vary a face, then dress it: what is worn follows the varied mesh."""
+        seeds = self.held(task).seeds
+        varied = vary(face, self._settings.variation, seeds)
+        return self._dressers[task.source].dress(varied, seeds)
+
+    def build(self, task: Task, face: Face) -> FrameScene:
+        """Build the scene of a loaded face; the same object again for the same task and face.
+
+        Raises MeshError for a face that cannot stand in its scene.
+        """
+        if self._last is not None and self._last[0] == task and self._last[1].face is face:
+            return self._last[1]
+        scene = self._build(task, face)
+        self._last = task, scene
+        return scene
+
+    def _build(self, task: Task, face: Face) -> FrameScene:
+        settings, rig = self._settings, self._rig
+        seeds = self.held(task).seeds
+        pose = {
+            name: getattr(settings.pose, name).draw(seeds, f"pose.{name}")
+            for name in type(settings.pose).model_fields
+        }
+        still, motion = pose, pose.pop("motion")
+        if self._sources[task.source].name in GENERATORS:  # recorded faces move by themselves
+            offsets = head_motion(task.seeds.sequence, task.key.time_s)
+            offsets = {name: motion * offset for name, offset in offsets.items()}
+            pose = move_pose(pose, offsets, face.neck)
+        drawn = draw_variation(settings.variation, seeds)
+        drawn |= self._dressers[task.source].drawn(face, seeds)
+        body = body_of(face) if settings.scene.room != "none" else None
+        scenery = build_scenery(settings.scene, settings.pose, seeds, rig, body)
+        drawn |= scenery.drawn
+        person = [
+            bend_neck(mesh, face.neck, pose, still)
+            for mesh in (face.mesh, *(part.mesh for part in face.parts))
+        ]
+        view = scenery.stands(pose_matrix(pose))
+        check_behind(scenery, person, view)
+        others = self._others.props(self.held(task), scenery) if body is not None else []
+        further = [*scenery.props, *others]
+        labels: list[NDArray[np.float32] | None] = []
+        if self._labels is not None:
+            named: list[Part | Prop] = [*face.parts, *further]
+            labels = [
+                self._labels.of(task.source, len(face.mesh.vertices_mm)),
+                *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in named),
+            ]
+        head_to_camera, landmarks_m = view.astype(np.float64), None
+        if settings.output.landmarks:
+            chosen = landmark_vertices(self._sources[task.source])
+            landmarks_m = to_camera(person[0].vertices_mm[chosen], head_to_camera)
+        head_to_camera[:3, :3] *= 1000.0  # the view takes millimetres, this matrix metres
+        return FrameScene(
+            face=face,
+            meshes=[
+                *((mesh, view) for mesh in person),
+                *((prop.mesh, prop.view) for prop in further),
+            ],
+            labels=labels,
+            crop=crop_window(rig.intrinsics, still, settings.output.crop),
+            pose=pose,
+            drawn=drawn,
+            head_to_camera_m=head_to_camera,
+            landmarks_m=landmarks_m,
+        )
+
+
+def _same(settings: Settings, other: Settings) -> bool:
+    """Return whether settings differ in nothing but the values of noise stages."""
+    names = set(type(settings).model_fields) - {"stage"}
+    return all(getattr(settings, name) == getattr(other, name) for name in names)
+
+
+def unusable(task: Task, error: Exception) -> MeshError:
+    """Return the error of a face whose source or size gave an error that is none of ours."""
+    what = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}".removesuffix(": ")
+    return MeshError(f"{task.key.path or task.stem}: cannot be used ({what})")
+
+
+def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) -> Rect:
+    """Return the delivered square, centred on the face and shifted into the image.
+
+    side: pixels; None delivers the whole image.
+    """
+    if side is None:
+        return Rect(0, 0, image.width, image.height)
+    # A face at or behind the camera has no place in the image; the renderer reports it.
+    depth_mm = max(pose["distance_mm"], 1.0)
+    centre = image.project(np.array([[pose["x_mm"], pose["y_mm"], depth_mm]]))[0]
+    left = int(np.clip(round(centre[0] - side / 2), 0, image.width - side))
+    top = int(np.clip(round(centre[1] - side / 2), 0, image.height - side))
+    return Rect(left, top, side, side)
