@@ -17,7 +17,7 @@ demo:
 	@$(VENV)/glsim preview demo/data -o demo --frames 8
 
 test: check
-	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto
+	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto --dist loadgroup
 
 check:
 	@scripts/setup.sh test

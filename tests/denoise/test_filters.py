@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import cv2
@@ -24,6 +25,7 @@ from tests.support.eval_scenes import Array, dome, noisy
 
 CLEAN, NOISY = dome(), noisy(dome())
 MASKED = [name for name in denoiser_names() if name in GRIDS]
+loaded = functools.cache(load)
 
 
 def run(spec: str, depth: Array = NOISY) -> Array:
@@ -60,12 +62,13 @@ def test_masked_filters_look_at_valid_pixels_only(spec: str) -> None:
 @pytest.mark.parametrize("spec", [*denoiser_names(), *(f"{name}:cleanup=3" for name in MASKED)])
 @pytest.mark.parametrize("kind", ["empty", "pixel", "full", "corner"])
 def test_hard_inputs(spec: str, kind: str) -> None:
+    """Networks take seconds to load: each is loaded once."""
     depth = np.full((24, 30), 800 if kind == "full" else 0, np.float32)
     if kind == "pixel":
         depth[12, 12] = 700
     if kind == "corner":
         depth[:3, :3] = 650
-    method = load(spec)
+    method = loaded(spec)
     before = depth.copy()
     parts = compose(method(depth[None]), depth)
     out = parts["" if "" in parts else DEFAULT_COMPOSITE]

@@ -30,12 +30,25 @@ def small_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_face_x_model(tmp_path_factory.mktemp("ict") / "FaceXModel")
 
 
+@pytest.fixture(scope="session")
+def _cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture(autouse=True)
-def _own_cache(
-    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if "real_model" not in request.fixturenames:
-        monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+def _one_cache(_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Most tests take the model from one cache: to find its visible triangles takes seconds."""
+    monkeypatch.setenv("GLSIM_CACHE", str(_cache))
+
+
+@pytest.fixture
+def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cache of the test's own, and all triangles taken for visible, hidden parts too."""
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(
+        "glsim.faces.ict_facekit.load.find_visible_faces",
+        lambda model: np.ones(len(model.topology.faces), dtype=bool),
+    )
 
 
 def _faces(source: IctFaceKit, keys: list[FaceKey]) -> list[Face]:
@@ -76,14 +89,8 @@ def test_geometry_is_that_of_the_files(small_model: Path) -> None:
     np.testing.assert_allclose((opened - still)[:, 1].min(), -20, atol=1e-3)  # half of 4 cm
 
 
-def test_regions_are_told_apart_without_vertex_numbers(
-    small_model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path))
-    monkeypatch.setattr(
-        "glsim.faces.ict_facekit.load.find_visible_faces",
-        lambda model: np.ones(len(model.topology.faces), dtype=bool),
-    )  # hidden parts must be labelled too
+@pytest.mark.usefixtures("_empty_cache")
+def test_regions_are_told_apart_without_vertex_numbers(small_model: Path) -> None:
     source = IctFaceKit(small_model)
     (face,) = _faces(source, source.frames("i0000", 1))
     regions, names = source.regions, source.region_names
@@ -165,6 +172,7 @@ def test_action_units_become_shapes() -> None:
     np.testing.assert_allclose(lips, [1 / 3, 2 / 3])
 
 
+@pytest.mark.usefixtures("_empty_cache")
 def test_the_model_is_cached_and_a_damaged_cache_is_built_again(
     small_model: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -190,6 +198,7 @@ def test_the_model_is_cached_and_a_damaged_cache_is_built_again(
         assert [path.name for path in cache.parent.iterdir()] == [cache.name]
 
 
+@pytest.mark.usefixtures("_empty_cache")
 def test_a_changed_model_is_read_again(tmp_path: Path, small_model: Path) -> None:
     folder = Path(shutil.copytree(small_model, tmp_path / "FaceXModel"))
     one = load_model(folder)
@@ -198,6 +207,7 @@ def test_a_changed_model_is_read_again(tmp_path: Path, small_model: Path) -> Non
     assert not np.array_equal(load_model(folder).basis[1], one.basis[1])
 
 
+@pytest.mark.usefixtures("_empty_cache")
 def test_without_a_place_for_the_cache_the_model_still_works(
     small_model: Path,
     tmp_path: Path,
@@ -215,6 +225,7 @@ def test_without_a_place_for_the_cache_the_model_still_works(
     assert [path.name for path in (tmp_path / "xdg").iterdir()] == ["glsim"]
 
 
+@pytest.mark.usefixtures("_empty_cache")
 def test_a_missing_or_broken_model_gives_one_clear_line(tmp_path: Path, small_model: Path) -> None:
     with pytest.raises(ConfigError, match="no such folder; get the face model with 'git clone"):
         IctFaceKit(tmp_path / "nowhere")

@@ -46,11 +46,11 @@ def test_both_runtimes_give_the_results_of_pytorch(
     write_checkpoint(tmp_path / "best.pt", wrapper, backbone)
     export_onnx(tmp_path / "best.pt", tmp_path / "net.onnx")
     expected = load_network(tmp_path / "best.pt")
+    exported = [load_onnx(tmp_path / "net.onnx", runtime=runtime) for runtime in RUNTIMES]
     for height, width in ((53, 67), (128, 144), (16, 31)):
         frame = frames(1, height, width)[0, 0].numpy()
         depth_mm, validity = expected(frame, frame > 0)
-        for runtime in RUNTIMES:
-            denoise = load_onnx(tmp_path / "net.onnx", runtime=runtime)
+        for denoise in exported:
             exported_mm, exported_validity = denoise(frame, frame > 0)
             assert exported_mm.dtype == np.float32
             assert exported_mm.shape == (height, width)
