@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
@@ -44,8 +44,8 @@ class _Scores:
 
     def __init__(self, group: SeedGroup, part: str, table: ResultTable) -> None:
         self.group, self.part = group, part
-        labels = [f"{run.label} [{part}]" if part else run.label for run in group.members]
-        self._entries = [table[label] for label in labels if label in table]
+        labels = {run.seed: f"{run.label} [{part}]" if part else run.label for run in group.members}
+        self._entries = {seed: table[label] for seed, label in labels.items() if label in table}
 
     def __bool__(self) -> bool:
         return bool(self._entries)
@@ -55,9 +55,15 @@ class _Scores:
         """Name in tables."""
         return f"{self.group.title} [{self.part}]" if self.part else self.group.title
 
-    def values(self, metric: str) -> list[float]:
-        """Return the mean over frames of each seed."""
-        return [entries[metric].mean for entries in self._entries]
+    @property
+    def seeds(self) -> set[int]:
+        """The seeds with scores."""
+        return set(self._entries)
+
+    def values(self, metric: str, seeds: Collection[int] | None = None) -> list[float]:
+        """Return the mean over frames of each seed, or of some seeds."""
+        wanted = self._entries if seeds is None else sorted(seeds)
+        return [self._entries[seed][metric].mean for seed in wanted]
 
     def mean(self, metric: str) -> float:
         """Return the mean over seeds; NaN if it is undefined for a seed."""
@@ -112,9 +118,10 @@ def network_table(
         document.parts += [
             "AR, artefact removal, maps the input back through the adjoint of the measurement "
             "operator before the network. For denoising that operator is the identity: AR and no "
-            "AR are the same network, and differ as two seeds do. t is the difference over its "
-            "standard error (pooled over seeds); the last column asks whether |t| stays below what "
-            "chance exceeds in 1 % of cases.",
+            "AR are the same network, and differ as two seeds do. The difference is that of the "
+            "seeds that both have; t is that of the means of all seeds over its standard error "
+            "(pooled over seeds); the last column asks whether |t| stays below what chance exceeds "
+            "in 1 % of cases, unless the same seeds give the same.",
             _artefact_removal_table(scored),
         ]
     document.parts.append(_filter_comparison([*scored, *own], table))
@@ -200,20 +207,26 @@ def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
                 continue
             row = str(plain.group.row)
             printed = PRINTED_NETWORKS[f"AR {row}"].mse_mm2 - PRINTED_NETWORKS[row].mse_mm2
+            both = plain.seeds & other.seeds
+            ours = [values.values(metric, both) for values in (plain, other)]
             t, p = student_t_test(other.values(metric), plain.values(metric))
-            verdict = "one seed: unknown" if math.isnan(t) else yes_or_no(p > 0.01)
-            difference = other.mean(metric) - plain.mean(metric)
+            if both and ours[0] == ours[1]:
+                verdict = "equal, seed by seed"
+            else:
+                verdict = "one seed: unknown" if math.isnan(t) else yes_or_no(p > 0.01)
+            difference = statistics.fmean(ours[1]) - statistics.fmean(ours[0]) if both else math.nan
             cells = [
                 f"{printed:+.0f}",
-                f"{difference:+.1f}",
+                f"{difference:+.1f}" if both else "no common seed",
+                str(len(both)),
                 plain.cell(metric),
                 other.cell(metric),
             ]
             rows.append([row, plain.group.size, *cells, f"{t:.2f}", verdict])
     return TextTable(
         [
-            *("depth", "size", "MSE of AR less no AR, printed", "ours", "no AR, ours", "AR, ours"),
-            *("t", "as between seeds"),
+            *("depth", "size", "MSE of AR less no AR, printed", "ours", "in common seeds"),
+            *("no AR, ours", "AR, ours", "t", "as between seeds"),
         ],
         rows,
     )
