@@ -110,10 +110,10 @@ def test_one_protocol_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize("size", ["small", "full"])
 def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Every row of tables 2 and 3, three seeds each, and options that the commands know."""
+    """Every row of tables 2 and 3 under both protocols, and options that the commands know."""
     assert main(["reproduce", "-o", "x", "--size", size, "--plan"]) == 0
     lines = [shlex.split(line)[1:] for line in capsys.readouterr().out.splitlines()]
-    scored = {"small": 27 + 21, "full": 27 + 27}[size]
+    scored = {"small": 17 + 9, "full": 27 + 27}[size]
     kinds = [line[0] for line in lines]
     assert kinds[-2:] == ["eval", "reproduce"]
     assert lines[-2][-4:] == ["--photo-runs", "x/photo_runs", "-o", "x"]
@@ -125,6 +125,9 @@ def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture
     recipes = [load_recipe(line[1]) for line in lines if line[0] == "train"]
     rows = {"D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"}
     assert {recipe.row for recipe in recipes} == rows | {None}
+    for protocol in ("depth", "paper"):
+        under = [load_recipe(line[1]).row for line in lines if line[2:4] == ["--protocol", protocol]]
+        assert {*under} == rows | {None}, protocol
     assert {recipe.size for recipe in recipes if recipe.row} == {size}
     folders = [line[-1] for line in lines if line[0] == "train"]
     assert len(set(folders)) == scored

@@ -38,6 +38,9 @@ def runs(tmp_path: Path) -> Path:
         write_run(folder / f"ar-{seed}", 0.11 + 0.02 * seed, row="AR D7", seed=seed)
     write_run(folder / "d20", 0.1, row="D20")
     write_run(folder / "ar-d20", 0.9, row="AR D20")
+    write_run(folder / "d64", 0.1, row="D64")
+    write_run(folder / "d64-1", 0.2, row="D64", seed=1)
+    write_run(folder / "ar-d64", 0.1, row="AR D64")
     write_run(folder / "unet", 0.2, row="UNet", size="full", state="interrupted")
     write_run(folder / "ours", 0.3, row=None, title="ours", size="own", soft=True)
     return folder
@@ -113,7 +116,10 @@ def test_both_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
     assert float(same[3]) == pytest.approx(
         statistics.fmean(mse_of(out, "ar-", range(3))) - statistics.fmean(seeds), abs=0.06
     )
-    assert row_of(three[three.index("## Relations") :], "D20", "small")[-1] == "one seed: unknown"
+    relations = three[three.index("## Relations") :]
+    assert row_of(relations, "D20", "small")[-1] == "one seed: unknown"
+    equal = row_of(relations, "D64", "small")
+    assert [*equal[3:5], equal[-1]] == ["+0.0", "1", "equal, seed by seed"]
     ratio = row_of(two[two.index("## Relations") :], "DnCNN D7", "small")
     assert float(ratio[3]) == pytest.approx(statistics.fmean(seeds) / mse["noisy"], abs=0.006)
 
@@ -196,7 +202,7 @@ def test_seeds_are_grouped_by_network(runs: Path) -> None:
         group.title: [one.seed for one in group.members] for group in group_by_network(trained)
     }
     assert groups["DnCNN D7"] == groups["AR D7"] == [0, 1, 2]
-    assert len(groups) == 6
+    assert len(groups) == 8
 
 
 @pytest.mark.parametrize(
