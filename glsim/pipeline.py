@@ -34,6 +34,7 @@ from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
 from glsim.noise.chain import LinkedStages, ShaderChain, array_reach_px, run_array_stages
 from glsim.noise.frame_context import FrameContext
+from glsim.noise.kept_layers import KeptLayers
 from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
 from glsim.plan.tasks import Task, make_tasks
@@ -64,27 +65,36 @@ class _InFlight:
     drawn: dict[str, float]
 
 
-class _LastRendering:
-    """The clean layers of the last scene, kept until another is rendered.
+class _LastFrame:
+    """The layers of the last frame, kept until another scene is rendered.
 
-    Other noise over the same frame then takes the noise stages alone.
+    Other noise over the same scene then takes the stages alone, and of these the ones behind what
+    has changed.
     """
 
     def __init__(self) -> None:
         self._asked: tuple[FrameScene, int] | None = None
         self._rendered: Rendered | None = None
-        self._kept = ExitStack()
+        self._rendering = ExitStack()
+        self._stages = KeptLayers()
 
-    def of(self, renderer: Renderer, scene: FrameScene, reach_px: int) -> Rendered:
-        """Return a scene's layers, valid until another is asked for. Raises MeshError."""
+    def of(
+        self, renderer: Renderer, scene: FrameScene, reach_px: int
+    ) -> tuple[Rendered, KeptLayers | None]:
+        """Return a scene's layers, and those of its stages if it is drawn again.
+
+        They are valid until another scene is asked for. Raises MeshError.
+        """
         asked = scene, reach_px
-        if self._rendered is None or self._asked != asked:
-            self._rendered = None
-            self._kept.close()  # its targets are used again
-            drawing = renderer.render(scene.meshes, scene.crop, scene.labels, reach_px)
-            self._rendered = self._kept.enter_context(drawing)
-            self._asked = asked
-        return self._rendered
+        if self._rendered is not None and self._asked == asked:
+            return self._rendered, self._stages
+        self._stages.clear()
+        self._rendered = None
+        self._rendering.close()  # its targets are used again
+        drawing = renderer.render(scene.meshes, scene.crop, scene.labels, reach_px)
+        self._rendered = self._rendering.enter_context(drawing)
+        self._asked = asked
+        return self._rendered, None
 
 
 def simulate(
@@ -175,10 +185,8 @@ class Simulator:
             if like is not None
             else FrameScenes(settings, sources, self.sensor.rig, regions=regions)
         )
-        self._rendering: _LastRendering = (
-            like._rendering
-            if like is not None and like._scenes is self._scenes
-            else _LastRendering()
+        self._last: _LastFrame = (
+            like._last if like is not None and like._scenes is self._scenes else _LastFrame()
         )
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
@@ -302,7 +310,7 @@ class Simulator:
         scene = self._scenes.build(task, face)
         drawn, values = draw_values(stages, self._scenes.held(task).seeds)
         reach_px = array_reach_px(stages, values)
-        rendered = self._rendering.of(self._renderer, scene, reach_px)
+        rendered, kept = self._last.of(self._renderer, scene, reach_px)
         frame = FrameContext.for_frame(
             rig=rig,
             window=rendered.window,
@@ -312,7 +320,7 @@ class Simulator:
             time_s=task.key.time_s,
             nearest_m=rendered.nearest_m,
         )
-        self._chain.run(rendered, frame, values, readback)
+        self._chain.run(rendered, frame, values, readback, kept)
         return _InFlight(readback, task, scene, frame, values, drawn)
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:

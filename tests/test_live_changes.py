@@ -14,6 +14,7 @@ import pytest
 from glsim.errors import ConfigError, ShaderError
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
+from glsim.noise.chain import StagePass
 from glsim.pipeline import Simulator, simulate
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.renderer import Renderer
@@ -122,6 +123,76 @@ def test_other_noise_over_the_same_frame_renders_nothing_anew(
     (fresh,) = simulate(settings, tasks, sources=sources, context=context)
     assert isinstance(fresh, Frame)
     assert_same(only(simulator, tasks), fresh)
+
+
+def test_stages_before_a_change_are_not_drawn_again(
+    context: moderngl.Context, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sources, tasks = planned(settings)
+    drawn: list[str] = []
+    draw = StagePass.draw
+    monkeypatch.setattr(StagePass, "draw", lambda s, *a: (drawn.append(s.name), draw(s, *a))[1])
+    simulator = Simulator(settings, sources, context)
+
+    def stages_drawn(of: Simulator, of_tasks: list[Task]) -> list[str]:
+        drawn.clear()
+        only(of, of_tasks)
+        return [*drawn]
+
+    assert stages_drawn(simulator, tasks) == ["axial", "range_gate"]
+    assert stages_drawn(simulator, tasks) == ["axial", "range_gate"], "from now on they are kept"
+    assert stages_drawn(simulator, tasks) == []
+    assert stages_drawn(simulator.with_values({"range_gate.near_mm": 400}), tasks) == ["range_gate"]
+    louder = simulator.with_stage("axial", LOUD)
+    assert stages_drawn(louder, tasks) == ["axial", "range_gate"]
+    assert stages_drawn(louder.with_values({"range_gate.enabled": False}), tasks) == []
+    other = [replace(tasks[0], seeds=tasks[0].seeds._replace(frame=1))]
+    assert stages_drawn(louder, other) == ["axial", "range_gate"]
+
+
+def test_a_stage_that_was_off_is_drawn_from_what_is_there_now(
+    context: moderngl.Context, settings: Settings
+) -> None:
+    """While it is off, its input is drawn into other targets, and again into the first ones."""
+    sources, tasks = planned(settings)
+    simulator = Simulator(settings, sources, context)
+    frames = []
+    for sigma_mm, gate in ((3, True), (3, True), (5, False), (7, False), (7, True)):
+        values = {"axial.base_sigma_mm": sigma_mm, "range_gate.enabled": gate}
+        frames.append(only(simulator.with_values(values), tasks))
+    (fresh,) = simulate(with_assignments(settings, values), tasks, sources=sources, context=context)
+    assert isinstance(fresh, Frame)
+    assert_same(frames[-1], fresh)
+    assert not np.array_equal(frames[0].noisy, fresh.noisy)
+
+
+def test_any_changes_in_turn_give_the_frames_of_new_simulators(context: moderngl.Context) -> None:
+    settings = load_settings(overrides={"sensor": "kinect-v2", "output": {"crop": 64}})
+    single = SourceSettings(subjects=1, frames_per_subject=1)
+    settings = settings.model_copy(update={"source": (single,)})
+    sources, tasks = planned(settings)
+    simulator = Simulator(settings, sources, context)
+    stages = [stage.name for stage in simulator.sensor.stages]
+    rng = np.random.default_rng(4)
+    values: dict[str, Any] = {}
+    refused = 0
+    for _ in range(30):
+        name = f"{rng.choice(stages)}.enabled"
+        tried = values | {name: not values.get(name, True)}
+        if rng.random() < 0.5:
+            tried["tof_floor.sigma_mm"] = float(rng.integers(1, 9))
+        try:
+            frame = only(simulator.with_values(tried), tasks)
+        except ConfigError:  # a stage reads a layer of one that is switched off
+            refused += 1
+            continue
+        values = tried
+        (fresh,) = simulate(
+            with_assignments(settings, values), tasks, sources=sources, context=context
+        )
+        assert isinstance(fresh, Frame)
+        assert_same(frame, fresh)
+    assert 0 < refused < 15
 
 
 def test_values_link_no_program_and_a_stage_links_one(

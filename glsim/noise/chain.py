@@ -19,6 +19,7 @@ from glsim.gl.program import link
 from glsim.gl.shader_source import Layer, ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.frame_context import FrameContext, StageView
+from glsim.noise.kept_layers import KeptLayers
 from glsim.noise.registry import shipped_stages
 from glsim.noise.stage import ENABLED, Stage
 from glsim.reason import Reason
@@ -186,46 +187,88 @@ class ShaderChain:
         frame: FrameContext,
         values: StageValues,
         readback: Readback,
+        kept: KeptLayers | None = None,
     ) -> None:
         """Draw all stages over the rendered layers and queue the readback of the result.
 
-        Raises ConfigError for a stage that reads a layer of a stage that is switched off.
+        kept: what earlier runs over the same layers have drawn is taken from there, and what this
+        one draws is left there. Raises ConfigError for a stage that reads a layer of a stage that
+        is switched off.
         """
-        pool, silhouette = rendered.pool, rendered.silhouette
+        pool = rendered.pool
         with pool.scope() as own:
-            own.append(pool.take(_REASON, frame.window))
-            reason = pool.framebuffer(own)
-            reason.use()
-            reason.clear(viewport=frame.window)
-            self._context.enable_only(moderngl.NOTHING)
-            layers = {
-                **rendered.layers,
-                "depth": rendered.layers["clean"],
-                EXPECTED_LAYER: rendered.layers["clean"],
-                "reason": own[0],
-                "rays": rendered.rays,
-                **self._pattern,
-            }
-            layers |= {fine: layers[n] for fine, n in FINE_LAYERS.items() if fine not in layers}
-            # The layers that are blank outside the silhouette. The map is not; where there is no
-            # depth it is added to nothing.
-            blank = {*layers, PATTERN_LAYER}
-            for step in self._passes:
-                if not values[step.name][ENABLED]:
-                    continue
-                if sparse := step.source.sparse and blank.issuperset(step.source.reads):
-                    blank.update(layer.name for layer in step.source.writes)
-                else:
-                    blank.difference_update(layer.name for layer in step.source.writes)
-                within = silhouette if sparse and silhouette.skips_empty else None
+            if kept is None:
+                layers = self._draw(rendered, frame, values, own, None)
+            else:
+                try:
+                    kept.begin(rendered, frame)
+                    layers = self._draw(rendered, frame, values, own, kept)
+                    kept.end()
+                except BaseException:
+                    kept.clear()
+                    raise
+            wanted = {name: layers[name] for name in self._wanted if name in layers}
+            readback.request(pool, wanted, frame.window)
+
+    def _draw(
+        self,
+        rendered: Rendered,
+        frame: FrameContext,
+        values: StageValues,
+        own: list[Target],
+        kept: KeptLayers | None,
+    ) -> dict[str, Target]:
+        """Return all layers after the last stage. own: gets the targets that nobody keeps."""
+        pool, silhouette = rendered.pool, rendered.silhouette
+        layers = {
+            **rendered.layers,
+            "depth": rendered.layers["clean"],
+            EXPECTED_LAYER: rendered.layers["clean"],
+            "rays": rendered.rays,
+            **self._pattern,
+        }
+        first = kept.find("") if kept is not None else None
+        if first is None:
+            first = {"reason": self._empty_reason(pool, frame)}
+            if kept is not None:
+                kept.put("", first)
+            else:
+                own += first.values()
+        layers |= first
+        layers |= {fine: layers[n] for fine, n in FINE_LAYERS.items() if fine not in layers}
+        # The layers that are blank outside the silhouette. The map is not; where there is no
+        # depth it is added to nothing.
+        blank = {*layers, PATTERN_LAYER}
+        for step in self._passes:
+            if not values[step.name][ENABLED]:
+                continue
+            if sparse := step.source.sparse and blank.issuperset(step.source.reads):
+                blank.update(layer.name for layer in step.source.writes)
+            else:
+                blank.difference_update(layer.name for layer in step.source.writes)
+            within = silhouette if sparse and silhouette.skips_empty else None
+            if kept is not None:
+                made_from = (step, values[step.name], within, *map(layers.get, step.source.reads))
+                drawn = kept.find(step.name, *made_from)
+                if drawn is None:
+                    drawn = step.draw(pool, layers, frame, values[step.name], within)
+                    kept.put(step.name, drawn, *made_from)
+            else:
                 drawn = step.draw(pool, layers, frame, values[step.name], within)
                 own += drawn.values()
                 for old in [layers[name] for name in drawn if layers.get(name) in own]:
                     own.remove(old)
                     pool.give_back(old)
-                layers |= drawn
-            wanted = {name: layers[name] for name in self._wanted if name in layers}
-            readback.request(pool, wanted, frame.window)
+            layers |= drawn
+        return layers
+
+    def _empty_reason(self, pool: TargetPool, frame: FrameContext) -> Target:
+        target = pool.take(_REASON, frame.window)
+        buffer = pool.framebuffer([target])
+        buffer.use()
+        buffer.clear(viewport=frame.window)
+        self._context.enable_only(moderngl.NOTHING)
+        return target
 
 
 class LinkedStages:

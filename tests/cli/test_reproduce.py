@@ -126,7 +126,9 @@ def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture
     rows = {"D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"}
     assert {recipe.row for recipe in recipes} == rows | {None}
     for protocol in ("depth", "paper"):
-        under = [load_recipe(line[1]).row for line in lines if line[2:4] == ["--protocol", protocol]]
+        under = [
+            load_recipe(line[1]).row for line in lines if line[2:4] == ["--protocol", protocol]
+        ]
         assert {*under} == rows | {None}, protocol
     assert {recipe.size for recipe in recipes if recipe.row} == {size}
     folders = [line[-1] for line in lines if line[0] == "train"]
