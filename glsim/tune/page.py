@@ -48,6 +48,7 @@ class Page:
         self._drawing = self._wanted = self._measuring = self._closed = False
         self._files: dict[Path, float] = {}
         self._read_at = 0.0
+        self._ahead: tuple[Tuning, int | None, asyncio.Task[Picture]] | None = None
 
     # what is shown
 
@@ -159,7 +160,11 @@ class Page:
 
     async def _draw(self, tuning: Tuning) -> None:
         self._read_at = time.time()
-        self.picture = await self._drawn(tuning)
+        ahead, self._ahead = self._ahead, None
+        if ahead is not None and ahead[:2] == (tuning, self.top.noise_of):
+            self.picture = await ahead[2]
+        else:
+            self.picture = await self._drawn(tuning)
         self.workshop.packets[f"{self.tab}/a"] = pack(self.picture.frame)
 
     def _present(self) -> None:
@@ -177,6 +182,14 @@ class Page:
         if not self._measuring:
             self._measuring = True
             background_tasks.create(self._measure(), name="statistics")
+        if self.top.playing and self._ahead is None:
+            self._draw_ahead(self.top.next_tuning())
+
+    def _draw_ahead(self, tuning: Tuning) -> None:
+        """Draw a frame while the browser paints the one before it."""
+        drawing = asyncio.create_task(self._drawn(tuning))
+        drawing.add_done_callback(lambda task: task.cancelled() or task.exception())  # said later
+        self._ahead = tuning, self.top.noise_of, drawing
 
     def _refused(self, tuning: Tuning, why: str) -> None:
         """Say why a tuning cannot be drawn, and go back to what is shown."""

@@ -108,9 +108,13 @@ class TopBar:
 
     def next_frame(self) -> None:
         """Show the next frame; called when the browser has drawn one."""
+        self._page.change(self.next_tuning(), "frame")
+
+    def next_tuning(self) -> Tuning:
+        """Return the current tuning at its next frame."""
         page = self._page
         count = page.picture.frames if page.picture else 1
-        page.change(replace(page.history.now, frame=(page.history.now.frame + 1) % count), "frame")
+        return replace(page.history.now, frame=(page.history.now.frame + 1) % count)
 
     def _to_frame(self, event: Any) -> None:
         if event.value is not None and not self._presenting:
