@@ -62,8 +62,9 @@ class FrameScenes:
         *,
         regions: bool,
         dressers: Sequence[Dresser] | None = None,
+        others: OtherPeople | None = None,
     ) -> None:
-        """regions: whether scenes have labels. dressers: one per source, to share their clothes.
+        """regions: whether scenes have labels. dressers (one per source), others: to share them.
 
         Raises ConfigError if regions are asked of faces that have none.
         """
@@ -71,15 +72,27 @@ class FrameScenes:
         further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
         self._labels = RegionLabels(sources, further) if regions else None
         self._dressers = dressers or [Dresser(source, settings.appearance) for source in sources]
-        self._others = OtherPeople(settings, sources, self._dressers, rig)
+        self._others = others or OtherPeople(settings, sources, self._dressers, rig)
         self._last: tuple[Task, FrameScene] | None = None
 
     def like(self, settings: Settings, rig: SensorRig, *, regions: bool) -> FrameScenes:
         """Return scenes of the same sources for other settings; these, if they build the same."""
-        if rig == self._rig and regions == self._regions and _same(settings, self._settings):
+        changed = {
+            name
+            for name in type(settings).model_fields
+            if getattr(settings, name) != getattr(self._settings, name)
+        }
+        same_rig = rig == self._rig
+        if same_rig and regions == self._regions and changed <= {"stage"}:
             return self
-        dressers = self._dressers if settings.appearance == self._settings.appearance else None
-        return FrameScenes(settings, self._sources, rig, regions=regions, dressers=dressers)
+        return FrameScenes(
+            settings,
+            self._sources,
+            rig,
+            regions=regions,
+            dressers=None if "appearance" in changed else self._dressers,
+            others=self._others if same_rig and changed <= {"stage", "pose"} else None,
+        )
 
     @property
     def region_numbers(self) -> Mapping[str, int]:
@@ -186,12 +199,6 @@ class FrameScenes:
             head_to_camera_m=head_to_camera,
             landmarks_m=landmarks_m,
         )
-
-
-def _same(settings: Settings, other: Settings) -> bool:
-    """Return whether settings differ in nothing but the values of noise stages."""
-    names = set(type(settings).model_fields) - {"stage"}
-    return all(getattr(settings, name) == getattr(other, name) for name in names)
 
 
 def unusable(task: Task, error: Exception) -> MeshError:

@@ -135,8 +135,9 @@ class Simulator:
     """Makes frames of one sensor on one GL context.
 
     ``with_values``, ``with_stage`` and ``with_layers`` return another simulator of the same
-    sources and context, which shares what has not changed: no program is linked anew. The first
-    one stays as it is, so that it serves on if a change is refused.
+    sources and context, which shares what has not changed: no program is linked anew, and the
+    frame that was made last is drawn from the first changed stage on. The first one stays as it is,
+    so that it serves on if a change is refused.
     """
 
     def __init__(

@@ -84,6 +84,7 @@ class Page:
     async def rest(self) -> None:
         """Free what the tab holds, until its next picture; called when it is closed or hidden."""
         self.top.playing = False
+        self._ahead = None
         for which in ("a", "b"):
             self.workshop.packets.pop(f"{self.tab}/{which}", None)
         await self.workshop.on_gl(self.bench.close)
