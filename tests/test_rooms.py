@@ -32,6 +32,7 @@ ROOMS = (
     "glsim.frame_assembly",
     "glsim.noise",
     "glsim.sensors",
+    "glsim.frame_scene",
     "glsim.pipeline",
     "glsim.depth_arrays",
     "glsim.corrupt",

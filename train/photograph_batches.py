@@ -43,7 +43,7 @@ def photograph_batches(
         raise ConfigError("--photos: set data.crop, the side of the parts of the photographs")
     if inputs_of(recipe.model).channels > 1:
         raise ConfigError("--photos: photographs have depth alone, and this network takes more")
-    pairs = stored_batches(datasets, recipe).training_pairs
+    pairs = stored_batches(datasets, _as_stored(recipe)).training_pairs
     at = np.linspace(0, len(pairs) - 1, min(_MEASURED, len(pairs))).round().astype(int)
     span = measure_span(pairs[int(n)][1] for n in at)
     photographs = read_photographs(find_photographs(place), crop)
@@ -59,3 +59,10 @@ def photograph_batches(
     marks = photograph_fingerprint(photographs, span, sigma_grey)
     marks["depths_of"] = [fingerprint(path)["manifest_crc32"] for path in datasets]
     return StoredBatches(train, held_out, marks, recipe)
+
+
+def _as_stored(recipe: Recipe) -> Recipe:
+    """Return the recipe without random changes: grey levels are the same depths for all seeds."""
+    data = {"flip": False, "relief_mm": 0.0, "slope_mm_per_px": 0.0}
+    stored = recipe.data.model_copy(update=data)
+    return recipe.model_copy(update={"seed": 0, "data": stored})

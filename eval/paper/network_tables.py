@@ -222,7 +222,7 @@ def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
                 plain.cell(metric),
                 other.cell(metric),
             ]
-            rows.append([row, plain.group.size, *cells, f"{t:.2f}", verdict])
+            rows.append([row, plain.group.size, *cells, _defined(t), verdict])
     return TextTable(
         [
             *("depth", "size", "MSE of AR less no AR, printed", "ours", "in common seeds"),
@@ -230,6 +230,10 @@ def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
         ],
         rows,
     )
+
+
+def _defined(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.2f}"
 
 
 def _filter_comparison(networks: list[_Scores], table: ResultTable) -> TextTable:

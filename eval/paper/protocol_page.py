@@ -116,9 +116,9 @@ def protocol_document(cases: list[FilterCase]) -> Document:
         "errors; it depends on the depth around them, and on their extent.",
         _dissimilarity_table(cases),
         Heading("Relations of the printed table"),
-        _relation_table(cases),
+        relation_table(cases),
         Heading("What this says"),
-        list(_conclusions(cases)),
+        list(conclusions(cases)),
     ]
     return document
 
@@ -211,7 +211,7 @@ def relations(mse: Mapping[str, float]) -> dict[str, bool]:
     return {name: holds(mse) for name, holds in _RELATIONS.items()}
 
 
-def _relation_table(cases: list[FilterCase]) -> TextTable:
+def relation_table(cases: list[FilterCase]) -> TextTable:
     """Return in how many seeds of each case a relation holds."""
     printed = relations({n: row.mse_mm2 for n, row in PRINTED_FILTERS.items()})
     rows = [["printed", *map(yes_or_no, printed.values())]]
@@ -237,7 +237,8 @@ def _printed_ratio(row: PrintedRow) -> float:
     return row.mse_mm2 / PRINTED_FILTERS["noisy"].mse_mm2
 
 
-def _conclusions(cases: list[FilterCase]) -> Iterator[str]:
+def conclusions(cases: list[FilterCase]) -> Iterator[str]:
+    """Say what of the printed table 1 the cases come near to."""
     printed = PRINTED_FILTERS["noisy"].mse_mm2
     for case in cases:
         mse, share = case.mean("noisy", "mse_mm2"), case.mean("noisy", "mse_flips_pct")

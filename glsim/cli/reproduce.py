@@ -45,7 +45,7 @@ from glsim.settings.tables import parse_table, read_toml
 EXAMPLES = """
 [bold]Examples[/bold]
 
-glsim reproduce -o reproduced               small: an hour on two cores, by estimate
+glsim reproduce -o reproduced               small: 45 minutes on two cores
 
 glsim reproduce -o paper --size full        the paper's size, for a GPU
 
@@ -126,6 +126,8 @@ class ReproductionPlan(_Table):
             yield from self._photograph_commands(self.photographs, data, out, photos or BUNDLED)
         if self.figures:
             yield ["reproduce", "-o", str(out), "--figures"]
+        if self.filters is not None:
+            yield ["reproduce", "-o", str(out), "--findings"]
 
     def _network_commands(
         self, protocol: DepthProtocol, data: str, out: Path
@@ -241,12 +243,20 @@ def reproduce(
             "--figures", help="Only draw the paper's figures, from the data and networks in -o."
         ),
     ] = False,
+    findings: Annotated[
+        bool,
+        typer.Option(
+            "--findings",
+            help="Only write findings.html: what of the paper holds, what not, and what is open.",
+        ),
+    ] = False,
 ) -> None:
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
     One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/,
-    report.html, photographs.md (the networks of photo_runs/, trained on photographs, on depth),
-    and the paper's figures in paper_figures/; protocol_paper/ holds the networks and tables under
+    report.html, findings.html (what of the paper holds, what does not, and what it takes to find
+    out), photographs.md (the networks of photo_runs/, trained on photographs, on depth), and the
+    paper's figures in paper_figures/; protocol_paper/ holds the networks and tables under
     the paper's protocol (nearest point at 1 mm), protocols.md table 1 under both. Each command is
     printed before it runs and can also be run by hand. A finished training is not repeated: delete
     its folder in runs/ to train again.
@@ -255,6 +265,11 @@ def reproduce(
         from glsim.eval.paper.figures.write import write_paper_figures
 
         print_written(write_paper_figures(out, lambda name: print_message(f"drawing {name}")))
+        return
+    if findings:
+        from glsim.eval.paper.findings import write_findings
+
+        print_written(write_findings(out))
         return
     root_command = context.find_root().command
     if filter_page:
@@ -288,7 +303,8 @@ def reproduce(
         if not finished and run_command_line(root_command, [*command, *flags]) != 0:
             raise GlsimError(f"stopped in command {number} of {len(commands)}: {text}: repeat "
                              "the same glsim reproduce to go on there")  # fmt: skip
-    print_message(f"done in {(time.monotonic() - start) / 60:.0f} min: read {out / 'report.html'}")
+    page = out / ("report.html" if chosen.filters is None else "findings.html")
+    print_message(f"done in {(time.monotonic() - start) / 60:.0f} min: read {page}")
 
 
 def _write_filter_page(out: Path) -> None:

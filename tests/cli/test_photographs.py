@@ -14,6 +14,8 @@ import pytest
 
 from glsim.cli import main
 from glsim.eval.paper.photograph_table import fill_holes
+from glsim.train.photograph_batches import photograph_batches
+from glsim.train.recipe import load_recipe
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
 from tests.support.eval_scenes import write_pairs
@@ -107,3 +109,23 @@ def test_a_network_is_trained_on_photographs(
     assert "give --data DIR too" in capsys.readouterr().err
     assert main([*command, "--photo-sigma", "9", "--data", str(data)]) == 2
     assert "give --photos too" in capsys.readouterr().err
+
+
+def test_grey_levels_are_the_same_depths_for_all_seeds_and_augmentations(tmp_path: Path) -> None:
+    data, photos = tmp_path / "data", tmp_path / "photos"
+    options = ["--subjects", "3", "--frames-per-subject", "2", "--split", "0.4,0.3,0.3"]
+    assert main(["generate", "-o", str(data), *options, "--crop", "64", "--workers", "1",
+                 "-q"]) == 0  # fmt: skip
+    photos.mkdir()
+    for number in range(2):
+        cv2.imwrite(str(photos / f"{number}.png"), np.full((64, 64), 90 + number, np.uint8))
+    spans = set()
+    for relief_mm, seed in ((0, 0), (5, 0), (5, 1)):
+        recipe = load_recipe("mask-aware-small")
+        changed = {"crop": 64, "relief_mm": float(relief_mm)}
+        recipe = recipe.model_copy(
+            update={"seed": seed, "data": recipe.data.model_copy(update=changed)}
+        )
+        marks = photograph_batches(str(photos), 10.0, [data], recipe).fingerprint
+        spans.add((marks["near_mm"], marks["span_mm"]))
+    assert len(spans) == 1

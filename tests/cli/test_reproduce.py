@@ -52,14 +52,14 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main([*tiny(tmp_path, "no-such-recipe"), "-q"]) == 1
     error = capsys.readouterr().err
     assert "no such recipe 'no-such-recipe'" in error
-    assert "stopped in command 12 of 17: glsim train no-such-recipe" in error
+    assert "stopped in command 12 of 18: glsim train no-such-recipe" in error
     first = runs / "paper-d7-small-4" / "last.pt"
     before = first.stat().st_mtime_ns
 
     command = tiny(tmp_path)
     assert main(command) == 0
     said = capsys.readouterr().err
-    assert "11/17, " in said
+    assert "11/18, " in said
     assert "finished before: glsim train paper-d7-small --steps 1" in said
     assert "3 of them were complete already" in said
     assert first.stat().st_mtime_ns == before
@@ -93,6 +93,14 @@ def _check_protocols(out: Path) -> None:
         assert f"| protocol {case} |" in page
     assert "| printed | 1.000 | 1.000 | 0.965 | 0.813 | 0.956 |" in page
     assert "Bilateral is below Median" in page
+    findings = (out / "findings.md").read_text()
+    assert "| relation | printed | protocol depth | protocol paper |" in findings
+    assert (
+        "| deeper DnCNNs have a smaller MSE: D64 < D20 < D7 | yes | no D20, D64 | no D64 |"
+        in findings
+    )
+    assert "3 of 3 rows were trained smaller than printed" in findings
+    assert (out / "findings.html").is_file()
     for mask in ("dense", "as-noisy"):
         text = (out / "filters" / mask / "1" / "ssim_readings.md").read_text()
         assert "hypothesis" in text
@@ -115,9 +123,10 @@ def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture
     lines = [shlex.split(line)[1:] for line in capsys.readouterr().out.splitlines()]
     scored = {"small": 17 + 9, "full": 27 + 27}[size]
     kinds = [line[0] for line in lines]
-    assert kinds[-2:] == ["eval", "reproduce"]
-    assert lines[-2][-4:] == ["--photo-runs", "x/photo_runs", "-o", "x"]
-    assert lines[-1] == ["reproduce", "-o", "x", "--figures"]
+    assert kinds[-3:] == ["eval", "reproduce", "reproduce"]
+    assert lines[-3][-4:] == ["--photo-runs", "x/photo_runs", "-o", "x"]
+    assert lines[-2] == ["reproduce", "-o", "x", "--figures"]
+    assert lines[-1] == ["reproduce", "-o", "x", "--findings"]
     photographs = [line for line in lines if "--photos" in line]
     lines = [line for line in lines if line not in photographs]
     assert [line[0] for line in lines].count("train") == scored

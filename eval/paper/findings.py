@@ -1,0 +1,244 @@
+"""Write the page for the paper's authors: what of their tables holds here, and what is open."""
+
+from __future__ import annotations
+
+import csv
+import re
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from glsim.dataset import open_dataset
+from glsim.depth_protocol import MEANING
+from glsim.eval.paper.data_note import data_note
+from glsim.eval.paper.figures.write import FOLDER as FIGURES_FOLDER
+from glsim.eval.paper.filter_table import yes_or_no
+from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
+from glsim.eval.paper.protocol_page import conclusions, read_filter_cases, relation_table
+from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network
+from glsim.eval.report.document import Document, Heading, Picture, TextTable
+from glsim.eval.report.page import html_page
+from glsim.eval.report.tables import format_number
+from glsim.files.atomic import wrap_read_errors, write_atomic
+
+#: Names of the page's files in the folder of a reproduction.
+FINDINGS: Final = ("findings.md", "findings.html")
+_BASELINE, _MEDIAN = PRINTED_FILTERS["noisy"].title, PRINTED_FILTERS["median"].title
+_AR: Final = "AR "
+
+#: MSE by row of tables 1 to 3, mm^2.
+Mse = Mapping[str, float]
+
+#: Relation of the printed tables 2 and 3 -> the rows that it needs, and whether it holds.
+_RELATIONS: Final[dict[str, tuple[tuple[str, ...], Callable[[Mse], bool]]]] = {
+    "every network has a larger MSE than the noisy input": (
+        tuple(PRINTED_NETWORKS),
+        lambda mse: all(mse[row] > mse[_BASELINE] for row in PRINTED_NETWORKS),
+    ),
+    "every network has a larger MSE than Median": (
+        tuple(PRINTED_NETWORKS),
+        lambda mse: all(mse[row] > mse[_MEDIAN] for row in PRINTED_NETWORKS),
+    ),
+    "Restormer has the largest MSE, UNet the next": (
+        tuple(PRINTED_NETWORKS),
+        lambda mse: sorted(PRINTED_NETWORKS, key=lambda r: -mse[r])[:2] == ["Restormer", "UNet"],
+    ),
+    "deeper DnCNNs have a smaller MSE: D64 < D20 < D7": (
+        ("D7", "D20", "D64"),
+        lambda mse: mse["D64"] < mse["D20"] < mse["D7"],
+    ),
+    "artefact removal lowers the MSE of D7": (
+        ("D7", "AR D7"),
+        lambda mse: mse["AR D7"] < mse["D7"],
+    ),
+    "artefact removal raises the MSE of D64": (
+        ("D64", "AR D64"),
+        lambda mse: mse["AR D64"] > mse["D64"],
+    ),
+}
+
+#: What only the authors can tell, and what it decides.
+_QUESTIONS: Final = (
+    "Were tables 1 to 3 scored on faces whose nearest point is at 1 mm, or were networks only "
+    "trained there? The size of the MSE and the order of the filters depend on it.",
+    "Do the clean maps have the holes of the noisy ones, as BlenSor writes them, or none?",
+    "Which type of number, which L and which program gave the SSIM of each row of table 1?",
+    "What did the networks see and return? An MSE of 34,000 to 80,000 mm² is an error of 180 to "
+    "280 mm in every pixel, 24 to 57 times the MSE of the input. One noisy map, the output of one "
+    "network for it, and the clean map beside them would decide it.",
+    "How many images did D3DFACS, FaceWarehouse and Biwi give, and which settings had BlenSor's "
+    "noise?",
+    "What is inverted by artefact removal? For denoising the measurement operator is the identity, "
+    "and then rows with and without it are the same network.",
+)
+
+
+def write_findings(folder: Path) -> list[Path]:
+    """Write the page from a reproduction's scores and figures; return the written files.
+
+    Raises ConfigError, DatasetError or DenoiserError for a folder that holds no reproduction, and
+    GlsimError without Jinja2.
+    """
+    document = _document(folder)
+    page = html_page(document.title, [document], _pictures(folder / FIGURES_FOLDER))
+    written = [folder / name for name in FINDINGS]
+    for path, text in zip(written, (document.markdown(), page), strict=True):
+        write_atomic(text.encode(), path)
+    return written
+
+
+def _document(folder: Path) -> Document:
+    cases = read_filter_cases(folder)
+    protocols = {
+        name: place
+        for name, place in (("depth", folder), ("paper", folder / "protocol_paper"))
+        if (place / "table.csv").is_file()
+    }
+    groups = {
+        name: group_by_network(find_trained_runs(place / "runs")[0])
+        for name, place in protocols.items()
+    }
+    mse = {name: _mse_by_row(place, groups[name]) for name, place in protocols.items()}
+    relations = _network_relations(mse)
+    document = Document(
+        "A reproduction of Kendrick, Yap and Tan: what holds, what does not, what is open",
+        [
+            "Kendrick, Yap and Tan, *Synthetic Data Generation for Demonstrating Noise Reduction "
+            "in Facial Depth Imaging*. The printed numbers beside ours are in paper_table_1.md to "
+            f"paper_table_3.md. {data_note(open_dataset(folder / 'data'))}",
+            [f"protocol {name}: {text}" for name, text in MEANING.items() if name in protocols],
+            Heading("Table 1, filters"),
+            "In how many sets of other people and other noise a relation of the printed table "
+            "holds:",
+            relation_table(cases),
+            list(conclusions(cases)),
+            "Which reading of the text gives the printed SSIM, and how nearly, is measured in "
+            "filters/*/*/ssim_readings.md.",
+            Heading("Tables 2 and 3, networks"),
+            _sizes([group for found in groups.values() for group in found]),
+            relations,
+            list(_ranges(mse)),
+        ],
+    )
+    if photographs := list(_photographs(folder / "photographs.csv")):
+        document.parts += [Heading("Networks of photographs, on depth"), photographs]
+    document.parts += [
+        Heading("What it takes to find out"),
+        "Answers of the authors:",
+        list(_QUESTIONS),
+        "And on our side: all rows at full size (`glsim reproduce --size full`, with a GPU), with "
+        "the paper's face sets (`--d3dfacs`, `--facewarehouse`, `--biwi`).",
+    ]
+    return document
+
+
+def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
+    """Return row -> MSE, mean over seeds.
+
+    A row with artefact removal is that of its partner plus their difference in the seeds that both
+    have, so that the seeds do not count as a difference.
+    """
+    path = folder / "table.csv"
+    with wrap_read_errors(path):
+        rows = list(csv.DictReader(path.read_text().splitlines()))
+    by_label = {row["method"]: float(row["mean"]) for row in rows if row["metric"] == "mse_mm2"}
+    mse = {
+        printed.title: by_label[name]
+        for name, printed in PRINTED_FILTERS.items()
+        if name in by_label
+    }
+    seeds = {
+        str(group.row): {
+            run.seed: by_label[run.label] for run in group.members if run.label in by_label
+        }
+        for group in groups
+        if group.row is not None
+    }
+    for row, of_seeds in seeds.items():
+        plain = seeds.get(row.removeprefix(_AR), {})
+        both = of_seeds.keys() & plain.keys()
+        if row.startswith(_AR) and both:
+            difference = statistics.fmean(of_seeds[seed] - plain[seed] for seed in both)
+            mse[row] = statistics.fmean(plain.values()) + difference
+        elif of_seeds:
+            mse[row] = statistics.fmean(of_seeds.values())
+    return mse
+
+
+def _network_relations(mse: Mapping[str, Mse]) -> TextTable:
+    """Return which relations of the printed tables hold under each protocol."""
+    printed = {row.title: row.mse_mm2 for row in PRINTED_FILTERS.values()}
+    printed |= {title: row.mse_mm2 for title, row in PRINTED_NETWORKS.items()}
+    table = []
+    for text, (needed, holds) in _RELATIONS.items():
+        cells = [yes_or_no(holds(printed))]
+        for values in mse.values():
+            missing = [row for row in (*needed, _BASELINE, _MEDIAN) if row not in values]
+            cells.append(f"no {', '.join(missing)}" if missing else yes_or_no(holds(values)))
+        table.append([text, *cells])
+    return TextTable(["relation", "printed", *(f"protocol {name}" for name in mse)], table)
+
+
+def _ranges(mse: Mapping[str, Mse]) -> Iterator[str]:
+    """Say how large the networks' MSE is beside the noisy input's."""
+    for name, values in mse.items():
+        networks = {row: values[row] for row in PRINTED_NETWORKS if row in values}
+        if not networks or _BASELINE not in values:
+            continue
+        ratios = [value / values[_BASELINE] for value in networks.values()]
+        printed = [
+            PRINTED_NETWORKS[row].mse_mm2 / PRINTED_FILTERS["noisy"].mse_mm2 for row in networks
+        ]
+        yield (
+            f"protocol {name}: the networks have {min(ratios):.2f} to {max(ratios):.2f} times the "
+            f"MSE of the noisy input ({format_number(values[_BASELINE])} mm²); printed are "
+            f"{min(printed):.1f} to {max(printed):.1f} times."
+        )
+
+
+def _sizes(groups: Sequence[SeedGroup]) -> str:
+    """Say how large the networks are that stand for the rows."""
+    rows = [group for group in groups if group.row is not None]
+    smaller = [group for group in rows if group.size != "full"]
+    if not smaller:
+        return "All rows were trained at the printed size."
+    minutes = [run.minutes for group in smaller for run in group.members]
+    return (
+        f"{len(smaller)} of {len(rows)} rows were trained smaller than printed, for "
+        f"{min(minutes):.1f} to {max(minutes):.1f} minutes: they show trends, and what they do not "
+        "show may still hold at full size."
+    )
+
+
+def _photographs(path: Path) -> Iterator[str]:
+    """Say how the networks of photographs do on depth, from the table of ``eval --photo-runs``."""
+    if not path.is_file():
+        return
+    with wrap_read_errors(path):
+        rows = list(csv.DictReader(path.read_text().splitlines()))
+    name = "both_interior_rmse_mm"
+    (noisy_mm,) = (float(row[name]) for row in rows if row["network"] == "noisy")
+    groups: dict[tuple[str, str, str], list[float]] = {}
+    for row in rows:
+        if row["trained_on"]:
+            key = row["network"], row["trained_on"], row["holes"]
+            groups.setdefault(key, []).append(float(row[name]) / noisy_mm)
+    for (network, trained_on, holes), ratios in groups.items():
+        yield (
+            f"{network}, trained on {trained_on}, holes {holes}: the interior error is "
+            f"{statistics.fmean(ratios):.2f} times the noisy input's ({len(ratios)} seeds)."
+        )
+
+
+def _pictures(folder: Path) -> list[Picture]:
+    """Return the figures of ``glsim reproduce --figures`` with their captions."""
+    captions = folder / "captions.md"
+    if not captions.is_file():
+        return []
+    found = re.findall(r"^- \*\*(\w+)\.png\*\*: (.+)$", captions.read_text(), re.MULTILINE)
+    return [
+        Picture(name, caption, (folder / f"{name}.png").read_bytes())
+        for name, caption in found
+        if (folder / f"{name}.png").is_file()
+    ]
