@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,7 @@ class FrameScenes:
         self._labels = RegionLabels(sources, further) if regions else None
         self._dressers = dressers or [Dresser(source, settings.appearance) for source in sources]
         self._others = others or OtherPeople(settings, sources, self._dressers, rig)
+        self._loaded: tuple[Task, Face, Face] | None = None  # as loaded, and as changed
         self._last: tuple[Task, FrameScene] | None = None
 
     def like(self, settings: Settings, rig: SensorRig, *, regions: bool) -> FrameScenes:
@@ -107,8 +108,6 @@ class FrameScenes:
 
     def load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
         """Load the faces of one source. A file that its source cannot survive is a bad face."""
-        if self._last is not None and [*batch] == [self._last[0]]:
-            return [(self._last[0], self._last[1].face)]
         self._others.load([self.held(task) for task in batch])
         source = self._sources[batch[0].source]
         loaded: list[tuple[Task, Face | BadFace]] = []
@@ -119,7 +118,7 @@ class FrameScenes:
                 try:
                     face = next(faces, None)
                     if isinstance(face, Face):
-                        face = self._change(task, face)
+                        face = self._changed(task, face, keep=len(batch) == 1)
                 except GlsimError:
                     raise
                 except Exception as error:
@@ -132,11 +131,18 @@ class FrameScenes:
                 loaded.append((task, face))
         return loaded
 
-    def _change(self, task: Task, face: Face) -> Face:
-        """Vary a face, then dress it: what is worn follows the varied mesh."""
+    def _changed(self, task: Task, face: Face, *, keep: bool) -> Face:
+        """Vary a face, then dress it: what is worn follows the varied mesh.
+
+        keep: for a task that comes alone, which may come again: the same face is not changed anew.
+        """
+        if self._loaded is not None and self._loaded[0] == task and alike(self._loaded[1], face):
+            return self._loaded[2]
         seeds = self.held(task).seeds
         varied = vary(face, self._settings.variation, seeds)
-        return self._dressers[task.source].dress(varied, seeds)
+        changed = self._dressers[task.source].dress(varied, seeds)
+        self._loaded = (task, face, changed) if keep else None
+        return changed
 
     def build(self, task: Task, face: Face) -> FrameScene:
         """Build the scene of a loaded face; the same object again for the same task and face.
@@ -199,6 +205,22 @@ class FrameScenes:
             head_to_camera_m=head_to_camera,
             landmarks_m=landmarks_m,
         )
+
+
+def alike(one: object, other: object) -> bool:
+    """Compare faces, and what they consist of, by their values; a source may have changed one."""
+    if one is other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other)  # type: ignore[arg-type]
+    if is_dataclass(one):
+        return all(alike(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    if isinstance(one, tuple):
+        pairs = zip(one, other, strict=False)  # type: ignore[call-overload]
+        return len(one) == len(other) and all(alike(*pair) for pair in pairs)  # type: ignore[arg-type]
+    return bool(one == other)
 
 
 def unusable(task: Task, error: Exception) -> MeshError:

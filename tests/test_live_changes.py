@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from glsim.errors import ConfigError, ShaderError
+from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.noise.chain import StagePass
@@ -123,6 +124,29 @@ def test_other_noise_over_the_same_frame_renders_nothing_anew(
     (fresh,) = simulate(settings, tasks, sources=sources, context=context)
     assert isinstance(fresh, Frame)
     assert_same(only(simulator, tasks), fresh)
+
+
+def test_a_source_that_shows_another_face_for_the_same_task_is_believed(
+    context: moderngl.Context, settings: Settings
+) -> None:
+    near, far = face_mesh(40), replace(face_mesh(40), vertices_mm=face_mesh(40).vertices_mm * 0.8)
+
+    class Changing(OneMesh):
+        """As the camera of glsim validate, which shows one scene after the other."""
+
+        def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+            for face in super().load(keys):
+                assert isinstance(face, Face)
+                yield replace(face, mesh=self.shown)
+
+    source = Changing(near)
+    simulator = Simulator(settings, [source], context)
+    tasks = make_tasks(settings, [source])
+    clean = []
+    for source.shown in (near, far, near):
+        clean.append(only(simulator, tasks).clean)
+    assert not np.array_equal(clean[0], clean[1])
+    assert np.array_equal(clean[0], clean[2])
 
 
 def test_stages_before_a_change_are_not_drawn_again(
