@@ -81,7 +81,8 @@ def write_findings(folder: Path) -> list[Path]:
     GlsimError without Jinja2.
     """
     document = _document(folder)
-    page = html_page(document.title, [document], _pictures(folder / FIGURES_FOLDER))
+    title = "A reproduction of Kendrick, Yap and Tan"
+    page = html_page(title, [document], _pictures(folder / FIGURES_FOLDER))
     written = [folder / name for name in FINDINGS]
     for path, text in zip(written, (document.markdown(), page), strict=True):
         write_atomic(text.encode(), path)
@@ -102,10 +103,10 @@ def _document(folder: Path) -> Document:
     mse = {name: _mse_by_row(place, groups[name]) for name, place in protocols.items()}
     relations = _network_relations(mse)
     document = Document(
-        "A reproduction of Kendrick, Yap and Tan: what holds, what does not, what is open",
+        "What holds, what does not, what is open",
         [
-            "Kendrick, Yap and Tan, *Synthetic Data Generation for Demonstrating Noise Reduction "
-            "in Facial Depth Imaging*. The printed numbers beside ours are in paper_table_1.md to "
+            'Kendrick, Yap and Tan, "Synthetic Data Generation for Demonstrating Noise Reduction '
+            'in Facial Depth Imaging". The printed numbers beside ours are in paper_table_1.md to '
             f"paper_table_3.md. {data_note(open_dataset(folder / 'data'))}",
             [f"protocol {name}: {text}" for name, text in MEANING.items() if name in protocols],
             Heading("Table 1, filters"),
@@ -219,15 +220,18 @@ def _photographs(path: Path) -> Iterator[str]:
         rows = list(csv.DictReader(path.read_text().splitlines()))
     name = "both_interior_rmse_mm"
     (noisy_mm,) = (float(row[name]) for row in rows if row["network"] == "noisy")
-    groups: dict[tuple[str, str, str], list[float]] = {}
+    groups: dict[tuple[str, str, str], list[dict[str, str]]] = {}
     for row in rows:
         if row["trained_on"]:
             key = row["network"], row["trained_on"], row["holes"]
-            groups.setdefault(key, []).append(float(row[name]) / noisy_mm)
-    for (network, trained_on, holes), ratios in groups.items():
+            groups.setdefault(key, []).append(row)
+    for (network, trained_on, holes), seeds in groups.items():
+        ratio = statistics.fmean(float(row[name]) for row in seeds) / noisy_mm
+        left = statistics.fmean(float(row["left_of_noise"]) for row in seeds)
+        unlearnt = f" It has not learnt its own task: {left:.2f} of its noise is left."
         yield (
-            f"{network}, trained on {trained_on}, holes {holes}: the interior error is "
-            f"{statistics.fmean(ratios):.2f} times the noisy input's ({len(ratios)} seeds)."
+            f"{network}, trained on {trained_on}, holes {holes}: the interior error is {ratio:.2f} "
+            f"times the noisy input's ({len(seeds)} seeds).{unlearnt if left > 1 else ''}"
         )
 
 
