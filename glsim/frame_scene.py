@@ -136,7 +136,7 @@ class FrameScenes:
 
         keep: for a task that comes alone, which may come again: the same face is not changed anew.
         """
-        if self._loaded is not None and self._loaded[0] == task and alike(self._loaded[1], face):
+        if self._loaded is not None and self._loaded[0] == task and _alike(self._loaded[1], face):
             return self._loaded[2]
         seeds = self.held(task).seeds
         varied = vary(face, self._settings.variation, seeds)
@@ -207,8 +207,8 @@ class FrameScenes:
         )
 
 
-def alike(one: object, other: object) -> bool:
-    """Compare faces, and what they consist of, by their values; a source may have changed one."""
+def _alike(one: object, other: object) -> bool:
+    """Return whether two faces, or two of their parts, hold equal values."""
     if one is other:
         return True
     if type(one) is not type(other):
@@ -216,15 +216,15 @@ def alike(one: object, other: object) -> bool:
     if isinstance(one, np.ndarray):
         return np.array_equal(one, other)  # type: ignore[arg-type]
     if is_dataclass(one):
-        return all(alike(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+        return all(_alike(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
     if isinstance(one, tuple):
         pairs = zip(one, other, strict=False)  # type: ignore[call-overload]
-        return len(one) == len(other) and all(alike(*pair) for pair in pairs)  # type: ignore[arg-type]
+        return len(one) == len(other) and all(_alike(*pair) for pair in pairs)  # type: ignore[arg-type]
     return bool(one == other)
 
 
 def unusable(task: Task, error: Exception) -> MeshError:
-    """Return the error of a face whose source or size gave an error that is none of ours."""
+    """Return the MeshError of a face for which a source or NumPy raised another exception."""
     what = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}".removesuffix(": ")
     return MeshError(f"{task.key.path or task.stem}: cannot be used ({what})")
 

@@ -34,9 +34,9 @@ from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
 from glsim.noise.chain import LinkedStages, ShaderChain, array_reach_px, run_array_stages
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.kept_layers import KeptLayers
 from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
+from glsim.noise.stage_layers import KeptLayers
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.regions import REGION
 from glsim.render.renderer import NORMAL, Rendered, Renderer
@@ -68,33 +68,32 @@ class _InFlight:
 class _LastFrame:
     """The layers of the last frame, kept until another scene is rendered.
 
-    Other noise over the same scene then takes the stages alone, and of these the ones behind what
-    has changed.
+    Another noise over the same scene then runs the stages alone, from the first changed one on.
     """
 
     def __init__(self) -> None:
-        self._asked: tuple[FrameScene, int] | None = None
-        self._rendered: Rendered | None = None
+        self._last: tuple[tuple[FrameScene, int], Rendered] | None = None
         self._rendering = ExitStack()
         self._stages = KeptLayers()
 
     def of(
         self, renderer: Renderer, scene: FrameScene, reach_px: int
     ) -> tuple[Rendered, KeptLayers | None]:
-        """Return a scene's layers, and those of its stages if it is drawn again.
+        """Return a scene's clean layers and the owner of what its stages draw.
 
-        They are valid until another scene is asked for. Raises MeshError.
+        The owner is None for a scene that is new: few are asked for again. The layers are valid
+        until another scene is asked for. Raises MeshError.
         """
         asked = scene, reach_px
-        if self._rendered is not None and self._asked == asked:
-            return self._rendered, self._stages
+        if self._last is not None and self._last[0] == asked:
+            return self._last[1], self._stages
         self._stages.clear()
-        self._rendered = None
+        self._last = None
         self._rendering.close()  # its targets are used again
         drawing = renderer.render(scene.meshes, scene.crop, scene.labels, reach_px)
-        self._rendered = self._rendering.enter_context(drawing)
-        self._asked = asked
-        return self._rendered, None
+        rendered = self._rendering.enter_context(drawing)
+        self._last = asked, rendered
+        return rendered, None
 
 
 def simulate(
@@ -311,7 +310,7 @@ class Simulator:
         scene = self._scenes.build(task, face)
         drawn, values = draw_values(stages, self._scenes.held(task).seeds)
         reach_px = array_reach_px(stages, values)
-        rendered, kept = self._last.of(self._renderer, scene, reach_px)
+        rendered, owner = self._last.of(self._renderer, scene, reach_px)
         frame = FrameContext.for_frame(
             rig=rig,
             window=rendered.window,
@@ -321,7 +320,7 @@ class Simulator:
             time_s=task.key.time_s,
             nearest_m=rendered.nearest_m,
         )
-        self._chain.run(rendered, frame, values, readback, kept)
+        self._chain.run(rendered, frame, values, readback, owner)
         return _InFlight(readback, task, scene, frame, values, drawn)
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:

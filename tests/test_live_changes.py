@@ -15,6 +15,7 @@ from glsim.errors import ConfigError, ShaderError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
+from glsim.noise import chain
 from glsim.noise.chain import StagePass
 from glsim.pipeline import Simulator, simulate
 from glsim.plan.tasks import Task, make_tasks
@@ -72,6 +73,14 @@ def only(simulator: Simulator, tasks: list[Task]) -> Frame:
     return frame
 
 
+def calls_of(monkeypatch: pytest.MonkeyPatch, owner: Any, name: str) -> list[tuple[Any, ...]]:
+    """Return a list that gets the arguments of each call of a function, which works on."""
+    calls: list[tuple[Any, ...]] = []
+    function = getattr(owner, name)
+    monkeypatch.setattr(owner, name, lambda *given: (calls.append(given), function(*given))[1])
+    return calls
+
+
 def assert_same(first: Frame, second: Frame) -> None:
     for layer in ("clean", "noisy", "infrared", "reason"):
         assert np.array_equal(first.image(layer), second.image(layer)), layer
@@ -105,9 +114,7 @@ def test_other_noise_over_the_same_frame_renders_nothing_anew(
     context: moderngl.Context, settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sources, tasks = planned(settings)
-    rendered: list[object] = []
-    render = Renderer.render
-    monkeypatch.setattr(Renderer, "render", lambda *a: (rendered.append(a), render(*a))[1])
+    rendered = calls_of(monkeypatch, Renderer, "render")
     simulator = Simulator(settings, sources, context)
     quiet = only(simulator, tasks)
     loud = simulator.with_values({"axial.base_sigma_mm": 9})
@@ -132,7 +139,7 @@ def test_a_source_that_shows_another_face_for_the_same_task_is_believed(
     near, far = face_mesh(40), replace(face_mesh(40), vertices_mm=face_mesh(40).vertices_mm * 0.8)
 
     class Changing(OneMesh):
-        """As the camera of glsim validate, which shows one scene after the other."""
+        """Gives another mesh for the same task, as the source of ``glsim validate`` does."""
 
         def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
             for face in super().load(keys):
@@ -153,15 +160,13 @@ def test_stages_before_a_change_are_not_drawn_again(
     context: moderngl.Context, settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sources, tasks = planned(settings)
-    drawn: list[str] = []
-    draw = StagePass.draw
-    monkeypatch.setattr(StagePass, "draw", lambda s, *a: (drawn.append(s.name), draw(s, *a))[1])
+    drawn = calls_of(monkeypatch, StagePass, "draw")
     simulator = Simulator(settings, sources, context)
 
     def stages_drawn(of: Simulator, of_tasks: list[Task]) -> list[str]:
         drawn.clear()
         only(of, of_tasks)
-        return [*drawn]
+        return [stage.name for stage, *_ in drawn]
 
     assert stages_drawn(simulator, tasks) == ["axial", "range_gate"]
     assert stages_drawn(simulator, tasks) == ["axial", "range_gate"], "from now on they are kept"
@@ -224,15 +229,11 @@ def test_values_link_no_program_and_a_stage_links_one(
 ) -> None:
     sources, tasks = planned(settings)
     simulator = Simulator(settings, sources, context)
-    linked: list[Path] = []
-    from glsim.noise import chain
-
-    link = chain.link
-    monkeypatch.setattr(chain, "link", lambda c, s: (linked.append(s.file), link(c, s))[1])
+    linked = calls_of(monkeypatch, chain, "link")
     changed = simulator.with_values({"axial.base_sigma_mm": 1, "pose.yaw_deg": 3})
     assert linked == []
     louder = changed.with_stage("axial", LOUD)
-    assert [file.name for file in linked] == ["axial.glsl"]
+    assert [source.file.name for _, source in linked] == ["axial.glsl"]
     louder.with_layers(("clean", "noisy"), ("normal",))
     assert len(linked) == 1
     frame = only(louder, tasks)

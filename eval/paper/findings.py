@@ -1,4 +1,4 @@
-"""Write the page for the paper's authors: what of their tables holds here, and what is open."""
+"""Write findings.html: the relations of the paper's tables that hold, and the open questions."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ from pathlib import Path
 from typing import Final
 
 from glsim.dataset import open_dataset
-from glsim.depth_protocol import MEANING
+from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.eval.paper.data_note import data_note
 from glsim.eval.paper.figures.write import FOLDER as FIGURES_FOLDER
 from glsim.eval.paper.filter_table import yes_or_no
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
-from glsim.eval.paper.protocol_page import conclusions, read_filter_cases, relation_table
+from glsim.eval.paper.protocol_page import (
+    conclusions,
+    protocol_folder,
+    read_filter_cases,
+    relation_table,
+)
 from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network
 from glsim.eval.report.document import Document, Heading, Picture, TextTable
 from glsim.eval.report.page import html_page
@@ -93,8 +98,8 @@ def _document(folder: Path) -> Document:
     cases = read_filter_cases(folder)
     protocols = {
         name: place
-        for name, place in (("depth", folder), ("paper", folder / "protocol_paper"))
-        if (place / "table.csv").is_file()
+        for name in MEANING
+        if ((place := protocol_folder(folder, name)) / "table.csv").is_file()
     }
     groups = {
         name: group_by_network(find_trained_runs(place / "runs")[0])
@@ -167,7 +172,7 @@ def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
     return mse
 
 
-def _network_relations(mse: Mapping[str, Mse]) -> TextTable:
+def _network_relations(mse: Mapping[DepthProtocol, Mse]) -> TextTable:
     """Return which relations of the printed tables hold under each protocol."""
     printed = {row.title: row.mse_mm2 for row in PRINTED_FILTERS.values()}
     printed |= {title: row.mse_mm2 for title, row in PRINTED_NETWORKS.items()}
@@ -181,7 +186,7 @@ def _network_relations(mse: Mapping[str, Mse]) -> TextTable:
     return TextTable(["relation", "printed", *(f"protocol {name}" for name in mse)], table)
 
 
-def _ranges(mse: Mapping[str, Mse]) -> Iterator[str]:
+def _ranges(mse: Mapping[DepthProtocol, Mse]) -> Iterator[str]:
     """Say how large the networks' MSE is beside the noisy input's."""
     for name, values in mse.items():
         networks = {row: values[row] for row in PRINTED_NETWORKS if row in values}

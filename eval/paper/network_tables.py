@@ -61,7 +61,7 @@ class _Scores:
         return set(self._entries)
 
     def values(self, metric: str, seeds: Collection[int] | None = None) -> list[float]:
-        """Return the mean over frames of each seed, or of some seeds."""
+        """Return a metric's mean over frames, one per seed. seeds: the wanted ones, or all."""
         wanted = self._entries if seeds is None else sorted(seeds)
         return [self._entries[seed][metric].mean for seed in wanted]
 
@@ -233,6 +233,7 @@ def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
 
 
 def _defined(value: float) -> str:
+    """Return a number with two decimals, or - for NaN."""
     return "-" if math.isnan(value) else f"{value:.2f}"
 
 

@@ -60,6 +60,11 @@ class FilterCase:
         return [value / base for value, base in pairs if base > 0]
 
 
+def protocol_folder(out: Path, protocol: DepthProtocol) -> Path:
+    """Return the folder of a protocol's networks and tables: depth is the folder itself."""
+    return out if protocol == "depth" else out / f"protocol_{protocol}"
+
+
 def read_filter_cases(folder: Path) -> list[FilterCase]:
     """Return the cases that are scored in the folder of a reproduction, in the order of names.
 
@@ -238,7 +243,7 @@ def _printed_ratio(row: PrintedRow) -> float:
 
 
 def conclusions(cases: list[FilterCase]) -> Iterator[str]:
-    """Say what of the printed table 1 the cases come near to."""
+    """Say how near each case comes to the MSE and the SSIM that table 1 prints."""
     printed = PRINTED_FILTERS["noisy"].mse_mm2
     for case in cases:
         mse, share = case.mean("noisy", "mse_mm2"), case.mean("noisy", "mse_flips_pct")

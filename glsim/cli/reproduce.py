@@ -113,6 +113,7 @@ class ReproductionPlan(_Table):
         folder of photographs; default: those of scikit-image. Raises ConfigError for a folder
         without such a set.
         """
+        from glsim.eval.paper.protocol_page import protocol_folder
         from glsim.train.data.photograph_files import BUNDLED  # loads OpenCV
 
         data = str(out / "data")
@@ -183,11 +184,6 @@ class ReproductionPlan(_Table):
         if self.images is None:
             raise ConfigError(f"{self.title}: a plan with face sets needs images = N")
         return ["--set", set_text(paper_mixture(roots, self.images))]
-
-
-def protocol_folder(out: Path, protocol: DepthProtocol) -> Path:
-    """Return the folder of a protocol's networks and tables: depth is the folder itself."""
-    return out if protocol == "depth" else out / f"protocol_{protocol}"
 
 
 def load_plan(size: str) -> ReproductionPlan:

@@ -110,7 +110,7 @@ def is_moved(depth: Depth) -> bool:
 
 
 class ChangedFrames(ABC):
-    """Frames whose depth maps are changed when they are read; the rest is as in ``frames``."""
+    """Frames of a data set or folder whose depth maps, mm, are changed when they are read."""
 
     def __init__(self, frames: Frames, identity: str, protocol: DepthProtocol) -> None:
         """identity: of the change. protocol: of the changed maps."""
@@ -125,7 +125,7 @@ class ChangedFrames(ABC):
         return self._frames.key(number)
 
     def load(self, number: int) -> Sample:
-        """Read a frame and change its maps. Raises as the frames and the change do."""
+        """Read a frame and change its depth maps, mm. Raises the errors of both steps."""
         return self._changed(self._frames.load(number))
 
     @abstractmethod

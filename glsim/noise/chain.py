@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from weakref import WeakValueDictionary
 
 import moderngl
@@ -19,9 +20,9 @@ from glsim.gl.program import link
 from glsim.gl.shader_source import Layer, ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.frame_context import FrameContext, StageView
-from glsim.noise.kept_layers import KeptLayers
 from glsim.noise.registry import shipped_stages
 from glsim.noise.stage import ENABLED, Stage
+from glsim.noise.stage_layers import StageLayers
 from glsim.reason import Reason
 from glsim.render.renderer import Rendered
 from glsim.render.silhouette import Silhouette
@@ -187,38 +188,23 @@ class ShaderChain:
         frame: FrameContext,
         values: StageValues,
         readback: Readback,
-        kept: KeptLayers | None = None,
+        owner: StageLayers | None = None,
     ) -> None:
         """Draw all stages over the rendered layers and queue the readback of the result.
 
-        kept: what earlier runs over the same layers have drawn is taken from there, and what this
-        one draws is left there. Raises ConfigError for a stage that reads a layer of a stage that
-        is switched off.
+        owner: of the targets that the stages draw; default: they are given back at the end.
+        Raises ConfigError for a stage that reads a layer of a stage that is switched off.
         """
-        pool = rendered.pool
-        with pool.scope() as own:
-            if kept is None:
-                layers = self._draw(rendered, frame, values, own, None)
-            else:
-                try:
-                    kept.begin(rendered, frame)
-                    layers = self._draw(rendered, frame, values, own, kept)
-                    kept.end()
-                except BaseException:
-                    kept.clear()
-                    raise
+        owner = owner or StageLayers()
+        with owner.run(rendered, frame):
+            layers = self._draw(rendered, frame, values, owner)
             wanted = {name: layers[name] for name in self._wanted if name in layers}
-            readback.request(pool, wanted, frame.window)
+            readback.request(rendered.pool, wanted, frame.window)
 
     def _draw(
-        self,
-        rendered: Rendered,
-        frame: FrameContext,
-        values: StageValues,
-        own: list[Target],
-        kept: KeptLayers | None,
+        self, rendered: Rendered, frame: FrameContext, values: StageValues, owner: StageLayers
     ) -> dict[str, Target]:
-        """Return all layers after the last stage. own: gets the targets that nobody keeps."""
+        """Return all layers after the last stage."""
         pool, silhouette = rendered.pool, rendered.silhouette
         layers = {
             **rendered.layers,
@@ -226,15 +212,8 @@ class ShaderChain:
             EXPECTED_LAYER: rendered.layers["clean"],
             "rays": rendered.rays,
             **self._pattern,
+            **owner.draw(_REASON.name, lambda: self._empty_reason(pool, frame)),
         }
-        first = kept.find("") if kept is not None else None
-        if first is None:
-            first = {"reason": self._empty_reason(pool, frame)}
-            if kept is not None:
-                kept.put("", first)
-            else:
-                own += first.values()
-        layers |= first
         layers |= {fine: layers[n] for fine, n in FINE_LAYERS.items() if fine not in layers}
         # The layers that are blank outside the silhouette. The map is not; where there is no
         # depth it is added to nothing.
@@ -247,28 +226,25 @@ class ShaderChain:
             else:
                 blank.difference_update(layer.name for layer in step.source.writes)
             within = silhouette if sparse and silhouette.skips_empty else None
-            if kept is not None:
-                made_from = (step, values[step.name], within, *map(layers.get, step.source.reads))
-                drawn = kept.find(step.name, *made_from)
-                if drawn is None:
-                    drawn = step.draw(pool, layers, frame, values[step.name], within)
-                    kept.put(step.name, drawn, *made_from)
-            else:
-                drawn = step.draw(pool, layers, frame, values[step.name], within)
-                own += drawn.values()
-                for old in [layers[name] for name in drawn if layers.get(name) in own]:
-                    own.remove(old)
-                    pool.give_back(old)
+            of_stage = values[step.name]
+            drawn = owner.draw(
+                f"stage {step.name}",
+                partial(step.draw, pool, layers, frame, of_stage, within),
+                *(step, of_stage, within),
+                *map(layers.get, step.source.reads),
+            )
+            owner.replaced(layers[name] for name in drawn if name in layers)
             layers |= drawn
         return layers
 
-    def _empty_reason(self, pool: TargetPool, frame: FrameContext) -> Target:
+    def _empty_reason(self, pool: TargetPool, frame: FrameContext) -> dict[str, Target]:
+        """Return the layer of reasons before the first stage: no pixel is lost."""
         target = pool.take(_REASON, frame.window)
         buffer = pool.framebuffer([target])
         buffer.use()
         buffer.clear(viewport=frame.window)
         self._context.enable_only(moderngl.NOTHING)
-        return target
+        return {_REASON.name: target}
 
 
 class LinkedStages:

@@ -187,7 +187,7 @@ class Page:
             self._draw_ahead(self.top.next_tuning())
 
     def _draw_ahead(self, tuning: Tuning) -> None:
-        """Draw a frame while the browser paints the one before it."""
+        """Begin to draw a tuning's frame while the browser still paints the frame before it."""
         drawing = asyncio.create_task(self._drawn(tuning))
         drawing.add_done_callback(lambda task: task.cancelled() or task.exception())  # said later
         self._ahead = tuning, self.top.noise_of, drawing

@@ -81,13 +81,18 @@ def test_the_table_has_a_row_for_each_training(
     assert "holds no folders of runs" in capsys.readouterr().err
 
 
+def write_data(folder: Path) -> None:
+    """Write frames of three people, one in each split."""
+    options = ["--subjects", "3", "--frames-per-subject", "2", "--split", "0.4,0.3,0.3"]
+    options += ["--crop", "64", "--workers", "1", "-q"]
+    assert main(["generate", "-o", str(folder), *options]) == 0
+
+
 def test_a_network_is_trained_on_photographs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data, photos = tmp_path / "data", tmp_path / "photos"
-    options = ["--subjects", "3", "--frames-per-subject", "2", "--split", "0.4,0.3,0.3"]
-    assert main(["generate", "-o", str(data), *options, "--crop", "64", "--workers", "1",
-                 "-q"]) == 0  # fmt: skip
+    write_data(data)
     photos.mkdir()
     rng = np.random.default_rng(0)
     for number in range(3):
@@ -113,9 +118,7 @@ def test_a_network_is_trained_on_photographs(
 
 def test_grey_levels_are_the_same_depths_for_all_seeds_and_augmentations(tmp_path: Path) -> None:
     data, photos = tmp_path / "data", tmp_path / "photos"
-    options = ["--subjects", "3", "--frames-per-subject", "2", "--split", "0.4,0.3,0.3"]
-    assert main(["generate", "-o", str(data), *options, "--crop", "64", "--workers", "1",
-                 "-q"]) == 0  # fmt: skip
+    write_data(data)
     photos.mkdir()
     for number in range(2):
         cv2.imwrite(str(photos / f"{number}.png"), np.full((64, 64), 90 + number, np.uint8))

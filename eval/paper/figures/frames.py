@@ -84,7 +84,7 @@ def network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> list[Co
 
 
 def network_column(group: SeedGroup, name: str) -> Column:
-    """Return a network's column of the figure: the training with the first seed.
+    """Return the column of a figure that shows a network as its first seed has trained it.
 
     The title says the size of the network and its training steps below ``name``.
     """
