@@ -95,7 +95,7 @@ class _Worn:
 class _Wardrobe:
     """All that a subject wears.
 
-    skull: (K, 3) mm at rest. faces: triangles of skin that no cloth covers.
+    skull: (K, 3) mm at rest. faces, occluder: triangles of skin that no cloth covers, see ``Mesh``.
     skin: the last albedo of a mesh, and what was made of it.
     """
 
@@ -103,6 +103,7 @@ class _Wardrobe:
     worn: list[_Worn]
     skull: Points
     faces: NDArray[np.int32]
+    occluder: NDArray[np.int32] | None
     skin: tuple[object, NDArray[np.float32]] | None = None
 
 
@@ -135,7 +136,12 @@ class Dresser:
         parts = tuple(thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn)
         return replace(
             face,
-            mesh=replace(mesh, faces=wardrobe.faces, albedo=self._skin(wardrobe, mesh)),
+            mesh=replace(
+                mesh,
+                faces=wardrobe.faces,
+                albedo=self._skin(wardrobe, mesh),
+                occluder=wardrobe.occluder,
+            ),
             notes={**face.notes, **wardrobe.outfit.words},
             parts=(*face.parts, *parts),
         )
@@ -186,14 +192,14 @@ class Dresser:
         key = face.key.subject, seeds.subject
         if key not in self._wardrobes:
             outfit = draw_outfit(self._settings, seeds, face.notes)
-            self._wardrobes[key] = self._make(face.key.subject, outfit)
+            self._wardrobes[key] = self._make(face, outfit)
             while len(self._wardrobes) > _CACHED_SUBJECTS:
                 self._wardrobes.popitem(last=False)
         self._wardrobes.move_to_end(key)
         return self._wardrobes[key]
 
-    def _make(self, subject: str, outfit: Outfit) -> _Wardrobe:
-        vertices, _ = self._source.neutral(subject)
+    def _make(self, face: Face, outfit: Outfit) -> _Wardrobe:
+        vertices, _ = self._source.neutral(face.key.subject)
         own = replace(self._reference, vertices_mm=vertices)
         rest = skull_motion(vertices[:3], vertices[:3])
         worn: list[_Worn] = []
@@ -238,8 +244,10 @@ class Dresser:
             for thing in worn
             if thing.region == "cloth" and isinstance(thing.binding, Shell)
         ]
-        faces = uncovered(own.faces, own.body, cloth)
-        return _Wardrobe(outfit, worn, vertices[self._skull], faces)
+        faces, occluder = uncovered(own.faces, own.body, cloth), face.mesh.occluder
+        if occluder is not None:
+            occluder = uncovered(occluder, own.body, cloth)
+        return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
         """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from glsim.errors import DeviceError, DifferentMachineError
 from glsim.frame import Frame, Skipped
+from glsim.geometry.occluder import occluder_of
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
 from glsim.worker_processes import WorkerFailure, WorkerProcess
@@ -158,7 +159,7 @@ def _numpy_arithmetic() -> bytes:
     """Return products, functions and sums of fixed numbers, as bytes.
 
     The shapes are those of the face sources: a batch of morphable faces, vertices times a
-    rotation, distances, a rigid alignment.
+    rotation, distances, a rigid alignment; and the triangles of an occluder.
     """
     parts: list[Any] = []
     kind: Any
@@ -175,4 +176,9 @@ def _numpy_arithmetic() -> bytes:
         parts += [np.arctan2(row, row[::-1]), row ** kind(1.7), np.sqrt(row), np.tanh(row)]
         parts += [np.linalg.norm(points, axis=1), np.einsum("ij,ij->i", points, points)]
         parts += [np.cumsum(row), row.sum(keepdims=True), points.mean(axis=0), np.hypot(row, 1)]
+    across, up = np.meshgrid(np.arange(24.0), np.arange(24.0))
+    surface = np.stack([across, up, 3 * np.sin(across / 4) * np.cos(up / 5)], axis=-1)
+    corner = (24 * np.arange(23)[:, None] + np.arange(23)).reshape(-1, 1)
+    triangles = np.concatenate([corner + np.array([0, 1, 24]), corner + np.array([1, 25, 24])])
+    parts.append(occluder_of(surface.reshape(-1, 3), triangles))
     return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)

@@ -28,11 +28,14 @@ class Mesh:
         topology should share one array object: the renderer then keeps it on the GPU.
     albedo: (V,) float32 in [0, 1], diffuse reflectivity at 860 nm relative to a white wall,
         or None for SKIN_ALBEDO.
+    occluder: (F', 3) int32 fewer triangles that cast the shadows (``occluder_of``), or None for
+        ``faces``.
     """
 
     vertices_mm: NDArray[np.float32]
     faces: NDArray[np.int32]
     albedo: NDArray[np.float32] | None = None
+    occluder: NDArray[np.int32] | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and sizes. Raises MeshError for a mesh that cannot be rendered."""

@@ -21,6 +21,7 @@ CACHED_TOPOLOGIES = 32
 class GpuMesh:
     """A mesh in GPU buffers.
 
+    faces, occluder: those of the mesh; they are kept, so that no other arrays get their ids.
     positions: (V, 3) float32, canonical mm. albedos: (V,) float32.
     surface, projector: the vertex arrays for the camera and for the emitters.
     vertices_mm, albedo: the arrays whose values the buffers hold; at first objects that are no
@@ -28,9 +29,9 @@ class GpuMesh:
     """
 
     faces: NDArray[np.int32]
+    occluder: NDArray[np.int32] | None
     positions: moderngl.Buffer
     albedos: moderngl.Buffer
-    indices: moderngl.Buffer
     surface: moderngl.VertexArray
     projector: moderngl.VertexArray
     vertices_mm: object = field(default_factory=object)
@@ -45,11 +46,11 @@ class MeshCache:
     ) -> None:
         """surface, projector: the programs that draw from the camera and from the emitters."""
         self._context, self._surface, self._projector = context, surface, projector
-        self._meshes: OrderedDict[int, GpuMesh] = OrderedDict()
+        self._meshes: OrderedDict[tuple[int, int], GpuMesh] = OrderedDict()
 
     def upload(self, mesh: Mesh) -> GpuMesh:
         """Write the vertices of a mesh; upload its topology too if it is not there yet."""
-        key = id(mesh.faces)
+        key = id(mesh.faces), id(mesh.occluder)
         uploaded = self._meshes.get(key)
         if uploaded is None or uploaded.positions.size != mesh.vertices_mm.nbytes:
             uploaded = self._upload_topology(mesh)
@@ -75,5 +76,7 @@ class MeshCache:
         surface = self._context.vertex_array(
             self._surface, [position, (albedos, "1f", "in_albedo")], indices, index_size
         )
+        if mesh.occluder is not None:
+            indices, index_size = index_buffer(self._context, mesh.occluder, len(mesh.vertices_mm))
         projector = self._context.vertex_array(self._projector, [position], indices, index_size)
-        return GpuMesh(mesh.faces, positions, albedos, indices, surface, projector)
+        return GpuMesh(mesh.faces, mesh.occluder, positions, albedos, surface, projector)

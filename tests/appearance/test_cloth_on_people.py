@@ -92,3 +92,11 @@ def test_skin_under_cloth_is_left_out_but_for_the_rims() -> None:
     left[dressed.mesh.faces] = True
     assert left[body().is_in("hand", "ear", "nose", "lips")].all()
     assert left[body().is_in("torso")].mean() < 0.6
+    # Nor does skin under cloth cast shadows: its fewer triangles would stick out of the cloth.
+    assert bare.mesh.occluder is face.mesh.occluder
+    assert face.mesh.occluder is not None
+    assert dressed.mesh.occluder is not None
+    assert len(dressed.mesh.occluder) < 0.8 * len(face.mesh.occluder)
+    casts = np.zeros(len(face.mesh.vertices_mm), bool)
+    casts[dressed.mesh.occluder] = True
+    assert casts[body().is_in("torso")].mean() < 0.5 * casts[body().is_in("nose")].mean()

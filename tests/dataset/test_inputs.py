@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from glsim.dataset import GenerateProgress, chunks, generate
+from glsim.dataset import GenerateProgress, arithmetic, chunks, generate
 from glsim.errors import ConfigError, DatasetError
 from glsim.faces import open_source
 from glsim.faces.ict_facekit import IctFaceKit
@@ -217,6 +217,15 @@ def test_threads_do_not_change_the_arithmetic_and_a_kernel_does() -> None:
     plain, single, old = fingerprints([{}, one, {"OPENBLAS_CORETYPE": "Prescott"}])
     assert plain == single
     assert plain != old
+
+
+def test_other_occluders_are_another_arithmetic(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another version of the library that simplifies meshes would cast other shadows."""
+    compute = arithmetic._numpy_arithmetic.__wrapped__
+    before = compute()
+    assert compute() == before
+    monkeypatch.setattr(arithmetic, "occluder_of", lambda vertices, faces: faces[::2])
+    assert compute() != before
 
 
 def test_another_processor_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

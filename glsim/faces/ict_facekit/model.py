@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.faces.ict_facekit.topology import Topology
+from glsim.geometry.occluder import occluder_of
 
 IDENTITY_MODES: Final = 100
 MM_PER_UNIT: Final = 10.0  # the model is in centimetres
@@ -28,10 +30,15 @@ class MorphableModel:
     expressions: tuple[str, ...]
     topology: Topology
 
+    @cached_property
+    def occluder(self) -> NDArray[np.int32]:
+        """(F', 3) int32: the triangles that cast shadows, from the mean face."""
+        return occluder_of(self.basis[0].reshape(-1, 3), self.topology.faces)
+
     def content_hash(self) -> str:
         """Return a hash of all numbers of the model (30 ms)."""
         digest = hashlib.blake2b(" ".join(self.expressions).encode(), digest_size=16)
-        for part in (self.basis, self.topology.faces, self.topology.region):
+        for part in (self.basis, self.topology.faces, self.topology.region, self.occluder):
             digest.update(np.ascontiguousarray(part).data)
         return digest.hexdigest()
 

@@ -119,7 +119,8 @@ class IctFaceKit:
             row[1 + IDENTITY_MODES :] = shape_weights(expression, model.expressions)
         heads = model.evaluate(weights)
         for key, head, expression in zip(keys, heads, expressions, strict=False):
-            yield Face(key, Mesh(head, model.topology.faces, self._albedo), expression)
+            mesh = Mesh(head, model.topology.faces, self._albedo, model.occluder)
+            yield Face(key, mesh, expression)
 
     def _identity(self, key: FaceKey) -> NDArray[np.float64]:
         """Draw (100,) standard normal weights, truncated at 3: the first of 4 draws within it."""

@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.geometry.occluder import occluder_of
+
 _Floats = NDArray[np.float32]
 
 
@@ -101,6 +103,11 @@ class BodyModel:
     rigid: int
     skeleton: Skeleton
     landmarks: Mapping[str, int]
+
+    @cached_property
+    def occluder(self) -> NDArray[np.int32]:
+        """(F', 3) int32: the triangles that cast shadows, from the mean body."""
+        return occluder_of(self.body({})[0], self.faces)
 
     def body(self, weights: Mapping[str, float]) -> tuple[_Floats, NDArray[np.float64]]:
         """Return the (V, 3) float32 fine vertices and (B, 3) float64 joints of a body at rest.

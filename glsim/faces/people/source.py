@@ -116,7 +116,8 @@ class People:
                 "arms": list(posture.arms),
                 "framing": self.framing,
             }
-            mesh = Mesh(vertices, self._model.faces, subject.albedo)
+            model = self._model
+            mesh = Mesh(vertices, model.faces, subject.albedo, model.occluder)
             yield Face(key, mesh, expression, notes, neck=self._neck(vertices))
 
     def _neck(self, vertices_mm: NDArray[np.float32]) -> Neck:

@@ -88,10 +88,11 @@ class ProceduralFaces:
     def _load_batch(self, subject: str, keys: Sequence[FaceKey]) -> Iterator[Face]:
         person = self._subject(subject)
         expressions = [performance_expression(self.seed, key) for key in keys]
-        faces = head_model().template.faces
+        model = head_model()
         heads = person.frames(expressions)
         for key, head, expression in zip(keys, heads, expressions, strict=True):
-            yield Face(key, Mesh(head, faces, person.albedo), expression, neck=_NECK)
+            mesh = Mesh(head, model.template.faces, person.albedo, model.occluder)
+            yield Face(key, mesh, expression, neck=_NECK)
 
     def _subject(self, name: str) -> Subject:
         """Return a subject from the cache, or make it."""

@@ -33,6 +33,7 @@ from glsim.faces.procedural.parameters import PARAMETERS
 from glsim.faces.procedural.regions import draw_albedo, make_regions
 from glsim.faces.procedural.template import PART_EYEBALL, Template, template
 from glsim.faces.procedural.volumes import EYE_CENTER
+from glsim.geometry.occluder import occluder_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class HeadModel:
 
     field_points, rigid: where fields are evaluated. identity: (parameters, V * 3) float32, mm per
     unit; identity_spans: the parts of its rows that are not 0. actions: shared expression basis.
-    regions: (V,) uint8 indices into REGIONS.
+    regions: (V,) uint8 indices into REGIONS. occluder: (F', 3) int32, see ``Mesh``.
     """
 
     template: Template
@@ -52,6 +53,7 @@ class HeadModel:
     identity_spans: Spans
     actions: ActionBasis
     regions: NDArray[np.uint8]
+    occluder: NDArray[np.int32]
 
 
 @lru_cache(maxsize=1)
@@ -71,7 +73,8 @@ def head_model() -> HeadModel:
     regions.setflags(write=False)
     actions = make_action_basis(head, field_points, lids)
     spans = nonzero_spans(identity)
-    return HeadModel(head, field_points, rigid, lids, identity, spans, actions, regions)
+    occluder = occluder_of(head.points, head.faces)
+    return HeadModel(head, field_points, rigid, lids, identity, spans, actions, regions, occluder)
 
 
 @dataclass(frozen=True, eq=False)

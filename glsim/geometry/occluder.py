@@ -1,0 +1,47 @@
+"""Fewer triangles that cast almost the same shadow: the occluder of a mesh.
+
+Emitters need no more of a head than what it hides, and the cost of a z-buffer is its triangles. The
+occluder has the mesh's own vertices, so that one list of triangles serves all blends of a model.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Triangles that are kept, as a share. Chosen: with 0.44 the surface that a sensor at 0.9 m would see
+#: moves along its axis by 0.01 mm at the median and 0.3 mm at the 99th percentile under embedded
+#: heads, by 0.08 and 1.3 mm under ICT-FaceKit, whose mesh is coarser (`benchmarks.occluders`).
+KEPT_SHARE = 0.44
+
+#: How fast the library raises its bound of the error. Of 1 to 7, its default: 5 is the least that
+#: reaches the share, and leaves a third of the errors at the silhouette.
+_AGGRESSIVENESS = 5
+
+
+def occluder_of(vertices_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Return (F', 3) int32 triangles of the same vertices, F' about ``KEPT_SHARE`` of F.
+
+    vertices_mm: (V, 3) the mean shape of the meshes that share ``faces``, (F, 3). Edges are
+    collapsed by the smallest quadric error (Garland and Heckbert 1997); of the vertices that
+    became one, the nearest to their common place stands for them.
+    """
+    import fast_simplification
+
+    # Copies, for the library refuses arrays that are read-only.
+    points, triangles = np.array(vertices_mm, np.float32), np.array(faces, np.int32)
+    collapses = fast_simplification.simplify(
+        points,
+        triangles,
+        target_count=int(KEPT_SHARE * len(triangles)),
+        agg=_AGGRESSIVENESS,
+        return_collapses=True,
+    )[2]
+    places, left, became = fast_simplification.replay_simplification(points, triangles, collapses)
+    distance = np.linalg.norm(points - places[became], axis=1)
+    farthest_first = np.argsort(-distance, kind="stable")
+    nearest = np.empty(len(places), dtype=np.int32)
+    nearest[became[farthest_first]] = farthest_first  # the last one written is the nearest
+    occluder: NDArray[np.int32] = nearest[left]
+    occluder.setflags(write=False)
+    return occluder
