@@ -30,6 +30,7 @@ from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
 from glsim.sensors.sensor import Sensor, sensor_of
 from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import Settings
 
 #: Frames before the clock starts: shaders compile, caches fill.
 WARM_UP = 10
@@ -62,26 +63,28 @@ class StepClock:
         }  # fmt: skip
 
 
-def run_glsim(frames: int, out: Path, ict_root: Path | None) -> dict[str, float]:
+def run_glsim(sensor: str, frames: int, out: Path, ict_root: Path | None) -> dict[str, float]:
     """Run simulator and frame writer as a worker of ``glsim generate`` does.
 
     A first run measures the total. A second one waits for OpenGL after each step to measure the
     steps, which are scaled to the total of the first.
     """
-    total = _glsim_pass(frames, out, ict_root, wait=False)
-    steps = _glsim_pass(frames, out, ict_root, wait=True)
+    settings = settings_for(ict_root, frames + WARM_UP, sensor)
+    total = _glsim_pass(settings, frames, out, ict_root, wait=False)
+    steps = _glsim_pass(settings, frames, out, ict_root, wait=True)
     scale = total["cpu_ms"] / steps["cpu_ms"]
     return total | {step: scale * steps[step] for step in steps if not step.endswith("_ms")}
 
 
-def _glsim_pass(frames: int, out: Path, ict_root: Path | None, *, wait: bool) -> dict[str, float]:
+def _glsim_pass(
+    settings: Settings, frames: int, out: Path, ict_root: Path | None, *, wait: bool
+) -> dict[str, float]:
     from glsim.dataset import write_frame
     from glsim.frame import Frame
     from glsim.gl.context import open_context
     from glsim.pipeline import Simulator
     from glsim.plan.tasks import make_tasks
 
-    settings = settings_for(ict_root, frames + WARM_UP)
     source = source_for(ict_root)
     tasks = make_tasks(settings, [source])[: frames + WARM_UP]
     clock = StepClock()
@@ -195,8 +198,11 @@ def _noise(
 def main() -> None:
     name, frames, out = sys.argv[1], int(sys.argv[2]), Path(sys.argv[3])
     ict_root = Path(sys.argv[4]) if len(sys.argv) > 4 else None
-    run = run_glsim if name == "glsim" else lambda *rest: run_peer(name, *rest)
-    print(json.dumps(run(frames, out, ict_root)))
+    if name.startswith("glsim"):
+        report = run_glsim(name.removeprefix("glsim-"), frames, out, ict_root)
+    else:
+        report = run_peer(name, frames, out, ict_root)
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

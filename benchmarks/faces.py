@@ -23,7 +23,7 @@ def source_for(ict_root: Path | None) -> FaceSource:
     return ProceduralFaces(0)
 
 
-def settings_for(ict_root: Path | None, frames: int) -> Settings:
+def settings_for(ict_root: Path | None, frames: int, sensor: str = SENSOR) -> Settings:
     """Settings of a data set of about ``frames`` frames of these faces."""
     source: dict[str, Any] = {
         "subjects": max(1, frames // _FRAMES_PER_SUBJECT),
@@ -31,4 +31,4 @@ def settings_for(ict_root: Path | None, frames: int) -> Settings:
     }
     if ict_root is not None:
         source |= {"kind": "ict-facekit", "root": ict_root}
-    return load_settings(overrides={"sensor": SENSOR}, source=source)
+    return load_settings(overrides={"sensor": sensor}, source=source)
