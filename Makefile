@@ -16,8 +16,9 @@ demo:
 	    --layers clean,noisy,infrared,reason --set pose.yaw_deg='{ uniform = [-25, 25], per = "sequence" }'
 	@$(VENV)/glsim preview demo/data -o demo --frames 8
 
+# Tests of a file share what they make (exported networks, pages, recordings): one process runs them.
 test: check
-	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto --dist loadgroup
+	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto --dist loadfile
 
 check:
 	@scripts/setup.sh test

@@ -23,9 +23,6 @@ from glsim.train.models.registry import build_model
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.networks import BACKBONES, frames
 
-#: One process runs them all: each network is exported once, which takes ten seconds.
-pytestmark = pytest.mark.xdist_group("network inputs")
-
 RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
 MODEL: dict[str, Any] = {"kind": "mask_aware", "uncertainty": True, "surfaces": True}
 INPUTS: dict[str, dict[str, Any]] = {
