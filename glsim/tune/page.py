@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,9 @@ from glsim.tune.statistics import frame_statistics, silhouette_widths
 from glsim.tune.topbar import TopBar
 from glsim.tune.workshop import Workshop
 
-#: Pause before the statistics of a picture, seconds.
-_REST = 0.15
+#: Pause between a painted picture and its statistics, seconds; and how long the browser may take
+#: to paint, which a hidden tab never does.
+_REST, _PAINTING = 0.15, 2.0
 
 _HEAD = """
 <link rel="stylesheet" href="/tune/assets/tune.css">
@@ -48,6 +50,7 @@ class Page:
         self._drawing = self._wanted = self._measuring = self._closed = False
         self._files: dict[Path, float] = {}
         self._read_at = 0.0
+        self._painted = asyncio.Event()
         self._ahead: tuple[Tuning, int | None, asyncio.Task[Picture]] | None = None
 
     # what is shown
@@ -174,6 +177,7 @@ class Page:
         if picture is None or self._closed:
             return
         self._number += 1
+        self._painted.clear()
         self.call("show", f"/tune/frame/{self.tab}/a?n={self._number}", self._number)
         with self.client:
             self.editor.problem("")
@@ -210,7 +214,10 @@ class Page:
         try:
             measured = None
             while self.picture is not None and self.picture is not measured and not self._closed:
-                await asyncio.sleep(_REST)  # a dragged slider comes first
+                # The picture comes first, and a dragged slider: statistics take as long as both.
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self._painted.wait(), _PAINTING)
+                await asyncio.sleep(_REST)
                 measured = self.picture
                 figures = await self.workshop.measure(_figures, measured)
                 self.call("statistics", figures, self.comparison.figures)
@@ -225,6 +232,7 @@ class Page:
             self.call("recording", self.workshop.recorded, here)
 
     def _shown(self) -> None:
+        self._painted.set()
         if self.top.playing:
             self.top.next_frame()
 

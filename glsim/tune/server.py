@@ -47,7 +47,7 @@ def serve(
     app.add_static_files("/tune/assets", str(ASSETS), max_cache_age=0)
 
     @app.get("/tune/frame/{tab}/{which}")
-    def frame(tab: str, which: str) -> Response:
+    async def frame(tab: str, which: str) -> Response:
         packet = workshop.packets.get(f"{tab}/{which}")
         if packet is None:
             return Response(status_code=404)
@@ -89,6 +89,8 @@ def serve(
         host=host, port=port, show=False, reload=False, show_welcome_message=False, dark=None,
         tailwind=False, reconnect_timeout=_PATIENCE, title="glsim tune",
         favicon=ASSETS / "icon.svg",
+        # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
+        gzip_middleware_factory=None,
     )  # fmt: skip
 
 

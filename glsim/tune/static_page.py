@@ -25,7 +25,7 @@ from glsim.tune.static_scenes import Scene, capture_scenes, default_scenes
 _ASSETS = Path(__file__).parent / "assets"
 #: The modules of the script, each after those that it imports.
 MODULES = (
-    "maps.js", "charts.js", "images.js", "packet.js", "surface_mesh.js", "surface_points.js",
+    "maps.js", "charts.js", "packet.js", "images.js", "surface_mesh.js", "surface_points.js",
     "surface.js", "figures.js", "tune.js",
     "static/functions.js", "static/declarations.js", "static/captures.js", "static/chain.js",
     "static/editor.js", "static/measure.js", "static/panel.js", "static/page.js",

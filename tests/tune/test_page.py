@@ -164,6 +164,38 @@ def test_a_moved_slider_gives_other_pixels_and_undo_the_former(page: Any) -> Non
     assert pixels(page) == before
 
 
+def test_what_has_not_changed_is_not_painted_anew_and_the_rest_is(page: Any) -> None:
+    def canvases() -> dict[str, str]:
+        script = "all => all.map(c => [c.dataset.kind, c.toDataURL()])"
+        return dict(page.eval_on_selector_all("canvas[data-kind]", script))
+
+    def pressed(name: str) -> dict[str, str]:
+        number = shown(page)
+        page.locator(f'[data-name="{name}"] .q-slider__track-container').press("ArrowRight")
+        after(page, number)
+        return canvases()
+
+    first = canvases()
+    select(page, "axial")
+    louder = pressed("axial.base_sigma_mm")
+    assert louder["clean"] == first["clean"]
+    assert all(louder[kind] != first[kind] for kind in ("noisy", "difference", "surface"))
+    page.click('[data-section="pose and scene"] button.name')
+    turned = pressed("pose.yaw_deg")
+    assert all(turned[kind] != louder[kind] for kind in ("clean", "noisy", "surface"))
+    for _ in range(2):
+        number = shown(page)
+        page.click('[aria-label="undo"]')
+        after(page, number)
+    assert canvases() == first
+
+
+def test_a_frame_is_sent_as_it_is(page: Any) -> None:
+    """To compress it takes longer than to draw it."""
+    script = "async () => [...(await fetch(glsimTune.state.address)).headers.keys()]"
+    assert "content-encoding" not in page.evaluate(script)
+
+
 def test_a_syntax_error_is_marked_and_mended_code_changes_the_image(page: Any) -> None:
     select(page, "axial")
     page.wait_for_function("document.querySelector('.cm-content').textContent.includes('axial')")

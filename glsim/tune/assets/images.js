@@ -1,8 +1,11 @@
 // Images of a picture's layers on 2D canvases with a common zoom, cursor and profile line.
 
 import { DEPTH, GREY, REASON_WORDS, SIGNED, word } from "./maps.js";
+import { alike } from "./packet.js";
 
 const EMPTY = word([27, 30, 36]);
+
+const LAYERS_OF = { difference: ["clean", "noisy"] };
 
 // The range of depths that is worth colours: from the nearest to the farthest clean surface.
 export function depthRange(picture) {
@@ -62,6 +65,11 @@ export class LayerImage {
 
   set(picture, range, differenceMm) {
     const { width, height } = picture;
+    const scale = this.kind === "difference" ? differenceMm : String(range);
+    const before = this.picture;
+    this.picture = picture;
+    if (scale === this.scale && alike(before, picture, LAYERS_OF[this.kind] || [this.kind])) return;
+    this.scale = scale;
     if (this.source.width !== width || this.source.height !== height || !this.pixels) {
       this.source.width = width;
       this.source.height = height;
@@ -69,7 +77,6 @@ export class LayerImage {
     }
     paint(picture, this.kind, range, differenceMm, new Uint32Array(this.pixels.data.buffer));
     this.source.getContext("2d").putImageData(this.pixels, 0, 0);
-    this.picture = picture;
   }
 
   // view: {x, y, scale}: frame pixel at the middle of the canvas, and its size on the screen.

@@ -24,3 +24,15 @@ export function valueAt(picture, name, x, y) {
   }
   return picture.layers[name][row * picture.width + column];
 }
+
+// Whether two pictures have equal values in these layers: what was made of them need not be made anew.
+export function alike(one, other, names) {
+  if (!one || one.left !== other.left || one.top !== other.top) return false;
+  if (one.width !== other.width || one.height !== other.height) return false;
+  return names.every((name) => {
+    const a = one.layers[name], b = other.layers[name];
+    let i = 0;
+    while (i < a.length && a[i] === b[i]) i++;
+    return i === a.length;
+  });
+}

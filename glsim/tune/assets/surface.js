@@ -1,6 +1,7 @@
 // The noisy surface in 3D, cut at jumps, under the clean one as a ghost: what is seen, and from where.
 // A GPU draws a mesh; without one, points are drawn here.
 
+import { alike } from "./packet.js";
 import { MeshPainter } from "./surface_mesh.js";
 import { PointPainter } from "./surface_points.js";
 
@@ -59,11 +60,17 @@ export class Surface {
   }
 
   set(picture) {
+    const before = this.picture;
     this.picture = picture;
     const step = Math.max(1, Math.ceil(Math.sqrt((picture.width * picture.height) / MOST_POINTS)));
     // A surface is cut where it is steeper than 83 degrees, and noise alone does not cut it.
     const jump = 1 + Math.max(0.02, (8 * step) / picture.head.focal_px[0]);
-    this.painter.set(picture, [picture.layers.noisy, picture.layers.clean], { step, jump });
+    const grid = { step, jump }, { focal_px, centre_px, depth_unit_mm } = picture.head;
+    const rest = JSON.stringify([grid, focal_px, centre_px, depth_unit_mm]);
+    const names = ["noisy", "clean"];
+    const kept = names.map((name) => rest === this.rest && alike(before, picture, [name]));
+    this.rest = rest;
+    this.painter.set(picture, names.map((name) => picture.layers[name]), grid, kept);
     this._measure(picture);
     this.draw();
   }

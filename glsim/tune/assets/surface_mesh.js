@@ -76,13 +76,15 @@ export class MeshPainter {
   }
 
   // maps: the depth maps of a picture, in the order of painting. grid: {step, jump}, see meshOf.
-  set(picture, maps, { step, jump }) {
+  // kept: per map, whether it is the last one.
+  set(picture, maps, { step, jump }, kept) {
     const { gl } = this, { width, height } = picture;
     this.picture = picture;
     const most = 6 * Math.ceil(width / step) * Math.ceil(height / step);
     if (this.places.length < most) this.places = new Uint32Array(most);
     gl.bindVertexArray(this.array);
     maps.forEach((map, n) => {
+      if (kept[n]) return;
       this.counts[n] = meshOf(map, width, height, step, jump, this.places);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.meshes[n]);
       gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, this.places, gl.STREAM_DRAW, 0, this.counts[n]);

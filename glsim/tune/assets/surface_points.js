@@ -10,13 +10,15 @@ export class PointPainter {
 
   // maps: the depth maps of a picture, in the order of painting. grid: {step, jump}: pixels between
   // points, and the depth ratio that cuts. A point is the first corner of a quad of one surface.
-  set(picture, maps, { step, jump }) {
+  // kept: per map, whether it is the last one.
+  set(picture, maps, { step, jump }, kept) {
     const { width, height, left, top } = picture;
     const [fx, fy] = picture.head.focal_px, [cx, cy] = picture.head.centre_px;
     const unit = picture.head.depth_unit_mm / 1000;
     const most = Math.ceil(width / step) * Math.ceil(height / step);
     this.gap = step / Math.min(fx, fy); // between points at 1 m
     this.clouds = maps.map((depth, n) => {
+      if (kept[n]) return this.clouds[n];
       const cloud = this.clouds[n]?.values.length >= 6 * most
         ? this.clouds[n] : { values: new Float32Array(6 * most), count: 0 };
       const { values } = cloud;
