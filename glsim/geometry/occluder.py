@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-#: Triangles that are kept, as a share. Chosen: with 0.44 the surface that a sensor at 0.9 m would see
+#: Triangles that are kept, as a share. Chosen: with 0.44 the surface that a sensor at 0.9 m sees
 #: moves along its axis by 0.01 mm at the median and 0.3 mm at the 99th percentile under embedded
 #: heads, by 0.08 and 1.3 mm under ICT-FaceKit, whose mesh is coarser (`benchmarks.occluders`).
 KEPT_SHARE = 0.44

@@ -9,6 +9,7 @@ Emitters are drawn one after the other into the same z-buffer; each adds its sha
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -41,13 +42,22 @@ class ShadowMap:
         #: Draws meshes into the z-buffer.
         self.program = link_files(context, "render/projector.frag", "render/projector.vert")
         self._pass = FullscreenPass(context, link_files(context, "render/lit.frag"))
-        self._depth = context.depth_texture((_SIDE_TEXELS, _SIDE_TEXELS))
-        self._depth.compare_func = "<="
-        self._depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self._unfiltered = context.sampler(
             filter=(moderngl.NEAREST, moderngl.NEAREST), compare_func=""
         )
-        self._buffer = context.framebuffer([], self._depth)
+
+    @cached_property
+    def _depth(self) -> moderngl.Texture:
+        """The z-buffer, 17 MB: sensors without shadow mapping never make it."""
+        depth = self._context.depth_texture((_SIDE_TEXELS, _SIDE_TEXELS))
+        depth.compare_func = "<="
+        depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        return depth
+
+    @cached_property
+    def _buffer(self) -> moderngl.Framebuffer:
+        """Draws into the z-buffer."""
+        return self._context.framebuffer([], self._depth)
 
     def draw(
         self,
