@@ -1,14 +1,19 @@
-"""Time and memory of planning and of opening large data sets: python -m benchmarks.plan.
+"""Time and memory of planning, driving and opening large data sets: python -m benchmarks.plan.
 
 Each case runs in a process of its own: its CPU time, its wall time, and the growth of its peak
 resident memory. The data set to open has the manifest of a real frame, again and again with other
 indices, and no images; it is written to --folder (1.7 kB a frame) and removed.
+
+How many cores a driver keeps busy is the CPU time of a worker for a chunk over the driver's, the
+slope between two real runs of kinect-v2-paper, 128 x 128 pixels: more cores than that would wait
+for the driver. It is a ratio, so that the machine's speed matters less.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import resource
 import subprocess
 import sys
 import tempfile
@@ -81,6 +86,22 @@ def chunks_case(people: int, frames: int, chunk_frames: int) -> dict[str, float]
     return measured(work)
 
 
+def driver_case(frames: int, chunk_frames: int) -> dict[str, float]:
+    """Make a data set with two workers: CPU seconds of the driver and of the workers."""
+    from glsim.dataset import generate
+    from glsim.settings.schema import load_settings
+
+    source = {"kind": "procedural", "subjects": frames // 32, "frames_per_subject": 32}
+    output = {"crop": 128, "format": "png" if chunk_frames == 32 else "webdataset"}
+    settings = load_settings(
+        overrides={"sensor": "kinect-v2-paper", "output": output}, source=source
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        case = measured(lambda: generate(settings, Path(folder) / "data", workers=2))
+    worker = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return case | {"worker_s": worker.ru_utime + worker.ru_stime}
+
+
 def open_case(folder: Path) -> dict[str, float]:
     """Open a data set and read its middle record."""
     from glsim.dataset import open_dataset
@@ -132,8 +153,12 @@ def main() -> None:
         if kind == "open":
             case = open_case(Path(values[0]))
         else:
-            make = plan_case if kind == "plan" else chunks_case
-            case = make(*map(int, values))
+            cases: dict[str, Callable[..., dict[str, float]]] = {
+                "plan": plan_case,
+                "chunks": chunks_case,
+                "driver": driver_case,
+            }
+            case = cases[kind](*map(int, values))
         print(json.dumps(case))
         return
     out = Console(soft_wrap=True)
@@ -155,6 +180,13 @@ def main() -> None:
         case = run(f"{HANDED_OUT} frames in chunks of {size}", "chunks", "1000", "1000", str(size))
         rate = HANDED_OUT / case["cpu_s"]
         out.print(f"  a driver hands out {rate:.0f} frames/s, {rate / size:.0f} chunks/s")
+    for size in (32, 512):
+        short, long = (
+            run(f"driver of {frames} frames in chunks of {size}", "driver", str(frames), str(size))
+            for frames in (512, 1536)
+        )
+        worker_s, driver_s = long["worker_s"] - short["worker_s"], long["cpu_s"] - short["cpu_s"]
+        out.print(f"  keeps {worker_s / driver_s:.0f} cores busy")
     if not arguments.open:
         return
     with tempfile.TemporaryDirectory(dir=arguments.folder) as name:
