@@ -25,9 +25,9 @@ from glsim.tune.statistics import frame_statistics, silhouette_widths
 from glsim.tune.topbar import TopBar
 from glsim.tune.workshop import Workshop
 
-#: Pause between a painted picture and its statistics, seconds; and how long the browser may take
-#: to paint, which a hidden tab never does.
-_REST, _PAINTING = 0.15, 2.0
+#: Seconds. Pause between a painted picture and its statistics; the same while pictures follow each
+#: other, which statistics slow down; and how long a tab may take to paint: a hidden one never does.
+_REST, _REST_PLAYING, _PAINTING = 0.15, 1.5, 2.0
 
 _HEAD = """
 <link rel="stylesheet" href="/tune/assets/tune.css">
@@ -217,7 +217,7 @@ class Page:
                 # The picture comes first, and a dragged slider: statistics take as long as both.
                 with suppress(TimeoutError):
                     await asyncio.wait_for(self._painted.wait(), _PAINTING)
-                await asyncio.sleep(_REST)
+                await asyncio.sleep(_REST_PLAYING if self.top.playing else _REST)
                 measured = self.picture
                 figures = await self.workshop.measure(_figures, measured)
                 self.call("statistics", figures, self.comparison.figures)
