@@ -24,6 +24,7 @@ class Nodes:
 
         self._cluster = Cluster(
             initialize_head=True,
+            shutdown_at_exit=False,  # its signal handlers allow no nodes from other threads
             head_node_args={
                 "num_cpus": 0,
                 "object_store_memory": _STORE_BYTES,
