@@ -57,7 +57,7 @@ class AllTriangles:
 
 
 def main() -> None:
-    """Measure and print two tables."""
+    """Measure the error and the gain of occluders, and print a table of each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--ict-root", type=Path, help="FaceXModel folder; default: left out")
     parser.add_argument("--people", action="store_true", help="people too; needs glsim[people]")
@@ -82,7 +82,7 @@ def main() -> None:
     Console(width=110).print(errors, gains)
 
 
-def _settings(source: FaceSource, sensor: str, frames: int) -> Settings:
+def _settings(sensor: str, frames: int) -> Settings:
     """Return the settings of about ``frames`` frames, four a person."""
     return load_settings(
         overrides={"sensor": sensor, "pose": {"distance_mm": 900.0}},
@@ -92,7 +92,7 @@ def _settings(source: FaceSource, sensor: str, frames: int) -> Settings:
 
 def _errors(context: moderngl.Context, source: FaceSource, frames: int) -> list[str]:
     """Return the cells of one row: triangles, those left, percentiles, share of the silhouette."""
-    settings = _settings(source, "kinect-v2", frames)
+    settings = _settings("kinect-v2", frames)
     renderer = Renderer(context, replace(sensor_of(settings).rig, emitters=(), supersample=1))
     moved: list[NDArray[np.float32]] = []
     other = seen = triangles = left = 0
@@ -112,7 +112,7 @@ def _errors(context: moderngl.Context, source: FaceSource, frames: int) -> list[
 
 
 def _depth_m(context: moderngl.Context, renderer: Renderer, mesh: Mesh) -> NDArray[np.float32]:
-    """Return the clean depth of a mesh at 0.9 m, in its window, m."""
+    """Render a mesh at 0.9 m; return its clean depth, m, (h, w) of the window that it fills."""
     readback = Readback(context)
     with renderer.render([(mesh, pose_matrix({"distance_mm": 900.0}))]) as rendered:
         readback.request(rendered.pool, {"clean": rendered.layers["clean"]}, rendered.window)
@@ -121,7 +121,7 @@ def _depth_m(context: moderngl.Context, renderer: Renderer, mesh: Mesh) -> NDArr
 
 def _gain(context: moderngl.Context, source: FaceSource, sensor: str, frames: int) -> list[str]:
     """Return the cells of one row: ratio of CPU time, and pixels that differ."""
-    settings = _settings(source, sensor, frames + _WARM_UP)
+    settings = _settings(sensor, frames + _WARM_UP)
     tasks = make_tasks(settings, [source])[: frames + _WARM_UP]
     simulators = [
         Simulator(settings, [one], context, ("clean", "noisy"))

@@ -62,7 +62,7 @@ def photograph_batches(
 
 
 def _as_stored(recipe: Recipe) -> Recipe:
-    """Return the recipe without augmentation, so that each seed measures the same depths, mm."""
+    """Return the recipe without augmentation: all seeds then find the same range of depths, mm."""
     data = {"flip": False, "relief_mm": 0.0, "slope_mm_per_px": 0.0}
     stored = recipe.data.model_copy(update=data)
     return recipe.model_copy(update={"seed": 0, "data": stored})

@@ -61,7 +61,7 @@ class _Scores:
         return set(self._entries)
 
     def values(self, metric: str, seeds: Collection[int] | None = None) -> list[float]:
-        """Return a metric's mean over frames, one per seed. seeds: the wanted ones, or all."""
+        """Return the mean of a metric over all frames, one value per seed. seeds: None for all."""
         wanted = self._entries if seeds is None else sorted(seeds)
         return [self._entries[seed][metric].mean for seed in wanted]
 

@@ -238,7 +238,7 @@ class ShaderChain:
         return layers
 
     def _empty_reason(self, pool: TargetPool, frame: FrameContext) -> dict[str, Target]:
-        """Return the layer of reasons before the first stage: no pixel is lost."""
+        """Return the layer ``reason`` before the first stage: 0, for no pixel is lost yet."""
         target = pool.take(_REASON, frame.window)
         buffer = pool.framebuffer([target])
         buffer.use()

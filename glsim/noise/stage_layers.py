@@ -15,7 +15,7 @@ Targets = dict[str, Target]
 
 
 class StageLayers:
-    """The targets of one run: each is given back to its pool when nobody reads it any more."""
+    """Own the targets of one run; return each to its pool once no later stage can read it."""
 
     def __init__(self) -> None:
         self._pool: TargetPool | None = None

@@ -48,7 +48,7 @@ class ShadowMap:
 
     @cached_property
     def _depth(self) -> moderngl.Texture:
-        """The z-buffer, 17 MB: sensors without shadow mapping never make it."""
+        """The emitter's z-buffer, 17 MB, made when first used: never without shadow mapping."""
         depth = self._context.depth_texture((_SIDE_TEXELS, _SIDE_TEXELS))
         depth.compare_func = "<="
         depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
@@ -56,7 +56,7 @@ class ShadowMap:
 
     @cached_property
     def _buffer(self) -> moderngl.Framebuffer:
-        """Draws into the z-buffer."""
+        """The framebuffer that writes the emitter's z-buffer and no colours."""
         return self._context.framebuffer([], self._depth)
 
     def draw(

@@ -220,7 +220,7 @@ def test_threads_do_not_change_the_arithmetic_and_a_kernel_does() -> None:
 
 
 def test_other_occluders_are_another_arithmetic(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another version of the library that simplifies meshes would cast other shadows."""
+    """A data set records which triangles the library keeps: another version may keep others."""
     compute = arithmetic._numpy_arithmetic.__wrapped__
     before = compute()
     assert compute() == before

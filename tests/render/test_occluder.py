@@ -71,7 +71,7 @@ def test_the_light_on_a_face_is_nearly_that_of_all_its_triangles(
 
 
 def test_the_occluder_alone_casts_the_shadow(context: moderngl.Context) -> None:
-    """Of a plate before a wall only the upper half is in the occluder: so much shadow is left."""
+    """A plate whose occluder is its upper half casts half of its shadow on a wall."""
     plate = sheet(lambda x, _: np.full_like(x, 0.9), (-0.1, 0.1), (-0.12, 0.12), cells=2)
     wall = rectangle((-5, 5), (-5, 5), 1.5)
     renderer = Renderer(context, rig((0.075, 0, 0)))

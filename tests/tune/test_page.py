@@ -191,7 +191,7 @@ def test_what_has_not_changed_is_not_painted_anew_and_the_rest_is(page: Any) -> 
 
 
 def test_a_frame_is_sent_as_it_is(page: Any) -> None:
-    """To compress it takes longer than to draw it."""
+    """The server does not compress layers: that takes longer than to draw them."""
     script = "async () => [...(await fetch(glsimTune.state.address)).headers.keys()]"
     assert "content-encoding" not in page.evaluate(script)
 
