@@ -78,6 +78,7 @@ class Page:
         """Draw the first picture; called when the browser is connected."""
         self.call("build", "tune-view", "tune-figures", [r.help for r in Reason], self.tab)
         await self.refresh()
+        self.editor.theme(await self._is_dark())
         await self.workshop.read_recording()
         self._show_recording(None)
         if self.workshop.recorded and not self._measuring:
@@ -240,10 +241,15 @@ class Page:
 
     async def change_theme(self) -> None:
         """Change between dark and light."""
-        dark = await ui.run_javascript("document.body.classList.contains('body--dark')")
+        dark = await self._is_dark()
         self.dark.set_value(not dark)
         self.editor.theme(not dark)
         self.call("themed")
+
+    async def _is_dark(self) -> bool:
+        """Ask the browser whether the page is dark: by the system's choice or the user's."""
+        script = "document.body.classList.contains('body--dark')"
+        return bool(await self.client.run_javascript(script, timeout=60.0))
 
     async def _watch(self) -> None:
         """Reload the sensor's own files when an editor outside has changed them."""

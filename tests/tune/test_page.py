@@ -190,6 +190,23 @@ def test_what_has_not_changed_is_not_painted_anew_and_the_rest_is(page: Any) -> 
     assert canvases() == first
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_editor_has_the_colours_of_the_system(
+    server: Server, browser: Any, scheme: str
+) -> None:
+    context = browser.new_context(color_scheme=scheme)
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(server.address)
+    light = "(c => c[0] + c[1] + c[2] > 380)"
+    page.wait_for_function(
+        f"{light}((getComputedStyle(document.querySelector('.cm-editor') ?? document.body)"
+        f".backgroundColor.match(/\\d+/g) ?? []).map(Number)) === {str(scheme == 'light').lower()}"
+        " && document.querySelector('.cm-editor')"
+    )
+    context.close()
+
+
 def test_a_frame_is_sent_as_it_is(page: Any) -> None:
     """The server does not compress layers: that takes longer than to draw them."""
     script = "async () => [...(await fetch(glsimTune.state.address)).headers.keys()]"
