@@ -158,17 +158,19 @@ def keeping_simulator(make_frames: Any) -> Any:
 def _numpy_arithmetic() -> bytes:
     """Return products, functions and sums of fixed numbers, as bytes.
 
-    The shapes are those of the face sources: a batch of morphable faces, vertices times a
-    rotation, distances, a rigid alignment; and the triangles of an occluder.
+    They are those of the face sources: a batch of morphable faces, vertices times a rotation,
+    distances, a rigid alignment; and the triangles of an occluder. Products are too small for
+    OpenBLAS to share among threads (its limit for one row is 9,216 numbers), which would round sums
+    in another way: workers have one thread, the process that compares itself with them many.
     """
     parts: list[Any] = []
     kind: Any
     for kind in (np.float32, np.float64):
         # The golden section spreads the fractional parts evenly over [0, 1).
-        numbers: Any = ((np.arange(1, 154 * 256 + 1) * 0.6180339887498949) % 1).astype(kind)
-        basis = numbers.reshape(154, 256)
+        numbers: Any = ((np.arange(1, 154 * 48 + 1) * 0.6180339887498949) % 1).astype(kind)
+        basis = numbers.reshape(154, 48)
         weights = basis[:, :32].T - kind(0.5)
-        points = basis[:3].T - kind(0.5)
+        points = numbers[:768].reshape(256, 3) - kind(0.5)
         parts += [weights @ basis, weights[:1] @ basis, points @ points[:3], points.T @ points]
         parts += [np.linalg.svd(points.T @ points)[0], np.linalg.inv(points[:3])]
         row = numbers[:4096]

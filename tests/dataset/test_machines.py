@@ -37,6 +37,12 @@ def test_a_worker_says_what_it_is_and_another_is_refused_by_name() -> None:
         Machine("node7", "llvmpipe", "4567").refuse_other("llvmpipe", "0123")
 
 
+def test_the_number_of_threads_does_not_make_another_machine() -> None:
+    """Workers have one thread, the process that compares itself with them one per core."""
+    many = machine_of_workers({"OPENBLAS_NUM_THREADS": "4", "OMP_NUM_THREADS": "4"}, None)
+    assert machine_of_workers({}, None) == many
+
+
 def test_a_worker_that_cannot_start_is_one_clear_line() -> None:
     with pytest.raises(DeviceError, match=r"a worker process with .* ended with status 1"):
         machine_of_workers({"PYTHONHOME": "/nowhere"}, None)
