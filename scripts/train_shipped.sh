@@ -28,16 +28,18 @@ far_wall=(--set 'scene.wall_mm={ uniform = [2550, 4500] }')
 
 # Cameras that nobody built at four resolutions, and any Kinect V2; a third stands before a wall.
 for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
+    config=(--config "train/data/$camera.toml")
+    wall=("${near_wall[@]}")
+    [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
     for source in procedural ict-facekit people; do
-        config=(--config "train/data/$camera.toml")
-        wall=("${near_wall[@]}")
-        [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
-        people=60 frames=8
-        [ $camera != randomised ] || people=120 frames=12
+        people=60 frames=12
+        [ $camera != randomised ] || people=120
         [ $source != people ] || people=$((people / 3))
-        generate "$camera" $source $people $frames "${config[@]}"
-        generate "$camera-wall" $source $((people / 3)) 16 "${config[@]}" "${wall[@]}"
-        stills+=(--data "$out/$camera-$source" --data "$out/$camera-wall-$source")
+        for set in "$camera" "$camera-again"; do # other people: the seed is drawn from the name
+            generate "$set" $source $people $frames "${config[@]}"
+            generate "$set-wall" $source $((people / 3)) 16 "${config[@]}" "${wall[@]}"
+            stills+=(--data "$out/$set-$source" --data "$out/$set-wall-$source")
+        done
     done
 done
 # People in rooms: whole frames, of which each step sees a random square.

@@ -75,7 +75,7 @@ class MaskAware(DepthModel):
     near steps and holes, is subtracted. So the network cannot move a surface as a whole, which
     would be right for the camera that it was trained on and wrong for others.
 
-    Parameters are those of the backbone, from 10 channels (12 with ``surfaces``) to 7 (1 more with
+    Parameters are those of the backbone, from 12 channels (14 with ``surfaces``) to 9 (1 more with
     ``uncertainty``, 4 more with ``surfaces``). ``sigma_scale`` (a buffer, 1 until
     `calibration.calibrate`) multiplies sigma.
     """
