@@ -18,16 +18,17 @@ from glsim.tune.bench import Picture
 from glsim.tune.comparison import Comparison
 from glsim.tune.editor import CodeEditor
 from glsim.tune.packet import pack
-from glsim.tune.recording import measure_frames
 from glsim.tune.sections import Sections
 from glsim.tune.state import History, StageCode, Tuning
-from glsim.tune.statistics import frame_statistics, silhouette_widths
 from glsim.tune.topbar import TopBar
 from glsim.tune.workshop import Workshop
 
 #: Seconds. Pause between a painted picture and its statistics; the same while pictures follow each
 #: other, which statistics slow down; and how long a tab may take to paint: a hidden one never does.
 _REST, _REST_PLAYING, _PAINTING = 0.15, 1.5, 2.0
+#: How long a browser's request for the next picture waits for one, seconds: it asks again. The
+#: server ends as late as this after Ctrl-C.
+_WAITING = 2.0
 
 _HEAD = """
 <link rel="stylesheet" href="/tune/assets/tune.css">
@@ -47,10 +48,12 @@ class Page:
         self.picture: Picture | None = None
         self.selected = ""
         self._number = 0
+        self._packet: bytes | None = None
         self._drawing = self._wanted = self._measuring = self._closed = False
         self._files: dict[Path, float] = {}
         self._read_at = 0.0
         self._painted = asyncio.Event()
+        self._presented = asyncio.Event()
         self._ahead: tuple[Tuning, int | None, asyncio.Task[Picture]] | None = None
 
     # what is shown
@@ -89,8 +92,8 @@ class Page:
         """Free what the tab holds, until its next picture; called when it is closed or hidden."""
         self.top.playing = False
         self._ahead = None
-        for which in ("a", "b"):
-            self.workshop.packets.pop(f"{self.tab}/{which}", None)
+        self._packet = None
+        self.workshop.packets.pop(f"{self.tab}/b", None)
         await self.workshop.on_gl(self.bench.close)
 
     async def close(self) -> None:
@@ -170,7 +173,18 @@ class Page:
             self.picture = await ahead[2]
         else:
             self.picture = await self._drawn(tuning)
-        self.workshop.packets[f"{self.tab}/a"] = pack(self.picture.frame)
+
+    async def packet_after(self, number: int) -> bytes | None:
+        """Return the newest picture's packet once there is a later one than a number.
+
+        The browser always waits for one: to tell it of a picture by the socket, and to be asked for
+        it then, took as long as to paint it. None: there is no new picture; ask again.
+        """
+        if self._packet is None or self._number <= number:
+            self._presented.clear()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._presented.wait(), _WAITING)
+        return self._packet if self._number > number else None
 
     def _present(self) -> None:
         """Show the newest picture, and measure it beside the next one's drawing."""
@@ -178,8 +192,9 @@ class Page:
         if picture is None or self._closed:
             return
         self._number += 1
+        self._packet = pack(picture.frame, number=self._number)
         self._painted.clear()
-        self.call("show", f"/tune/frame/{self.tab}/a?n={self._number}", self._number)
+        self._presented.set()
         with self.client:
             self.editor.problem("")
             self.sections.refresh(picture)
@@ -223,6 +238,8 @@ class Page:
                 figures = await self.workshop.measure(_figures, measured)
                 self.call("statistics", figures, self.comparison.figures)
                 if self.workshop.recorded and not self.top.playing:
+                    from glsim.tune.recording import measure_frames
+
                     here = await self.workshop.measure(measure_frames, [measured.frame])
                     self._show_recording(here)
         finally:
@@ -269,6 +286,8 @@ class Page:
 
 
 def _figures(picture: Picture) -> dict[str, Any]:
+    from glsim.tune.statistics import frame_statistics, silhouette_widths  # takes 0.2 s
+
     return {
         **frame_statistics(picture.frame, picture.normal),
         "silhouettes": silhouette_widths(picture.frame),

@@ -53,6 +53,15 @@ def serve(
             return Response(status_code=404)
         return Response(packet, media_type="application/octet-stream")
 
+    @app.get("/tune/next/{tab}")
+    async def next_picture(tab: str, after: int) -> Response:
+        if tab not in pages:
+            return Response(status_code=404)
+        packet = await pages[tab].packet_after(after)
+        if packet is None:
+            return Response(status_code=204)
+        return Response(packet, media_type="application/octet-stream")
+
     @app.post("/tune/closed/{tab}")
     async def closed(tab: str) -> None:
         if tab in pages:

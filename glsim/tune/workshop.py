@@ -14,7 +14,6 @@ from glsim.errors import GlsimError
 from glsim.faces.base import FaceSource
 from glsim.settings.schema import Settings
 from glsim.tune.bench import Bench
-from glsim.tune.recording import measure_recording
 from glsim.tune.state import Tuning
 
 log = logging.getLogger(__name__)
@@ -72,6 +71,8 @@ class Workshop:
         """Measure the real recording, once; it takes seconds, and frames are measured meanwhile."""
         if self.real is None or self.recorded is not None:
             return
+        from glsim.tune.recording import measure_recording  # takes 0.3 s
+
         try:
             self.recorded = await asyncio.to_thread(measure_recording, self.real)
         except GlsimError as error:

@@ -209,8 +209,28 @@ def test_the_editor_has_the_colours_of_the_system(
 
 def test_a_frame_is_sent_as_it_is(page: Any) -> None:
     """The server does not compress layers: that takes longer than to draw them."""
-    script = "async () => [...(await fetch(glsimTune.state.address)).headers.keys()]"
-    assert "content-encoding" not in page.evaluate(script)
+    script = (
+        "async () => [...(await fetch(`/tune/next/${glsimTune.state.tab}?after=0`)).headers.keys()]"
+    )
+    names = page.evaluate(script)
+    assert "content-length" in names
+    assert "content-encoding" not in names
+
+
+def test_a_request_waits_for_the_next_picture(page: Any) -> None:
+    """The browser does not learn of a picture by the socket: that took as long as to paint it."""
+    script = """async (after) => {
+        const answer = await fetch(`/tune/next/${glsimTune.state.tab}?after=${after}`);
+        return [answer.status, performance.now()];
+    }"""
+    now = shown(page)
+    start = page.evaluate("performance.now()")
+    assert page.evaluate(script, now - 1)[0] == 200
+    status, end = page.evaluate(script, now)
+    assert status == 204
+    assert end - start > 1900
+    assert page.evaluate("fetch('/tune/next/none?after=0').then((answer) => answer.status)") == 404
+    page.said.clear()  # the browser logs the answer 404 itself
 
 
 def test_a_syntax_error_is_marked_and_mended_code_changes_the_image(page: Any) -> None:
@@ -389,11 +409,11 @@ def test_two_tabs_have_their_own_settings_and_a_link_carries_them(
     after(second, of_second)
     assert pixels(second) != pixels(page)
     assert shown(page) == number
-    address = second.evaluate("glsimTune.state.address")
+    address = second.evaluate("`/tune/next/${glsimTune.state.tab}?after=0`")
     assert page.evaluate(f"fetch('{address}').then((answer) => answer.status)") == 200
     second.close()
     for _ in range(PATIENCE_MS // 500):
-        if page.evaluate(f"fetch('{address}').then((answer) => answer.status)") == 404:
+        if page.evaluate(f"fetch('{address}').then((answer) => answer.status)") != 200:
             break
         page.wait_for_timeout(500)
     else:
@@ -402,7 +422,7 @@ def test_two_tabs_have_their_own_settings_and_a_link_carries_them(
 
 
 def test_without_the_token_nothing_is_served(server: Server) -> None:
-    for path in ("", "?token=wrong", "tune/assets/tune.js", "tune/frame/x/a", "_nicegui/x"):
+    for path in ("", "?token=wrong", "tune/assets/tune.js", "tune/next/x?after=0", "_nicegui/x"):
         with pytest.raises(urllib.error.HTTPError) as refused:
             urllib.request.urlopen(f"http://127.0.0.1:{server.port}/{path}")
         assert refused.value.code == 403

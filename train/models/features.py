@@ -71,8 +71,8 @@ class Features(NamedTuple):
     bands_mm: (B, FILTERS, H, W) what filters that keep steps would add, at most 50 mm, each less
         the one before, so that their sum is what the last one adds. In order:
         guided filter with a radius of 1 px, robust mean of 5x5 px, guided filter of 2 px, Gaussian
-        of 3 px that keeps curves, guided filter of 4 px, Gaussian of 5 px that keeps curves, and
-        guided filter of 4 px of the depth relative to all depth around, which smooths slopes as well
+        of 3 px that keeps curves, guided filter of 4 px, Gaussian of 5 px that keeps curves,
+        guided filter of 4 px of the depth relative to all depth around (it smooths slopes as well)
     even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
     channels: (B, CHANNELS, H, W), about -5 to 5, 0 where nothing is known:
         0 to 6 asinh(bands_mm / 2 mm): small at a step of any height

@@ -8,6 +8,7 @@ two palpebral fissures and the mouth, are cut along a row: their interior vertic
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -52,6 +53,7 @@ BACK_COLUMNS = 20  # columns around the back to the midline
 HALF_COLUMNS = len(FRONT_X) - 1 + SIDE_COLUMNS + BACK_COLUMNS
 
 
+@lru_cache
 def knot_row(knot: int) -> int:
     """Return the row at a knot of ROW_KNOTS."""
     return sum(line[0] for line in ROW_KNOTS[:knot])

@@ -113,11 +113,14 @@ def cast_to_surface(
     """Trace rays from inside the head to the skin; return the (N, 3) points reached.
 
     origins: (N, 3) inside the head. directions: (N, 3) unit. Sphere tracing with short steps,
-    because the distance inside an ellipsoid is approximate.
+    because the distance inside an ellipsoid is approximate. Equal rays, as of both halves of the
+    head, are traced once.
     """
+    rays, place = np.unique(np.hstack([origins, directions]), axis=0, return_inverse=True)
+    origins, directions = rays[:, :3], rays[:, 3:]
     travelled = np.zeros(len(origins))
     for step in range(steps):
         gap = head_distance(origins + travelled[:, None] * directions, volumes)
         advance = -0.8 * gap if step < steps - 6 else -gap
         travelled = np.maximum(travelled + np.clip(advance, -2.0, MAX_STEP_MM), 0.0)
-    return np.asarray(origins + travelled[:, None] * directions)
+    return np.asarray((origins + travelled[:, None] * directions)[place])

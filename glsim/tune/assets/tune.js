@@ -13,8 +13,10 @@ const KINDS = [
 ];
 const state = {
   picture: null, other: null, split: 0.5, view: null, cursor: null, line: null, differenceMm: 10,
-  waiting: false, next: null, times: [], painted: 0, pressed: 0, shown: -1,
+  times: [], painted: 0, pressed: 0, shown: 0,
 };
+// Pause after a request that failed, as while the server restarts.
+const RETRY_MS = 1000;
 const MAPS = { clean: DEPTH, noisy: DEPTH, difference: SIGNED, infrared: GREY };
 const images = {}, others = {}, keys = {};
 let surface, figures, root, words = [];
@@ -193,9 +195,11 @@ function drawProfile() {
   ], [0, steps], [low - pad, high + pad], "px");
 }
 
+// A picture of the server; null: there is none.
 async function fetchPicture(address) {
   const answer = await fetch(address, { cache: "no-store" });
   if (!answer.ok) throw new Error(`${answer.status} ${address}`);
+  if (answer.status === 204) return null;
   return unpack(await answer.arrayBuffer());
 }
 
@@ -223,24 +227,22 @@ function display(picture) {
   surface.set(picture);
 }
 
-// Show a picture of the server. While one is on its way, only the newest request waits.
-async function show(address, number) {
-  if (state.waiting) { state.next = [address, number]; return; }
-  state.waiting = true;
-  try {
-    display(await fetchPicture(address));
-    state.shown = number;
-    state.address = address;
-    root.dataset.shown = number;
-    painted(state.pressed);
-    state.pressed = 0;
-    window.emitEvent("tune_shown", { number });
-  } catch (error) {
-    if (!(error instanceof TypeError)) throw error; // the page is being closed
-  } finally {
-    state.waiting = false;
-    if (state.next) { const [a, n] = state.next; state.next = null; show(a, n); }
+// Show the pictures of the server: a request waits there until a later one than the shown is drawn.
+async function follow(tab) {
+  for (;;) {
+    const picture = await fetchPicture(`/tune/next/${tab}?after=${state.shown}`).catch(() => "failed");
+    if (picture === "failed") await new Promise((done) => setTimeout(done, RETRY_MS));
+    else if (picture) show(picture);
   }
+}
+
+function show(picture) {
+  display(picture);
+  state.shown = picture.head.number;
+  root.dataset.shown = state.shown;
+  painted(state.pressed);
+  state.pressed = 0;
+  window.emitEvent("tune_shown", { number: state.shown });
 }
 
 // Count a picture when it is on the screen. since: when the slider that it follows was moved.
@@ -269,9 +271,11 @@ window.glsimTune = {
   build: (view, panel, words, tab) => {
     build(document.getElementById(view), document.getElementById(panel), words);
     if (tab === undefined) return; // no server
+    state.tab = tab;
+    follow(tab);
     window.addEventListener("pagehide", () => navigator.sendBeacon(`/tune/closed/${tab}`));
   },
-  display, show, showOther,
+  display, showOther,
   fit: () => { fit(); redraw(); },
   scale: (mm) => {
     state.differenceMm = mm;
