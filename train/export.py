@@ -90,7 +90,9 @@ def _onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
         except RuntimeError as error:
             reason = " ".join(str(error).split())[:200]
             raise TrainError(f"{checkpoint}: this network cannot be exported: {reason}") from error
-    return buffer.getvalue()
+    from glsim.train.onnx_graph import compacted  # the package onnx is there: PyTorch used it
+
+    return compacted(buffer.getvalue())
 
 
 def _asinh(graph: Any, x: Any) -> Any:
