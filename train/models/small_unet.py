@@ -24,7 +24,7 @@ class SmallUNet(Backbone):
     interpolation goes up: the untrained network causes no aliasing and no blocks.
 
     Parameters at 14 -> 14, as `MaskAware` builds it with ``surfaces`` and ``uncertainty``: 411,102
-    with width 32, 4 scales and a growth of 0.5 (1.6 MB). Widths of 16 and its multiples are fastest.
+    with width 32, 4 scales and a growth of 0.5 (1.6 MB). Widths of 16 and multiples are fastest.
     """
 
     def __init__(
