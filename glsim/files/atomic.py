@@ -15,7 +15,6 @@ import os
 import secrets
 import stat
 import time
-import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -24,6 +23,7 @@ from types import TracebackType
 from typing import IO, Any
 
 import numpy as np
+from isal import isal_zlib
 
 from glsim.errors import DatasetError
 from glsim.files.flush import flush_file, flush_files
@@ -143,7 +143,7 @@ class AtomicFile:
         """Append bytes; return their number."""
         with wrap_write_errors(self.path):
             self._file.write(data)
-        self.crc32 = zlib.crc32(data, self.crc32)
+        self.crc32 = isal_zlib.crc32(data, self.crc32)
         self.size += len(data)
         return len(data)
 
@@ -237,7 +237,7 @@ def _remove_stale(folder: Path) -> None:
 
 def checksum(data: bytes) -> dict[str, int]:
     """Return the size and CRC32 of bytes in memory."""
-    return {"size": len(data), "crc32": zlib.crc32(data)}
+    return {"size": len(data), "crc32": isal_zlib.crc32(data)}
 
 
 def file_checksum(path: Path) -> dict[str, int] | None:
@@ -246,7 +246,7 @@ def file_checksum(path: Path) -> dict[str, int] | None:
     try:
         with path.open("rb") as file:
             while block := file.read(_BLOCK_BYTES):
-                crc32 = zlib.crc32(block, crc32)
+                crc32 = isal_zlib.crc32(block, crc32)
                 size += len(block)
     except OSError:
         return None

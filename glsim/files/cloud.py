@@ -12,11 +12,12 @@ import os
 import random
 import re
 import time
-import zlib
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
+
+from isal import isal_zlib
 
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import AtomicFile
@@ -148,7 +149,7 @@ class CloudFolder:
             return found
         crc32 = 0
         for block in self.blocks(name, size):
-            crc32 = zlib.crc32(block, crc32)
+            crc32 = isal_zlib.crc32(block, crc32)
         return {"size": size, "crc32": crc32}
 
     def names(self, prefix: str) -> list[str]:

@@ -15,6 +15,9 @@ from glsim.geometry.occluder import occluder_of
 
 IDENTITY_MODES: Final = 100
 MM_PER_UNIT: Final = 10.0  # the model is in centimetres
+#: Rows of every matrix product: OpenBLAS rounds by the number of rows (seen on AMD's Zen 5). 32
+#: faces take 13 ms, by one product 10 ms; a single face 6 ms, by a product of one row 1.4 ms.
+_PRODUCT_ROWS: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,5 +46,11 @@ class MorphableModel:
         return digest.hexdigest()
 
     def evaluate(self, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return (B, V, 3) vertices for (B, 1 + 100 + E) weights, by one matrix product."""
-        return (weights @ self.basis).reshape(len(weights), -1, 3)
+        """Return (B, V, 3) vertices for (B, 1 + 100 + E) weights: the same bytes for any B."""
+        blocks = -(-len(weights) // _PRODUCT_ROWS)
+        padded = np.zeros((blocks, _PRODUCT_ROWS, weights.shape[1]), np.float32)
+        padded.reshape(-1, weights.shape[1])[: len(weights)] = weights
+        vertices = np.empty((blocks, _PRODUCT_ROWS, self.basis.shape[1]), np.float32)
+        for block, result in zip(padded, vertices, strict=True):
+            np.matmul(block, self.basis, out=result)
+        return vertices.reshape(blocks * _PRODUCT_ROWS, -1, 3)[: len(weights)]
