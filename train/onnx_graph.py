@@ -1,4 +1,4 @@
-"""Write an exported ONNX graph in fewer bytes: the same operators, numbers and results."""
+"""Shrink an exported ONNX graph without changing its results."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from onnx import numpy_helper
 
 
 def compacted(data: bytes) -> bytes:
-    """Return an ONNX file with short names, in which each constant is stored once.
+    """Shorten the names in an ONNX file and store each constant once; return the new file.
 
     PyTorch's exporter writes the numbers of each Slice and Unsqueeze as nodes of their own, and the
     path of the module into each name: a third of the file of a network of 217,000 parameters.

@@ -237,7 +237,7 @@ def _shard(root: Path, *members: tuple[str, bytes, int]) -> None:
 
 
 def _large_shard(root: Path) -> None:
-    """A shard of 5 GB, nearly all of it holes, and an image that says to be as large.
+    """Write a shard of 5 GB, nearly all holes, and a record of an image that is as large.
 
     A virtual machine may need 2.4 s of processor time to read 1 GB of holes for the first time.
     """

@@ -158,10 +158,10 @@ def keeping_simulator(make_frames: Any) -> Any:
 def _numpy_arithmetic() -> bytes:
     """Return products, functions and sums of fixed numbers, as bytes.
 
-    They are those of the face sources: a batch of morphable faces, vertices times a rotation,
-    distances, a rigid alignment; and the triangles of an occluder. Products are too small for
-    OpenBLAS to share among threads (its limit for one row is 9,216 numbers), which would round sums
-    in another way: workers have one thread, the process that compares itself with them many.
+    They imitate the face sources: a batch of morphable faces, vertices times a rotation,
+    distances, a rigid alignment; and the triangles of an occluder. Products are so small that
+    OpenBLAS uses one thread (for one row, up to 9,216 numbers): with more threads it rounds sums
+    differently, and workers have one thread, but the process that starts them has many.
     """
     parts: list[Any] = []
     kind: Any

@@ -15,7 +15,7 @@ from glsim.tune.state import Tuning
 
 
 class Comparison:
-    """Setting B. figures: its statistics, or None without a B."""
+    """Setting B. figures: its statistics; packet: its picture for the browser; None without a B."""
 
     def __init__(
         self,
@@ -27,6 +27,7 @@ class Comparison:
         self._page, self._draw, self._measure = page, draw, measure
         self._second: Tuning | None = None
         self._number = 0
+        self.packet: bytes | None = None
         self.figures: dict[str, Any] | None = None
 
     async def keep(self) -> None:
@@ -42,7 +43,7 @@ class Comparison:
 
     async def drop(self) -> None:
         """Show the current settings alone."""
-        self._second = self.figures = None
+        self._second = self.figures = self.packet = None
         self._page.call("showOther", None)
         await self._page.refresh()
 
@@ -55,7 +56,7 @@ class Comparison:
             return
         self._second = tuning
         self._number += 1
-        page.workshop.packets[f"{page.client.id}/b"] = pack(drawn.frame)
-        page.call("showOther", f"/tune/frame/{page.client.id}/b?n={self._number}")
+        self.packet = pack(drawn.frame)
+        page.call("showOther", f"/tune/other/{page.client.id}?n={self._number}")
         self.figures = await page.workshop.measure(self._measure, drawn)
         await page.refresh()

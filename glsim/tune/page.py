@@ -92,8 +92,7 @@ class Page:
         """Free what the tab holds, until its next picture; called when it is closed or hidden."""
         self.top.playing = False
         self._ahead = None
-        self._packet = None
-        self.workshop.packets.pop(f"{self.tab}/b", None)
+        self._packet = self.comparison.packet = None
         await self.workshop.on_gl(self.bench.close)
 
     async def close(self) -> None:
@@ -175,10 +174,10 @@ class Page:
             self.picture = await self._drawn(tuning)
 
     async def packet_after(self, number: int) -> bytes | None:
-        """Return the newest picture's packet once there is a later one than a number.
+        """Wait up to 2 s for a picture later than ``number``; return its packet, None without one.
 
-        The browser always waits for one: to tell it of a picture by the socket, and to be asked for
-        it then, took as long as to paint it. None: there is no new picture; ask again.
+        The browser always has such a request open. To announce a picture through the socket and
+        then be asked for it took 54 ms, as long as to paint it.
         """
         if self._packet is None or self._number <= number:
             self._presented.clear()

@@ -46,21 +46,15 @@ def serve(
     app.add_middleware(Gate, token=token, cookie=f"glsim_tune_{port}")
     app.add_static_files("/tune/assets", str(ASSETS), max_cache_age=0)
 
-    @app.get("/tune/frame/{tab}/{which}")
-    async def frame(tab: str, which: str) -> Response:
-        packet = workshop.packets.get(f"{tab}/{which}")
-        if packet is None:
-            return Response(status_code=404)
-        return Response(packet, media_type="application/octet-stream")
+    @app.get("/tune/other/{tab}")
+    async def other_picture(tab: str) -> Response:
+        return _answer(pages[tab].comparison.packet if tab in pages else None, 404)
 
     @app.get("/tune/next/{tab}")
     async def next_picture(tab: str, after: int) -> Response:
         if tab not in pages:
             return Response(status_code=404)
-        packet = await pages[tab].packet_after(after)
-        if packet is None:
-            return Response(status_code=204)
-        return Response(packet, media_type="application/octet-stream")
+        return _answer(await pages[tab].packet_after(after), 204)
 
     @app.post("/tune/closed/{tab}")
     async def closed(tab: str) -> None:
@@ -101,6 +95,13 @@ def serve(
         # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
         gzip_middleware_factory=None,
     )  # fmt: skip
+
+
+def _answer(packet: bytes | None, without: int) -> Response:
+    """Answer with a picture's packet. without: the status if there is none."""
+    if packet is None:
+        return Response(status_code=without)
+    return Response(packet, media_type="application/octet-stream")
 
 
 async def _listening(host: str, port: int) -> None:

@@ -37,7 +37,6 @@ class Workshop:
     backend: str | None = None
     gl: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "gl"))
     measuring: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "measure"))
-    packets: dict[str, bytes] = field(default_factory=dict)
     recorded: dict[str, Any] | None = None
     _prepared: Bench | None = None
 

@@ -38,7 +38,7 @@ def test_a_worker_says_what_it_is_and_another_is_refused_by_name() -> None:
 
 
 def test_the_number_of_threads_does_not_make_another_machine() -> None:
-    """Workers have one thread, the process that compares itself with them one per core."""
+    """Compute the same fingerprint with one thread, as workers do, and with four."""
     many = machine_of_workers({"OPENBLAS_NUM_THREADS": "4", "OMP_NUM_THREADS": "4"}, None)
     assert machine_of_workers({}, None) == many
 

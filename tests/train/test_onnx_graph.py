@@ -1,4 +1,4 @@
-"""Test that a compacted ONNX graph is smaller and gives the very same results."""
+"""Test that a compacted ONNX graph is smaller and gives bit-identical results."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from glsim.train.onnx_graph import compacted
 
 
 class _Slices(nn.Module):
-    """Adds the image to itself shifted, as the features do: one Slice a shift, of equal numbers."""
+    """Average 25 shifted copies of an image: each is exported as a Slice with its own constants."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -218,7 +218,7 @@ def test_a_frame_is_sent_as_it_is(page: Any) -> None:
 
 
 def test_a_request_waits_for_the_next_picture(page: Any) -> None:
-    """The browser does not learn of a picture by the socket: that took as long as to paint it."""
+    """Answer 200 if a later picture is there; else wait 2 s and answer 204."""
     script = """async (after) => {
         const answer = await fetch(`/tune/next/${glsimTune.state.tab}?after=${after}`);
         return [answer.status, performance.now()];

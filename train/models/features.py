@@ -220,7 +220,7 @@ def _weighted_sums(
 
 
 def _blurred(images: Tensor, radius: int, sigma: float) -> Tensor:
-    """Blur (B, 1, H, W) by a Gaussian whose weights together are 1; outside is 0."""
+    """Blur images, (B, 1, H, W), by a Gaussian of ``sigma`` px; pixels outside count as 0."""
     x = torch.arange(-radius, radius + 1, dtype=images.dtype, device=images.device)
     kernel = torch.exp(-0.5 * (x / sigma) ** 2)
     kernel = (kernel / kernel.sum()).view(1, 1, 1, -1)
@@ -303,11 +303,11 @@ def _guided(
 
 
 def _curved(depth_mm: Tensor, even: Tensor, otherwise_mm: Tensor, sigma: float) -> Tensor:
-    """Smooth depth, mm, by a Gaussian of ``sigma`` px that keeps slopes and curves.
+    """Smooth depth, mm, by a Gaussian of ``sigma`` px without flattening curved surfaces.
 
-    A mean takes from a curve what the mean of the rest brings back (Tukey's twicing, here twice).
-    Pixels near steps and holes do not count, so that no other surface does; they get
-    ``otherwise_mm``.
+    A Gaussian mean flattens a curve. The mean of the residual brings back what it took (Tukey's
+    twicing, here twice). Pixels near steps and holes are left out, so that no other surface
+    enters the mean; they get ``otherwise_mm``.
     """
     radius = math.ceil(_CURVED_REACH * sigma)
     weight = _blurred(even, radius, sigma).clamp_min(_TINY)

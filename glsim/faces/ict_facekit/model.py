@@ -46,7 +46,10 @@ class MorphableModel:
         return digest.hexdigest()
 
     def evaluate(self, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return (B, V, 3) vertices for (B, 1 + 100 + E) weights: the same bytes for any B."""
+        """Return the vertices of B faces, (B, V, 3) mm; a face has the same bytes in any batch.
+
+        weights: (B, 1 + 100 + E).
+        """
         blocks = -(-len(weights) // _PRODUCT_ROWS)
         padded = np.zeros((blocks, _PRODUCT_ROWS, weights.shape[1]), np.float32)
         padded.reshape(-1, weights.shape[1])[: len(weights)] = weights
