@@ -44,7 +44,7 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
     (Restormer), or its results differ.
     """
     model = load_model(checkpoint).cpu().eval()
-    data = _onnx_bytes(model, checkpoint)
+    data = onnx_bytes(model, checkpoint)
     protocol = trained_protocol(checkpoint)
     if protocol != "depth":
         data += protocol_entry(protocol)
@@ -58,8 +58,8 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
     return differences
 
 
-def _onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
-    """Return the ONNX graph of a model.
+def onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
+    """Return the ONNX file of a model, without a check. checkpoint: for messages.
 
     PyTorch's TorchScript exporter needs 1.5 s; its newer one, 60 s for the features of the
     mask-aware networks.

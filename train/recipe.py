@@ -82,8 +82,8 @@ class TrainingSettings(_Table):
 
     start: str | None = Field(
         None,
-        description="a checkpoint whose weights the training starts from; further inputs of this "
-        "network have no weight at first",
+        description="a checkpoint, an ONNX file or a shipped network (face) whose weights the "
+        "training starts from; further inputs of this network have no weight at first",
     )
     batch: int = Field(4, ge=1, le=4096, description="pairs per step and device")
     max_epochs: int | None = Field(None, ge=1, description="limit; default: none")

@@ -14,6 +14,7 @@ from lightning_fabric import Fabric
 from lightning_fabric.utilities.exceptions import MisconfigurationException
 
 from glsim.denoise import checkpoint
+from glsim.denoise.loading import ONNX_SUFFIX, is_shipped, shipped_file
 from glsim.errors import ConfigError, TrainError
 from glsim.files.atomic import file_checksum, wrap_write_errors
 from glsim.files.lock import locked
@@ -47,22 +48,38 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
         raise ConfigError(f"training.devices = {settings.devices}: {error}") from None
 
 
+@contextmanager
+def start_file(start: str) -> Iterator[Path]:
+    """Yield the file that training.start means: a path, or else the name of a shipped network."""
+    path = Path(start)
+    if path.exists() or not is_shipped(start):
+        yield path
+    else:
+        with shipped_file(start) as path:
+            yield path
+
+
 def start_weights(recipe: Recipe) -> WeightsOf | None:
     """Read the weights that a recipe's training.start names; None without it.
 
-    Raises TrainError for a file that is no whole checkpoint.
+    Raises TrainError for a file that is no whole checkpoint, and no ONNX file of this network.
     """
     if recipe.training.start is None:
         return None
-    path = Path(recipe.training.start)
-    return WeightsOf(str(path), checkpoint.load(path)["model"])
+    with start_file(recipe.training.start) as path:
+        if path.suffix != ONNX_SUFFIX:
+            return WeightsOf(str(path), checkpoint.load(path)["model"])
+        from glsim.train.onnx_weights import weights_of_onnx  # loads the exporter
+
+        return WeightsOf(str(path), weights_of_onnx(path, recipe.model))
 
 
 def start_record(recipe: Recipe) -> dict[str, Any] | None:
     """Return name and CRC32 of the file of training.start, for run.json and checkpoints."""
     if recipe.training.start is None:
         return None
-    found = file_checksum(Path(recipe.training.start))
+    with start_file(recipe.training.start) as path:
+        found = file_checksum(path)
     crc32 = None if found is None else f"{found['crc32']:08x}"
     return {"file": recipe.training.start, "crc32": crc32}
 

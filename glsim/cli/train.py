@@ -105,7 +105,8 @@ def train(
         typer.Option(
             "--from",
             metavar="BEST.PT",
-            help="Start from the weights of a checkpoint; further inputs have no weight at first.",
+            help="Start from the weights of a checkpoint, an ONNX file or a shipped network "
+            "(face); further inputs have no weight at first.",
         ),
     ] = None,
     assignment: Annotated[

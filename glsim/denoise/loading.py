@@ -6,6 +6,7 @@ import functools
 import importlib
 import importlib.resources
 import sys
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -102,14 +103,18 @@ def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()
 
 def from_shipped(name: str, label: str, options: NetworkOptions) -> Method:
     """Load a network shipped with glsim. Raises DenoiserError without its file."""
-    file = f"{name}{ONNX_SUFFIX}"
     if is_shipped(name):
-        with importlib.resources.as_file(_shipped_folder() / file) as path:
+        with shipped_file(name) as path:
             return from_file(path, label, options)
     raise DenoiserError(
-        f"{label}: this installation has no {file}, the weights of the shipped network: install "
-        "glsim again, or choose a network or filter with -d (glsim eval --list)"
+        f"{label}: this installation has no {name}{ONNX_SUFFIX}, the weights of the shipped "
+        "network: install glsim again, or choose a network or filter with -d (glsim eval --list)"
     )
+
+
+def shipped_file(name: str) -> AbstractContextManager[Path]:
+    """Return a context whose value is the file of a shipped network's weights."""
+    return importlib.resources.as_file(_shipped_folder() / f"{name}{ONNX_SUFFIX}")
 
 
 def is_shipped(name: str) -> bool:

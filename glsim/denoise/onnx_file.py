@@ -73,13 +73,10 @@ def _blobs(inputs: Inputs, noisy_mm: Depth) -> dict[str, Depth]:
     return {name: np.ascontiguousarray(part[None]) for name, part in inputs.named(stack).items()}
 
 
-def load_onnx(
-    path: Path, min_probability: float = 0.0, runtime: Runtime | None = None
-) -> NetworkDenoiser:
-    """Load a network that ``glsim export`` wrote.
+def read_onnx(path: Path) -> bytes:
+    """Read a file that ``glsim export`` wrote.
 
-    min_probability: see ``NetworkDenoiser``. runtime: default onnxruntime if it is installed, else
-    opencv. Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
+    Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
     """
     try:
         data = read_regular(path, _MAX_BYTES)
@@ -92,6 +89,18 @@ def load_onnx(
         raise DenoiserError(
             f"{path}: is damaged, or is no network of glsim export (it {error})"
         ) from None
+    return data
+
+
+def load_onnx(
+    path: Path, min_probability: float = 0.0, runtime: Runtime | None = None
+) -> NetworkDenoiser:
+    """Load a network that ``glsim export`` wrote.
+
+    min_probability: see ``NetworkDenoiser``. runtime: default onnxruntime if it is installed, else
+    opencv. Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
+    """
+    data = read_onnx(path)
     try:
         network = _open(data, runtime)
         protocol = read_protocol(data)

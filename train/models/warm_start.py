@@ -9,7 +9,7 @@ from torch import Size, Tensor, nn
 from glsim.errors import ConfigError
 
 #: Buffers that describe a trained network; a new training begins without them.
-_NOT_COPIED = ("sigma_scale",)
+NOT_COPIED = ("sigma_scale",)
 
 
 def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) -> None:
@@ -21,7 +21,7 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
     ConfigError if the networks differ in more.
     """
     own = network.state_dict()  # detached, and in the same memory as the parameters
-    if odd := sorted((own.keys() ^ weights.keys()) - set(_NOT_COPIED)):
+    if odd := sorted((own.keys() ^ weights.keys()) - set(NOT_COPIED)):
         raise ConfigError(
             f"{where}: is another architecture (it {'has' if odd[0] in weights else 'lacks'} "
             f"{odd[0]}): start from a network with the same [model], or without --from"
@@ -29,7 +29,7 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
     extended = []
     for name, target in own.items():
         given = weights.get(name)
-        if name in _NOT_COPIED or given is None:
+        if name in NOT_COPIED or given is None:
             continue
         if given.shape == target.shape:
             target.copy_(given)

@@ -1,0 +1,71 @@
+"""Read the weights of a network back from its ONNX file, to train it further."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from glsim.denoise.onnx_file import read_onnx
+from glsim.denoise.onnx_inputs import read_inputs
+from glsim.errors import DenoiserError, TrainError
+from glsim.train.export import onnx_bytes
+from glsim.train.models.registry import build_model
+from glsim.train.models.warm_start import NOT_COPIED
+
+
+def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
+    """Read the weights of a file of ``glsim export``, by their names in PyTorch.
+
+    spec: the [model] table of a recipe. The file may have fewer inputs than the table says; the
+    weights are then those of the table with the file's inputs. Buffers that no training starts from
+    are left out where the graph does not use them.
+
+    A file has no names of weights. So a network of the table is filled with random numbers and
+    exported: the tensor of that graph which holds the numbers of a weight is the weight's place in
+    the file. Raises TrainError for a damaged file or one of another architecture, and where the
+    exporter has merged weights with each other (batch normalisation).
+    """
+    try:
+        data = read_onnx(path)
+        inputs = read_inputs(data)
+    except (DenoiserError, ValueError) as error:
+        raise TrainError(str(error)) from None
+    seen = {name: value for name, value in inputs._asdict().items() if value or name in spec}
+    model = build_model({**spec, **seen}).eval()
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for value in model.state_dict().values():
+            if value.is_floating_point():
+                # In [0.5, 0.6]: no exporter takes one for a constant such as 0 or 1.
+                value.copy_(0.5 + 0.1 * torch.rand(value.shape, generator=generator))
+    example = _tensors(onnx_bytes(model, path))
+    found = _tensors(data)
+    if [value.shape for value in found] != [value.shape for value in example]:
+        raise TrainError(
+            f"{path}: is another architecture: start from a network with the same [model], or "
+            "without --from"
+        )
+    places = {tag.numpy().tobytes(): value for tag, value in zip(example, found, strict=True)}
+    weights = {}
+    for name, value in model.state_dict().items():
+        place = places.get(value.contiguous().numpy().tobytes())
+        if place is not None:
+            weights[name] = place.reshape(value.shape)  # a bias may have become (1, C, 1, 1)
+        elif name not in NOT_COPIED:
+            raise TrainError(
+                f"{path}: ONNX files do not keep {name} of this architecture: start from a "
+                "checkpoint (best.pt)"
+            )
+    return weights
+
+
+def _tensors(data: bytes) -> list[Tensor]:
+    """Return the constant tensors of an ONNX graph, in the order of the file."""
+    import onnx
+
+    tensors = onnx.load_from_string(data).graph.initializer
+    return [torch.from_numpy(onnx.numpy_helper.to_array(tensor).copy()) for tensor in tensors]
