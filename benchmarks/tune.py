@@ -35,8 +35,8 @@ SCENES = {
     "window of a head": (),
     "whole frame, 512x424": ("--set", "scene.wall_mm=2500"),
 }
-#: WebGL2 in software, as on a machine without a GPU.
-_FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+#: Chromium as root. Without a GPU it composes pages on the CPU and has WebGL2 only if asked for it.
+_FLAGS, _WEBGL = ["--no-sandbox"], ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 #: Patience with a busy machine, seconds.
 _PATIENCE_S = 300.0
 #: A slider that has not moved gives no picture.
@@ -77,9 +77,10 @@ def main() -> None:
 
 
 @contextmanager
-def chromium_page(**options: Any) -> Iterator[Any]:
+def chromium_page(*, webgl: bool = False, **options: Any) -> Iterator[Any]:
     """Yield an empty page of 1280x800 in Chromium. options: of the browser's context.
 
+    webgl: draw with WebGL2, on the CPU if there is no GPU; composing pages then takes longer too.
     Raises GlsimError if Chromium or Playwright is missing.
     """
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -90,7 +91,9 @@ def chromium_page(**options: Any) -> Iterator[Any]:
     except ImportError:
         raise GlsimError("playwright is not installed: pip install playwright") from None
     with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium, args=list(_FLAGS))
+        browser = driver.chromium.launch(
+            executable_path=chromium, args=_FLAGS + (_WEBGL if webgl else [])
+        )
         page = browser.new_context(viewport={"width": 1280, "height": 800}, **options).new_page()
         page.set_default_timeout(1000 * _PATIENCE_S)
         yield page
@@ -114,7 +117,9 @@ def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float
             with chromium_page(**options) as page:
                 page.goto(_address(server, log))
                 page.wait_for_selector("#tune-view[data-shown]")
-                yield page, time.perf_counter() - start
+                first_s = time.perf_counter() - start
+                page.wait_for_selector("[data-stage]")
+                yield page, first_s
         finally:
             server.terminate()
             server.wait(60)

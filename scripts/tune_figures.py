@@ -41,7 +41,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         write_static_page(Path(folder), sensors=["kinect-v2", "kinect-v1"])
         for name, scheme in (("tune_static.png", "light"), ("tune_static_dark.png", "dark")):
-            with chromium_page(color_scheme=scheme) as page:
+            with chromium_page(webgl=True, color_scheme=scheme) as page:
                 page.goto((Path(folder) / "index.html").as_uri() + "#scene=wall")
                 page.wait_for_selector("body[data-frames]")
                 page.wait_for_timeout(1500)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -89,9 +91,11 @@ def tune(
             raise ConfigError(f"glsim tune needs {needed}: pip install 'glsim[tune]'")
     from glsim.sensors.sensor import sensor_of
     from glsim.settings.schema import load_settings
+    from glsim.tune.address import listen
     from glsim.tune.faces import as_values, face_command, opener
     from glsim.tune.state import Tuning, tuning_of_link
     from glsim.tune.workshop import Workshop
+    from glsim.worker_processes import available_workers
 
     if face is not None and (source is not None or root is not None):
         raise ConfigError("give --face or --source, not both")
@@ -107,11 +111,17 @@ def tune(
         start = tuning_of_link(link.partition("s=")[2].partition("&")[0] or link)
     settings, open_sources = opener(settings, face)
     command = face_command(face, source, root, preset, config, seed)
+    address = listen(host, port)
+    console.print(f"glsim tune: {address.url}", soft_wrap=True)
+    if not no_browser:
+        address.open_browser()
+    # One process draws for one user: by all cores, where generate has a process for each core.
+    os.environ.setdefault("LP_NUM_THREADS", str(available_workers()))
+    # The page's libraries load while the face is made by many short calls of NumPy, each of which
+    # would wait 5 ms (Python's default) for the interpreter: the first picture came 0.6 s later.
+    sys.setswitchinterval(0.0005)
     workshop = Workshop(settings, open_sources, command, start, real, backend)
     workshop.prepare()
     from glsim.tune.server import serve  # takes seconds, while the first frame is drawn
 
-    def announce(address: str) -> None:
-        console.print(f"glsim tune: {address}", soft_wrap=True)
-
-    serve(workshop, host, port, browser=not no_browser, announce=announce)
+    serve(workshop, address)

@@ -23,7 +23,10 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
 class CodeEditor:
-    """Editor, its title and the driver's messages."""
+    """Editor, its title and the driver's messages.
+
+    The editor itself is loaded with the first code: its script is as large as all the others.
+    """
 
     def __init__(self, page: Desk) -> None:
         self._page = page
@@ -41,13 +44,24 @@ class CodeEditor:
         self._problem.set_visibility(False)
         self._plain = ui.label("This stage is Python code, which the page does not change.")
         self._plain.classes("plain").set_visibility(False)
-        self._editor = ui.codemirror("", language="C++", on_change=self._typed)
-        self._editor.classes("editor")
+        self._place = ui.element("div").classes("editor")
+        self._opened: ui.codemirror | None = None
+        self._dark = False
         self._wanted, self._wrong = 0, False
+
+    @property
+    def _editor(self) -> ui.codemirror:
+        if self._opened is None:
+            with self._place:
+                self._opened = ui.codemirror("", language="C++", on_change=self._typed)
+            self.theme(self._dark)
+        return self._opened
 
     def theme(self, dark: bool) -> None:
         """Follow the page's colours."""
-        self._editor.set_theme("vscodeDark" if dark else "basicLight")
+        self._dark = dark
+        if self._opened is not None:
+            self._opened.set_theme("vscodeDark" if dark else "basicLight")
 
     def refresh(self, picture: Picture) -> None:
         """Show the code of the selected stage, unless it is being typed."""
@@ -65,7 +79,7 @@ class CodeEditor:
         self._file.props(f'title="{stage.spec.file}"')
         editable = stage.spec.source is not None
         self._plain.set_visibility(not editable)
-        self._editor.set_visibility(editable)
+        self._place.set_visibility(editable)
         if stage.name != self._stage or (text != self._text and not self._wrong):
             self._stage, self._text = stage.name, text
             self._editor.set_value(text)

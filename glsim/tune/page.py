@@ -26,6 +26,9 @@ from glsim.tune.workshop import Workshop
 #: Seconds. Pause between a painted picture and its statistics; the same while pictures follow each
 #: other, which statistics slow down; and how long a tab may take to paint: a hidden one never does.
 _REST, _REST_PLAYING, _PAINTING = 0.15, 1.5, 2.0
+#: Pause between two changes of the panel while the page plays, seconds: a change takes the browser
+#: 25 ms, as long as to paint a picture.
+_REST_PANEL = 0.5
 #: How long a browser's request for the next picture waits for one, seconds: it asks again. The
 #: server ends as late as this after Ctrl-C.
 _WAITING = 2.0
@@ -49,7 +52,8 @@ class Page:
         self.selected = ""
         self._number = 0
         self._packet: bytes | None = None
-        self._drawing = self._wanted = self._measuring = self._closed = False
+        self._drawing = self._wanted = self._closed = False
+        self._measuring = self._listing = False
         self._files: dict[Path, float] = {}
         self._read_at = 0.0
         self._painted = asyncio.Event()
@@ -177,8 +181,11 @@ class Page:
         """Wait up to 2 s for a picture later than ``number``; return its packet, None without one.
 
         The browser always has such a request open. To announce a picture through the socket and
-        then be asked for it took 54 ms, as long as to paint it.
+        then be asked for it took 54 ms, as long as to paint it. While the page plays, the request
+        says that the browser has picture ``number``: the next one is drawn, or has been.
         """
+        if self.top.playing and number == self._number and not self._drawing:
+            self.top.next_frame()
         if self._packet is None or self._number <= number:
             self._presented.clear()
             with suppress(TimeoutError):
@@ -196,9 +203,9 @@ class Page:
         self._presented.set()
         with self.client:
             self.editor.problem("")
-            self.sections.refresh(picture)
-            self.editor.refresh(picture)
-            self.top.refresh()
+        if not self._listing:
+            self._listing = True
+            background_tasks.create(self._list(), name="panel")
         if not self._measuring:
             self._measuring = True
             background_tasks.create(self._measure(), name="statistics")
@@ -206,7 +213,7 @@ class Page:
             self._draw_ahead(self.top.next_tuning())
 
     def _draw_ahead(self, tuning: Tuning) -> None:
-        """Begin to draw a tuning's frame while the browser still paints the frame before it."""
+        """Begin to draw a tuning's frame while the browser still takes the frame before it."""
         drawing = asyncio.create_task(self._drawn(tuning))
         drawing.add_done_callback(lambda task: task.cancelled() or task.exception())  # said later
         self._ahead = tuning, self.top.noise_of, drawing
@@ -224,14 +231,33 @@ class Page:
             self.sections.refresh(self.picture)
             self.top.refresh()
 
+    async def _list(self) -> None:
+        """Show the newest picture's settings in the panel. The picture itself is painted first."""
+        try:
+            listed = None
+            while self.picture is not None and self.picture is not listed and not self._closed:
+                await self._until_painted()
+                if self.top.playing:
+                    await asyncio.sleep(_REST_PANEL)
+                listed = self.picture
+                with self.client:
+                    self.sections.refresh(listed)
+                    self.editor.refresh(listed)
+                    self.top.refresh()
+        finally:
+            self._listing = False
+
+    async def _until_painted(self) -> None:
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._painted.wait(), _PAINTING)
+
     async def _measure(self) -> None:
         """Measure the newest picture; what was drawn meanwhile is measured next."""
         try:
             measured = None
             while self.picture is not None and self.picture is not measured and not self._closed:
                 # The picture comes first, and a dragged slider: statistics take as long as both.
-                with suppress(TimeoutError):
-                    await asyncio.wait_for(self._painted.wait(), _PAINTING)
+                await self._until_painted()
                 await asyncio.sleep(_REST_PLAYING if self.top.playing else _REST)
                 measured = self.picture
                 figures = await self.workshop.measure(_figures, measured)
@@ -250,8 +276,6 @@ class Page:
 
     def _shown(self) -> None:
         self._painted.set()
-        if self.top.playing:
-            self.top.next_frame()
 
     # looks, and files that change elsewhere
 

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
-import secrets
-import socket
-import webbrowser
-from collections.abc import Callable
 from pathlib import Path
 
 from fastapi import Response
-from nicegui import Client, app, background_tasks, ui
+from nicegui import Client, app, ui
 
 from glsim.errors import ConfigError
+from glsim.tune.address import Address
 from glsim.tune.gate import Gate
 from glsim.tune.page import Page
 from glsim.tune.state import tuning_of_link
@@ -25,25 +21,10 @@ ASSETS = Path(__file__).parent / "assets"
 _PATIENCE = 20
 
 
-def serve(
-    workshop: Workshop,
-    host: str = "127.0.0.1",
-    port: int = 8137,
-    *,
-    browser: bool = True,
-    announce: Callable[[str], None] = print,
-) -> None:
-    """Serve the page until the process is interrupted.
-
-    host: an address of this machine. port: a free one is taken if it is in use. announce: called
-    with the address, which holds the token. Raises ConfigError for a host that cannot be used.
-    """
-    token = secrets.token_urlsafe(24)
-    port = _free_port(host, port)
-    shown = f"[{host}]" if ":" in host else host
-    address = f"http://{shown}:{port}/?token={token}"
+def serve(workshop: Workshop, address: Address) -> None:
+    """Serve the page at an address until the process is interrupted."""
     pages: dict[str, Page] = {}
-    app.add_middleware(Gate, token=token, cookie=f"glsim_tune_{port}")
+    app.add_middleware(Gate, token=address.token, cookie=f"glsim_tune_{address.port}")
     app.add_static_files("/tune/assets", str(ASSETS), max_cache_age=0)
 
     @app.get("/tune/other/{tab}")
@@ -81,16 +62,10 @@ def serve(
         await client.connected(timeout=60)
         await page.begin()
 
-    async def tell() -> None:
-        await _listening(host, port)
-        announce(address)
-        if browser:
-            webbrowser.open(address)
-
-    app.on_startup(lambda: background_tasks.create(tell(), name="address"))
     ui.run(
-        host=host, port=port, show=False, reload=False, show_welcome_message=False, dark=None,
-        tailwind=False, reconnect_timeout=_PATIENCE, title="glsim tune",
+        host=address.host, port=address.port, fd=address.listening.fileno(), show=False,
+        reload=False, show_welcome_message=False, dark=None, tailwind=False,
+        reconnect_timeout=_PATIENCE, title="glsim tune",
         favicon=ASSETS / "icon.svg",
         # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
         gzip_middleware_factory=None,
@@ -102,29 +77,3 @@ def _answer(packet: bytes | None, without: int) -> Response:
     if packet is None:
         return Response(status_code=without)
     return Response(packet, media_type="application/octet-stream")
-
-
-async def _listening(host: str, port: int) -> None:
-    """Wait until the server takes connections, which it does a moment after its start."""
-    while True:
-        try:
-            _, writer = await asyncio.open_connection(host, port)
-        except OSError:
-            await asyncio.sleep(0.02)
-        else:
-            writer.close()
-            return
-
-
-def _free_port(host: str, port: int) -> int:
-    """Return the port, or a free one if it is in use. Raises ConfigError."""
-    for wanted in (port, 0):
-        try:
-            family = socket.AF_INET6 if ":" in host else socket.AF_INET
-            with socket.socket(family) as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                probe.bind((host, wanted))
-                return int(probe.getsockname()[1])
-        except OSError as error:
-            failure = error
-    raise ConfigError(f"--host {host} --port {port}: {failure.strerror or failure}") from None

@@ -107,7 +107,7 @@ class TopBar:
         self._play.props("icon=play_arrow")
 
     def next_frame(self) -> None:
-        """Show the next frame; called when the browser has drawn one."""
+        """Show the next frame; called when the browser has the one before it."""
         self._page.change(self.next_tuning(), "frame")
 
     def next_tuning(self) -> Tuning:

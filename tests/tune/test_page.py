@@ -90,9 +90,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
     with playwright.sync_playwright() as running:
-        opened = running.chromium.launch(executable_path=CHROMIUM, args=flags)
+        opened = running.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield opened
         opened.close()
 
@@ -109,6 +108,7 @@ def page(server: Server, browser: Any) -> Iterator[Any]:
     opened.on("pageerror", lambda error: opened.said.append(str(error)))
     opened.goto(server.address)
     opened.wait_for_selector("#tune-view[data-shown]")
+    opened.wait_for_selector("[data-stage]")
     yield opened
     context.close()
 
@@ -205,6 +205,14 @@ def test_the_editor_has_the_colours_of_the_system(
         " && document.querySelector('.cm-editor')"
     )
     context.close()
+
+
+def test_the_whole_of_the_editor_can_be_seen(page: Any) -> None:
+    ends = page.evaluate(
+        "['.code', '.code .cm-scroller'].map("
+        "css => document.querySelector(css).getBoundingClientRect().bottom)"
+    )
+    assert ends[1] <= ends[0] <= 800
 
 
 def test_a_frame_is_sent_as_it_is(page: Any) -> None:
@@ -381,7 +389,7 @@ def test_playing_shows_frame_after_frame(page: Any) -> None:
     page.click('[aria-label="play or stop"]')
     page.wait_for_timeout(500)
     stopped = shown(page)
-    assert int(page.input_value('[aria-label="frame"]')) >= 3
+    page.wait_for_function("+document.querySelector('[aria-label=frame]').value >= 3")
     page.wait_for_timeout(1000)
     assert shown(page) <= stopped + 1, "one may have been on its way"
 

@@ -227,31 +227,36 @@ function display(picture) {
   surface.set(picture);
 }
 
-// Show the pictures of the server: a request waits there until a later one than the shown is drawn.
+// Show the pictures of the server: a request waits there until a later one than the last is drawn.
+// The next one is asked for before this one is painted, so that the server draws beside the browser.
 async function follow(tab) {
+  let last = 0, painted = null;
   for (;;) {
-    const picture = await fetchPicture(`/tune/next/${tab}?after=${state.shown}`).catch(() => "failed");
+    const picture = await fetchPicture(`/tune/next/${tab}?after=${last}`).catch(() => "failed");
     if (picture === "failed") await new Promise((done) => setTimeout(done, RETRY_MS));
-    else if (picture) show(picture);
+    if (!picture?.head) continue;
+    last = picture.head.number;
+    await painted;
+    painted = new Promise((done) => setTimeout(() => show(picture).then(done)));
   }
 }
 
+// Show a picture of the server; resolves when it is on the screen.
 function show(picture) {
+  const since = state.pressed;
+  state.pressed = 0;
   display(picture);
   state.shown = picture.head.number;
   root.dataset.shown = state.shown;
-  painted(state.pressed);
-  state.pressed = 0;
   window.emitEvent("tune_shown", { number: state.shown });
-}
-
-// Count a picture when it is on the screen. since: when the slider that it follows was moved.
-function painted(since) {
-  requestAnimationFrame(() => setTimeout(() => {
+  return onScreen().then(() => {
     state.painted += 1;
     if (since) state.times.push(performance.now() - since);
-  }));
+  });
 }
+
+// Resolve when what is drawn now is on the screen; of a hidden tab, when it is seen again.
+const onScreen = () => new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
 
 async function showOther(address) {
   state.other = address ? await fetchPicture(address) : null;

@@ -1,0 +1,50 @@
+"""The address of the page: it takes connections before anything serves them."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from glsim.errors import ConfigError
+from glsim.tune.address import listen
+
+
+def test_a_browser_can_connect_before_the_server_is_up() -> None:
+    address = listen("127.0.0.1", 0)
+    with address.listening, socket.create_connection(("127.0.0.1", address.port), 5) as browser:
+        browser.sendall(b"GET /")
+        served, _ = address.listening.accept()
+        with served:
+            assert served.recv(5) == b"GET /"
+            assert served.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
+def test_a_port_in_use_gives_a_free_one() -> None:
+    with listen("127.0.0.1", 0).listening as taken:
+        wanted = taken.getsockname()[1]
+        other = listen("127.0.0.1", wanted)
+        with other.listening:
+            assert other.port not in (0, wanted)
+
+
+def test_each_address_has_a_token_of_its_own() -> None:
+    one, other = listen("127.0.0.1", 0), listen("127.0.0.1", 0)
+    with one.listening, other.listening:
+        assert one.url == f"http://127.0.0.1:{one.port}/?token={one.token}"
+        assert one.token != other.token
+        assert len(one.token) >= 32
+
+
+def test_an_address_of_version_6_stands_in_brackets() -> None:
+    try:
+        address = listen("::1", 0)
+    except ConfigError as error:
+        pytest.skip(f"this machine has no IPv6: {error}")
+    with address.listening:
+        assert address.url.startswith(f"http://[::1]:{address.port}/?token=")
+
+
+def test_a_host_of_another_machine_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"--host 192\.0\.2\.1 --port 8137: "):
+        listen("192.0.2.1", 8137)
