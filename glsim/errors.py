@@ -43,6 +43,10 @@ class ConfigError(GlsimError):
     """A setting, a parameter or a sensor file is wrong."""
 
 
+class DepthRangeError(ConfigError):
+    """A depth is too large for the 16 bits of a file in the chosen unit."""
+
+
 class DifferentMachineError(ConfigError):
     """A machine renders or computes differently from the one that began a data set."""
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.errors import ConfigError, DepthRangeError, did_you_mean
 from glsim.faces.base import FaceKey
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.normal_codes import encode_normals
@@ -31,11 +31,11 @@ WRITABLE = (*LAYERS, "regions", "expected", "normals")
 def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray[np.uint16]:
     """Round depth in metres to uint16 units; 0 stays 0, and nothing else becomes 0.
 
-    Raises ConfigError if a depth exceeds 65535 units.
+    Raises DepthRangeError if a depth exceeds 65535 units.
     """
     units = np.rint(depth_m * np.float32(1000.0 / unit_mm))
     if units.max(initial=0.0) > _UINT16_MAX:
-        raise ConfigError(
+        raise DepthRangeError(
             f"a depth of {units.max() * unit_mm:.0f} mm does not fit 16 bits in units of "
             f"{unit_mm} mm: choose a larger --depth-unit-mm"
         )

@@ -189,7 +189,7 @@ def generate(
             "its chunks to parts that end later, instead of an error.",
         ),
     ] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Stop at the first bad mesh.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Stop at the first bad frame.")] = False,
     backend: BackendOption = None,
 ) -> None:
     """Generate a data set of clean and noisy depth frames, split by subject; resumable."""

@@ -13,7 +13,7 @@ from glsim.dataset.chunks import Chunk
 from glsim.dataset.identity import Inputs
 from glsim.dataset.output_folder import OutputFolder
 from glsim.dataset.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
-from glsim.errors import GlsimError, MeshError
+from glsim.errors import DepthRangeError, GlsimError, MeshError
 from glsim.files.atomic import AtomicFile, checksum, to_json, wrap_write_errors, write_atomic
 from glsim.files.png import encode_png
 from glsim.frame import Frame, Skipped
@@ -59,6 +59,8 @@ ChunkEvent = ChunkProgress | ChunkSummary
 
 def render_chunks(job: RenderJob, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
     """Render and write chunks. A ChunkSummary reports that a chunk and its record are complete.
+
+    A frame that cannot be made, or has a depth beyond 16 bits, is recorded as skipped.
 
     Raises MeshError at the first skipped frame if the settings are strict, DatasetError if a file
     cannot be written, GlsimError if the simulator omits a result, and errors of the simulator.
@@ -108,18 +110,25 @@ class _ChunkWriter:
 
     def add(self, task: Task, result: Frame | Skipped) -> None:
         if isinstance(result, Skipped):
-            if self._settings.strict:
-                raise MeshError(f"{task.stem}: {result.why} (strict stops at the first bad mesh)")
-            self._skipped.append(to_json(skipped_record(task, result), task.stem) + "\n")
+            self._skip(task, result)
             return
         layers: tuple[str, ...] = self._settings.output.layers
-        images = {layer: encode_png(result.image(layer)) for layer in layers}
+        try:
+            images = {layer: encode_png(result.image(layer)) for layer in layers}
+        except DepthRangeError as error:  # one far pixel, beyond 16 bits, does not end the set
+            self._skip(task, Skipped(result.key, result.source, str(error)))
+            return
         files = {layer: self.sink.add(task, layer, data) for layer, data in images.items()}
         record = frame_record(task, result, files)
         text = to_json(record, task.stem)
         self.sink.add_record(task, text)
         self._frames.append(text + "\n")
         self._bytes += sum(len(data) for data in images.values())
+
+    def _skip(self, task: Task, skipped: Skipped) -> None:
+        if self._settings.strict:
+            raise MeshError(f"{task.stem}: {skipped.why} (strict stops at the first bad frame)")
+        self._skipped.append(to_json(skipped_record(task, skipped), task.stem) + "\n")
 
     def finish(self) -> ChunkSummary:
         summary = ChunkSummary(

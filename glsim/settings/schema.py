@@ -249,7 +249,7 @@ class Settings(_Table):
         default_factory=dict, description="parameters of the sensor's noise stages, by stage"
     )
     output: OutputSettings = OutputSettings()
-    strict: bool = Field(False, description="stop at the first bad mesh instead of recording it")
+    strict: bool = Field(False, description="stop at the first bad frame instead of recording it")
 
     def __eq__(self, other: object) -> bool:
         """Compare the values; the places where a user wrote them do not count."""

@@ -119,6 +119,21 @@ def test_skipped_frames_are_recorded_and_counted(made) -> None:
     assert not (out / "train" / "s000" / "smile.1_00006_clean.png").exists()
 
 
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_frame_with_a_depth_beyond_16_bits_is_skipped(tmp_path: Path, format: str) -> None:
+    tasks = make_tasks(4, 10)
+    farthest_m = [fake_frame(task).noisy_m.max() for task in tasks]
+    unit_mm = 1000 * float(np.median(farthest_m)) / 65535
+    summary = make(tmp_path, make_settings(format=format, depth_unit_mm=unit_mm), tasks)
+    lines = [json.loads(line) for line in (tmp_path / "skipped.jsonl").read_text().splitlines()]
+    beyond = {n for n, far_m in enumerate(farthest_m) if round(1000 * far_m / unit_mm) > 65535}
+    assert {line["index"] for line in lines} == beyond
+    assert 0 < len(beyond) < len(tasks)
+    assert "does not fit 16 bits" in lines[0]["why"]
+    assert sum(summary.frames.values()) == len(tasks) - len(beyond)
+    assert verify(tmp_path, deep=True) == []
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_strict_stops_at_the_first_skipped_frame(tmp_path: Path, workers: int) -> None:
     settings = make_settings().model_copy(update={"strict": True})
