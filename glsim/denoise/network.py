@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
 from glsim.denoise.protocol import MIN_DEPTH_MM
-from glsim.denoise.safeguards import CLEAN_MM, estimate_noise_mm, trusted_mask
+from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
 from glsim.denoise.tiles import run_tiled
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DenoiserError
@@ -97,8 +97,8 @@ class NetworkDenoiser:
         depth_mm, sigma_mm = outputs["depth_mm"], outputs.get("sigma_mm")
         if "probability" not in outputs:
             return depth_mm, depth_mm >= MIN_DEPTH_MM, sigma_mm
-        noise_mm = estimate_noise_mm(frame)
-        if noise_mm is not None and noise_mm < CLEAN_MM:  # unchanged; sigma is the input's noise
+        noise_mm = clean_noise_mm(frame)
+        if noise_mm is not None:  # unchanged; sigma is the input's noise
             input_sigma_mm = None if sigma_mm is None else np.full_like(frame, noise_mm)
             return frame, self._validity((frame > 0).astype(np.float32)), input_sigma_mm
         # Runtimes compute the sigmoid with errors of some 1e-7, on either side of 1.

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
 from glsim import load_settings, simulate
 from glsim.denoise.network import Depth, NetworkDenoiser
 from glsim.denoise.safeguards import (
-    CLEAN_MM,
     HOLE_RISK_MM,
     MEASURED_RISK_MM,
     REACH_PX,
+    clean_noise_mm,
     estimate_noise_mm,
     trusted_mask,
 )
@@ -38,21 +39,35 @@ def test_white_noise_is_measured(sigma_mm: float) -> None:
 
 
 def test_rounding_to_millimetres_is_no_noise_and_little_depth_gives_no_estimate() -> None:
-    rounded = estimate_noise_mm(np.rint(ball()))
+    rounded = clean_noise_mm(np.rint(ball()))
     assert rounded is not None
-    assert 0.15 < rounded < CLEAN_MM
+    assert 0.15 < rounded < 0.33
     assert estimate_noise_mm(np.zeros((20, 20), np.float32)) is None
+    assert clean_noise_mm(np.zeros((20, 20), np.float32)) is None
 
 
-@pytest.mark.parametrize(("sensor", "clean"), [("ideal", True), ("kinect-v2", False)])
+def test_smooth_noise_shows_between_pixels_that_are_two_apart() -> None:
+    noise = np.random.default_rng(0).normal(0, 1, (96, 96))
+    noise = cv2.GaussianBlur(noise, (0, 0), 0.8)
+    depth = np.where(ball() > 0, ball() + noise / noise.std(), 0).astype(np.float32)
+    near, far = (estimate_noise_mm(depth, step) for step in (1, 2))
+    assert near is not None
+    assert far is not None
+    assert near < 0.2
+    assert far > 0.6
+    assert clean_noise_mm(np.rint(depth)) is None
+
+
+@pytest.mark.parametrize(
+    ("sensor", "clean"), [("ideal", True), ("kinect-v2", False), ("azure-kinect", False)]
+)
 def test_simulated_heads_are_told_apart(sensor: str, clean: bool) -> None:
     source = {"subjects": 4, "frames_per_subject": 2}
     overrides = {"sensor": sensor, "output": {"crop": 128}}
     for frame in simulate(load_settings(overrides=overrides, source=source)):
         assert isinstance(frame, Frame)
-        found = estimate_noise_mm(frame.noisy.astype(np.float32))
-        assert found is not None
-        assert (found < CLEAN_MM) is clean
+        found = clean_noise_mm(frame.noisy.astype(np.float32))
+        assert (found is not None) is clean
 
 
 def test_only_pixels_near_measured_depth_and_with_a_low_risk_are_trusted() -> None:
@@ -91,7 +106,7 @@ def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -
     depth, probability, sigma = denoise.with_uncertainty(clean, clean > 0)
     np.testing.assert_array_equal(depth, clean)
     np.testing.assert_array_equal(probability, clean > 0)
-    assert (sigma < CLEAN_MM).all()
+    assert (sigma < 0.33).all()
     noise = np.random.default_rng(0).normal(0, 2, clean.shape).astype(np.float32)
     noisy = np.where(clean > 0, clean + noise, 0)
     depth, probability = denoise(noisy, noisy > 0)
