@@ -8,7 +8,7 @@ cd "$(dirname "$0")/.."
 model=${1:?say where ICT-FaceKit\'s FaceXModel is}
 out=${2:-build/shipped}
 glsim=${GLSIM:-.venv/bin/glsim}
-stills=() videos=()
+stills=() more=() videos=()
 
 # generate NAME SOURCE PEOPLE FRAMES OPTIONS...: makes a data set, by two workers.
 generate() {
@@ -35,28 +35,34 @@ for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_102
         people=60 frames=12
         [ $camera != randomised ] || people=120
         [ $source != people ] || people=$((people / 3))
-        for set in "$camera" "$camera-again"; do # other people: the seed is drawn from the name
+        for set in "$camera" "$camera-again" "$camera-third"; do # other people: the name is the seed
             generate "$set" $source $people $frames "${config[@]}"
             generate "$set-wall" $source $((people / 3)) 16 "${config[@]}" "${wall[@]}"
-            stills+=(--data "$out/$set-$source" --data "$out/$set-wall-$source")
+            made=(--data "$out/$set-$source" --data "$out/$set-wall-$source")
+            if [ "$set" = "$camera-third" ]; then more+=("${made[@]}"); else stills+=("${made[@]}"); fi
         done
     done
 done
 # People in rooms: whole frames, of which each step sees a random square.
 for camera in kinect-v2 any-depth-camera; do
     for room in office living-room; do
-        generate "$room-$camera" people 40 4 --preset $room --sensor $camera
-        # Three times: a frame of a room has many squares.
-        for _ in 1 2 3; do stills+=(--data "$out/$room-$camera-people"); done
+        for set in "$room-$camera" "$room-$camera-third"; do
+            generate "$set" people 40 4 --preset $room --sensor $camera --depth-unit-mm 0.2 # beyond 6.5 m
+        done
+        for _ in 1 2 3; do # a frame of a room has many squares
+            stills+=(--data "$out/$room-$camera-people") more+=(--data "$out/$room-$camera-third-people")
+        done
     done
 done
 # Clean frames stay as they are.
 generate ideal procedural 40 8 --sensor ideal --crop 128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
     --set 'pose.distance_mm={ uniform = [520, 1450] }'
-stills+=(--data "$out/ideal-procedural")
+stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
 
-"$glsim" train face "${stills[@]}" --set data.target=expected --resume -o "$out/face"
-"$glsim" train face-ir "${stills[@]}" --set data.target=expected --from "$out/face/best.pt" --resume -o "$out/face-ir"
+"$glsim" train face "${stills[@]}" --set data.target=expected --resume -o "$out/face-first"
+"$glsim" train face "${more[@]}" --set data.target=expected --from "$out/face-first/best.pt" --set optimiser.lr=1.2e-3 \
+    --steps 7100 --resume -o "$out/face"
+"$glsim" train face-ir "${more[@]}" --set data.target=expected --from "$out/face/best.pt" --resume -o "$out/face-ir"
 # Videos of moving heads.
 for camera in any_camera any_camera_640 randomised; do
     for source in procedural ict-facekit; do
