@@ -18,11 +18,11 @@ Mask = NDArray[np.bool_]
 
 #: Frames whose noise is below both bounds, mm, are returned unchanged: the noise at pixels side by
 #: side, and at every other pixel. Rounding to whole millimetres gives 0.289, the features of a head
-#: raise it to at most 0.312 and 0.55 (560 frames without noise of embedded heads and ICT-FaceKit,
+#: raise it to at most 0.312 and 0.551 (656 frames without noise of embedded heads and ICT-FaceKit,
 #: 0.52 to 1.45 m). The least noisy of 500 frames of sensors with white noise has 0.354, with half
 #: the floor of a real one. Smooth noise shows in the second bound alone: that of `azure-kinect`,
-#: 1.4 mm, gives at least 0.29 and 0.56 (96 frames); below 0.33 is every third of these frames.
-CLEAN_MM: Final = (0.33, 0.55)
+#: 1.4 mm, gives at least 0.29 and 0.559 (96 frames); below 0.33 is every third of these frames.
+CLEAN_MM: Final = (0.33, 0.56)
 #: Largest risk (expected error of the chosen surface, as the network predicts it) that is accepted
 #: at measured pixels, and in holes, where a wrong guess does more harm than the hole. Chosen by
 #: experiment (the shipped network on 24 heads under each sensor, with and without a wall): with 100
