@@ -50,13 +50,21 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
 
 @contextmanager
 def start_file(start: str) -> Iterator[Path]:
-    """Yield the file that training.start means: a path, or else the name of a shipped network."""
+    """Yield the file that training.start means: a path, or else the name of a shipped network.
+
+    Raises TrainError if there is neither.
+    """
     path = Path(start)
-    if path.exists() or not is_shipped(start):
+    if path.exists():
         yield path
-    else:
+    elif is_shipped(start):
         with shipped_file(start) as path:
             yield path
+    else:
+        raise TrainError(
+            f"{start}: no such checkpoint: give a best.pt, an ONNX file of glsim export, or the "
+            "name of a shipped network (face, face-ir, face-video)"
+        )
 
 
 def start_weights(recipe: Recipe) -> WeightsOf | None:

@@ -71,6 +71,11 @@ def test_a_network_with_more_inputs_starts_from_the_shipped_one_of_single_frames
     )
 
 
+def test_neither_a_file_nor_a_shipped_network() -> None:
+    with pytest.raises(TrainError, match=r"fase: no such checkpoint: .* shipped network \(face,"):
+        start_weights(load_recipe("face", (), {"training": {"start": "fase"}}))
+
+
 def test_a_file_of_another_architecture_is_refused() -> None:
     with shipped_file("face") as path, pytest.raises(TrainError, match="another architecture"):
         weights_of_onnx(path, SMALL)
