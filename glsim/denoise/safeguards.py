@@ -46,7 +46,7 @@ _EDGE_MM, _LEAST_WINDOWS = 30.0, 50
 
 
 def clean_noise_mm(depth_mm: Depth) -> float | None:
-    """Return the noise of a depth map that has no more than rounding gives, mm; else None.
+    """Return the noise of a depth map, mm, if it is no more than rounding gives; else None.
 
     depth_mm: (H, W) millimetres, 0 = no return.
     """

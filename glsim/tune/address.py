@@ -34,7 +34,7 @@ class Address:
         return f"http://{shown}:{self.port}/?token={self.token}"
 
     def open_browser(self) -> None:
-        """Open the page in the user's browser. One that runs in the terminal blocks no server."""
+        """Open the page in the user's browser, on a thread: one in the terminal runs until it ends."""
         threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
 
 
@@ -45,7 +45,11 @@ def listen(host: str, port: int) -> Address:
     """
     for wanted in (port, 0):
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        listening = socket.socket(family)
+        try:
+            listening = socket.socket(family)  # fails for ::1 without IPv6
+        except OSError as error:
+            failure = error
+            continue
         try:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             # Connections inherit it. The server takes the socket by its descriptor and so does not

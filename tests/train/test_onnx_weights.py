@@ -1,4 +1,4 @@
-"""Weights read back from ONNX files: a training starts from a network that glsim ships."""
+"""Weights are read back from ONNX files, so that shipped networks can be trained further."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The address of the page: it takes connections before anything serves them."""
+"""The socket of the tuner's page takes connections before the server is up."""
 
 from __future__ import annotations
 
@@ -43,6 +43,15 @@ def test_an_address_of_version_6_stands_in_brackets() -> None:
         pytest.skip(f"this machine has no IPv6: {error}")
     with address.listening:
         assert address.url.startswith(f"http://[::1]:{address.port}/?token=")
+
+
+def test_a_machine_without_ipv6_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(family: int) -> None:
+        raise OSError(97, "Address family not supported by protocol")
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    with pytest.raises(ConfigError, match="--host ::1 --port 8137: Address family not supported"):
+        listen("::1", 8137)
 
 
 def test_a_host_of_another_machine_is_refused() -> None:
