@@ -34,7 +34,7 @@ class Address:
         return f"http://{shown}:{self.port}/?token={self.token}"
 
     def open_browser(self) -> None:
-        """Open the page in the user's browser, on a thread: one in the terminal runs until it ends."""
+        """Open the page in the user's browser, on a thread: one in a terminal blocks."""
         threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
 
 

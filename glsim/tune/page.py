@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -53,7 +54,7 @@ class Page:
         self._number = 0
         self._packet: bytes | None = None
         self._drawing = self._wanted = self._closed = False
-        self._measuring = self._listing = False
+        self._followed: set[str] = set()
         self._files: dict[Path, float] = {}
         self._read_at = 0.0
         self._painted = asyncio.Event()
@@ -88,9 +89,8 @@ class Page:
         self.editor.theme(await self._is_dark())
         await self.workshop.read_recording()
         self._show_recording(None)
-        if self.workshop.recorded and not self._measuring:
-            self._measuring = True
-            await self._measure()
+        if self.workshop.recorded:
+            self._follow_painted()
 
     async def rest(self) -> None:
         """Free what the tab holds, until its next picture; called when it is closed or hidden."""
@@ -203,12 +203,7 @@ class Page:
         self._presented.set()
         with self.client:
             self.editor.problem("")
-        if not self._listing:
-            self._listing = True
-            background_tasks.create(self._list(), name="panel")
-        if not self._measuring:
-            self._measuring = True
-            background_tasks.create(self._measure(), name="statistics")
+        self._follow_painted()
         if self.top.playing and self._ahead is None:
             self._draw_ahead(self.top.next_tuning())
 
@@ -231,44 +226,50 @@ class Page:
             self.sections.refresh(self.picture)
             self.top.refresh()
 
-    async def _list(self) -> None:
-        """Show the newest picture's settings in the panel. The picture itself is painted first."""
-        try:
-            listed = None
-            while self.picture is not None and self.picture is not listed and not self._closed:
-                await self._until_painted()
-                if self.top.playing:
-                    await asyncio.sleep(_REST_PANEL)
-                listed = self.picture
-                with self.client:
-                    self.sections.refresh(listed)
-                    self.editor.refresh(listed)
-                    self.top.refresh()
-        finally:
-            self._listing = False
+    def _follow_painted(self) -> None:
+        """Show the newest picture's settings in the panel, and its figures, when it is painted."""
+        self._follow(self._list, 0.0, _REST_PANEL)
+        self._follow(self._measure, _REST, _REST_PLAYING)
 
-    async def _until_painted(self) -> None:
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._painted.wait(), _PAINTING)
+    def _follow(
+        self, show: Callable[[Picture], Awaitable[None]], rest_s: float, play_s: float
+    ) -> None:
+        """Show the newest picture's settings or figures, once it is painted, until none is newer.
 
-    async def _measure(self) -> None:
-        """Measure the newest picture; what was drawn meanwhile is measured next."""
-        try:
-            measured = None
-            while self.picture is not None and self.picture is not measured and not self._closed:
-                # The picture comes first, and a dragged slider: statistics take as long as both.
-                await self._until_painted()
-                await asyncio.sleep(_REST_PLAYING if self.top.playing else _REST)
-                measured = self.picture
-                figures = await self.workshop.measure(_figures, measured)
-                self.call("statistics", figures, self.comparison.figures)
-                if self.workshop.recorded and not self.top.playing:
-                    from glsim.tune.recording import measure_frames
+        rest_s, play_s: pause between painting and showing; the same while the page plays.
+        """
 
-                    here = await self.workshop.measure(measure_frames, [measured.frame])
-                    self._show_recording(here)
-        finally:
-            self._measuring = False
+        async def follow() -> None:
+            try:
+                shown = None
+                while self.picture is not None and self.picture is not shown and not self._closed:
+                    # The picture comes first, and a dragged slider: to show figures takes as long.
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(self._painted.wait(), _PAINTING)
+                    await asyncio.sleep(play_s if self.top.playing else rest_s)
+                    shown = self.picture
+                    await show(shown)
+            finally:
+                self._followed.discard(show.__name__)
+
+        if show.__name__ not in self._followed:
+            self._followed.add(show.__name__)
+            background_tasks.create(follow(), name=show.__name__)
+
+    async def _list(self, picture: Picture) -> None:
+        with self.client:
+            self.sections.refresh(picture)
+            self.editor.refresh(picture)
+            self.top.refresh()
+
+    async def _measure(self, picture: Picture) -> None:
+        figures = await self.workshop.measure(_figures, picture)
+        self.call("statistics", figures, self.comparison.figures)
+        if self.workshop.recorded and not self.top.playing:
+            from glsim.tune.recording import measure_frames
+
+            here = await self.workshop.measure(measure_frames, [picture.frame])
+            self._show_recording(here)
 
     def _show_recording(self, here: dict[str, Any] | None) -> None:
         if self.workshop.recorded:
