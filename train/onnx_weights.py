@@ -46,8 +46,8 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
     found = _tensors(data)
     if [value.shape for value in found] != [value.shape for value in example]:
         raise TrainError(
-            f"{path}: is another architecture: start from a network with the same [model], or "
-            "without --from"
+            f"{path}: is another architecture, or was exported by another version of glsim: start "
+            "from a network with the same [model], from its checkpoint, or without --from"
         )
     places = {tag.numpy().tobytes(): value for tag, value in zip(example, found, strict=True)}
     weights = {}

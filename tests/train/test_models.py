@@ -75,7 +75,7 @@ def test_half_precision(wrapper: str, backbone: str) -> None:
     assert half.depth_mm.isfinite().all()
     if wrapper != "paper":
         difference = (half.depth_mm - exact.depth_mm).abs().max()
-        assert 0.0 < difference < 0.1 * (exact.depth_mm - frames())[frames() > 0].abs().max()
+        assert 0.0 < difference < 0.15 * (exact.depth_mm - frames())[frames() > 0].abs().max()
 
 
 @pytest.mark.parametrize(

@@ -8,17 +8,19 @@ import torch
 from torch import Tensor
 
 from glsim.denoise.inputs import Inputs
-from glsim.train.models.features import local_mean
+from glsim.train.models.motion import full_size, neighbourhood_means, predicted_change
 
 #: A neighbour whose depth differs by more shows another surface, mm: the limit between surfaces
 #: in `features`. A head moves by at most 10 mm from frame to frame at 30 Hz (0.3 m/s).
 _SURFACE_MM: Final = 50.0
 #: Differences enter as asinh(mm / this): linear for noise and motion, compressed beyond.
 _DIFFERENCE_MM: Final = 10.0
-#: Limit of the robust mean over time, mm: what moved by more, apart from the motion around it, is
-#: not averaged. With 10, 20 and 50 mm the error of that mean is 1.40, 1.34 and 1.30 mm (frames as
-#: in `mean_over_time`); a small limit is safer at the rims of what moves.
-_MEAN_LIMIT_MM: Final = 20.0
+#: Limit of the robust mean over time, mm: what changed by more than the motion around it is not
+#: averaged. It is so many times the mean change around, within these bounds: noise of 12 mm, which
+#: a random camera may have, would be cut off by a limit of 20 mm.
+_MEAN_LIMIT, _LEAST_LIMIT_MM, _LARGEST_LIMIT_MM = 6.0, 20.0, 100.0
+#: Added to the weights of a mean around, which are 1 in all.
+_LEAST_SHARE: Final = 0.02
 #: Scale of the robust mean, mm: the correction that a network output of 1 makes.
 _RELATIVE_MM: Final = 10.0
 #: Largest difference of log infrared from its surface's: a factor of 20.
@@ -55,51 +57,54 @@ def log_counts(infrared: Tensor) -> Tensor:
 
 
 class MeanOverTime(NamedTuple):
-    """Robust mean of a frame and its N neighbours, each (B, 1, H, W).
+    """Robust mean of a frame and its N neighbours.
 
-    offset_mm: what it adds to the frame's depth, mm; 0 where the frame or all neighbours have none.
-    weight: sum of the neighbours' weights, divided by N: 0 to 1.
+    offset_mm: (B, 1, H, W) what it adds to the frame's depth, mm; 0 where the frame or all
+        neighbours have none.
+    weight: (B, 1, H, W) sum of the neighbours' weights, divided by N: 0 to 1.
+    motion_mm: (B, N, H, W) what motion added to the depth of each neighbour, mm.
     """
 
     offset_mm: Tensor
     weight: Tensor
+    motion_mm: Tensor
 
 
 def mean_over_time(neighbours_mm: Tensor, depth_mm: Tensor) -> MeanOverTime:
     """Average (B, 1, H, W) mm with N neighbouring frames, (B, N, H, W) mm, 0 = no return.
 
-    The mean compensates motion: the local mean of a neighbour's differences, by which the surface
-    around moved, is subtracted. On moving heads (84 frames of kinect-v2 at 0.5 to 1.45 m, 30 Hz,
-    four earlier frames) the interior error of the mean is 1.33 mm, 1.51 without compensation; the
-    noisy frame has 1.82.
+    The change of depth by motion (`motion.predicted_change`) is subtracted from the neighbours.
     """
     difference, near = _differences(neighbours_mm, depth_mm)
-    total, weight_sum = torch.zeros_like(depth_mm), torch.zeros_like(depth_mm)
+    frames_mm = torch.cat([depth_mm, neighbours_mm], dim=1)
+    motion_mm = predicted_change(difference, near, frames_mm)
+    still = (difference - motion_mm) * near
+    share = neighbourhood_means(torch.cat([still.abs(), near], dim=1))
     count = int(neighbours_mm.shape[1])  # a plain number, also where a graph is exported
-    for place in range(count):
-        # Slices, because OpenCV does not run ONNX's Split.
-        one, known = difference[:, place : place + 1], near[:, place : place + 1]
-        moved = one - local_mean(one, known) * known
-        bounded = moved.clamp(-_MEAN_LIMIT_MM, _MEAN_LIMIT_MM)
-        weight = (1.0 - (bounded / _MEAN_LIMIT_MM).square()).square() * known
-        total = total + weight * bounded
-        weight_sum = weight_sum + weight
-    return MeanOverTime(total / (1.0 + weight_sum), weight_sum / count)
+    # Slices, because OpenCV does not run ONNX's Split.
+    change_mm = full_size(share[:, :count] / (share[:, count:] + _LEAST_SHARE), still)
+    limit = (_MEAN_LIMIT * change_mm).clamp(_LEAST_LIMIT_MM, _LARGEST_LIMIT_MM)
+    ratio = (still / limit).clamp(-1.0, 1.0)
+    weights = (1.0 - ratio.square()).square() * near
+    weight_sum = weights.sum(1, keepdim=True)
+    offset_mm = (weights * still).sum(1, keepdim=True) / (1.0 + weight_sum)
+    return MeanOverTime(offset_mm, weight_sum / count, motion_mm)
 
 
 def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTime) -> Tensor:
     """Features of N neighbouring frames, (B, N, H, W) mm, 0 = no return, to (B, 2 N + 2, H, W).
 
     fill_mm: (B, 1, H, W) depth without holes, of the mean over time. Channels:
-        N differences to it, asinh(mm / 10)
+        N differences to it without motion, asinh(mm / 10)
         N closeness of the neighbours: 1 for equal depth, 0 beyond 50 mm
         2 of the mean over time: what it added to the frame, in 10 mm, and its weight
     A neighbour that is missing, invalid or more than 50 mm away adds nothing to any channel.
     """
     difference, near = _differences(neighbours_mm, fill_mm)
+    still = (difference - mean.motion_mm) * near
     closeness = (1.0 - (difference / _SURFACE_MM).square()).square() * near
     channels = [
-        torch.asinh(difference / _DIFFERENCE_MM),
+        torch.asinh(still / _DIFFERENCE_MM),
         closeness,
         mean.offset_mm / _RELATIVE_MM,
         mean.weight,

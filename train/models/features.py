@@ -15,6 +15,8 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
+from glsim.train.models.gaussian import blurred, weighted_mean, weighted_sums
+
 #: Filters of `depth_features`: a robust mean, four guided filters and two that keep curves.
 FILTERS: Final = 7
 #: Channels of `depth_features`; the last one is validity.
@@ -60,7 +62,7 @@ _LEAST_NOISE_MM: Final = 0.1
 _BAND_MM, _AROUND_MM = 2.0, 20.0
 #: Share of a neighbourhood that must be known for more than half of its mean to be believed.
 _LEAST_SHARE: Final = 0.02
-#: Sums of Gaussian weights below this are rounding, not neighbours.
+#: Sums of weights below this are rounding, not neighbours.
 _TINY: Final = 1e-6
 
 
@@ -100,7 +102,7 @@ def depth_features(noisy_mm: Tensor) -> Features:
     measured = noisy_mm > 0
     valid = measured.to(noisy_mm.dtype)
     depth_mm = torch.where(measured, noisy_mm, 0.0)
-    around_mm, near = _weighted_mean(depth_mm, valid, _AROUND_RADIUS, _AROUND_SIGMA)
+    around_mm, near = weighted_mean(depth_mm, valid, _AROUND_RADIUS, _AROUND_SIGMA)
     fill_mm = _filled(depth_mm, valid)
     fill_mm = torch.where(fill_mm > 0, fill_mm, around_mm)
     middle_mm = torch.full_like(fill_mm, _MIDDLE_MM)
@@ -195,37 +197,10 @@ def _extreme(
 def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
     """Fill holes by rounds of normalised convolution; 0 where they do not reach."""
     for _ in range(_FILL_ROUNDS):
-        grown_mm, reached = _weighted_mean(depth_mm, known, _FILL_RADIUS, _FILL_SIGMA)
+        grown_mm, reached = weighted_mean(depth_mm, known, _FILL_RADIUS, _FILL_SIGMA)
         depth_mm = torch.where(known > 0, depth_mm, grown_mm)
         known = torch.maximum(known, reached)
     return depth_mm
-
-
-def _weighted_mean(
-    depth_mm: Tensor, known: Tensor, radius: int, sigma: float
-) -> tuple[Tensor, Tensor]:
-    """Gaussian mean of the known pixels, and the mask (0 or 1) of where there are any; else 0."""
-    total, weight = _weighted_sums(depth_mm, known, radius, sigma)
-    reached = weight > _TINY
-    mean = torch.where(reached, total / torch.where(reached, weight, 1.0), 0.0)
-    return mean, reached.to(known.dtype)
-
-
-def _weighted_sums(
-    values: Tensor, known: Tensor, radius: int, sigma: float
-) -> tuple[Tensor, Tensor]:
-    """Gaussian sums of the known values and of their mask; all weights together are 1."""
-    total, weight = _blurred(torch.cat([values * known, known]), radius, sigma).chunk(2)
-    return total, weight
-
-
-def _blurred(images: Tensor, radius: int, sigma: float) -> Tensor:
-    """Blur images, (B, 1, H, W), by a Gaussian of ``sigma`` px; pixels outside count as 0."""
-    x = torch.arange(-radius, radius + 1, dtype=images.dtype, device=images.device)
-    kernel = torch.exp(-0.5 * (x / sigma) ** 2)
-    kernel = (kernel / kernel.sum()).view(1, 1, 1, -1)
-    blurred = F.conv2d(images, kernel, padding=(0, radius))
-    return F.conv2d(blurred, kernel.transpose(-1, -2), padding=(radius, 0))
 
 
 def _log_noise(depth_mm: Tensor, valid: Tensor, step_px: int) -> Tensor:
@@ -242,7 +217,7 @@ def _log_noise(depth_mm: Tensor, valid: Tensor, step_px: int) -> Tensor:
         near = offset.abs() < _SURFACE_MM
         total = total + torch.where(near, offset, 0.0)
         known = known * near
-    mean_mm, reached = _weighted_mean((total / 4.0).abs(), known, _NOISE_RADIUS, _NOISE_SIGMA)
+    mean_mm, reached = weighted_mean((total / 4.0).abs(), known, _NOISE_RADIUS, _NOISE_SIGMA)
     return torch.log(mean_mm + _LEAST_NOISE_MM) * reached
 
 
@@ -251,7 +226,7 @@ def local_mean(values: Tensor, known: Tensor) -> Tensor:
 
     Where few are known, the mean is taken smaller: as if 2 % of the neighbourhood were zeros.
     """
-    total, weight = _weighted_sums(values, known, _AROUND_RADIUS, _AROUND_SIGMA)
+    total, weight = weighted_sums(values, known, _AROUND_RADIUS, _AROUND_SIGMA)
     return total / (weight + _LEAST_SHARE)
 
 
@@ -310,11 +285,11 @@ def _curved(depth_mm: Tensor, even: Tensor, otherwise_mm: Tensor, sigma: float) 
     enters the mean; they get ``otherwise_mm``.
     """
     radius = math.ceil(_CURVED_REACH * sigma)
-    weight = _blurred(even, radius, sigma).clamp_min(_TINY)
+    weight = blurred(even, radius, sigma).clamp_min(_TINY)
     offset_mm = depth_mm - _MIDDLE_MM
     smooth_mm = torch.zeros_like(offset_mm)
     for _ in range(_CURVED_ROUNDS):
-        smooth_mm = smooth_mm + _blurred((offset_mm - smooth_mm) * even, radius, sigma) / weight
+        smooth_mm = smooth_mm + blurred((offset_mm - smooth_mm) * even, radius, sigma) / weight
     return torch.where(even > 0, smooth_mm + _MIDDLE_MM, otherwise_mm)
 
 
