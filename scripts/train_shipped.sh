@@ -21,8 +21,8 @@ generate() {
         --frames-per-subject "$frames" --depth-unit-mm 0.1 --split 0.94,0.06,0 --set devices=4096 \
         --layers clean,expected,noisy,infrared --seed "$seed" "$@"
 }
-# Frames of the same camera, 1/30 s apart; the last option of a set of videos.
-video=(--set redraw=sequence --set source.frames_per_sequence=8 --set source.frames_per_second=30)
+# Frames of the same camera.
+video=(--set redraw=sequence --set source.frames_per_sequence=8)
 near_wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
 far_wall=(--set 'scene.wall_mm={ uniform = [2550, 4500] }')
 
@@ -64,12 +64,20 @@ stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
     --steps 7100 --resume -o "$out/face"
 "$glsim" train face-ir "${more[@]}" --set data.target=expected --from "$out/face/best.pt" --resume -o "$out/face-ir"
 # Videos of moving heads.
-for camera in any_camera any_camera_640 randomised; do
-    for source in procedural ict-facekit; do
-        generate "video-$camera" $source 30 16 --config "train/data/$camera.toml" "${video[@]}"
-        generate "video-$camera-wall" $source 20 16 --split 0.8,0.2,0 --config "train/data/$camera.toml" "${near_wall[@]}" \
-            "${video[@]}"
-        videos+=(--data "$out/video-$camera-$source" --data "$out/video-$camera-wall-$source")
+for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
+    wall=("${near_wall[@]}")
+    [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
+    for source in procedural ict-facekit people; do
+        people=30
+        [ $source != people ] || people=15
+        for set in "video-$camera" "video-$camera-fast"; do
+            rate=30 # frames per second; with 8, a slow turn of the head is as fast as a quick one
+            [ $set = "video-$camera" ] || rate=8
+            made=("${video[@]}" --set source.frames_per_second=$rate --config "train/data/$camera.toml")
+            generate "$set" $source $people 16 "${made[@]}"
+            generate "$set-wall" $source $((people * 2 / 3)) 16 --split 0.8,0.2,0 "${wall[@]}" "${made[@]}"
+            videos+=(--data "$out/$set-$source" --data "$out/$set-wall-$source")
+        done
     done
 done
 

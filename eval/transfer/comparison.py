@@ -129,6 +129,13 @@ class BiasComparison:
         largest = largest_bias(self.bins["network"])
         return math.nan if largest is None else abs(largest.mean_mm)
 
+    @property
+    def input_there_mm(self) -> float:
+        """The input's |bias| in the bin of ``largest_mm``: what the network did not add itself."""
+        largest = largest_bias(self.bins["network"])
+        there = [b for b in self.bins[NOISY] if largest and b.from_mm == largest.from_mm]
+        return abs(there[0].mean_mm) if there else math.nan
+
 
 def compare(results: Sequence[CellResult], goals: Goals) -> list[Comparison]:
     """Compare the network of each result by each figure."""

@@ -131,7 +131,8 @@ def _summary_table(
     for item in bias:
         largest = item.largest_mm
         verdict = "pass" if largest <= goals.bias_mm else "**fail**"
-        text = "n/a" if math.isnan(largest) else f"{largest:.2f} {verdict}"
+        there = f"(input {item.input_there_mm:.2f})"
+        text = "n/a" if math.isnan(largest) else f"{largest:.2f} {there} {verdict}"
         rows[item.network, item.left_out, item.sensor].append(text)
     against = {"filter": "/ best filter", "input": "/ input"}
     figures = [f"{figure.title} {against[figure.against]}" for figure in FIGURES]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -234,6 +235,7 @@ def test_bias_over_distance_is_that_of_the_pooled_cells() -> None:
     (bias,) = compare_bias(pool_by_sensor([result(1.0), result(0.2, scene="wall")]))
     assert bias.filter == "guided"
     assert bias.largest_mm == pytest.approx(0.3)
+    assert bias.input_there_mm == pytest.approx(bias.bins["noisy"][0].mean_mm)
     assert [b.from_mm for b in bias.bins["noisy"]] == [900]
 
 
@@ -246,6 +248,7 @@ def test_the_files_of_the_results(tmp_path: Path) -> None:
     assert "| `v2` | heads | wall | 0 | guided | 2.07 | 2.48 | 1.20 [1.20, 1.20] | n/a |" in text
     assert "network | left out" not in text  # the same in all rows
     assert "| `v2` | guided | 1.00 | +1.00 |" in text
+    assert re.search(r"\| \d\.\d\d \(input \d\.\d\d\) (pass|\*\*fail\*\*) \|", text)
     tree = json.loads(paths[2].read_text())
     assert [row["scene"] for row in tree["cells"]] == ["alone", "wall"] * len(FIGURES)
     assert tree["cells"][-1]["to_input"] is None

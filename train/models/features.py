@@ -204,9 +204,15 @@ def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
 
 
 def _log_noise(depth_mm: Tensor, valid: Tensor, step_px: int) -> Tensor:
-    """Log of the mean difference, mm, of pixels to the mean of four neighbours; 0 if unknown.
+    mean_mm, reached = noise_around(depth_mm, valid, step_px)
+    return torch.log(mean_mm + _LEAST_NOISE_MM) * reached
 
-    Only pixels count whose neighbours are measured and within 50 mm.
+
+def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor, Tensor]:
+    """Size of the noise around, mm, and where it is known, 0 or 1; each (B, 1, H, W).
+
+    It is the mean difference of pixels to the mean of four neighbours ``step_px`` away. Only
+    pixels count whose neighbours are measured and within 50 mm.
     """
     around = F.pad(torch.where(valid > 0, depth_mm, torch.inf), (step_px,) * 4, value=torch.inf)
     height, width = depth_mm.shape[-2:]
@@ -217,8 +223,7 @@ def _log_noise(depth_mm: Tensor, valid: Tensor, step_px: int) -> Tensor:
         near = offset.abs() < _SURFACE_MM
         total = total + torch.where(near, offset, 0.0)
         known = known * near
-    mean_mm, reached = weighted_mean((total / 4.0).abs(), known, _NOISE_RADIUS, _NOISE_SIGMA)
-    return torch.log(mean_mm + _LEAST_NOISE_MM) * reached
+    return weighted_mean((total / 4.0).abs(), known, _NOISE_RADIUS, _NOISE_SIGMA)
 
 
 def local_mean(values: Tensor, known: Tensor) -> Tensor:
