@@ -22,7 +22,7 @@ _DIFFERENCE_MM: Final = 10.0
 #: pixel itself. With larger limits, heads that turn fast are smeared; with smaller ones, smooth
 #: noise counts as motion. By the error of `face` on means of five frames: 0.83 to 0.92 of that on
 #: one frame for slow heads, 0.94 to 1.04 for heads six times as fast (20 mm and 10 degrees in four
-#: frames); without the limit of a patch 1.05 to 1.36.
+#: frames); with the limit of the pixel alone 1.04 and 1.26.
 _PATCH_LIMIT, _PIXEL_LIMIT = 3.0, 8.0
 #: Radius and sigma of a patch, px.
 _PATCH_RADIUS, _PATCH_SIGMA = 3, 1.5
