@@ -55,7 +55,7 @@ def test_a_weighted_mean_leaves_out_what_is_unknown() -> None:
     values = torch.full((1, 1, 30, 30), 900.0)
     known = torch.ones_like(values)
     known[..., :, 12:] = 0.0
-    mean, reached = weighted_mean(torch.where(known > 0, values, torch.rand(1)), known, 4, 1.5)
+    mean, reached = weighted_mean(torch.where(known > 0, values, 7.0), known, 4, 1.5)
     assert reached[..., :16].all()
     assert not reached[..., 16:].any()
     torch.testing.assert_close(mean[..., :16], values[..., :16])
@@ -97,7 +97,7 @@ def test_frames_of_odd_size_are_predicted_too() -> None:
 def test_the_mean_over_time_removes_noise_of_any_size_from_a_head_that_moves(
     sigma_mm: float,
 ) -> None:
-    """Five frames have 0.45 of the noise of one; a limit of 20 mm would leave 0.8 of 12 mm."""
+    """Five frames have 0.45 of the noise of one."""
     clean = [face_like(0.4 * n, -0.3 * n, 0.8 * n) for n in range(5)]
     noisy = torch.cat(clean, 1) + noise(5, sigma_mm)
     now_mm, earlier_mm = noisy[:, :1], noisy[:, 1:]
