@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the networks that the package ships: data, trainings, glsim/denoise/shipped/*.onnx. Resumes.
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
-#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 4 GB of data and the runs, default build/shipped.
+#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 6 GB of data and the runs, default build/shipped.
 # Four hours on two cores with bfloat16, half an hour of it for the data. The results are in docs/model_card.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."

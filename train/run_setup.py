@@ -50,7 +50,7 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
 
 @contextmanager
 def start_file(start: str) -> Iterator[Path]:
-    """Yield the file of weights that training.start names: a path, or else a shipped network.
+    """Yield the path of the weights that ``training.start`` names: a file or a shipped network.
 
     Raises TrainError if there is neither.
     """

@@ -126,15 +126,18 @@ class BiasComparison:
     @property
     def largest_mm(self) -> float:
         """The network's largest |bias| in a bin with enough pixels; NaN without such bins."""
-        largest = largest_bias(self.bins["network"])
-        return math.nan if largest is None else abs(largest.mean_mm)
+        return math.nan if self._largest is None else abs(self._largest.mean_mm)
 
     @property
     def input_there_mm(self) -> float:
         """The input's |bias| in the bin of ``largest_mm``: what the network did not add itself."""
-        largest = largest_bias(self.bins["network"])
-        there = [b for b in self.bins[NOISY] if largest and b.from_mm == largest.from_mm]
+        place = None if self._largest is None else self._largest.from_mm
+        there = [b for b in self.bins[NOISY] if b.from_mm == place]
         return abs(there[0].mean_mm) if there else math.nan
+
+    @property
+    def _largest(self) -> BiasBin | None:
+        return largest_bias(self.bins["network"])
 
 
 def compare(results: Sequence[CellResult], goals: Goals) -> list[Comparison]:

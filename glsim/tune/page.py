@@ -234,7 +234,7 @@ class Page:
     def _follow(
         self, show: Callable[[Picture], Awaitable[None]], rest_s: float, play_s: float
     ) -> None:
-        """Show the newest picture's settings or figures, once it is painted, until none is newer.
+        """Call ``show`` for the newest picture after it is painted, until there is no newer one.
 
         rest_s, play_s: pause between painting and showing; the same while the page plays.
         """

@@ -1,4 +1,4 @@
-"""Gaussian means by shifted sums, and the motion of surfaces between depth frames."""
+"""Test Gaussian blurs and the motion that is estimated between depth frames."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HEIGHT, WIDTH = 96, 112
 
 
 def face_like(right_px: float = 0.0, down_px: float = 0.0, back_mm: float = 0.0) -> Tensor:
-    """Depth of a head of 90 mm radius with a nose, moved within the image and in depth."""
+    """Return the depth, (1, 1, H, W) mm, of a round head with a nose, moved by pixels and mm."""
     y, x = torch.meshgrid(torch.arange(HEIGHT) - 48.0, torch.arange(WIDTH) - 56.0, indexing="ij")
     x, y = 2.5 * (x - right_px), 2.5 * (y - down_px)
     head = 990.0 - torch.sqrt((150.0**2 - x**2 - y**2).clamp_min(1.0)) * 0.6
@@ -77,7 +77,7 @@ def test_a_neighbour_without_depth_does_not_move() -> None:
 
 
 def test_a_step_does_not_count_as_motion() -> None:
-    """The head moves before a wall that stands: the wall stays where it is."""
+    """A head moves in front of a static wall: the predicted motion of the wall is 0."""
     wall_mm = torch.full((1, 1, HEIGHT, WIDTH), 1600.0)
     head = (face_like() < 970.0) & (torch.arange(WIDTH) < 50)
     moved = (face_like(0.0, 1.0) < 970.0) & (torch.arange(WIDTH) < 50)
@@ -97,7 +97,7 @@ def test_frames_of_odd_size_are_predicted_too() -> None:
 def test_the_mean_over_time_removes_noise_of_any_size_from_a_head_that_moves(
     sigma_mm: float,
 ) -> None:
-    """Five frames have 0.45 of the noise of one."""
+    """The mean of five frames has 1 / sqrt(5) = 0.45 of the noise of one frame."""
     clean = [face_like(0.4 * n, -0.3 * n, 0.8 * n) for n in range(5)]
     noisy = torch.cat(clean, 1) + noise(5, sigma_mm)
     now_mm, earlier_mm = noisy[:, :1], noisy[:, 1:]
@@ -111,7 +111,7 @@ def test_the_mean_over_time_removes_noise_of_any_size_from_a_head_that_moves(
 
 
 def test_a_nose_that_moves_too_fast_is_not_smeared() -> None:
-    """By 12 px between frames: 1.7 mm of error without the limit of a patch."""
+    """It moves 12 px a frame; if patches were not compared, the error would be 1.7 mm."""
     noisy = torch.cat([face_like(), face_like(12.0), face_like(24.0)], 1) + noise(3, 1.0)
     mean_mm = noisy[:, :1] + mean_over_time(noisy[:, 1:], noisy[:, :1]).offset_mm
     nose = (..., slice(40, 58), slice(50, 62))

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from glsim.denoise.inputs import Inputs
-from glsim.train.models.features import noise_around
-from glsim.train.models.gaussian import weighted_sums
+from glsim.train.models.features import noise_around, tukey
+from glsim.train.models.gaussian import shrunk_mean
 from glsim.train.models.motion import predicted_change
 
 #: A neighbour whose depth differs by more shows another surface, mm: the limit between surfaces
@@ -29,8 +29,6 @@ _PATCH_RADIUS, _PATCH_SIGMA = 3, 1.5
 #: The noise is that of pixels so far apart, where noise that a filter made smooth shows too, and at
 #: least this, mm: half of the rounding to whole millimetres.
 _NOISE_STEP_PX, _LEAST_NOISE_MM = 3, 0.15
-#: Added to the weights of a patch, which are 1 in all.
-_LEAST_SHARE: Final = 0.02
 #: Scale of the robust mean, mm: the correction that a network output of 1 makes.
 _RELATIVE_MM: Final = 10.0
 #: Largest difference of log infrared from its surface's: a factor of 20.
@@ -67,7 +65,7 @@ def log_counts(infrared: Tensor) -> Tensor:
 
 
 class MeanOverTime(NamedTuple):
-    """Robust mean of a frame and its N neighbours.
+    """What averaging a frame with its N neighbours in time adds to it.
 
     offset_mm: (B, 1, H, W) what it adds to the frame's depth, mm; 0 where the frame or all
         neighbours have none.
@@ -92,10 +90,9 @@ def mean_over_time(neighbours_mm: Tensor, depth_mm: Tensor) -> MeanOverTime:
     valid = (depth_mm > 0).to(depth_mm.dtype)
     noise_mm, _ = noise_around(torch.where(depth_mm > 0, depth_mm, 0.0), valid, _NOISE_STEP_PX)
     noise_mm = noise_mm.clamp_min(_LEAST_NOISE_MM)
-    total, share = weighted_sums(still, near, _PATCH_RADIUS, _PATCH_SIGMA)
-    patch = total / (share + _LEAST_SHARE)
-    weights = near * _tukey(patch / (_PATCH_LIMIT * noise_mm))
-    weights = weights * _tukey(still / (_PIXEL_LIMIT * noise_mm))
+    patch = shrunk_mean(still, near, _PATCH_RADIUS, _PATCH_SIGMA)
+    weights = near * tukey((patch / (_PATCH_LIMIT * noise_mm)).clamp(-1.0, 1.0))
+    weights = weights * tukey((still / (_PIXEL_LIMIT * noise_mm)).clamp(-1.0, 1.0))
     weight_sum = weights.sum(1, keepdim=True)
     offset_mm = (weights * still).sum(1, keepdim=True) / (1.0 + weight_sum)
     count = int(neighbours_mm.shape[1])  # a plain number, also where a graph is exported
@@ -113,7 +110,7 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTim
     """
     difference, near = _differences(neighbours_mm, fill_mm)
     still = (difference - mean.motion_mm) * near
-    closeness = (1.0 - (difference / _SURFACE_MM).square()).square() * near
+    closeness = tukey(difference / _SURFACE_MM) * near
     channels = [
         torch.asinh(still / _DIFFERENCE_MM),
         closeness,
@@ -128,8 +125,3 @@ def _differences(neighbours_mm: Tensor, depth_mm: Tensor) -> tuple[Tensor, Tenso
     difference = neighbours_mm - depth_mm
     is_near = (neighbours_mm > 0) & (depth_mm > 0) & (difference.abs() < _SURFACE_MM)
     return torch.where(is_near, difference, 0.0), is_near.to(depth_mm.dtype)
-
-
-def _tukey(ratio: Tensor) -> Tensor:
-    """Compute Tukey's weight, 1 at 0 and 0 at 1 and beyond."""
-    return (1.0 - ratio.clamp(-1.0, 1.0).square()).square()

@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
-from glsim.train.models.gaussian import blurred, weighted_mean, weighted_sums
+from glsim.train.models.gaussian import TINY, blurred, shrunk_mean, weighted_mean
 
 #: Filters of `depth_features`: a robust mean, four guided filters and two that keep curves.
 FILTERS: Final = 7
@@ -60,10 +60,6 @@ _LEAST_NOISE_MM: Final = 0.1
 #: Scales of what filters add and of the surrounding depth. On the interior of training frames, the
 #: bands have standard deviations of 0.4 to 1.8 mm (median over frames).
 _BAND_MM, _AROUND_MM = 2.0, 20.0
-#: Share of a neighbourhood that must be known for more than half of its mean to be believed.
-_LEAST_SHARE: Final = 0.02
-#: Sums of weights below this are rounding, not neighbours.
-_TINY: Final = 1e-6
 
 
 class Features(NamedTuple):
@@ -158,10 +154,10 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
     total, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
     depths = torch.where((noisy_mm > 0) & known, noisy_mm, torch.inf)
     for depth, value in zip(_taps(depths, torch.inf), _taps(values, 0.0), strict=True):
-        weight = _tukey((depth - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM))
+        weight = tukey((depth - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM) / _SURFACE_MM)
         total += weight * value
         weight_sum += weight
-    return total / weight_sum.clamp_min(_TINY)
+    return total / weight_sum.clamp_min(TINY)
 
 
 def _taps(
@@ -209,7 +205,7 @@ def _log_noise(depth_mm: Tensor, valid: Tensor, step_px: int) -> Tensor:
 
 
 def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor, Tensor]:
-    """Size of the noise around, mm, and where it is known, 0 or 1; each (B, 1, H, W).
+    """Estimate the noise around each pixel, mm, and where it is known (0 or 1); (B, 1, H, W) each.
 
     It is the mean difference of pixels to the mean of four neighbours ``step_px`` away. Only
     pixels count whose neighbours are measured and within 50 mm.
@@ -227,12 +223,8 @@ def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor,
 
 
 def local_mean(values: Tensor, known: Tensor) -> Tensor:
-    """Mean of the known values around each pixel, Gaussian with a sigma of 12 px; 0 if none.
-
-    Where few are known, the mean is taken smaller: as if 2 % of the neighbourhood were zeros.
-    """
-    total, weight = weighted_sums(values, known, _AROUND_RADIUS, _AROUND_SIGMA)
-    return total / (weight + _LEAST_SHARE)
+    """Mean of the known values around each pixel, Gaussian with a sigma of 12 px; 0 if none."""
+    return shrunk_mean(values, known, _AROUND_RADIUS, _AROUND_SIGMA)
 
 
 def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
@@ -243,10 +235,10 @@ def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
     offset_sum, weight_sum = torch.zeros_like(near_mm), torch.zeros_like(near_mm)
     for sample in _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, 1):
         offset = (sample - near_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
-        weight = _tukey(offset)
+        weight = tukey(offset / _SURFACE_MM)
         offset_sum += weight * offset
         weight_sum += weight
-    return near_mm + offset_sum / weight_sum.clamp_min(_TINY)
+    return near_mm + offset_sum / weight_sum.clamp_min(TINY)
 
 
 def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
@@ -254,13 +246,13 @@ def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
     weight_sum = torch.zeros_like(near_mm)
     samples = torch.where(valid > 0, depth_mm, torch.inf)
     for sample in _taps(samples, torch.inf, _SUPPORT_STEP, 1):
-        weight_sum += _tukey((sample - near_mm).clamp(-_SURFACE_MM, _SURFACE_MM))
+        weight_sum += tukey((sample - near_mm).clamp(-_SURFACE_MM, _SURFACE_MM) / _SURFACE_MM)
     return weight_sum / 9
 
 
-def _tukey(offset_mm: Tensor) -> Tensor:
-    """Compute Tukey's weight, 1 at an offset of 0 and 0 at 50 mm; offsets are -50 to 50 mm."""
-    return (1.0 - (offset_mm / _SURFACE_MM).square()).square()
+def tukey(ratio: Tensor) -> Tensor:
+    """Return Tukey's biweight of ratios from -1 to 1: 1 at a ratio of 0, 0 at both ends."""
+    return (1.0 - ratio.square()).square()
 
 
 def _guided(
@@ -274,7 +266,7 @@ def _guided(
     """
     offset = (depth_mm - base_mm) * valid
     share, mean, square = _box_means([valid, offset, offset.square()], radius)
-    share = share.clamp_min(_TINY)
+    share = share.clamp_min(TINY)
     mean = mean / share
     variance = (square / share - mean.square()).clamp_min(0)
     gain = variance / (variance + _GUIDED_MM**2)
@@ -290,7 +282,7 @@ def _curved(depth_mm: Tensor, even: Tensor, otherwise_mm: Tensor, sigma: float) 
     enters the mean; they get ``otherwise_mm``.
     """
     radius = math.ceil(_CURVED_REACH * sigma)
-    weight = blurred(even, radius, sigma).clamp_min(_TINY)
+    weight = blurred(even, radius, sigma).clamp_min(TINY)
     offset_mm = depth_mm - _MIDDLE_MM
     smooth_mm = torch.zeros_like(offset_mm)
     for _ in range(_CURVED_ROUNDS):

@@ -1,4 +1,4 @@
-"""Gaussian means of images in which some pixels are unknown, as features of networks."""
+"""Compute Gaussian means of images in which some pixels are unknown, for features of networks."""
 
 from __future__ import annotations
 
@@ -10,32 +10,43 @@ import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
 #: Sums of weights below this are rounding, not neighbours.
-_TINY: Final = 1e-6
+TINY: Final = 1e-6
+#: Share of a neighbourhood that must be known for more than half of its mean to be believed.
+_LEAST_SHARE: Final = 0.02
 
 
 def weighted_mean(
     depth_mm: Tensor, known: Tensor, radius: int, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """Gaussian mean of the known pixels, and the mask (0 or 1) of where there are any; else 0.
+    """Return the Gaussian mean of the known pixels, 0 if none, and the mask (0 or 1) of any.
 
     depth_mm, known: (B, C, H, W); radius and sigma in px. Both results have the same shape.
     """
-    total, weight = weighted_sums(depth_mm, known, radius, sigma)
-    reached = weight > _TINY
+    total, weight = _weighted_sums(depth_mm, known, radius, sigma)
+    reached = weight > TINY
     mean = torch.where(reached, total / torch.where(reached, weight, 1.0), 0.0)
     return mean, reached.to(known.dtype)
 
 
-def weighted_sums(
+def _weighted_sums(
     values: Tensor, known: Tensor, radius: int, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """Gaussian sums of the known values and of their mask; all weights together are 1."""
+    """Return Gaussian-weighted sums of the known values and of their mask; the weights sum to 1."""
     total, weight = blurred(torch.cat([values * known, known]), radius, sigma).chunk(2)
     return total, weight
 
 
+def shrunk_mean(values: Tensor, known: Tensor, radius: int, sigma: float) -> Tensor:
+    """Return the Gaussian mean of the known values, smaller where few are known; 0 if none.
+
+    It is as if 2 % of the neighbourhood were zeros. Arguments as of `weighted_mean`.
+    """
+    total, weight = _weighted_sums(values, known, radius, sigma)
+    return total / (weight + _LEAST_SHARE)
+
+
 def blurred(images: Tensor, radius: int, sigma: float) -> Tensor:
-    """Blur images, (B, C, H, W), by a Gaussian of ``sigma`` px; pixels outside count as 0.
+    """Blur images, (B, C, H, W), by a Gaussian of ``sigma`` px; pixels outside are 0.
 
     Sums of shifted images, first along rows: OpenCV takes ten times as long for a convolution of
     one channel with a high kernel: a quarter of the time of the shipped network.

@@ -1,9 +1,9 @@
-"""Motion of surfaces between depth frames, from the frames alone.
+"""Estimate how surfaces move between depth frames, without intrinsics.
 
 Where a surface moves by (u, v) px in the image and w mm in depth, its depth at a pixel changes by
 w + u Gx + v Gy, with the gradient G of depth: the range flow constraint (Spies, Jaehne and Barron,
 "Range Flow Estimation", CVIU 2002). u, v and w are those that fit the neighbourhood best, as Lucas
-and Kanade fit the optical flow. It needs no intrinsics.
+and Kanade fit the optical flow.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _PRIOR: Final = 0.02
 
 
 def predicted_change(difference_mm: Tensor, near: Tensor, frames_mm: Tensor) -> Tensor:
-    """Return what motion adds to the depth of each neighbour in time, (B, N, H, W) mm.
+    """Predict by how much motion changes depth from a frame to its neighbours, (B, N, H, W) mm.
 
     difference_mm: (B, N, H, W) depth of the neighbours less that of the frame; near: the same
     shape, 1 where both show one surface, else 0. frames_mm: (B, 1 + N, H, W) depth of the frame and
@@ -69,7 +69,7 @@ def predicted_change(difference_mm: Tensor, near: Tensor, frames_mm: Tensor) -> 
 
 
 def _gradients(depth_mm: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Gradients of depth along rows and along columns, mm a pixel, and where they are known."""
+    """Return the gradients of depth along rows and columns, mm per pixel, and their known mask."""
     measured = (depth_mm > 0).to(depth_mm.dtype)
     depth_mm = torch.where(depth_mm > 0, depth_mm, 0.0)
     smooth_mm, reached = weighted_mean(depth_mm, measured, _SMOOTH_RADIUS, _SMOOTH_SIGMA)
