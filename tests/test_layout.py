@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import moderngl
@@ -13,7 +15,7 @@ from glsim.gl.shader_source import SHADER_ROOT, load_source
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.registry import shipped_stages
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
-from tests.support.imports import loaded_after
+from tests.support.imports import ROOT, loaded_after
 
 LOADED_LAZILY = {"torch", "cv2", "skimage", "moderngl", "trimesh", "typer", "rich", "numpy"}
 
@@ -82,3 +84,15 @@ def test_the_renderer_is_the_expected_one(context: moderngl.Context) -> None:
     expected = os.environ.get("GLSIM_EXPECT_RENDERER", "")
     assert expected.lower() in str(context.info["GL_RENDERER"]).lower()
     assert context.version_code >= 330
+
+
+def test_a_checkout_that_is_not_installed_says_so() -> None:
+    """Without site-packages, as after a download: train, eval and shaders lie beside glsim."""
+    done = subprocess.run(
+        [sys.executable, "-S", "-m", "glsim", "info"],
+        cwd=ROOT, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr == (
+        "glsim: error: glsim is not installed: run pip install -e . in its folder\n"
+    )

@@ -26,13 +26,13 @@ from fractions import Fraction
 from math import ceil, floor, isfinite
 from pathlib import Path
 
-from glsim import reason
+from glsim import reason, shaders
 from glsim.errors import ShaderError
 from glsim.files.regular import read_regular
 from glsim.geometry.rect import Rect
 
 #: The folder of the shipped shaders. Includes are searched beside the file, then here.
-SHADER_ROOT = (Path(__file__).parents[1] / "shaders").resolve()
+SHADER_ROOT = Path(shaders.__path__[0]).resolve()
 
 #: Includes that Python generates, so that each fact has one place.
 _GENERATED = {"reason.glsl": reason.glsl}

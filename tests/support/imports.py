@@ -14,12 +14,11 @@ PACKAGE = ROOT / "glsim"
 def all_modules() -> dict[str, Path]:
     """Module name -> file of everything that installs as ``glsim``."""
     found = {}
-    # glsim/train, glsim/eval and glsim/shaders are links, which ``rglob`` does not follow.
-    linked = [path for path in PACKAGE.iterdir() if path.is_symlink()]
-    for folder in (PACKAGE, *linked):
+    for folder in (PACKAGE, *(ROOT / name for name in ("eval", "shaders", "train"))):
         for file in sorted(folder.rglob("*.py")):
-            parts = file.relative_to(ROOT).with_suffix("").parts
-            found[".".join(parts).removesuffix(".__init__")] = file
+            parts = file.relative_to(folder).with_suffix("").parts
+            package = ("glsim",) if folder == PACKAGE else ("glsim", folder.name)
+            found[".".join((*package, *parts)).removesuffix(".__init__")] = file
     return found
 
 
