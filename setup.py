@@ -3,7 +3,7 @@
 from setuptools import find_packages, setup
 
 FOLDERS = ("train", "eval", "shaders")
-"""Folders of the top level that install as ``glsim.train``, ``glsim.eval`` and ``glsim.shaders``."""
+"""Folders of the top level that install inside ``glsim``."""
 
 setup(
     packages=find_packages(include=["glsim*"])
