@@ -34,11 +34,11 @@ docs:
 
 reproduce:
 	@scripts/setup.sh train,eval
-	@$(VENV)/glsim reproduce -o reproduced
+	@$(VENV)/glsim paper reproduce -o reproduced
 
 reproduce-paper:
 	@scripts/setup.sh train,eval
-	@$(VENV)/glsim reproduce -o reproduced-paper --size full
+	@$(VENV)/glsim paper reproduce -o reproduced-paper --size full
 
 bench:
 	@scripts/setup.sh test

@@ -66,8 +66,8 @@ def filter_table(evaluation: Evaluation, table: ResultTable) -> Document:
             f"{evaluation.protocol}: {MEANING[evaluation.protocol]}.",
             TextTable(["", *columns], rows),
             f"SSIM with the printed constants: {PRESETS['paper']}. No single reading of the "
-            "constants, range and types gives the paper's SSIM column (glsim eval DATA "
-            "--ssim-readings): do not match it. Adaptive is Essmaeel's temporal filter, on single "
+            "constants, range and types gives the paper's SSIM column (glsim paper ssim "
+            "DATA): do not match it. Adaptive is Essmaeel's temporal filter, on single "
             "frames the identity.",
             TextTable(
                 ["relation", "printed", "ours"],

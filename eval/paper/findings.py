@@ -133,8 +133,8 @@ def _document(folder: Path) -> Document:
         Heading("What it takes to find out"),
         "Answers of the authors:",
         list(_QUESTIONS),
-        "And on our side: all rows at full size (`glsim reproduce --size full`, with a GPU), with "
-        "the paper's face sets (`--d3dfacs`, `--facewarehouse`, `--biwi`).",
+        "And on our side: all rows at full size (`glsim paper reproduce --size full`, with a GPU), "
+        "with the paper's face sets (`--d3dfacs`, `--facewarehouse`, `--biwi`).",
     ]
     return document
 
@@ -218,7 +218,7 @@ def _sizes(groups: Sequence[SeedGroup]) -> str:
 
 
 def _photographs(path: Path) -> Iterator[str]:
-    """Say how the networks of photographs do on depth, from the table of ``eval --photo-runs``."""
+    """Say how the networks of photographs do on depth, as photographs.md has it."""
     if not path.is_file():
         return
     with wrap_read_errors(path):
@@ -241,7 +241,7 @@ def _photographs(path: Path) -> Iterator[str]:
 
 
 def _pictures(folder: Path) -> list[Picture]:
-    """Return the figures of ``glsim reproduce --figures`` with their captions."""
+    """Return the figures of ``glsim paper figures`` with their captions."""
     captions = folder / "captions.md"
     if not captions.is_file():
         return []

@@ -109,7 +109,7 @@ def network_table(
         "a row that was trained smaller says so, and its numbers stand for that size only.",
         _paper_table(which, scored, own, table),
         "The paper's SSIM is not comparable between rows of other types: see the study of its "
-        "readings (glsim eval DATA --ssim-readings).",
+        "readings (glsim paper ssim DATA).",
         Heading("What all-pixel metrics hide"),
         _surface_table([*scored, *own], filters, table),
         Heading("Relations"),

@@ -84,7 +84,8 @@ def read_filter_cases(folder: Path) -> list[FilterCase]:
             raise DatasetError(f"{path}: is no table of glsim eval: {error!r}") from None
     if not cases:
         raise DatasetError(
-            f"{folder / FILTERS_FOLDER}: holds no scores: run glsim reproduce -o {folder} first"
+            f"{folder / FILTERS_FOLDER}: holds no scores: run glsim paper reproduce -o {folder} "
+            "first"
         )
     return list(cases.values())
 

@@ -1,4 +1,4 @@
-"""Score denoisers on real recordings, which have no clean truth: ``glsim eval --real``.
+"""Score denoisers on real recordings, which have no clean truth: ``glsim eval-real``.
 
 ``measures`` prepares what one frame tells, ``recording`` reads the frames, ``run`` scores all
 methods in worker processes, ``tune`` chooses the settings of filters, ``results`` adds up.

@@ -17,9 +17,9 @@ from glsim.denoise.protocol import Depth
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DatasetError, DenoiserError
 from glsim.eval.metrics import Regions, Truth, score
+from glsim.eval.scoring.baselines import TRIVIAL_BASELINES
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
 from glsim.eval.scoring.pairs import TruthLayer, open_frames
-from glsim.eval.scoring.trivial_baselines import TRIVIAL_BASELINES
 
 #: Histograms of absolute errors have BINS bins of this width, and one more for larger errors.
 BIN_MM: Final = 0.1
@@ -40,7 +40,7 @@ class FrameBlock(NamedTuple):
 class ScoredBlock:
     """The scores of a block, JSON-compatible, with None for NaN.
 
-    rows: one per frame and method. probes: one per frame and trivial baseline.
+    rows: one per frame and method. baselines: one per frame and trivial baseline.
     histograms: method -> counts of |error| on pixels where input and clean are valid.
     bias: method -> subject -> see ``glsim.eval.scoring.bias``.
     bad: frames, with the reason why they (or a method on them) could not be scored.
@@ -49,7 +49,7 @@ class ScoredBlock:
     number: int
     frames: int
     rows: list[Row]
-    probes: list[Row]
+    baselines: list[Row]
     histograms: dict[str, list[int]]
     bad: list[dict[str, str]]
     bias: BiasSums = field(default_factory=dict)
@@ -143,7 +143,7 @@ class _BlockScorer:
                 prediction = predict(sample.clean_mm, self._job.mean_face)
                 if prediction is not None and prediction.shape == truth.clean.shape:
                     scored = json_row(score(prediction, truth), float("nan"))
-                    result.probes.append(place | {"method": name} | scored)
+                    result.baselines.append(place | {"method": name} | scored)
 
 
 def json_row(scores: dict[str, float], time_ms: float) -> Row:

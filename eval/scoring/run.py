@@ -24,8 +24,8 @@ from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.eval.metrics import Metric, metrics_with_regions
 from glsim.eval.scoring.aggregate import ScoreSummary
+from glsim.eval.scoring.baselines import BASELINE_FRAMES, mean_face
 from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
-from glsim.eval.scoring.trivial_baselines import BASELINE_FRAMES, mean_face
 from glsim.eval.scoring.workers import run_tasks
 from glsim.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
 
@@ -163,7 +163,7 @@ def _collect(
             for row in scored.rows:
                 summary.add(row)
                 yield row
-            for row in scored.probes:
+            for row in scored.baselines:
                 baselines.add(row)
             for method, counts in scored.histograms.items():
                 summary.add_histogram(method, counts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -10,18 +11,18 @@ from glsim.cli import (
     compare,
     corrupt,
     denoise,
+    eval_real,
     export,
     fit,
     generate,
     import_,
     info,
     inspect,
+    paper,
     preview,
     render,
-    reproduce,
     sensors,
     stages,
-    study,
     train,
     transfer,
     tune,
@@ -39,27 +40,41 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("render", epilog=render.EXAMPLES)(with_messages(render.render))
-app.command("generate", epilog=generate.EXAMPLES)(with_messages(generate.generate))
-app.command("preview", epilog=preview.EXAMPLES)(with_messages(preview.preview))
-app.command("verify", epilog=verify.EXAMPLES)(with_messages(verify.verify))
-app.command("corrupt", epilog=corrupt.EXAMPLES)(with_messages(corrupt.corrupt))
-app.command("validate", epilog=validate.EXAMPLES)(with_messages(validate.validate))
-app.command("compare", epilog=compare.EXAMPLES)(with_messages(compare.compare))
-app.command("reproduce", epilog=reproduce.EXAMPLES)(with_messages(reproduce.reproduce))
-app.command("tune", epilog=tune.EXAMPLES)(with_messages(tune.tune))
-app.command("fit", epilog=fit.EXAMPLES)(with_messages(fit.fit))
-app.command("inspect", epilog=inspect.EXAMPLES)(with_messages(inspect.inspect))
-app.add_typer(import_.app, name="import")
-app.command("sensors", epilog=sensors.EXAMPLES)(with_messages(sensors.sensors))
-app.command("stages", epilog=stages.EXAMPLES)(with_messages(stages.stages))
-app.command("info", epilog=info.EXAMPLES)(with_messages(info.info))
-app.command("train", epilog=train.EXAMPLES)(with_messages(train.train))
-app.command("eval", epilog=evaluate.EXAMPLES)(with_messages(evaluate.evaluate))
-app.command("denoise", epilog=denoise.EXAMPLES)(with_messages(denoise.denoise))
-app.command("export", epilog=export.EXAMPLES)(with_messages(export.export))
-app.command("study", epilog=study.EXAMPLES)(with_messages(study.study))
-app.command("transfer", epilog=transfer.EXAMPLES)(with_messages(transfer.transfer))
+
+#: Heading in the help -> name, function and examples of each command.
+_GROUPS: dict[str, tuple[tuple[str, Callable[..., int | None], str], ...]] = {
+    "Make data": (
+        ("generate", generate.generate, generate.EXAMPLES),
+        ("render", render.render, render.EXAMPLES),
+        ("corrupt", corrupt.corrupt, corrupt.EXAMPLES),
+        ("verify", verify.verify, verify.EXAMPLES),
+        ("preview", preview.preview, preview.EXAMPLES),
+        ("inspect", inspect.inspect, inspect.EXAMPLES),
+        ("export", export.export, export.EXAMPLES),
+    ),
+    "Sensors": (
+        ("sensors", sensors.sensors, sensors.EXAMPLES),
+        ("stages", stages.stages, stages.EXAMPLES),
+        ("validate", validate.validate, validate.EXAMPLES),
+        ("compare", compare.compare, compare.EXAMPLES),
+        ("fit", fit.fit, fit.EXAMPLES),
+        ("tune", tune.tune, tune.EXAMPLES),
+        ("info", info.info, info.EXAMPLES),
+    ),
+    "Denoise": (
+        ("denoise", denoise.denoise, denoise.EXAMPLES),
+        ("train", train.train, train.EXAMPLES),
+        ("eval", evaluate.evaluate, evaluate.EXAMPLES),
+        ("eval-real", eval_real.evaluate_real, eval_real.EXAMPLES),
+        ("transfer", transfer.transfer, transfer.EXAMPLES),
+    ),
+}
+for _heading, _commands in _GROUPS.items():
+    for _name, _function, _examples in _commands:
+        app.command(_name, epilog=_examples, rich_help_panel=_heading)(with_messages(_function))
+    if _heading == "Make data":
+        app.add_typer(import_.app, name="import", rich_help_panel=_heading)
+app.add_typer(paper.app, name="paper", rich_help_panel="Paper")
 
 
 def _print_version(asked: bool) -> None:

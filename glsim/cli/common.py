@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import logging
+import shlex
 import signal
 import sys
 import threading
@@ -22,6 +23,7 @@ from rich.logging import RichHandler
 from rich.markup import escape
 from rich.table import Table
 
+from glsim.cli.old_spellings import new_spelling
 from glsim.errors import ConfigError, GlsimError
 from glsim.settings.presets import preset_names, preset_title
 
@@ -49,6 +51,9 @@ def make_console(
     return plain if width is None or plain.is_terminal else make(width)
 
 
+#: Heading of the options in a command's help that are rarely needed.
+MORE = "More options"
+
 #: Messages go to stderr; stdout is for the output that the user asked for.
 console = make_console(stderr=True)
 
@@ -73,12 +78,21 @@ options = MessageOptions()
 
 def _set_messages(
     *,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Print errors only.", rich_help_panel=MORE)
+    ] = False,
     verbose: Annotated[
-        bool, typer.Option("-v", "--verbose", help="Log detected units, axes and decisions.")
+        bool,
+        typer.Option(
+            "-v",
+            "--verbose",
+            help="Log detected units, axes and decisions.",
+            rich_help_panel=MORE,
+        ),
     ] = False,
     debug: Annotated[
-        bool, typer.Option("--debug", help="Show tracebacks and all log messages.")
+        bool,
+        typer.Option("--debug", help="Show tracebacks and all log messages.", rich_help_panel=MORE),
     ] = False,
 ) -> None:
     options.quiet, options.verbose, options.debug = quiet, verbose, debug
@@ -122,7 +136,8 @@ SeedOption = Annotated[
     int | None, typer.Option(help="Random seed; the same seed gives the same bytes.")
 ]
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="Read settings from a TOML file.")
+    Path | None,
+    typer.Option("--config", help="Read settings from a TOML file.", rich_help_panel=MORE),
 ]
 PresetOption = Annotated[
     str | None,
@@ -134,12 +149,16 @@ PresetOption = Annotated[
     ),
 ]
 WorkersOption = Annotated[
-    str, typer.Option(help="Number of worker processes; auto starts one per core.")
+    str,
+    typer.Option(
+        help="Number of worker processes; auto starts one per core.", rich_help_panel=MORE
+    ),
 ]
 BackendOption = Annotated[
     str | None,
     typer.Option(
-        help="OpenGL back end: egl or osmesa. Default: GLSIM_BACKEND, else the first that works."
+        help="OpenGL back end: egl or osmesa. Default: GLSIM_BACKEND, else the first that works.",
+        rich_help_panel=MORE,
     ),
 ]
 
@@ -161,6 +180,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
 
     try:
         _check_working_folder()
+        arguments = _in_new_spelling(sys.argv[1:] if arguments is None else arguments)
         with _on_sigterm(terminate):
             result = command(args=arguments, standalone_mode=False)
         if result == _INTERRUPTED:
@@ -183,6 +203,14 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         return 0
     except Exception as error:
         return _report_error(error, 1)
+
+
+def _in_new_spelling(arguments: list[str]) -> list[str]:
+    """Return the arguments in the present spelling; print the command if it was an old one."""
+    new = new_spelling(arguments)
+    if new != arguments and not {"-q", "--quiet"} & set(new):
+        print_message(f"this command is now: glsim {shlex.join(new)}")
+    return new
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, cast, get_args
 import typer
 
 from glsim.cli.common import (
+    MORE,
     WorkersOption,
     console,
     print_message,
@@ -17,6 +18,8 @@ from glsim.cli.progress import scoring_progress
 from glsim.errors import ConfigError, DatasetError, DenoiserError, did_you_mean
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from glsim.eval.paper.runs import TrainedRun
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.run import Evaluation
@@ -26,127 +29,160 @@ EXAMPLES = """
 
 glsim eval data -d median -d quadric:sigma_px=2.5,cleanup=5 -o scores
 
-glsim eval data --paper-table 1 -o table1
-
-glsim eval data --paper-table 2 --paper-table 3 --runs runs -o tables    checkpoints in runs/*/
-
-glsim eval data --tune -o scores         all classical filters, tuned on the validation split
+glsim eval data --tune-filters -o scores     the classical filters, tuned on the validation split
 
 glsim eval data -d noisy -d mine@my_module:my_function -d run/best.pt
+
+glsim eval data --runs runs              all networks in runs/*/
 
 glsim eval data -d face --truth expected  needs generate --layers clean,expected,noisy
 
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
 
-glsim eval data --ssim-readings -o ssim  which reading of the paper's SSIM gives its values
-glsim eval data --runs runs --photo-runs photo_runs    do denoisers of photographs transfer?
-
-glsim eval --real recording -d face --tune -o real    real frames, without any truth
-
 glsim eval --list
 
-Repeat the same command to resume an interrupted run.
+Repeat the same command to resume an interrupted run. Real frames: glsim eval-real. The paper's
+tables: glsim paper tables.
 """
+
+DatasetArgument = Annotated[
+    Path,
+    typer.Argument(help="A data set (folder or URL), or a folder of *_clean.png and *_noisy.png."),
+]
+DenoisersOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--denoiser",
+        "-d",
+        metavar="[LABEL@]NAME[:KEY=VALUE,...]",
+        help="A shipped denoiser (glsim eval --list), module:function, or a checkpoint. "
+        "Repeatable.",
+    ),
+]
+SplitOption = Annotated[str, typer.Option(help="Split to score: train, val or test.")]
+OutOption = Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")]
+TruthOption = Annotated[
+    str,
+    typer.Option(
+        help="What predictions are compared with: clean, or expected (clean with the sensor's "
+        "systematic error, which a denoiser leaves)."
+    ),
+]
+ProtocolOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Where depth is counted from: depth (as measured) or paper (the nearest point of "
+        "each frame at 1 mm). Default: as the files are stored."
+    ),
+]
+RunsOption = Annotated[
+    Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
+]
+TuneFiltersOption = Annotated[
+    bool,
+    typer.Option(
+        "--tune-filters", help="Add the classical filters, tuned on the validation split."
+    ),
+]
+BaselinesOption = Annotated[
+    bool, typer.Option(help="Score trivial baselines too.", rich_help_panel=MORE)
+]
+FiguresOption = Annotated[
+    bool, typer.Option(help="Draw figures and report.html.", rich_help_panel=MORE)
+]
+FocalOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Focal length of plain depth files, pixels. Default: the Kinect V2's.",
+        rich_help_panel=MORE,
+    ),
+]
+DeviceOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Sensor file of glsim fit: its fixed pattern and wiggling are subtracted from the "
+        "input of all denoisers.",
+        rich_help_panel=MORE,
+    ),
+]
+
+
+def _print_list(asked: bool) -> None:
+    if not asked:
+        return
+    from glsim.denoise import denoiser_names, describe_denoiser
+
+    for name in denoiser_names():
+        help, parameters = describe_denoiser(name)
+        typer.echo(f"{name}: {help}")
+        for parameter, (default, text) in parameters.items():
+            typer.echo(f"    {parameter}={default:g}  {text}")
+    raise typer.Exit
 
 
 def evaluate(
-    dataset: Annotated[
-        Path | None,
-        typer.Argument(
-            help="A data set (folder or URL), or a folder of *_clean.png and *_noisy.png."
-        ),
-    ] = None,
-    denoiser: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--denoiser",
-            "-d",
-            metavar="[LABEL@]NAME[:KEY=VALUE,...]",
-            help="A shipped denoiser (see --list), module:function, or a checkpoint. Repeatable.",
-        ),
-    ] = None,
-    split: Annotated[str, typer.Option(help="Split to score: train, val or test.")] = "test",
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path(
-        "scores"
-    ),
-    paper_table: Annotated[
-        list[int] | None,
-        typer.Option(
-            help="Write the paper's table beside ours: 1 (filters), 2 or 3 (networks). Repeatable."
-        ),
-    ] = None,
-    truth: Annotated[
-        str,
-        typer.Option(
-            help="What predictions are compared with: clean, or expected (clean with the sensor's "
-            "systematic error, which a denoiser leaves)."
-        ),
-    ] = "clean",
-    protocol: Annotated[
-        str | None,
-        typer.Option(
-            help="Where depth is counted from: depth (as measured) or paper (the nearest point of "
-            "each frame at 1 mm). Default: as the files are stored."
-        ),
-    ] = None,
-    runs: Annotated[
-        Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
-    ] = None,
-    photo_runs: Annotated[
-        Path | None,
-        typer.Option(
-            help="Only score the networks that glsim train --photos wrote to PHOTO_RUNS/*/*/, "
-            "beside those of the same recipes in --runs."
-        ),
-    ] = None,
-    tune: Annotated[
-        bool,
-        typer.Option("--tune", help="Add the classical filters, tuned on the validation split."),
-    ] = False,
-    probes: Annotated[bool, typer.Option(help="Score trivial baselines too.")] = True,
-    figures: Annotated[bool, typer.Option(help="Draw figures and report.html.")] = True,
+    dataset: DatasetArgument,
+    denoiser: DenoisersOption = None,
+    split: SplitOption = "test",
+    out: OutOption = Path("scores"),
+    truth: TruthOption = "clean",
+    protocol: ProtocolOption = None,
+    runs: RunsOption = None,
+    tune_filters: TuneFiltersOption = False,
+    baselines: BaselinesOption = True,
+    figures: FiguresOption = True,
     workers: WorkersOption = "auto",
-    focal_px: Annotated[
-        float | None,
-        typer.Option(help="Focal length of plain PNG files, pixels. Default: the Kinect V2's."),
-    ] = None,
-    device: Annotated[
-        Path | None,
-        typer.Option(
-            help="Sensor file of glsim fit: its fixed pattern and wiggling are subtracted from the "
-            "input of all denoisers."
-        ),
-    ] = None,
-    real: Annotated[
-        Path | None,
-        typer.Option(
-            help="Score on a folder of real frames, which have no clean truth: static pairs, a "
-            "chessboard's plane, shift of surfaces, edges."
-        ),
-    ] = None,
-    board: Annotated[
-        str, typer.Option(help="With --real: inner corners of the chessboard.")
-    ] = "5x7",
-    markdown: Annotated[
-        Path | None, typer.Option(help="With --real: also write the tables to this file.")
-    ] = None,
-    ssim_readings: Annotated[
+    focal_px: FocalOption = None,
+    device: DeviceOption = None,
+    list_denoisers: Annotated[
         bool,
         typer.Option(
-            "--ssim-readings",
-            help="Compute the paper's SSIM column under every reading of its text (data type, "
-            "range, constants, implementation) and write ssim_readings.md.",
+            "--list",
+            callback=_print_list,
+            is_eager=True,
+            help="Print the shipped denoisers and exit.",
         ),
-    ] = False,
-    list_denoisers: Annotated[
-        bool, typer.Option("--list", help="Print the shipped denoisers and exit.")
     ] = False,
 ) -> None:
     """Score denoisers; write rows.csv, table.md, table.csv, table.tex and report.html with figures.
 
     Frames that cannot be scored are reported and skipped; the exit status is then 1. Without
-    --denoiser the paper's filters are scored. Nothing is trained: tables 2 and 3 contain the
-    networks in --runs and list the rows that are missing there.
+    --denoiser the paper's filters are scored. Nothing is trained.
+    """
+    score_denoisers(
+        dataset, denoiser or [], out, split=split, truth=truth, protocol=protocol, runs=runs,
+        tune_filters=tune_filters, baselines=baselines, figures=figures, workers=workers,
+        focal_px=focal_px, device=device,
+    )  # fmt: skip
+
+
+def score_denoisers(
+    dataset: Path,
+    denoisers: Sequence[str],
+    out: Path,
+    *,
+    split: str,
+    truth: str,
+    protocol: str | None,
+    runs: Path | None,
+    tune_filters: bool,
+    baselines: bool,
+    figures: bool,
+    workers: str,
+    focal_px: float | None = None,
+    device: Path | None = None,
+    tables: Sequence[int] = (),
+) -> None:
+    """Score denoisers and write the results; the options of ``glsim eval`` say what each means.
+
+    Args:
+        denoisers: specifications; the paper's filters are added where there are none, or a table.
+        tables: numbers of the paper's tables that are written beside ours.
+
+    Raises:
+        ConfigError: an option is wrong.
+        DatasetError: a frame could not be scored; the results of the others are written.
+        DenoiserError: a checkpoint in ``runs`` was skipped; likewise.
     """
     from glsim.denoise import PAPER_FILTERS
     from glsim.depth_protocol import check_protocol
@@ -155,36 +191,8 @@ def evaluate(
     from glsim.eval.scoring.run import evaluate as run
     from glsim.worker_processes import worker_count
 
-    if list_denoisers:
-        _print_list()
-        return
-    if real is not None:
-        from glsim.cli.eval_real import evaluate_real
-
-        if dataset is not None or paper_table or runs is not None or device is not None:
-            raise ConfigError("--real takes no data set, --paper-table, --runs or --device")
-        evaluate_real(
-            real, denoiser or (), out, tune=tune, figures=figures, focal_px=focal_px,
-            board=board, markdown=markdown, workers=worker_count(workers),
-        )  # fmt: skip
-        return
-    if dataset is None:
-        raise ConfigError("give the folder of a data set, or --real and one of real frames")
-    if ssim_readings:
-        from glsim.cli.eval_ssim import study_ssim
-
-        study_ssim(dataset, split, out)
-        return
-    if photo_runs is not None:
-        from glsim.cli.eval_photographs import evaluate_photographs
-
-        if runs is None or paper_table or denoiser:
-            raise ConfigError("--photo-runs: give --runs, and no --denoiser or --paper-table")
-        evaluate_photographs(dataset, split, photo_runs, runs, out)
-        return
-    tables = sorted(set(paper_table or ()))
     networks = _find_networks(tables, runs)
-    specs = list(denoiser or ())
+    specs = list(denoisers)
     if tables or not specs:
         specs = [*PAPER_FILTERS, *(spec for spec in specs if spec not in PAPER_FILTERS)]
     specs += [network.spec for network in networks.trained]
@@ -200,10 +208,10 @@ def evaluate(
         device=device,
         protocol=check_protocol(protocol),
     )
-    if tune:
+    if tune_filters:
         job = _add_tuned_filters(job, out, count)
     with scoring_progress("scoring") as progress:
-        evaluation = run(job, out, workers=count, baselines=probes, progress=progress)
+        evaluation = run(job, out, workers=count, baselines=baselines, progress=progress)
     _write_results(evaluation, job, out, tables, networks, figures)
     for text in evaluation.first_bad:
         console.print(f"bad {text}", style="yellow")
@@ -224,7 +232,7 @@ class _Networks(NamedTuple):
     refused: list[str]
 
 
-def _find_networks(tables: list[int], runs: Path | None) -> _Networks:
+def _find_networks(tables: Sequence[int], runs: Path | None) -> _Networks:
     """Find the trained networks for the tables; all of them if no table asks for networks.
 
     Raises ConfigError for an unknown table, or one of networks without --runs.
@@ -234,9 +242,9 @@ def _find_networks(tables: list[int], runs: Path | None) -> _Networks:
 
     for table in tables:
         if table not in (1, *PAPER_ROWS):
-            raise ConfigError(f"--paper-table {table}: there are 1 (filters), 2 and 3 (networks)")
+            raise ConfigError(f"--table {table}: there are 1 (filters), 2 and 3 (networks)")
         if table in PAPER_ROWS and runs is None:
-            raise ConfigError(f"--paper-table {table}: give --runs, the folder of trained networks")
+            raise ConfigError(f"--table {table}: give --runs, the folder of trained networks")
     if runs is None:
         return _Networks([], [])
     trained, refused = find_trained_runs(runs)
@@ -255,10 +263,12 @@ def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
     from glsim.eval.scoring.tune import tune
 
     if job.split == "val":
-        raise ConfigError("--tune: settings tuned on val must be scored on another split")
+        raise ConfigError("--tune-filters: settings tuned on val must be scored on another split")
     held_out = replace(job, split="val")
     if held_out.frames().identity == job.frames().identity:
-        raise ConfigError(f"--tune: {job.dataset} has no splits: there is no validation split")
+        raise ConfigError(
+            f"--tune-filters: {job.dataset} has no splits: there is no validation split"
+        )
     with scoring_progress("tuning") as progress:
         tuned = tune(held_out, list(GRIDS), out, workers=count, progress=progress)
     specs = [spec for item in tuned for spec in (item.plain, item.cleaned)]
@@ -271,7 +281,7 @@ def _write_results(
     evaluation: Evaluation,
     job: ScoringJob,
     out: Path,
-    tables: list[int],
+    tables: Sequence[int],
     networks: _Networks,
     figures: bool,
 ) -> None:
@@ -327,13 +337,3 @@ def _write_results(
         report = write_report(evaluation, table, job, out, heading, list(pages.values()), drawn)
         paths.append(report)
     print_written(paths)
-
-
-def _print_list() -> None:
-    from glsim.denoise import denoiser_names, describe_denoiser
-
-    for name in denoiser_names():
-        help, parameters = describe_denoiser(name)
-        typer.echo(f"{name}: {help}")
-        for parameter, (default, text) in parameters.items():
-            typer.echo(f"    {parameter}={default:g}  {text}")

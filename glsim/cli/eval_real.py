@@ -1,62 +1,82 @@
-"""``glsim eval --real``: score denoisers on real recordings, which have no clean truth."""
+"""``glsim eval-real``: score denoisers on real recordings, which have no clean truth."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from glsim.cli.common import print_message, print_table, print_written
+import typer
+
+from glsim.cli.common import WorkersOption, print_message, print_table, print_written
+from glsim.cli.eval import DenoisersOption, FiguresOption, FocalOption, OutOption
 from glsim.cli.progress import scoring_progress
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
     from glsim.eval.real_frames import RealScores
 
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim eval-real recording -d face -o real
+
+glsim eval-real recording -d face --tune-filters -o real    beside the classical filters
+"""
+
 #: Scored without --denoiser: the shipped network.
 _DEFAULT = ("face",)
 
 
 def evaluate_real(
-    recording_path: Path,
-    denoisers: Sequence[str],
-    out: Path,
-    *,
-    tune: bool,
-    figures: bool,
-    focal_px: float | None,
-    board: str,
-    markdown: Path | None,
-    workers: int,
+    recording: Annotated[Path, typer.Argument(help="Folder of real frames.")],
+    denoiser: DenoisersOption = None,
+    out: OutOption = Path("scores"),
+    tune_filters: Annotated[
+        bool,
+        typer.Option(
+            "--tune-filters",
+            help="Add the classical filters, tuned on the static pairs of one half.",
+        ),
+    ] = False,
+    board: Annotated[str, typer.Option(help="Inner corners of the chessboard.")] = "5x7",
+    markdown: Annotated[
+        Path | None, typer.Option(help="Also write the tables to this file.")
+    ] = None,
+    figures: FiguresOption = True,
+    workers: WorkersOption = "auto",
+    focal_px: FocalOption = None,
 ) -> None:
-    """Score denoisers on a folder of real frames; write tables and figures into ``out``.
+    """Score denoisers on real frames, which have no clean truth.
 
-    board: inner corners of the chessboard, such as 5x7. markdown: also write the tables there.
+    Measures static pairs, a chessboard's plane, the shift of surfaces, losses and fills at edges.
+    Without --denoiser the shipped network is scored.
     """
     from glsim.eval.real_frames import open_recording, score_recording, tune_on_pairs
     from glsim.eval.real_frames.recording import Source
     from glsim.eval.report.real_frames_page import real_frames_document, write_real_frames
     from glsim.files.atomic import write_atomic
+    from glsim.worker_processes import worker_count
 
-    recording = open_recording(Source(recording_path, focal_px, pattern=_pattern(board)))
-    specs = list(denoisers or _DEFAULT)
+    opened = open_recording(Source(recording, focal_px, pattern=_pattern(board)))
+    specs = list(denoiser or _DEFAULT)
+    count = worker_count(workers)
     remarks: list[str] = []
-    if tune:
+    if tune_filters:
         with scoring_progress("tuning") as progress:
-            tuned, _ = tune_on_pairs(recording, workers=workers, progress=progress)
+            tuned, _ = tune_on_pairs(opened, workers=count, progress=progress)
         specs = list(dict.fromkeys([*tuned, *specs]))
-        half = "scenes" if recording.by_scene else "tiles of 64 x 64 px, as a chessboard"
+        half = "scenes" if opened.by_scene else "tiles of 64 x 64 px, as a chessboard"
         print_message(f"tuned on half of the {half}: {' '.join(tuned)}")
         remarks.append(
             f"Filters with settings are tuned on the static pairs of one half of the {half}; "
             "static pairs of all methods are scored on the other half."
         )
-    if len(recording.partner) == 0:
+    if len(opened.partner) == 0:
         remarks.append("No two frames show one static view: there are no static pairs.")
     with scoring_progress("scoring") as progress:
         scores = score_recording(
-            recording, specs, scoring_half=tune, workers=workers, progress=progress
+            opened, specs, scoring_half=tune_filters, workers=count, progress=progress
         )
     pictures = []
     if figures:
@@ -70,14 +90,15 @@ def evaluate_real(
                 "crops",
                 "A part of one frame by every method: shaded, and its difference from the raw "
                 "frame.",
-                to_png(crops_figure(recording, specs)),
+                to_png(crops_figure(opened, specs)),
             ),
         ]
     _print_summary(scores)
     paths = write_real_frames(scores, out, pictures, remarks)
     if markdown is not None:
-        command = f"glsim eval --real {shlex.quote(recording.source.path.name)}"
-        command += " --tune" * tune + "".join(f" -d {shlex.quote(d)}" for d in denoisers)
+        command = f"glsim eval-real {shlex.quote(opened.source.path.name)}"
+        command += " --tune-filters" * tune_filters
+        command += "".join(f" -d {shlex.quote(spec)}" for spec in denoiser or ())
         document = real_frames_document(scores, [f"Made by `{command}`.", *remarks])
         write_atomic(document.markdown().encode(), markdown)
         paths.append(markdown)

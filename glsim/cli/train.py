@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import (
+    MORE,
     SeedOption,
     console,
     options,
@@ -81,17 +82,23 @@ def train(
             metavar="DIR",
             help="Train on photographs with Gaussian noise instead, of a folder or of "
             "scikit-image, in the depth range of --data.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     photo_sigma: Annotated[
         float | None,
-        typer.Option(min=0, help="With --photos: the noise, grey levels of 255. Default: 25."),
+        typer.Option(
+            min=0,
+            help="With --photos: the noise, grey levels of 255. Default: 25.",
+            rich_help_panel=MORE,
+        ),
     ] = None,
     ray: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
             help="With --simulate: render on a cluster of Ray (auto, HOST:6379); train here.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     minutes: Annotated[
@@ -107,6 +114,7 @@ def train(
             metavar="BEST.PT",
             help="Start from the weights of a checkpoint, an ONNX file or a shipped network "
             "(face); further inputs have no weight at first.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     assignment: Annotated[
@@ -127,7 +135,8 @@ def train(
         str | None,
         typer.Option(
             help="Where depth is counted from: depth (as measured) or paper (the nearest point of "
-            "each frame at 1 mm). Default: as the data sets are stored."
+            "each frame at 1 mm). Default: as the data sets are stored.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     seed: SeedOption = None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glsim.cli.common import (
+    MORE,
     WorkersOption,
     print_message,
     print_written,
@@ -79,16 +80,28 @@ def transfer(
         int | None, typer.Option(min=1, help="Steps of each training. Default: as in the study.")
     ] = None,
     small: Annotated[
-        bool, typer.Option("--small", help="A small study of some minutes, to try the command.")
+        bool,
+        typer.Option(
+            "--small",
+            help="A small study of some minutes, to try the command.",
+            rich_help_panel=MORE,
+        ),
     ] = False,
     study: Annotated[
         Path | None,
-        typer.Option(help="Your own study, a .toml file like glsim/cli/transfers/full.toml."),
+        typer.Option(
+            help="Your own study, a .toml file like glsim/cli/transfers/full.toml.",
+            rich_help_panel=MORE,
+        ),
     ] = None,
     composite: Annotated[
-        str, typer.Option(help="Scored map of a network's soft validity, as for glsim denoise.")
+        str,
+        typer.Option(
+            help="Scored map of a network's soft validity, as for glsim denoise.",
+            rich_help_panel=MORE,
+        ),
     ] = "measured",
-    figures: Annotated[bool, typer.Option(help="Draw transfer.png.")] = True,
+    figures: Annotated[bool, typer.Option(help="Draw transfer.png.", rich_help_panel=MORE)] = True,
     plan: Annotated[
         bool, typer.Option("--plan", help="Print the steps and their time without running them.")
     ] = False,

@@ -1,4 +1,4 @@
-"""``glsim denoise``, ``glsim eval --list`` and ``glsim study`` as a user meets them."""
+"""``glsim denoise``, ``glsim eval --list`` and ``glsim paper study`` as a user meets them."""
 
 from __future__ import annotations
 
@@ -125,11 +125,11 @@ def test_denoise_names_what_it_cannot_read(maps: Path, capsys: pytest.CaptureFix
         (["denoise", "maps", "-o", "o", "-d", "medan"], "did you mean 'median'"),
         (["denoise", "maps", "-o", "o", "-d", "median", "--composite", "x"], "--composite x"),
         (["eval", "none"], "no such folder"),
-        (["eval"], "give the folder"),
-        (["eval", "maps", "--paper-table", "4"], "--paper-table 4"),
-        (["eval", "maps", "--paper-table", "2"], "give --runs"),
-        (["eval", "maps", "--paper-table", "3", "--runs", "nowhere"], "no such folder"),
-        (["eval", "maps", "--paper-table", "3", "--runs", "maps"], "no */best.pt"),
+        (["eval"], "Missing argument"),
+        (["paper", "tables", "maps", "--table", "4"], "--table 4"),
+        (["paper", "tables", "maps", "--table", "2"], "give --runs"),
+        (["paper", "tables", "maps", "--table", "3", "--runs", "nowhere"], "no such folder"),
+        (["paper", "tables", "maps", "--table", "3", "--runs", "maps"], "no */best.pt"),
         (["eval", "maps", "--workers", "0"], "--workers 0"),
         (["study", "-o", "s", "--sensors", "kinect-v3"], "no such sensor"),
     ],
@@ -225,13 +225,13 @@ def test_list_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     listing = capsys.readouterr().out
     assert "median: median over a square" in listing
     assert "size=5" in listing
-    for command in ("eval", "denoise", "study"):
-        assert main([command, "--help"]) == 0
+    for command in ("eval", "denoise", "paper study"):
+        assert main([*command.split(), "--help"]) == 0
         assert f"glsim {command}" in capsys.readouterr().out
 
 
 def test_a_small_study(tmp_path: Path) -> None:
-    command = ["study", "-o", str(tmp_path), "--sensors", "led3d,ideal", "--subjects", "5"]
+    command = ["paper", "study", "-o", str(tmp_path), "--sensors", "led3d,ideal", "--subjects", "5"]
     command += ["--frames-per-subject", "1", "--crop", "64", "--workers", "1", "-q"]
     assert main(command) == 0
     text = (tmp_path / "study.md").read_text()

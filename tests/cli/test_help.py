@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,13 @@ import pytest
 import typer
 
 from glsim.cli import app, main
+from glsim.cli.common import MORE
+from glsim.cli.old_spellings import new_spelling
 
 #: Files in glsim/cli that are no commands.
 SHARED_FILES = {
-    "__init__", "common", "eval_photographs", "eval_real", "eval_ssim", "generate_parts",
-    "generate_plan", "generation_summary", "progress",
+    "__init__", "common", "generate_parts", "generate_plan", "generation_summary", "old_spellings",
+    "progress",
 }  # fmt: skip
 
 
@@ -60,7 +63,8 @@ def parse(words: list[str]) -> None:
     for length in (1, 2):
         command = COMMANDS.get(tuple(words[:length]))
         if command is not None and not hasattr(command, "commands"):
-            command.make_context("glsim", words[length:])
+            with suppress(typer.Exit):  # --list prints and ends
+                command.make_context("glsim", words[length:])
             return
     raise LookupError(f"no command: {words}")
 
@@ -152,4 +156,50 @@ def test_every_command_ends_with_the_shared_options() -> None:
 
 def test_every_command_has_a_file_of_its_name() -> None:
     files = {file.stem for file in Path(main.__code__.co_filename).parent.glob("*.py")}
-    assert {file.rstrip("_") for file in files - SHARED_FILES} == set(ROOT.commands)
+    names = {name.replace("-", "_") for name in ROOT.commands} - {"paper"}
+    assert {file.rstrip("_") for file in files - SHARED_FILES} == names
+
+
+def test_the_first_help_has_at_most_12_options() -> None:
+    """The rest stands under a second heading."""
+    for path, command in COMMANDS.items():
+        first = [p for p in command.params if getattr(p, "rich_help_panel", MORE) is None]
+        assert len([p for p in first if p.param_type_name == "option"]) < 12, path
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("reproduce -o out --size full", "paper reproduce -o out --size full"),
+        ("reproduce -o out --figures", "paper figures out"),
+        ("reproduce --findings --out=out", "paper findings out"),
+        ("reproduce --filter-page -o out -q", "paper protocols out -q"),
+        ("study -o study", "paper study -o study"),
+        ("eval --real=frames --tune -d face", "eval-real frames --tune-filters -d face"),
+        ("eval data --ssim-readings -o ssim", "paper ssim data -o ssim"),
+        ("eval data --runs a --photo-runs b", "paper photographs data --runs a --photo-runs b"),
+        (
+            "eval data --paper-table 2 --runs runs --no-probes",
+            "paper tables data --table 2 --runs runs --no-baselines",
+        ),
+        ("eval data --tune", "eval data --tune-filters"),
+        ("paper tables data --tune", "paper tables data --tune-filters"),
+    ],
+)
+def test_old_spellings_are_those_of_today(old: str, new: str) -> None:
+    assert new_spelling(old.split()) == new.split()
+    parse(new.split())
+
+
+def test_present_spellings_stay_as_they_are() -> None:
+    for parameters in EXAMPLES:
+        assert new_spelling(parameters.values[0]) == parameters.values[0]
+
+
+def test_an_old_spelling_works_and_prints_the_new_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["reproduce", "-o", str(tmp_path), "--plan"]) == 0
+    seen = capsys.readouterr()
+    assert f"this command is now: glsim paper reproduce -o {tmp_path} --plan" in seen.err
+    assert seen.out.startswith("glsim generate")

@@ -1,4 +1,4 @@
-"""Networks of photographs on depth: trained by glsim train --photos, scored by --photo-runs."""
+"""Networks of photographs on depth: glsim train --photos, then glsim paper photographs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_the_table_has_a_row_for_each_training(
     write_run(tmp_path / "runs" / "unet", 0.2, row="UNet")
     out = tmp_path / "o"
     folders = ["--runs", str(tmp_path / "runs"), "--photo-runs", str(tmp_path / "photo_runs")]
-    command = ["eval", str(pairs), "-o", str(out), "-q", *folders]
+    command = ["paper", "photographs", str(pairs), "-o", str(out), "-q", *folders]
     assert main(command) == 0
     text = (out / "photographs.md").read_text()
     lines = [
@@ -75,9 +75,9 @@ def test_the_table_has_a_row_for_each_training(
     assert lines[2][5:] == lines[3][5:]
     assert float(lines[2][-1].split(" ± ")[0]) == pytest.approx(ours[0] / noisy, abs=0.006)
 
-    assert main([*command, "--paper-table", "2"]) == 2
-    assert main(["eval", str(pairs), "-o", str(out), *folders[2:]]) == 2
-    assert main(["eval", str(pairs), *folders[:2], "--photo-runs", str(tmp_path / "none")]) == 2
+    assert main([*command, "--table", "2"]) == 2
+    assert main(["paper", "photographs", str(pairs), "-o", str(out), *folders[2:]]) == 2
+    assert main([*command, "--photo-runs", str(tmp_path / "none")]) == 2
     assert "holds no folders of runs" in capsys.readouterr().err
 
 

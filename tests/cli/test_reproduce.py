@@ -1,4 +1,4 @@
-"""``glsim reproduce`` in miniature: from nothing to the tables, and on from where it stopped."""
+"""``glsim paper reproduce`` in miniature: from nothing to the tables, resumed where it stopped."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.cli.reproduce import load_plan
+from glsim.cli.paper.reproduce import load_plan
 from glsim.plan.paper_split import PAPER_IMAGES, split_as_paper
 from glsim.settings.schema import load_settings
 from glsim.train.recipe import load_recipe
@@ -23,7 +23,7 @@ seeds = [4]
 protocols = ["depth", "paper"]
 generate = \"\"\"--subjects 3 --frames-per-subject 1 --split 0.4,0.3,0.3 --crop 64 --workers 1
     --sensor kinect-v2-paper\"\"\"
-eval = "--workers 1 --no-probes --no-figures"
+eval = "--workers 1 --no-baselines --no-figures"
 figures = false
 [[train]]
 recipes = ["paper-d7-small", "RECIPE"]
@@ -44,7 +44,7 @@ generate = \"\"\"--subjects 1 --frames-per-subject 1 --split 0,0,1 --crop 64 --w
 
 def tiny(tmp_path: Path, second: str = "mask-aware-small") -> list[str]:
     (tmp_path / "tiny.toml").write_text(TINY.replace("RECIPE", second))
-    return ["reproduce", "-o", str(tmp_path / "o"), "--size", str(tmp_path / "tiny.toml")]
+    return ["paper", "reproduce", "-o", str(tmp_path / "o"), "--size", str(tmp_path / "tiny.toml")]
 
 
 def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -119,14 +119,14 @@ def test_one_protocol_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 @pytest.mark.parametrize("size", ["small", "full"])
 def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Every row of tables 2 and 3 under both protocols, and options that the commands know."""
-    assert main(["reproduce", "-o", "x", "--size", size, "--plan"]) == 0
+    assert main(["paper", "reproduce", "-o", "x", "--size", size, "--plan"]) == 0
     lines = [shlex.split(line)[1:] for line in capsys.readouterr().out.splitlines()]
     scored = {"small": 17 + 9, "full": 27 + 27}[size]
     kinds = [line[0] for line in lines]
-    assert kinds[-3:] == ["eval", "reproduce", "reproduce"]
+    assert kinds[-3:] == ["paper", "paper", "paper"]
     assert lines[-3][-4:] == ["--photo-runs", "x/photo_runs", "-o", "x"]
-    assert lines[-2] == ["reproduce", "-o", "x", "--figures"]
-    assert lines[-1] == ["reproduce", "-o", "x", "--findings"]
+    assert lines[-2] == ["paper", "figures", "x"]
+    assert lines[-1] == ["paper", "findings", "x"]
     photographs = [line for line in lines if "--photos" in line]
     lines = [line for line in lines if line not in photographs]
     assert [line[0] for line in lines].count("train") == scored
@@ -166,7 +166,17 @@ def test_face_sets_and_photographs_enter_the_plan(
     photos = tmp_path / "photos"
     photos.mkdir()
     root = write_tree("d3dfacs_alignments", tmp_path)
-    command = ["reproduce", "-o", "x", "--plan", "--d3dfacs", str(root), "--photos", str(photos)]
+    command = [
+        "paper",
+        "reproduce",
+        "-o",
+        "x",
+        "--plan",
+        "--d3dfacs",
+        str(root),
+        "--photos",
+        str(photos),
+    ]
     assert main(command) == 2
     assert f"--photos {photos}: holds 0 images" in capsys.readouterr().err
     for number in range(2):
@@ -181,7 +191,7 @@ def test_face_sets_and_photographs_enter_the_plan(
     plan = capsys.readouterr().out
     assert "d3dfacs" in plan
     assert "600 images" in plan
-    assert main(["reproduce", "-o", "x", "--plan", "--biwi", str(tmp_path / "none")]) == 2
+    assert main(["paper", "reproduce", "-o", "x", "--plan", "--biwi", str(tmp_path / "none")]) == 2
     assert "none" in capsys.readouterr().err
 
 
@@ -219,5 +229,5 @@ def test_wrong_plans(
     if text is not None:
         (tmp_path / "p.toml").write_text(text)
     size = str(tmp_path / "p.toml")
-    assert main(["reproduce", "-o", str(tmp_path), "--size", size]) == 2
+    assert main(["paper", "reproduce", "-o", str(tmp_path), "--size", size]) == 2
     assert words in capsys.readouterr().err

@@ -102,7 +102,7 @@ def test_train_denoise_and_score(
     assert main(["denoise", str(noisy), "-o", "clean.png", "-d", best, "-q"]) == 0
     assert (here / "clean.png").is_file()
     command = ["eval", str(data), "--split", "val", "-d", best, "-o", "scores", "--no-figures"]
-    assert main([*command, "--no-probes", "--workers", "2", "-q"]) == 0
+    assert main([*command, "--no-baselines", "--workers", "2", "-q"]) == 0
     assert "best.pt" in (here / "scores" / "table.md").read_text()
     scales = [
         checkpoint.load(run / name)["model"]["sigma_scale"] for name in ("best.pt", "last.pt")

@@ -115,7 +115,7 @@ def test_the_tables_and_the_csv_file_hold_it(
 
 def test_the_report_draws_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = write_walls(tmp_path / "pairs")
-    command = ["eval", str(pairs), "-d", "noisy", "--no-probes", "--workers", "1", "-q"]
+    command = ["eval", str(pairs), "-d", "noisy", "--no-baselines", "--workers", "1", "-q"]
     for enough, there in ((1000, True), (100_000, False)):
         monkeypatch.setattr("glsim.eval.scoring.bias.ENOUGH_PIXELS", enough)
         assert main([*command, "-o", str(tmp_path / str(enough))]) == 0

@@ -47,7 +47,8 @@ def runs(tmp_path: Path) -> Path:
 
 
 def command(pairs: Path, out: Path, *more: str) -> list[str]:
-    return ["eval", str(pairs), "-o", str(out), "--workers", "1", "-q", *more]
+    head = ("paper", "tables") if "--table" in more else ("eval",)
+    return [*head, str(pairs), "-o", str(out), "--workers", "1", "-q", *more]
 
 
 def row_of(text: str, *cells: str) -> list[str]:
@@ -70,7 +71,7 @@ def test_printed_values_agree_with_each_other() -> None:
 
 def test_both_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
     pairs, out = write_pairs(tmp_path / "pairs"), tmp_path / "o"
-    tables = ("--paper-table", "2", "--paper-table", "3", "--runs", str(runs))
+    tables = ("--table", "2", "--table", "3", "--runs", str(runs))
     assert main(command(pairs, out, *tables, "-d", "masked_gaussian", "--no-figures")) == 0
     two, three = ((out / f"paper_table_{n}.md").read_text() for n in (2, 3))
 
@@ -143,7 +144,7 @@ def test_what_is_no_run_is_named_and_left_out(
     (runs / "foreign").mkdir()
     (runs / "foreign" / "best.pt").write_bytes(b"")
     write_run(runs / "again", 0.5, row="AR D7", seed=1)
-    tables = ("--paper-table", "3", "--runs", str(runs), "--no-figures")
+    tables = ("--table", "3", "--runs", str(runs), "--no-figures")
     assert main(command(pairs, out, *tables)) == 1
     assert "4 of the checkpoints" in capsys.readouterr().err
     text = (out / "paper_table_3.md").read_text()
@@ -158,7 +159,7 @@ def test_a_seed_that_finds_no_depth_has_no_spread(runs: Path, tmp_path: Path) ->
     for seed in (1, 2):
         write_run(runs / f"d20-{seed}", 0.1, row="D20", seed=seed, blind=True)
     pairs, out = write_pairs(tmp_path / "pairs", 2, 1), tmp_path / "o"
-    tables = ("--paper-table", "2", "--runs", str(runs), "--no-figures")
+    tables = ("--table", "2", "--runs", str(runs), "--no-figures")
     assert main(command(pairs, out, *tables)) == 0
     text = (out / "paper_table_2.md").read_text()
     assert "±" in row_of(text, "D20", "D20")[6], "its mean squared error is known"

@@ -169,4 +169,4 @@ def test_without_data_there_is_nothing_to_draw(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["reproduce", "-o", str(tmp_path), "--figures"]) == 2
-    assert f"run glsim reproduce -o {tmp_path} first" in capsys.readouterr().err
+    assert f"run glsim paper reproduce -o {tmp_path} first" in capsys.readouterr().err

@@ -86,7 +86,7 @@ def test_the_printed_table_has_its_relations() -> None:
 
 
 def test_scores_that_are_missing_or_damaged(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match=r"filters: holds no scores: run glsim reproduce"):
+    with pytest.raises(DatasetError, match=r"filters: holds no scores: run glsim paper reproduce"):
         read_filter_cases(tmp_path)
     path = write_scores(tmp_path, "dense", 1, "paper", mse(400, **PRINTED_RATIOS))
     path.write_text(path.read_text().replace("frames", "pictures"))

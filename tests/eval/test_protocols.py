@@ -133,7 +133,7 @@ def test_neighbours_in_time_have_the_offset_of_their_frame(sets: dict[str, Path]
 
 def test_reports_name_the_protocol(sets: dict[str, Path], tmp_path: Path) -> None:
     out = tmp_path / "o"
-    command = ["eval", str(sets["depth"]), "-o", str(out), "--paper-table", "1", "--workers", "1"]
+    command = ["paper", "tables", str(sets["depth"]), "-o", str(out), "--workers", "1"]
     assert main([*command, "--protocol", "paper", "--no-figures", "-q"]) == 0
     text = (out / "table.md").read_text()
     assert text.startswith("# depth, test, protocol paper\n")

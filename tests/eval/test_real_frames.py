@@ -174,7 +174,7 @@ def test_tuning_sees_one_half_and_scoring_the_other(pair: Path) -> None:
 def test_the_command_writes_the_same_tables_twice(pair: Path, tmp_path: Path) -> None:
     written = []
     for out in (tmp_path / "one", tmp_path / "two"):
-        arguments = ["eval", "--real", str(pair), "-d", "guided:radius=2", "-o", str(out),
+        arguments = ["eval-real", str(pair), "-d", "guided:radius=2", "-o", str(out),
                      "--markdown", str(out / "page.md"), "--workers", "1", "-q"]  # fmt: skip
         assert main(arguments) == 0
         names = ("table.md", "table.csv", "scores.json", "page.md", "figures/measures.png")
@@ -192,17 +192,16 @@ def test_errors_name_the_place(
 ) -> None:
     out = str(tmp_path / "out")
     cases = [
-        (["--real", str(pair), "-d", "planted_denoisers:broken"], 1, "0000_depth: out of film"),
-        (["--real", str(pair), "-d", "guided", "-d", "guided"], 2, "given twice"),
-        (["--real", str(pair), "--board", "five"], 2, "such as 5x7"),
-        (["--real", str(tmp_path / "nowhere")], 2, "no such folder"),
-        (["--real", str(pair), str(pair)], 2, "takes no data set"),
+        ([str(pair), "-d", "planted_denoisers:broken"], 1, "0000_depth: out of film"),
+        ([str(pair), "-d", "guided", "-d", "guided"], 2, "given twice"),
+        ([str(pair), "--board", "five"], 2, "such as 5x7"),
+        ([str(tmp_path / "nowhere")], 2, "no such folder"),
     ]
     for arguments, status, text in cases:
-        assert main(["eval", *arguments, "-o", out, "--workers", "1", "-q"]) == status
+        assert main(["eval-real", *arguments, "-o", out, "--workers", "1", "-q"]) == status
         assert text in capsys.readouterr().err
     (pair / "0001_depth.png").unlink()
-    assert main(["eval", "--real", str(pair), "--tune", "-o", out, "-q"]) == 2
+    assert main(["eval-real", str(pair), "--tune-filters", "-o", out, "-q"]) == 2
     assert "one static view" in capsys.readouterr().err
 
 

@@ -108,7 +108,7 @@ def test_the_report_has_a_table_a_part(
     )  # drawn in other tests
     out = tmp_path / "o"
     command = ["eval", str(dataset), "-d", "noisy", "-d", "median", "-o", str(out), "-q"]
-    assert main([*command, "--workers", "1", "--no-probes"]) == 0
+    assert main([*command, "--workers", "1", "--no-baselines"]) == 0
     with (out / "rows.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert float(rows[0]["rmse_mm@nose"]) > 1

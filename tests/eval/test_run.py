@@ -16,9 +16,9 @@ from glsim.errors import ConfigError, DatasetError
 from glsim.eval.metrics import METRICS, Truth, score
 from glsim.eval.paper.filter_table import filter_table
 from glsim.eval.report.tables import format_number
+from glsim.eval.scoring.baselines import mean_face
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.run import Evaluation, evaluate
-from glsim.eval.scoring.trivial_baselines import mean_face
 from glsim.eval.scoring.tune import tune
 from tests.support.eval_scenes import dome, rows, write_pairs
 
@@ -195,13 +195,13 @@ def test_tuning_uses_the_validation_split_only(tmp_path: Path) -> None:
         tuned.plain,
         tuned.cleaned,
     }
-    command = ["eval", str(pairs / "test"), "--tune", "-o", str(tmp_path / "p"), "-q"]
+    command = ["eval", str(pairs / "test"), "--tune-filters", "-o", str(tmp_path / "p"), "-q"]
     assert main(command) == 2, "a folder without splits has nothing to tune on"
 
 
 def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
     out = tmp_path / "o"
-    command = ["eval", str(pairs), "--paper-table", "1", "-o", str(out), "--workers", "1", "-q"]
+    command = ["paper", "tables", str(pairs), "-o", str(out), "--workers", "1", "-q"]
     assert main(command) == 0
     with (out / "table.csv").open() as file:
         table = {(row["method"], row["metric"]): row for row in csv.DictReader(file)}

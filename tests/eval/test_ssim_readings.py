@@ -122,7 +122,7 @@ def test_the_study_of_a_data_set(tmp_path: Path) -> None:
     assert found.frames == 1
     assert NLM_8_BIT in found.mse_mm2
     assert found.ours_off < 1e-9
-    assert main(["eval", str(data), "--ssim-readings", "-o", str(tmp_path / "o"), "-q"]) == 0
+    assert main(["paper", "ssim", str(data), "-o", str(tmp_path / "o"), "-q"]) == 0
     text = (tmp_path / "o" / "ssim_readings.md").read_text()
     assert "Protocol paper" in text
     assert "Protocol depth" in text

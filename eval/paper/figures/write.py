@@ -67,7 +67,8 @@ def write_paper_figures(
     data = reproduction / "data"
     if not data.is_dir():
         raise ConfigError(
-            f"{reproduction}: has no data/ to draw: run glsim reproduce -o {reproduction} first"
+            f"{reproduction}: has no data/ to draw: run glsim paper reproduce -o {reproduction} "
+            "first"
         )
     dataset = open_dataset(data)
     runs = reproduction / "runs"

@@ -1,1 +1,1 @@
-"""Studies of ``glsim transfer`` (keys: glsim/eval/transfer/study.py), and its steps."""
+"""Studies of ``glsim transfer`` (keys: eval/transfer/study.py), and its steps."""

@@ -1,14 +1,14 @@
-"""``glsim reproduce``: reproduce the paper's tables by a series of other commands.
+"""``glsim paper reproduce``: reproduce the paper's tables by a series of other commands.
 
-A plan (glsim/cli/reproductions/*.toml) contains their options:
+A plan (glsim/cli/paper/plans/*.toml) contains their options:
 
     title = "..."                      description of the plan
     seeds = [0, 1, 2]                  seeds of every recipe
     faces = "--subjects 60 ..."        options of glsim generate: faces, without the paper's sets
     images = 600                       images in all, with some of the paper's sets
     generate = "--sensor ..."          further options of glsim generate
-    eval = "--tune"                    options of glsim eval
-    protocols = ["depth", "paper"]     protocols of glsim train and glsim eval; default: depth
+    eval = "--tune-filters"                options of glsim paper tables
+    protocols = ["depth", "paper"]     depth protocols of both commands; default: depth
     figures = false                    without the paper's figures; default: with them
     [[train]]                          groups in order; within a group all recipes are trained
     recipes = ["paper-d7-small"]       with the first seed, then all with the second, ...
@@ -36,7 +36,7 @@ from typing import Annotated
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.cli.common import console, options, print_message, print_written, run_command_line
+from glsim.cli.common import console, options, print_message, run_command_line
 from glsim.depth_protocol import DepthProtocol, check_protocol
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
 from glsim.plan.paper_sources import PAPER_SOURCES, paper_mixture, set_text
@@ -45,22 +45,20 @@ from glsim.settings.tables import parse_table, read_toml
 EXAMPLES = """
 [bold]Examples[/bold]
 
-glsim reproduce -o reproduced               small: 45 minutes on two cores
+glsim paper reproduce -o reproduced               small: 45 minutes on two cores
 
-glsim reproduce -o paper --size full        the paper's size, for a GPU
+glsim paper reproduce -o paper --size full        the paper's size, for a GPU
 
-glsim reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
+glsim paper reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
 
-glsim reproduce -o reproduced --plan        print the commands without running them
+glsim paper reproduce -o reproduced --plan        print the commands without running them
 
-glsim reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
-
-glsim reproduce -o reproduced --figures     draw the paper's figures 1 to 5 from that folder
+glsim paper reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
 
 Repeat the same command to resume an interrupted one.
 """
 
-_FOLDER = Path(__file__).parent / "reproductions"
+_FOLDER = Path(__file__).parent / "plans"
 
 
 class _Table(BaseModel):
@@ -126,9 +124,9 @@ class ReproductionPlan(_Table):
         if self.photographs is not None:
             yield from self._photograph_commands(self.photographs, data, out, photos or BUNDLED)
         if self.figures:
-            yield ["reproduce", "-o", str(out), "--figures"]
+            yield ["paper", "figures", str(out)]
         if self.filters is not None:
-            yield ["reproduce", "-o", str(out), "--findings"]
+            yield ["paper", "findings", str(out)]
 
     def _network_commands(
         self, protocol: DepthProtocol, data: str, out: Path
@@ -137,8 +135,8 @@ class ReproductionPlan(_Table):
         for group in self.train:
             if protocol in (group.protocols or self.protocols):
                 yield from self._trainings(group, data, out / "runs", ["--protocol", protocol])
-        tables = [word for table in "123" for word in ("--paper-table", table)]
-        yield ["eval", data, *shlex.split(self.eval), *tables, "--protocol", protocol,
+        tables = [word for table in "123" for word in ("--table", table)]
+        yield ["paper", "tables", data, *shlex.split(self.eval), *tables, "--protocol", protocol,
                "--runs", str(out / "runs"), "-o", str(out)]  # fmt: skip
 
     def _filter_commands(self, sets: FilterSets, out: Path) -> Iterator[list[str]]:
@@ -152,11 +150,11 @@ class ReproductionPlan(_Table):
                 yield ["generate", *shlex.split(sets.generate), "--seed", str(seed),
                        "--set", f"output.clean_mask={mask}", "-o", data]  # fmt: skip
                 for protocol in self.protocols:
-                    yield ["eval", data, "--paper-table", "1", "--no-figures", "--no-probes",
+                    yield ["paper", "tables", data, "--no-figures", "--no-baselines",
                            "--protocol", protocol, "-o", str(folder / protocol)]  # fmt: skip
             first = out / FILTERS_FOLDER / mask / str(sets.seeds[0])
-            yield ["eval", str(first / "data"), "--ssim-readings", "-o", str(first)]
-        yield ["reproduce", "-o", str(out), "--filter-page"]
+            yield ["paper", "ssim", str(first / "data"), "-o", str(first)]
+        yield ["paper", "protocols", str(out)]
 
     def _photograph_commands(
         self, group: PhotographGroup, data: str, out: Path, photos: str
@@ -166,8 +164,8 @@ class ReproductionPlan(_Table):
         for sigma in group.sigmas:
             further = ["--protocol", "depth", "--photos", photos, "--photo-sigma", f"{sigma:g}"]
             yield from self._trainings(group, data, photo_runs / f"sigma-{sigma:g}", further)
-        yield ["eval", data, "--runs", str(out / "runs"), "--photo-runs", str(photo_runs),
-               "-o", str(out)]  # fmt: skip
+        yield ["paper", "photographs", data, "--runs", str(out / "runs"),
+               "--photo-runs", str(photo_runs), "-o", str(out)]  # fmt: skip
 
     def _trainings(
         self, group: TrainingGroup, data: str, runs: Path, further: Sequence[str] = ()
@@ -226,26 +224,6 @@ def reproduce(
             help="Folder of photographs, such as DIV2K. Default: those that scikit-image has."
         ),
     ] = None,
-    filter_page: Annotated[
-        bool,
-        typer.Option(
-            "--filter-page",
-            help="Only write protocols.md, table 1 under each protocol and mask, from -o.",
-        ),
-    ] = False,
-    figures: Annotated[
-        bool,
-        typer.Option(
-            "--figures", help="Only draw the paper's figures, from the data and networks in -o."
-        ),
-    ] = False,
-    findings: Annotated[
-        bool,
-        typer.Option(
-            "--findings",
-            help="Only write findings.html: what of the paper holds, what not, and what is open.",
-        ),
-    ] = False,
 ) -> None:
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
@@ -257,20 +235,7 @@ def reproduce(
     printed before it runs and can also be run by hand. A finished training is not repeated: delete
     its folder in runs/ to train again.
     """
-    if figures:
-        from glsim.eval.paper.figures.write import write_paper_figures
-
-        print_written(write_paper_figures(out, lambda name: print_message(f"drawing {name}")))
-        return
-    if findings:
-        from glsim.eval.paper.findings import write_findings
-
-        print_written(write_findings(out))
-        return
     root_command = context.find_root().command
-    if filter_page:
-        _write_filter_page(out)
-        return
     chosen = load_plan(size)
     given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
     roots = {kind: root for kind, root in given.items() if root is not None}
@@ -298,19 +263,9 @@ def reproduce(
             console.print(line, soft_wrap=True)
         if not finished and run_command_line(root_command, [*command, *flags]) != 0:
             raise GlsimError(f"stopped in command {number} of {len(commands)}: {text}: repeat "
-                             "the same glsim reproduce to go on there")  # fmt: skip
+                             "the same glsim paper reproduce to go on there")  # fmt: skip
     page = out / ("report.html" if chosen.filters is None else "findings.html")
     print_message(f"done in {(time.monotonic() - start) / 60:.0f} min: read {page}")
-
-
-def _write_filter_page(out: Path) -> None:
-    """Write protocols.md from the scores in a reproduction's folder."""
-    from glsim.eval.paper.protocol_page import protocol_document, read_filter_cases
-    from glsim.files.atomic import write_atomic
-
-    path = out / "protocols.md"
-    write_atomic(protocol_document(read_filter_cases(out)).markdown().encode(), path)
-    print_message(f"wrote {path}")
 
 
 def _is_finished(run: Path) -> bool:

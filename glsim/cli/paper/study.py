@@ -1,4 +1,4 @@
-"""``glsim study``: compare filters on the same faces under several sensors."""
+"""``glsim paper study``: compare filters on the same faces under several sensors."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from glsim.cli.common import (
 EXAMPLES = """
 [bold]Examples[/bold]
 
-glsim study -o study
+glsim paper study -o study
 
-glsim study -o study --sensors kinect-v2,led3d --subjects 40 --frames-per-subject 25
+glsim paper study -o study --sensors kinect-v2,led3d --subjects 40 --frames-per-subject 25
 """
 
 

@@ -1,4 +1,4 @@
-"""``glsim eval DATA --ssim-readings``: the paper's SSIM under every reading of its text."""
+"""``glsim paper ssim``: the paper's SSIM under every reading of its text."""
 
 from __future__ import annotations
 
@@ -6,14 +6,22 @@ from pathlib import Path
 from typing import get_args
 
 from glsim.cli.common import print_written
+from glsim.cli.eval import DatasetArgument, OutOption, SplitOption
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim paper ssim data -o ssim        which reading of the paper's SSIM gives its values
+"""
 
 
-def study_ssim(dataset: Path, split: str, out: Path) -> None:
-    """Compare readings of the paper's SSIM on a split; write ssim_readings.md to ``out``.
+def ssim(
+    dataset: DatasetArgument, split: SplitOption = "test", out: OutOption = Path("scores")
+) -> None:
+    """Compute the paper's SSIM column under every reading of its text; write ssim_readings.md.
 
-    Both depth protocols are measured, but one if the distance from the camera is unknown.
-
-    Raises as ``open_frames`` does.
+    Readings differ by data type, range, constants and implementation. Both depth protocols are
+    measured, but one if the distance from the camera is unknown.
     """
     from glsim.depth_protocol import MEANING, DepthProtocol
     from glsim.eval.paper.ssim_page import ssim_document

@@ -1,26 +1,47 @@
-"""``glsim eval DATASET --photo-runs``: score networks of photographs on depth."""
+"""``glsim paper photographs``: score networks of photographs on depth."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from glsim.cli.common import console, options, print_written
-from glsim.eval.scoring.blocks import ScoringJob
+from glsim.cli.eval import DatasetArgument, OutOption, SplitOption
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim paper photographs data --runs runs --photo-runs photo_runs -o scores
+"""
 
 #: Files that are written to the folder of the results.
 _PAGE, _ROWS = "photographs.md", "photographs.csv"
 
 
-def evaluate_photographs(
-    dataset: Path, split: str, photo_runs: Path, runs: Path, out: Path
+def photographs(
+    dataset: DatasetArgument,
+    photo_runs: Annotated[
+        Path, typer.Option(help="Networks that glsim train --photos wrote to PHOTO_RUNS/*/*/.")
+    ],
+    runs: Annotated[
+        Path, typer.Option(help="Networks of the same recipes, trained on depth, in RUNS/*/.")
+    ],
+    split: SplitOption = "test",
+    out: OutOption = Path("scores"),
 ) -> None:
-    """Write photographs.md and photographs.csv. Raises ConfigError, DatasetError, DenoiserError."""
+    """Score denoisers of photographs on depth, beside those of the same recipes trained on depth.
+
+    Writes photographs.md and photographs.csv.
+    """
     from rich import progress
 
     from glsim.dataset import open_dataset
     from glsim.dataset.disk_format import HEADER
     from glsim.eval.paper.data_note import data_note
     from glsim.eval.paper.photograph_table import photograph_table
+    from glsim.eval.scoring.blocks import ScoringJob
     from glsim.files.atomic import write_atomic
 
     frames = ScoringJob(dataset, split, ()).frames()

@@ -1,0 +1,46 @@
+"""``glsim paper figures``, ``protocols`` and ``findings``: pages from a reproduction's folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from glsim.cli.common import print_message, print_written
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim paper figures reproduced
+
+glsim paper protocols reproduced
+
+glsim paper findings reproduced
+"""
+
+FolderArgument = Annotated[Path, typer.Argument(help="Folder of glsim paper reproduce.")]
+
+
+def figures(folder: FolderArgument) -> None:
+    """Draw the paper's figures 1 to 5 from the data and networks of a reproduction."""
+    from glsim.eval.paper.figures.write import write_paper_figures
+
+    print_written(write_paper_figures(folder, lambda name: print_message(f"drawing {name}")))
+
+
+def protocols(folder: FolderArgument) -> None:
+    """Write protocols.md: table 1 under each depth protocol and mask of the clean maps."""
+    from glsim.eval.paper.protocol_page import protocol_document, read_filter_cases
+    from glsim.files.atomic import write_atomic
+
+    path = folder / "protocols.md"
+    write_atomic(protocol_document(read_filter_cases(folder)).markdown().encode(), path)
+    print_written([path])
+
+
+def findings(folder: FolderArgument) -> None:
+    """Write findings.html: what of the paper holds, what does not, and what is open."""
+    from glsim.eval.paper.findings import write_findings
+
+    print_written(write_findings(folder))

@@ -1,0 +1,1 @@
+"""Plans of ``glsim paper reproduce``: one TOML file per size, described in its module."""

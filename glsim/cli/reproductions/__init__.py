@@ -1,1 +1,0 @@
-"""Plans of ``glsim reproduce``: one TOML file per size, described in glsim/cli/reproduce.py."""
