@@ -87,7 +87,7 @@ else
     inside() { chroot "$debian" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root DEBIAN_FRONTEND=noninteractive \
         ${PIP_INDEX_URL:+PIP_INDEX_URL="$PIP_INDEX_URL"} ${PIP_CERT:+PIP_CERT=/ca.crt} "$@"; }
     if [ -n "${PIP_CERT:-}" ]; then cp "$PIP_CERT" "$debian/ca.crt"; fi
-    # The packages of docs/release_0.2.md, and pip; nothing else.
+    # The packages of docs/howto/install.md, and pip; nothing else.
     inside apt-get update -qq
     inside apt-get install -y -qq --no-install-recommends python3-venv libegl1 libgl1 libgl1-mesa-dri >"$work/apt.log" 2>&1 ||
         { tail -20 "$work/apt.log" >&2; exit 1; }
