@@ -1,14 +1,16 @@
 # make demo   a data set of synthetic faces and a contact sheet, in ./demo
 # make check  lint, format and types
-# make test   the same, and tests
+# make test   the same, and the tests of the core
+# make test-all   the same, all other tests (stress, browser, S3, Ray, cards, plug-ins), lint of JavaScript
 # make docs   the documentation, in docs/_build/html; warnings are errors
 # make bench  pairs per second, against Open3D and pyrender
 # make reproduce         the paper's tables 1 to 3, small, on two cores in 45 minutes, in ./reproduced
 # make reproduce-paper   the same at the paper's size, for a GPU, in ./reproduced-paper
 # Each sets up .venv first (Debian packages included) and continues if it was interrupted.
-.PHONY: demo test check docs bench reproduce reproduce-paper clean
+.PHONY: demo test test-all check docs bench reproduce reproduce-paper clean
 
 VENV := .venv/bin
+PYTEST := GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto --dist loadfile
 
 demo:
 	@scripts/setup.sh demo
@@ -18,7 +20,12 @@ demo:
 
 # Tests of a file share what they make (exported networks, pages, recordings): one process runs them.
 test: check
-	@GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto --dist loadfile
+	@$(PYTEST) -m "not long"
+
+test-all: test
+	@scripts/setup.sh test-all
+	@$(VENV)/npx --yes --loglevel error @biomejs/biome@2.6.8 ci
+	@$(PYTEST) -m long
 
 check:
 	@scripts/setup.sh test

