@@ -13,6 +13,7 @@ from tests.support.imports import PACKAGE, ROOT, all_modules, imported_modules, 
 #: inputs of networks one below both.
 ROOMS = (
     "glsim.errors",
+    "glsim.plugins",
     "glsim.reason",
     "glsim.worker_processes",
     "glsim.ray_cluster",
