@@ -47,18 +47,17 @@ def shipped_module(folder: str, name: str) -> ModuleType:
 
 
 def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
-    """Return the objects that the modules of a folder of glsim hold, in order, each once.
+    """Return the entries that the modules of a folder of glsim hold, in order, each once.
 
     Args:
-        folder: below glsim, such as "denoise/filters".
-        wanted: tells from an object of a module whether it is an entry.
+        folder: below glsim, such as "eval/metrics/definitions".
+        wanted: tells whether an object is an entry. Tuples of entries are looked into.
     """
-    found = {
-        id(value): value
-        for name in module_names(folder)
-        for value in vars(shipped_module(folder, name)).values()
-        if wanted(value)
-    }
+    found: dict[int, Any] = {}
+    for name in module_names(folder):
+        for value in vars(shipped_module(folder, name)).values():
+            values = value if isinstance(value, tuple) else (value,)
+            found |= {id(each): each for each in values if wanted(each)}
     return list(found.values())
 
 

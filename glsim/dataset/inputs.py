@@ -20,11 +20,14 @@ from glsim.settings.source_settings import shipped_kinds
 def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
     """Hash the files of noise stages, as they are now: file -> hash.
 
-    A Python stage is the file that holds its function; what that file imports is not seen.
+    A Python stage is the file that holds its function; what that file imports is not seen. A stage
+    of another package is also that package's code.
     Raises ShaderError for a GLSL file that cannot be read any more.
     """
     hashes: dict[str, str] = {}
     for stage in stages:
+        package = plugin_code("stages", stage.spec.name)
+        hashes |= {name: content_hash(path) for name, path in package.items()}
         if stage.spec.source is None:
             code = getattr(stage.spec.function, "__code__", None)
             file = code.co_filename if code is not None else stage.spec.file
