@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from glsim.depth_protocol import MEANING
-from glsim.eval.metrics import METRICS, REGION_METRICS, Metric
-from glsim.eval.metrics.metric import GROUPS
+from glsim.eval.metrics.metric import GROUPS, Metric
+from glsim.eval.metrics.regions import REGION_METRICS
+from glsim.eval.metrics.score import METRICS
 from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
 from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean
 from glsim.eval.scoring.run import Evaluation, write_csv

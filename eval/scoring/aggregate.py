@@ -9,8 +9,9 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.eval.metrics import METRICS, Metric
+from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.prediction import psnr_db
+from glsim.eval.metrics.score import METRICS
 from glsim.eval.scoring.bias import BiasBin, BiasSums, add_bias, bias_by_distance
 from glsim.eval.scoring.blocks import BINS, Row
 from glsim.eval.scoring.statistics import (

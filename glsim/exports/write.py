@@ -37,7 +37,8 @@ def _find(name: str, out: Path) -> Export:
     if name not in format_names():
         raise ConfigError(f"no such format {name!r}: it is one of {', '.join(format_names())}")
     if name not in FORMATS:
-        return replace(load_plugin("exports", name, _is_export), name=name)
+        plugin: Export = load_plugin("exports", name, _is_export)
+        return replace(plugin, name=name)
     export = FORMATS[name]
     if export.library and find_spec(export.library) is None:
         raise ConfigError(f"{name} needs {export.library}: pip install 'glsim[formats]'")

@@ -116,9 +116,11 @@ def _array_spec(name: str, function: Any, file: str) -> StageSpec:
 
 def _plugin_spec(name: str) -> StageSpec:
     shader = f"{name}.glsl"
-    found = load_plugin(
-        "stages", name, lambda o: hasattr(o, "stage_parameters") or plugin_file(o, shader)
-    )
+
+    def valid(found: object) -> bool:
+        return hasattr(found, "stage_parameters") or plugin_file(found, shader) is not None
+
+    found = load_plugin("stages", name, valid)
     if (file := plugin_file(found, shader)) is not None:
         return _shader_spec(name, file)
     return _array_spec(name, found, str(found.__module__))
