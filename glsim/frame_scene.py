@@ -24,7 +24,7 @@ from glsim.plan.tasks import Task
 from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
-from glsim.settings.schema import GENERATORS, Settings
+from glsim.settings.schema import Settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,9 @@ class FrameScenes:
             for name in type(settings.pose).model_fields
         }
         still, motion = pose, pose.pop("motion")
-        if self._sources[task.source].name in GENERATORS:  # recorded faces move by themselves
+        wanted = settings.source[task.source]
+        if wanted.endless and self._sources[task.source].name == wanted.kind:
+            # Recorded faces move by themselves.
             offsets = head_motion(task.seeds.sequence, task.key.time_s)
             offsets = {name: motion * offset for name, offset in offsets.items()}
             pose = move_pose(pose, offsets, face.neck)

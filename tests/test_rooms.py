@@ -14,6 +14,7 @@ from tests.support.imports import ROOT, all_modules, imported_modules, third_par
 #: inputs of networks one below both.
 ROOMS = (
     "glsim.errors",
+    "glsim.plugins",
     "glsim.reason",
     "glsim.worker_processes",
     "glsim.ray_cluster",

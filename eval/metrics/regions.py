@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-
-from glsim.eval.metrics.catalogue import METRICS, Metric
 
 #: Region column without its "@nose" -> the whole-frame metric in ``METRICS`` that it refines.
 REGION_METRICS: Final = {
@@ -23,17 +21,6 @@ _Array = NDArray[np.float64]
 def region_column(name: str, region: str) -> str:
     """Return the column name of a metric in a region: ``name@region``."""
     return f"{name}@{region}"
-
-
-def metrics_with_regions(regions: Iterable[str]) -> dict[str, Metric]:
-    """Return METRICS and the metrics of each region."""
-    per_region = [
-        Metric(region_column(name, region), whole.unit, whole.better, "regions",
-               f"{whole.help}; the part of the face called {region} alone")
-        for region in regions
-        for name, whole in ((name, METRICS[base]) for name, base in REGION_METRICS.items())
-    ]  # fmt: skip
-    return METRICS | {metric.name: metric for metric in per_region}
 
 
 class Regions:

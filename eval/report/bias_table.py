@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from glsim.eval.metrics.catalogue import FLYING_MM
+from glsim.eval.metrics.prediction import FLYING_MM
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias
 from glsim.eval.scoring.run import write_csv

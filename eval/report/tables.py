@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from glsim.depth_protocol import MEANING
-from glsim.eval.metrics import METRICS, REGION_METRICS, Metric
+from glsim.eval.metrics.metric import GROUPS, Metric
+from glsim.eval.metrics.regions import REGION_METRICS
+from glsim.eval.metrics.score import METRICS
 from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
 from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean
 from glsim.eval.scoring.run import Evaluation, write_csv
@@ -16,31 +18,12 @@ from glsim.files.markdown import markdown_table
 #: Method -> metric -> mean over the set.
 ResultTable = dict[str, dict[str, MetricMean]]
 
-#: Sections of table.md: title -> metrics; table.csv has all metrics.
-TABLE_SECTIONS: Final[dict[str, tuple[str, ...]]] = {
-    "The paper's block: all pixels, holes are depth 0": (
-        "mse_mm2",
-        "psnr_db",
-        "psnr_of_mean_db",
-        "mse_flips_pct",
-        "ssim_paper",
-        "ssim_standard",
-        "ssim_16bit",
-    ),
-    "Validity": ("iou", "precision", "recall", "flips_px", "flying_px"),
-    "Depth and surface": (
-        "both_rmse_mm",
-        "input_rmse_mm",
-        "both_interior_rmse_mm",
-        "both_edge_rmse_mm",
-        "filled_rmse_mm",
-        "input_bias_mm",
-        "normal_mean_deg",
-        "normal_good_pct",
-        "time_ms",
-    ),
-}
 TABLE_METRICS: Final = {**METRICS, PSNR_OF_MEAN.name: PSNR_OF_MEAN}
+#: Sections of table.md: title -> metrics; table.csv has all metrics.
+TABLE_SECTIONS: Final[dict[str, list[str]]] = {
+    title: [m.name for m in TABLE_METRICS.values() if m.in_table and GROUPS[m.group] == title]
+    for title in dict.fromkeys(GROUPS.values())
+}
 
 
 def format_number(value: float, unit: str = "mm") -> str:

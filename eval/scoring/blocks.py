@@ -16,7 +16,9 @@ from glsim.denoise.frames import Frames, Stacks
 from glsim.denoise.protocol import Depth
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DatasetError, DenoiserError
-from glsim.eval.metrics import Regions, Truth, score
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.regions import Regions
+from glsim.eval.metrics.score import score
 from glsim.eval.scoring.baselines import TRIVIAL_BASELINES
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
 from glsim.eval.scoring.pairs import TruthLayer, open_frames

@@ -22,7 +22,8 @@ from glsim.dataset import available_workers
 from glsim.denoise import load
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
-from glsim.eval.metrics import Metric, metrics_with_regions
+from glsim.eval.metrics.metric import Metric
+from glsim.eval.metrics.score import metrics_with_regions
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.baselines import BASELINE_FRAMES, mean_face
 from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -21,9 +21,7 @@ from glsim.cli.common import (
 from glsim.cli.generation_summary import print_summary
 from glsim.cli.progress import generation_progress
 from glsim.errors import ConfigError
-
-if TYPE_CHECKING:
-    pass
+from glsim.settings.source_settings import shipped_kinds
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -64,8 +62,7 @@ def generate(
     source: Annotated[
         str | None,
         typer.Option(
-            help="Source of faces: procedural, ict-facekit, people, folder, d3dfacs, "
-            "facewarehouse or biwi."
+            help=f"Source of faces: {', '.join(shipped_kinds())}, or one of an installed package."
         ),
     ] = None,
     root: Annotated[

@@ -5,11 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, overload
+from pathlib import Path
+from typing import ClassVar, Final, Protocol, overload
 
-from glsim.errors import MeshError
+from pydantic import Field
+
+from glsim.errors import ConfigError, MeshError
 from glsim.faces.neck import Neck
 from glsim.geometry.mesh import Mesh
+from glsim.settings.source_settings import SourceSettings
+
+#: Frames of a generated sequence, unless the settings say otherwise.
+DEFAULT_SEQUENCE: Final = 30
 
 
 @dataclass(frozen=True)
@@ -125,3 +132,60 @@ class FaceSource(Protocol):
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one result per key, in order. It depends on source settings and key only."""
         ...
+
+
+class FaceSettings(SourceSettings):
+    """The [[source]] table of a kind of faces: derive from it to add a source.
+
+    The fields of the derived class are the kind's own settings, its docstring is the kind's help.
+    """
+
+    @abstractmethod
+    def open(self, seed: int) -> FaceSource:
+        """Open the source; ``seed`` is for generated faces. Raises ConfigError."""
+
+    @classmethod
+    def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
+        """Return how surely a folder holds such faces, 0 to 1, for ``glsim inspect``.
+
+        Args:
+            root: the folder.
+            folders: some of the folders below it, up to four levels deep.
+        """
+        return 0.0
+
+    @property
+    def folder(self) -> Path:
+        """The root of a source that needs one. Raises ConfigError without it."""
+        if self.root is None:
+            raise ConfigError(f"source {self.kind!r} needs --root: the folder with its files")
+        return self.root
+
+
+class GeneratorSettings(FaceSettings):
+    """The [[source]] table of a generator: people without end who perform sequences."""
+
+    endless: ClassVar[bool] = True
+
+    frames_per_sequence: int | None = Field(
+        None, ge=1, le=100_000, description="length of a generated sequence; default: 30"
+    )
+    frames_per_second: float | None = Field(
+        None,
+        gt=0,
+        le=1000,
+        description="a generated sequence is a part of a performance at this rate, at a random "
+        "time; default: the whole performance, evenly spaced",
+    )
+
+    @property
+    def timing(self) -> tuple[int, float | None]:
+        """Frames of a sequence, and frames per second or None."""
+        return self.frames_per_sequence or DEFAULT_SEQUENCE, self.frames_per_second
+
+
+class MeshFileSettings(FaceSettings):
+    """The [[source]] table of a set of mesh files."""
+
+    unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
+    axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; auto: detected")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from glsim.errors import ConfigError
-from glsim.settings.schema import SourceSettings
+from glsim.settings.source_settings import SourceSettings
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from glsim.errors import ConfigError
 from glsim.faces import open_source
 from glsim.plan.paper_split import PAPER_IMAGES
-from glsim.settings.schema import SourceSettings
+from glsim.settings.source_settings import parse_source
 
 
 class PaperSource(NamedTuple):
@@ -79,7 +79,7 @@ def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]
 
 def _contents(kind: str, root: Path) -> tuple[int, int]:
     """Return the numbers of people and of frames of a set on disk; files are not opened."""
-    source = open_source(SourceSettings.model_validate({"kind": kind, "root": root}), 0)
+    source = open_source(parse_source({"kind": kind, "root": root}), 0)
     people = source.subjects(None)
     frames = sum(len(source.frames(name, None)) for name in people)
     if not frames:

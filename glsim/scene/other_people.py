@@ -16,7 +16,7 @@ from glsim.geometry.camera import SensorRig
 from glsim.scene.body import body_of
 from glsim.scene.scenery import Prop, Scenery, standing_prop
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import GENERATORS, Settings
+from glsim.settings.schema import Settings
 from glsim.settings.seeds import stable_seed
 
 #: Other people of a source; rooms draw from them. A room of a thousand shows each in 30.
@@ -65,7 +65,7 @@ class OtherPeople:
         if self._most == 0:
             return
         for task in tasks:
-            if self._settings.source[task.source].kind in GENERATORS:
+            if self._settings.source[task.source].endless:
                 for number in self._numbers(task, self._most):
                     if (task.source, number) not in self._faces:
                         self._faces[task.source, number] = self._standing(task.source, number)

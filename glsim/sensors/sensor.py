@@ -38,6 +38,7 @@ from glsim.noise.chain import PATTERN_LAYER, check_chain
 from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
+from glsim.plugins import load_plugin, plugin_file, plugin_names
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
@@ -184,8 +185,23 @@ class Sensor:
 
 
 def sensor_names() -> list[str]:
-    """Names of the shipped sensors, sorted."""
-    return sorted(file.stem for file in SENSOR_FOLDER.glob("*.toml"))
+    """Return the names of the shipped sensors and of those that other packages bring, sorted."""
+    shipped = [file.stem for file in SENSOR_FOLDER.glob("*.toml")]
+    return sorted([*shipped, *plugin_names("sensors", shipped)])
+
+
+def _sensor_file(name: str) -> Path:
+    """Return the file of a sensor's name or path. Raises ConfigError for an unknown name."""
+    file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
+    if name.endswith(".toml") or file.is_file():
+        return file
+    if name not in sensor_names():
+        raise ConfigError(
+            f"no such sensor {name!r} ({did_you_mean(name, sensor_names())}; "
+            "your own: a path that ends in .toml)"
+        )
+    package = load_plugin("sensors", name, lambda o: plugin_file(o, file.name) is not None)
+    return plugin_file(package, file.name) or file
 
 
 def sensor_of(settings: Settings, changes: Sequence[StageChange] = ()) -> Sensor:
@@ -213,19 +229,14 @@ def load_sensor(
     place: _Place = lambda *path: "the overrides",
     changes: Sequence[StageChange] = (),
 ) -> Sensor:
-    """Load a shipped sensor by name, or a sensor file by path.
+    """Load a sensor by name, shipped or of another package, or a sensor file by path.
 
     overrides: stage -> parameter -> setting. rig_overrides: keys of the file's [rig]. place: of an
     override, by its path ("rig", key) or ("stage", name, parameter), for messages. changes: stages
     with other code than the file's, and new ones.
     Raises ConfigError for an unknown sensor, key, stage or parameter, or a value out of range.
     """
-    file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
-    if not name.endswith(".toml") and not file.is_file():
-        raise ConfigError(
-            f"no such sensor {name!r} ({did_you_mean(name, sensor_names())}; "
-            "your own: a path that ends in .toml)"
-        )
+    file = _sensor_file(name)
     tree = read_toml(file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
     places: dict[tuple[str, ...], str] = {

@@ -12,7 +12,8 @@ from glsim.faces.one_mesh import OneMesh
 from glsim.meshio.load import load_mesh
 from glsim.pipeline import open_sources
 from glsim.settings.distribution import Distribution
-from glsim.settings.schema import Settings, SourceSettings, parse_assignment
+from glsim.settings.schema import Settings, parse_assignment
+from glsim.settings.source_settings import parse_source
 
 #: Frames of one mesh: the same surface with other noise.
 _MESH_FRAMES = 30
@@ -29,7 +30,7 @@ def opener(
         return settings, open_sources
     loaded = load_mesh(face)
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
-    single = SourceSettings(subjects=1, frames_per_subject=_MESH_FRAMES)
+    single = parse_source({"subjects": 1, "frames_per_subject": _MESH_FRAMES})
     return settings.model_copy(update={"source": (single,)}), lambda _: [source]
 
 

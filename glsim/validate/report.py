@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -95,6 +95,27 @@ class Measurement:
     note: str = ""
     why_not: str = ""
     exception: str = ""
+
+
+#: A decorated function: takes the captures of a sensor, returns check number -> measurement.
+CheckFunction = Callable[[Any], dict[str, Measurement]]
+
+
+def validation_check(sheet: str, *checks: Check) -> Callable[[CheckFunction], CheckFunction]:
+    """Declare a function that measures checks.
+
+    Args:
+        sheet: the sensor whose validation sheet has the checks; other sensors without a sheet of
+            their own are checked as a kinect-v2.
+        checks: what is checked; the function takes the ``Captures`` of a sensor and returns a
+            measurement for the number of each.
+    """
+
+    def mark(function: CheckFunction) -> CheckFunction:
+        function.sheet, function.checks = sheet, checks  # type: ignore[attr-defined]
+        return function
+
+    return mark
 
 
 @dataclass(frozen=True)

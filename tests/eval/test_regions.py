@@ -12,8 +12,10 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import write_dataset
-from glsim.eval.metrics import Regions, Truth, metrics_with_regions, score
 from glsim.eval.metrics.normals import angles_deg, whole_windows
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.regions import Regions
+from glsim.eval.metrics.score import metrics_with_regions, score
 from glsim.eval.report.tables import region_tables
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.faces.regions import region_numbers

@@ -13,7 +13,8 @@ import pytest
 from glsim.cli import main
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
 from glsim.errors import ConfigError, DatasetError
-from glsim.eval.metrics import METRICS, Truth, score
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.score import METRICS, score
 from glsim.eval.paper.filter_table import filter_table
 from glsim.eval.report.tables import format_number
 from glsim.eval.scoring.baselines import mean_face

@@ -76,3 +76,12 @@ class NonLocalMeans:
             whole, [self.strength], None, self.template, self.search, cv2.NORM_L1
         )
         return _with_depth(cleaned.astype(np.float32))
+
+
+#: Name on the command line -> filter.
+FILTERS = {
+    "noisy": Identity,
+    "median": Median,
+    "bilateral": Bilateral,
+    "nlm": NonLocalMeans,
+}

@@ -13,6 +13,7 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.exports.export import Export
 from glsim.geometry.camera import Distortion, Intrinsics
 
 #: Coordinate of the first pixel's centre here minus that in OpenCV, ROS and Open3D, pixels.
@@ -68,3 +69,17 @@ def ros_yaml(camera: Intrinsics, lens: Distortion, name: str) -> bytes:
         *matrix("projection_matrix", 3, 4, projection.ravel().tolist()),
     ]
     return "\n".join(lines).encode() + b"\n"
+
+
+CAMERAS = (
+    Export(
+        "open3d",
+        "camera, JSON of Open3D",
+        lambda frame: [("_camera.json", open3d_json(frame.camera))],
+    ),
+    Export(
+        "ros",
+        "camera, camera_info YAML of ROS",
+        lambda frame: [("_camera_info.yaml", ros_yaml(frame.camera, frame.lens, "glsim"))],
+    ),
+)

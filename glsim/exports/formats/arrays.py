@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.exports.cameras import centre_at_zero, coefficients
+from glsim.exports.export import Export
+from glsim.exports.formats.cameras import centre_at_zero, coefficients
 from glsim.exports.frames import ExportFrame
 from glsim.files.atomic import to_json
 
@@ -117,3 +118,22 @@ def _predicted(raw: bytes) -> bytes:
     change = order.copy()
     change[1:] = order[1:] - order[:-1] + np.uint8(128)  # modulo 256
     return zlib.compress(change.tobytes(), 4)
+
+
+ARRAYS = (
+    Export(
+        "npy",
+        "float depth, metres",
+        lambda frame: ((f"_{name}.npy", encode_npy(z)) for name, z in frame.depth_m.items()),
+    ),
+    Export(
+        "exr",
+        "float depth, metres, OpenEXR",
+        lambda frame: ((f"_{name}.exr", encode_exr(z)) for name, z in frame.depth_m.items()),
+    ),
+    Export(
+        "npz",
+        "all of a frame: depth, points, normals, camera, pose, landmarks, record",
+        lambda frame: [(".npz", encode_npz(frame))],
+    ),
+)

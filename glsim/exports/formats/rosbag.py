@@ -7,13 +7,15 @@ Sequences follow each other with a pause; their own times are kept.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.exports.cameras import centre_at_zero, coefficients
+from glsim.exports.export import Export
+from glsim.exports.formats.cameras import centre_at_zero, coefficients
 from glsim.exports.frames import ExportFrame
 from glsim.geometry.camera import Distortion
 
@@ -130,3 +132,23 @@ def _camera_info(types: Any, frame: ExportFrame, header: Any, version: int) -> A
         binning_y=0,
         roi=whole,
     )
+
+
+BAGS = (
+    Export(
+        "rosbag",
+        "the whole set as a ROS 1 bag, frames.bag (needs rosbags)",
+        write=partial(write_rosbag, version=1),
+        file="frames.bag",
+        library="rosbags",
+        replaces=False,
+    ),
+    Export(
+        "rosbag2",
+        "the whole set as a ROS 2 bag, frames_ros2 (needs rosbags)",
+        write=partial(write_rosbag, version=2),
+        file="frames_ros2",
+        library="rosbags",
+        replaces=False,
+    ),
+)

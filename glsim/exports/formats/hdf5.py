@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from glsim.errors import DatasetError
-from glsim.exports.arrays import geometry_arrays
-from glsim.exports.cameras import centre_at_zero, coefficients
+from glsim.exports.export import Export
+from glsim.exports.formats.arrays import geometry_arrays
+from glsim.exports.formats.cameras import centre_at_zero, coefficients
 from glsim.exports.frames import ExportFrame
 from glsim.files.atomic import to_json
 
@@ -82,3 +83,12 @@ def _append(group: Any, row: dict[str, Any], stem: str, text: Any) -> None:
             )
         array.resize(len(array) + 1, axis=0)
         array[-1] = value
+
+
+HDF5 = Export(
+    "hdf5",
+    "the whole set in frames.h5 (needs h5py)",
+    write=write_hdf5,
+    file="frames.h5",
+    library="h5py",
+)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.exports.export import Export
 from glsim.exports.frames import ExportFrame
 
 #: NumPy's kind and size of a field -> its name in PLY, and its type letter in PCD.
@@ -86,3 +87,17 @@ def _named(cloud: NDArray[np.void], frame: ExportFrame) -> list[tuple[int, str]]
         return []
     numbers = np.unique(cloud["region"])
     return [(int(n), frame.region_names[int(n)]) for n in numbers if int(n) in frame.region_names]
+
+
+POINT_CLOUDS = (
+    Export(
+        "ply",
+        "point clouds: metres, normals, region, infrared",
+        lambda f: ((f"_{name}.ply", encode_ply(point_cloud(f, name), f)) for name in f.depth_m),
+    ),
+    Export(
+        "pcd",
+        "the same for the Point Cloud Library",
+        lambda f: ((f"_{name}.pcd", encode_pcd(point_cloud(f, name), f)) for name in f.depth_m),
+    ),
+)
