@@ -12,7 +12,7 @@ from typing import Any
 
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import STATE
-from glsim.dataset.driver import generate_part, merge_parts
+from glsim.dataset.driver import generate_part, merge_dataset
 from glsim.dataset.output_folder import OutputFolder
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary
@@ -63,8 +63,13 @@ def generate_on_slurm(
     ``generate_part``. Ctrl-C cancels the jobs; what they made stays. Logs are in
     ``out/.glsim/slurm``. Raises ConfigError without submitit or Slurm, DatasetError if jobs fail.
     """
+    # Imported here because reading a data set needs no OpenGL.
+    from glsim.pipeline import open_sources
+    from glsim.sensors.sensor import sensor_of
+
     executor = _executor(out, cluster or "slurm", slurm or {})
-    plan = ChunkPlan(make_tasks(settings, _sources(settings)), CHUNK_FRAMES[settings.output.format])
+    tasks = make_tasks(settings, open_sources(settings))
+    plan = ChunkPlan(tasks, CHUNK_FRAMES[settings.output.format])
     count = min(parts, len(plan))
     jobs_of = [PartJob(settings, out, Part(number, count), options) for number in range(count)]
     started = time.monotonic()
@@ -75,7 +80,7 @@ def generate_on_slurm(
     watch.look()
     results = [_result(job) for job in jobs]
     # The last part has merged; this reads what it made, or says what is missing.
-    whole = merge_parts(settings, out)
+    whole = merge_dataset(settings, tasks, out, sensor=sensor_of(settings).describe())
     return GenerateSummary(
         frames=whole.frames,
         subjects=whole.subjects,
@@ -144,12 +149,6 @@ def _executor(out: Path, cluster: str, options: Mapping[str, Any]) -> Any:
     except (RuntimeError, TypeError, NameError, ValueError) as error:
         raise ConfigError(f"--slurm: {error}") from None
     return executor
-
-
-def _sources(settings: Settings) -> Any:
-    from glsim.pipeline import open_sources
-
-    return open_sources(settings)
 
 
 class _Watch:
