@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset.reader import Pair
+from glsim.dataset.pair import Pair
 from glsim.frame import Frame
 from glsim.frame_assembly import reconcile_reasons
 from glsim.geometry import depth_map

@@ -11,7 +11,6 @@ import socket
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 from glsim.dataset.chunks import ChunkPlan
@@ -101,7 +100,7 @@ def make_identity(
 
 
 def refuse_changed_inputs(
-    out: Path, begun: Mapping[str, Any], inputs: Inputs, files: Mapping[str, Any]
+    out: str, begun: Mapping[str, Any], inputs: Inputs, files: Mapping[str, Any]
 ) -> None:
     """Raise ConfigError if an input differs from what the data set was begun with; name it.
 
@@ -127,9 +126,9 @@ def refuse_changed_inputs(
         )
 
 
-def refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
+def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
     """Raise ConfigError for the first entry of ``identity`` that differs from ``begun``."""
-    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, str(out))))
+    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, out)))
     for name in [*new, *old]:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
         if not compared or old.get(name) == new.get(name):

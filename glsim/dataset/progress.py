@@ -29,6 +29,9 @@ class GenerateProgress:
     bytes: int
 
 
+Progress = Callable[[GenerateProgress], None]
+
+
 @dataclass(frozen=True)
 class GenerateSummary:
     """The results of a run and the contents of the data set.
@@ -77,7 +80,7 @@ class RunCounts:
     """Counts frames and bytes, and passes them to ``callback``. It starts the clocks."""
 
     total: int
-    callback: Callable[[GenerateProgress], None] | None = None
+    callback: Progress | None = None
     frames: int = 0
     skipped: int = 0
     reused: int = 0

@@ -1,8 +1,7 @@
 """The steps of a run: which chunks are missing, render them, merge their records.
 
-``write_dataset`` takes all steps under the folder's lock. Parts take the first two, each under a
-lock of its own, and whoever finds all records merges; another way to distribute chunks is a
-``ChunkRenderer``.
+``run_all`` takes all steps under the lock of the data set. Parts (``glsim.dataset.part_run``) take
+the first two, each under a lock of its own, and whoever finds all records merges.
 """
 
 from __future__ import annotations
@@ -10,27 +9,25 @@ from __future__ import annotations
 import json
 import logging
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob, render_chunks
 from glsim.dataset.chunks import CHUNK_FRAMES, Chunk, ChunkPlan
-from glsim.dataset.cloud_output import open_output
 from glsim.dataset.disk_format import HEADER, SKIPPED
 from glsim.dataset.identity import Inputs, make_identity
 from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
-from glsim.dataset.output_folder import OutputFolder
 from glsim.dataset.parts import Part
-from glsim.dataset.progress import GenerateSummary, RunCounts
+from glsim.dataset.progress import GenerateSummary, Progress, RunCounts
 from glsim.dataset.records import ChunkRecord, ChunkSummary
+from glsim.dataset.run_state import RunState
+from glsim.dataset.schema import MAX_HEADER_BYTES, parse_header
 from glsim.dataset.worker_pool import WorkerPool
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import read_json, wrap_write_errors
-from glsim.files.cloud import cloud_url
+from glsim.files.store import Store
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
 
@@ -64,23 +61,22 @@ def in_processes(count: int, environment: Mapping[str, str] | None = None) -> Ch
 
 @dataclass(frozen=True)
 class DatasetRun:
-    """What is made, and where. The fields are the arguments of ``write_dataset``."""
+    """What is made, and where. The other fields are the arguments of ``write_dataset``."""
 
     settings: Settings
     tasks: Sequence[Task]
-    out: Path | str
+    store: Store
     make_frames: FrameMaker
     sensor: Mapping[str, Any]
     renderer: str
     regions: Mapping[str, int] | None = None
     inputs: Callable[[], Inputs] | None = None
-    part: Part | None = None
     plan: ChunkPlan = field(init=False)
 
     def __post_init__(self) -> None:
-        if cloud_url(self.out) is not None and self.settings.output.format != "webdataset":
+        if self.store.is_remote and self.settings.output.format != "webdataset":
             raise ConfigError(
-                f"{self.out}: object storage takes shards: give --format webdataset "
+                f"{self.store}: object storage takes shards: give --format webdataset "
                 "(output.format), or a folder"
             )
         plan = ChunkPlan(self.tasks, CHUNK_FRAMES[self.settings.output.format])
@@ -101,32 +97,45 @@ class DatasetRun:
             identity["inputs"] = self.found.identity()
         return identity
 
-    @cached_property
-    def folder(self) -> OutputFolder:
-        """The folder ``out``, on disk or in object storage."""
-        return open_output(self.out, self.part)
-
     @property
-    def numbers(self) -> range:
-        """The numbers of the chunks to make: all, or those of the part."""
+    def state(self) -> RunState:
+        """The state of the data set, which only ``RunState.locked`` lets one change."""
+        return RunState(self.store)
+
+    def numbers(self, part: Part | None) -> range:
+        """Return the numbers of the chunks of a part; None: of all chunks."""
         chunks = len(self.plan)
-        return range(chunks) if self.part is None else self.part.chunks(chunks)
+        return range(chunks) if part is None else part.chunks(chunks)
 
-    @cached_property
-    def frames(self) -> int:
-        """The number of frames in these chunks."""
-        if self.part is None:
-            return self.plan.frames
-        return sum(self.plan.frames_in(number) for number in self.numbers)
+    def counts(self, part: Part | None = None, progress: Progress | None = None) -> RunCounts:
+        """Start to count the frames of a part, or of the whole data set."""
+        if part is None:
+            return RunCounts(self.plan.frames, progress)
+        return RunCounts(sum(map(self.plan.frames_in, self.numbers(part))), progress)
 
 
-def make_missing_chunks(run: DatasetRun, render: ChunkRenderer, counts: RunCounts) -> None:
-    """Render the chunks that the folder lacks. Raises as ``write_dataset``.
+def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -> GenerateSummary:
+    """Make all chunks with ``render`` under the lock of the data set, and merge them."""
+    counts = run.counts(progress=progress)
+    with run.state.locked(run.identity, run.found) as state:
+        make_missing_chunks(run, state, None, render, counts)
+        return finish(state, run.plan, run.identity, counts)
 
-    The caller holds the lock of the folder, or of the part.
+
+def make_missing_chunks(
+    run: DatasetRun, state: RunState, part: Part | None, render: ChunkRenderer, counts: RunCounts
+) -> None:
+    """Render the chunks that the data set lacks. Raises as ``write_dataset``.
+
+    Args:
+        run: what is made.
+        state: as ``RunState.locked`` gives it.
+        part: whose chunks to make; None: all.
+        render: makes the chunks.
+        counts: counts them.
     """
-    missing = find_missing_chunks(run, counts)
-    job = RenderJob(run.settings, run.folder, run.make_frames, run.found)
+    missing = _find_missing_chunks(run, state, run.numbers(part), counts)
+    job = RenderJob(run.settings, state, run.make_frames, run.found)
     with closing(render(job, missing, run.plan)) as events:
         for event in events:
             if isinstance(event, ChunkSummary):
@@ -137,71 +146,74 @@ def make_missing_chunks(run: DatasetRun, render: ChunkRenderer, counts: RunCount
     if run.inputs is not None and run.found is not None and missing:
         now = run.inputs()
         if now != run.found:  # some of this run's frames are of the old contents, some of the new
-            run.folder.discard_chunks(missing)
+            state.discard_chunks(missing)
             raise DatasetError(
                 f"{now.changed_since(run.found)} was changed during the run, and the frames of "
                 "this run are discarded: restore it, or choose another folder"
             )
 
 
-def find_missing_chunks(run: DatasetRun, counts: RunCounts) -> list[int]:
+def _find_missing_chunks(
+    run: DatasetRun, state: RunState, numbers: range, counts: RunCounts
+) -> list[int]:
     """Return the numbers of the chunks that are missing or damaged, and count the others.
 
     A complete data set with any damage is turned back into a resumable one.
     """
-    folder, plan = run.folder, run.plan
-    merged = folder.is_merged
+    plan, merged = run.plan, state.is_merged
+    recorded = set() if merged else state.recorded_chunks()
+
+    def load(number: int) -> ChunkRecord | None:
+        try:
+            return state.load_chunk(number) if number in recorded else None
+        except DatasetError as error:
+            log.warning("%s: rendering it again", error)
+            return None
+
+    def check(found: tuple[int, ChunkRecord | None]) -> tuple[int, ChunkRecord | None, str | None]:
+        number, record = found
+        if record is None:
+            return number, None, "its record is damaged" if merged else None
+        return number, record, state.chunk_problem(record, number, plan.frames_in(number))
+
+    records = read_merged_chunks(state, len(plan)) if merged else state.store.map(load, numbers)
     missing: list[int] = []
-    for number, record in zip(run.numbers, _chunk_records(run), strict=True):
-        problem = "its record is damaged" if merged else None
-        if record is not None:
-            problem = folder.chunk_problem(record, number, plan.frames_in(number))
-            if problem is None:
-                counts.complete(record.summary, reused=True)
-                continue
+    found = zip(numbers, records, strict=True)
+    for number, record, problem in state.store.map(check, found):
+        if record is not None and problem is None:
+            counts.complete(record.summary, reused=True)
+            continue
         missing.append(number)
         if problem is not None:
             first = plan[number].tasks[0].stem
             log.warning("%s: rendering %s and the next frames again", problem, first)
     if merged:
-        if missing or not merged_files_are_intact(folder, len(plan)):
-            unmerge(folder, len(plan), set(missing))
-        else:
-            folder.discard_chunk_records()  # left over if the last run was killed at its very end
+        if missing or not merged_files_are_intact(state, len(plan)):
+            unmerge(state, len(plan), set(missing))
+        else:  # left over if the last run was killed at its very end
+            state.discard_chunks(state.recorded_chunks())
     return missing
 
 
-def _chunk_records(run: DatasetRun) -> Iterator[ChunkRecord | None]:
-    """Yield the record of each chunk to make, in order; None if it is missing or damaged."""
-    if run.folder.is_merged:
-        yield from read_merged_chunks(run.folder, len(run.plan))
-        return
-    recorded = run.folder.recorded_chunks()
-    for number in run.numbers:
-        try:
-            yield run.folder.load_chunk(number) if number in recorded else None
-        except DatasetError as error:
-            log.warning("%s: rendering it again", error)
-            yield None
-
-
-def absent_chunks(folder: OutputFolder, plan: ChunkPlan) -> list[int]:
-    """Return the numbers of all chunks that have no record, of any part; [] in a merged folder."""
-    recorded = folder.recorded_chunks()
-    if folder.is_merged:  # asked last: another part may merge, which removes the records
+def absent_chunks(state: RunState, plan: ChunkPlan) -> list[int]:
+    """Return the numbers of all chunks that have no record, of any part; [] if all are merged."""
+    recorded = state.recorded_chunks()
+    if state.is_merged:  # asked last: another part may merge, which removes the records
         return []
     return [number for number in range(len(plan)) if number not in recorded]
 
 
 def finish(
-    folder: OutputFolder, plan: ChunkPlan, identity: Mapping[str, Any], counts: RunCounts
+    state: RunState, plan: ChunkPlan, identity: Mapping[str, Any], counts: RunCounts
 ) -> GenerateSummary:
-    """Merge the chunk records, unless that is done. The caller holds the folder's lock."""
-    if not folder.is_merged:
-        merge(folder, plan, identity)
-    folder.discard_part_files()
-    header = read_json(folder.out / HEADER)
-    reasons = _skip_reasons(folder.out / SKIPPED)
+    """Merge the chunk records, unless that is done; ``state`` is that of a locked data set."""
+    if not state.is_merged:
+        merge(state, plan, identity)
+    state.discard_part_files()
+    store = state.store
+    header = parse_header(store.read(HEADER, MAX_HEADER_BYTES) or b"", store.where(HEADER))
+    with store.open(SKIPPED) as lines:
+        reasons = Counter(json.loads(line)["why"] for line in lines)
     counts.report(last=True)
     return GenerateSummary(
         frames=header["frames"],
@@ -213,9 +225,3 @@ def finish(
         seconds=counts.seconds,
         cpu_seconds=counts.cpu_seconds,
     )
-
-
-def _skip_reasons(path: Path) -> Counter[str]:
-    """Count the skipped frames by reason."""
-    with wrap_write_errors(path), path.open(encoding="utf-8") as lines:
-        return Counter(json.loads(line)["why"] for line in lines)

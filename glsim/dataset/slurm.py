@@ -13,10 +13,11 @@ from typing import Any
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import STATE
 from glsim.dataset.driver import generate_part, merge_dataset
-from glsim.dataset.output_folder import OutputFolder
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary
+from glsim.dataset.run_state import RunState
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.store import open_store
 from glsim.plan.tasks import make_tasks
 from glsim.settings.schema import Settings
 
@@ -75,7 +76,7 @@ def generate_on_slurm(
     started = time.monotonic()
     with executor.batch():
         jobs: Sequence[Any] = [executor.submit(job) for job in jobs_of]
-    watch = _Watch(OutputFolder(out), plan, progress)
+    watch = _Watch(RunState(open_store(out)), plan, progress)
     wait_for(jobs, watch.look, in_queue if executor.cluster == "slurm" else None)
     watch.look()
     results = [_result(job) for job in jobs]
@@ -156,19 +157,19 @@ class _Watch:
 
     def __init__(
         self,
-        folder: OutputFolder,
+        state: RunState,
         plan: ChunkPlan,
         callback: Callable[[GenerateProgress], None] | None,
     ) -> None:
-        self._folder, self._plan, self._callback = folder, plan, callback
+        self._state, self._plan, self._callback = state, plan, callback
         self._before: int | None = None
 
     def look(self) -> None:
         if self._callback is None:
             return
-        recorded = self._folder.recorded_chunks()
+        recorded = self._state.recorded_chunks()
         done = sum(self._plan.frames_in(n) for n in recorded if n < len(self._plan))
-        if self._folder.is_merged:
+        if self._state.is_merged:
             done = self._plan.frames
         if self._before is None:
             self._before = done

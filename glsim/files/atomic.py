@@ -69,17 +69,23 @@ def to_json(value: object, where: str) -> str:
         raise DatasetError(f"{where}: cannot be written as JSON: {error}") from None
 
 
+def parse_json(data: bytes, where: object) -> dict[str, Any]:
+    """Parse one JSON object. Raises DatasetError, which begins with ``where``, for others."""
+    try:
+        value = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise DatasetError(f"{where}: is damaged: {error}") from None
+    if not isinstance(value, dict):
+        raise DatasetError(f"{where}: is damaged: no JSON object")
+    return value
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Read a file that holds one JSON object. Raises DatasetError for anything else."""
     try:
-        value = json.loads(path.read_bytes())
+        return parse_json(path.read_bytes(), path)
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise DatasetError(f"{path}: is damaged: {error}") from None
-    if not isinstance(value, dict):
-        raise DatasetError(f"{path}: is damaged: no JSON object")
-    return value
 
 
 def cannot_write(path: Path, error: OSError) -> DatasetError:
@@ -103,11 +109,16 @@ def wrap_read_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise DatasetError(
-            f"{path}: is missing: run glsim generate again with the same settings to restore it"
-        ) from None
+        raise missing(path) from None
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def missing(where: object) -> DatasetError:
+    """Return the error for a file of a data set that is not there."""
+    return DatasetError(
+        f"{where}: is missing: run glsim generate again with the same settings to restore it"
+    )
 
 
 class AtomicFile:

@@ -179,7 +179,7 @@ def test_one_run_completes_parts_and_merge_alone_works(
     with pytest.raises(DatasetError, match="no data set was begun here"):
         merge_all(tmp_path / "none")
     # Both parts are complete, and the last process was killed just before it merged.
-    monkeypatch.setattr("glsim.dataset.driver.absent_chunks", lambda folder, plan: [0])
+    monkeypatch.setattr("glsim.dataset.part_run.absent_chunks", lambda folder, plan: [0])
     for number in (0, 1):
         assert make_part(tmp_path / "b", f"{number}/2").dataset is None
     monkeypatch.undo()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.dataset import Dataset, Split
 from glsim.dataset.disk_format import MANIFEST
-from glsim.dataset.reader import no_clean, no_expected
+from glsim.dataset.pair import no_clean, no_expected
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
 from glsim.errors import ConfigError, DatasetError
