@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -83,10 +85,27 @@ class ScoringJob:
             self.dataset, self.split, self.focal_px, self.truth, self.device, self.protocol
         )
 
-    def start(self) -> Callable[[FrameBlock], ScoredBlock]:
-        """Open the data set and load the denoisers, in the worker."""
-        methods = [load(spec) for spec in self.denoisers]
-        return _BlockScorer(self, self.frames(), methods)
+    def run(self, blocks: Iterator[FrameBlock]) -> Iterator[ScoredBlock]:
+        """Score blocks: the job of a worker."""
+        with warned_already():
+            methods = [load(spec) for spec in self.denoisers]
+            yield from map(_BlockScorer(self, self.frames(), methods), blocks)
+
+    def doing(self, block: FrameBlock) -> str:
+        """Name a block by its frames."""
+        return f"scoring frames {block.first} to {block.first + block.frames - 1}"
+
+
+@contextmanager
+def warned_already() -> Iterator[None]:
+    """Log no warnings of denoisers: whoever starts the scoring has loaded them before."""
+    logger = logging.getLogger("glsim.denoise")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 class _BlockScorer:

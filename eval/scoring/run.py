@@ -18,7 +18,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.dataset import available_workers
 from glsim.denoise import load
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
@@ -26,8 +25,8 @@ from glsim.eval.metrics import Metric, metrics_with_regions
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
 from glsim.eval.scoring.trivial_baselines import BASELINE_FRAMES, mean_face
-from glsim.eval.scoring.workers import run_tasks
 from glsim.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
+from glsim.worker_processes import available_workers, run_tasks
 
 #: Frames in a block: few enough that a crash costs little and all cores end together.
 _BLOCK: Final = 25

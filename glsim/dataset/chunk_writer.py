@@ -21,6 +21,7 @@ from glsim.files.store import Store
 from glsim.frame import Frame, Skipped
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
+from glsim.worker_processes import Interim
 
 
 class FrameMaker(Protocol):
@@ -51,9 +52,22 @@ class RenderJob:
     make_frames: FrameMaker
     inputs: Inputs | None = None
 
+    def run(self, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
+        """Render, write and record chunks: the job of a worker. Raises as ``write_chunks``."""
+        for event in write_chunks(self, self.state.store, chunks):
+            if isinstance(event, ChunkRecord):
+                self.state.save_chunk(event)
+                yield event.summary
+            else:
+                yield event
+
+    def doing(self, chunk: Chunk) -> str:
+        """Name a chunk by its first frame."""
+        return f"rendering {chunk.tasks[0].stem} and the next frames"
+
 
 @dataclass(frozen=True)
-class ChunkProgress:
+class ChunkProgress(Interim):
     """The number of frames of a chunk that are done so far."""
 
     chunk: int
@@ -61,16 +75,6 @@ class ChunkProgress:
 
 
 ChunkEvent = ChunkProgress | ChunkSummary
-
-
-def render_chunks(job: RenderJob, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
-    """Render, write and record chunks. Raises as ``write_chunks``."""
-    for event in write_chunks(job, job.state.store, chunks):
-        if isinstance(event, ChunkRecord):
-            job.state.save_chunk(event)
-            yield event.summary
-        else:
-            yield event
 
 
 def write_chunks(

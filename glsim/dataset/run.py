@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import logging
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob, render_chunks
-from glsim.dataset.chunks import CHUNK_FRAMES, Chunk, ChunkPlan
+from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob
+from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import HEADER, SKIPPED
 from glsim.dataset.identity import Inputs, make_identity
 from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
@@ -25,11 +25,11 @@ from glsim.dataset.progress import GenerateSummary, Progress, RunCounts
 from glsim.dataset.records import ChunkRecord, ChunkSummary
 from glsim.dataset.run_state import RunState
 from glsim.dataset.schema import MAX_HEADER_BYTES, parse_header
-from glsim.dataset.worker_pool import WorkerPool
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.store import Store
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
+from glsim.worker_processes import run_tasks
 
 log = logging.getLogger(__name__)
 
@@ -39,22 +39,14 @@ ChunkRenderer = Callable[[RenderJob, Sequence[int], ChunkPlan], Generator[ChunkE
 
 
 def in_processes(count: int, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
-    """Return the renderer that uses worker processes; with 1 it renders in this process.
-
-    environment: variables for the workers. With any, one worker is a process too: NumPy and
-    OpenBLAS read them when they are loaded.
-    """
+    """Return the renderer that uses worker processes, see ``glsim.worker_processes.run_tasks``."""
 
     def render(
         job: RenderJob, numbers: Sequence[int], plan: ChunkPlan
     ) -> Generator[ChunkEvent, None, None]:
-        chunks: Iterable[Chunk] = (plan[number] for number in numbers)
-        processes = min(count, len(numbers))
-        if processes == 1 and not environment:
-            yield from render_chunks(job, chunks)
-        elif processes:
-            with WorkerPool(job, processes, environment) as pool:
-                yield from pool.render_chunks(chunks)
+        if numbers:
+            chunks = (plan[number] for number in numbers)
+            yield from run_tasks(job, chunks, min(count, len(numbers)), environment)
 
     return render
 
