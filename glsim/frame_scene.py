@@ -49,10 +49,7 @@ class FrameScene:
 
 
 class FrameScenes:
-    """Loads faces and builds scenes for one rig. The last scene is kept, for it may be asked again.
-
-    region_numbers: name -> number of the regions that the labels have; empty without regions.
-    """
+    """Loads faces and builds scenes for one rig. It keeps the last scene, which may come again."""
 
     def __init__(
         self,
@@ -76,24 +73,27 @@ class FrameScenes:
         self._loaded: tuple[Task, Face, Face] | None = None  # as loaded, and as changed
         self._last: tuple[Task, FrameScene] | None = None
 
+    def builds(self, settings: Settings, rig: SensorRig, *, regions: bool) -> bool:
+        """Return whether the scenes of other settings are these."""
+        same = rig == self._rig and regions == self._regions
+        return same and self._changed_settings(settings) <= {"stage"}
+
     def like(self, settings: Settings, rig: SensorRig, *, regions: bool) -> FrameScenes:
-        """Return scenes of the same sources for other settings; these, if they build the same."""
-        changed = {
-            name
-            for name in type(settings).model_fields
-            if getattr(settings, name) != getattr(self._settings, name)
-        }
-        same_rig = rig == self._rig
-        if same_rig and regions == self._regions and changed <= {"stage"}:
-            return self
+        """Return scenes of the same sources for other settings."""
+        changed = self._changed_settings(settings)
+        same_others = rig == self._rig and changed <= {"stage", "pose"}
         return FrameScenes(
             settings,
             self._sources,
             rig,
             regions=regions,
             dressers=None if "appearance" in changed else self._dressers,
-            others=self._others if same_rig and changed <= {"stage", "pose"} else None,
+            others=self._others if same_others else None,
         )
+
+    def _changed_settings(self, settings: Settings) -> set[str]:
+        names = type(settings).model_fields
+        return {n for n in names if getattr(settings, n) != getattr(self._settings, n)}
 
     @property
     def region_numbers(self) -> Mapping[str, int]:
