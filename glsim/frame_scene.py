@@ -31,11 +31,14 @@ from glsim.settings.schema import GENERATORS, Settings
 class FrameScene:
     """What a frame shows.
 
-    meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
-    labels: per mesh the (V,) region numbers of its vertices, or None; empty without regions.
-    crop: the delivered part of the image. pose: its values, with motion. drawn: values that were
-    drawn for the face, what it wears and the room, by their names.
-    head_to_camera_m: (4, 4), both in metres. landmarks_m: (68, 3) camera-frame metres, or None.
+    Attributes:
+        meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
+        labels: per mesh the (V,) region numbers of its vertices, or None; empty without regions.
+        crop: the delivered part of the image.
+        pose: its values, with motion.
+        drawn: values that were drawn for the face, what it wears and the room, by their names.
+        head_to_camera_m: (4, 4), both in metres.
+        landmarks_m: (68, 3) camera-frame metres, or None.
     """
 
     face: Face
@@ -61,9 +64,10 @@ class FrameScenes:
         dressers: Sequence[Dresser] | None = None,
         others: OtherPeople | None = None,
     ) -> None:
-        """regions: whether scenes have labels. dressers (one per source), others: to share them.
+        """Raises ConfigError if regions are asked of faces that have none.
 
-        Raises ConfigError if regions are asked of faces that have none.
+        Args:
+            regions: whether scenes have labels. dressers (one per source), others: to share them.
         """
         self._settings, self._sources, self._rig, self._regions = settings, sources, rig, regions
         further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
@@ -134,7 +138,9 @@ class FrameScenes:
     def _changed(self, task: Task, face: Face, *, keep: bool) -> Face:
         """Vary a face, then dress it: what is worn follows the varied mesh.
 
-        keep: for a task that comes alone, which may come again: the same face is not changed anew.
+        Args:
+            keep: for a task that comes alone, which may come again: the same face is not changed
+                anew.
         """
         if self._loaded is not None and self._loaded[0] == task and _alike(self._loaded[1], face):
             return self._loaded[2]
@@ -232,7 +238,8 @@ def unusable(task: Task, error: Exception) -> MeshError:
 def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) -> Rect:
     """Return the delivered square, centred on the face and shifted into the image.
 
-    side: pixels; None delivers the whole image.
+    Args:
+        side: pixels; None delivers the whole image.
     """
     if side is None:
         return Rect(0, 0, image.width, image.height)

@@ -37,7 +37,7 @@ from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
 from glsim.plan.tasks import Task, make_tasks
-from glsim.render.regions import REGION
+from glsim.render.region_pass import REGION
 from glsim.render.renderer import NORMAL
 from glsim.render_cache import RenderCache
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
@@ -55,7 +55,11 @@ _RING_ON_GPU = 4
 
 @dataclass(eq=False)
 class _InFlight:
-    """A frame between drawing and readback. drawn: the drawn values of the stages."""
+    """A frame between drawing and readback.
+
+    Attributes:
+        drawn: the drawn values of the stages.
+    """
 
     readback: Readback
     task: Task
@@ -77,13 +81,16 @@ def simulate(
 ) -> Iterator[Frame | Skipped]:
     """Make the frames of ``tasks`` (default: the whole plan), in order, one result per task.
 
-    sources: the open face sources, any FaceSource (default: those of ``settings.source``).
-    backend: "egl" or "osmesa". context: draws the frames; by default one of this thread is used.
-    layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads it;
-    "regions", the parts of the face, and "expected" are drawn on request only.
-    extra_layers: layers of the stages to copy to ``Frame.extra``.
     A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
     and MeshError for a bad face if ``settings.strict``.
+
+    Args:
+        sources: the open face sources, any FaceSource (default: those of ``settings.source``).
+        backend: "egl" or "osmesa".
+        context: draws the frames; by default one of this thread is used.
+        layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads
+            it; "regions", the parts of the face, and "expected" are drawn on request only.
+        extra_layers: layers of the stages to copy to ``Frame.extra``.
     """
     opened = list(sources) if sources is not None else open_sources(settings)
     planned = make_tasks(settings, opened) if tasks is None else tasks
@@ -171,9 +178,11 @@ class Simulator:
     def with_values(self, values: Mapping[str, Any]) -> Simulator:
         """Return a simulator with other values, by the names of ``--set``.
 
-        values: {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
         Raises ConfigError for an unknown name or a value out of range, and for a change of the
         source, which needs another Simulator.
+
+        Args:
+            values: {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
         """
         return self._like(settings=with_assignments(self._settings, values))
 
@@ -182,10 +191,14 @@ class Simulator:
     ) -> Simulator:
         """Return a simulator whose stage ``name`` runs other GLSL; that program alone is linked.
 
-        code: the text, or the path of a file. file: of a text, for messages and includes; default:
-        the file of the stage, or NAME.glsl. before: inserts a new stage before another; a name that
-        the chain does not have is otherwise put after the last shader stage.
         Raises ShaderError with file and line; ConfigError if the stage does not fit the chain.
+
+        Args:
+            code: the text, or the path of a file.
+            file: of a text, for messages and includes; default: the file of the stage, or
+                NAME.glsl.
+            before: inserts a new stage before another; a name that the chain does not have is
+                otherwise put after the last shader stage.
         """
         known = {stage.name: stage for stage in self.sensor.stages}
         if isinstance(code, Path):

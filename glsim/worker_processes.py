@@ -32,6 +32,8 @@ from glsim.errors import ConfigError, DatasetError, GlsimError
 log = logging.getLogger(__name__)
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
+_Given = TypeVar("_Given", contravariant=True)
+_Made = TypeVar("_Made", covariant=True)
 
 #: A number of worker processes; "auto" is one per available core.
 Workers = int | Literal["auto"]
@@ -102,17 +104,17 @@ def worker_count(text: str) -> int:
     return int(text)
 
 
-class Job(Protocol[_Task, _Result]):
+class Job(Protocol[_Given, _Made]):
     """What a worker does; it is pickled and sent to each worker once."""
 
-    def run(self, tasks: Iterator[_Task], /) -> Iterator[_Result]:
+    def run(self, tasks: Iterator[_Given], /) -> Iterator[_Made]:
         """Yield results: of each task in order one that is no ``Interim``.
 
         It may ask for the next tasks before it is done with one.
         """
         ...
 
-    def doing(self, task: _Task, /) -> str:
+    def doing(self, task: _Given, /) -> str:
         """Return what a worker does with a task, for the message about its death."""
         ...
 

@@ -42,10 +42,12 @@ class FrameBlock(NamedTuple):
 class ScoredBlock:
     """The scores of a block, JSON-compatible, with None for NaN.
 
-    rows: one per frame and method. probes: one per frame and trivial baseline.
-    histograms: method -> counts of |error| on pixels where input and clean are valid.
-    bias: method -> subject -> see ``glsim.eval.scoring.bias``.
-    bad: frames, with the reason why they (or a method on them) could not be scored.
+    Attributes:
+        rows: one per frame and method.
+        probes: one per frame and trivial baseline.
+        histograms: method -> counts of |error| on pixels where input and clean are valid.
+        bias: method -> subject -> see ``glsim.eval.scoring.bias``.
+        bad: frames, with the reason why they (or a method on them) could not be scored.
     """
 
     number: int
@@ -59,13 +61,17 @@ class ScoredBlock:
 
 @dataclass(frozen=True, eq=False)
 class ScoringJob:
-    """The task of an evaluation, sent to each worker. denoisers: see ``glsim.denoise.load``.
+    """The task of an evaluation, sent to each worker.
 
-    truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
-    baseline_every: score trivial baselines on every n-th frame; 0 is never.
-    stride: score only every n-th frame. device: sensor file whose fixed pattern and wiggling are
-    subtracted from the input of all denoisers. protocol: where depths are counted from, see
-    ``glsim.depth_protocol``; default: as the files are stored.
+    Attributes:
+        denoisers: see ``glsim.denoise.load``.
+        truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
+        baseline_every: score trivial baselines on every n-th frame; 0 is never.
+        stride: score only every n-th frame.
+        device: sensor file whose fixed pattern and wiggling are subtracted from the input of all
+            denoisers.
+        protocol: where depths are counted from, see ``glsim.depth_protocol``; default: as the files
+            are stored.
     """
 
     dataset: Path

@@ -46,10 +46,13 @@ class ScoringProgress:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The result of ``evaluate``. baselines: scores of trivial predictions.
+    """The result of ``evaluate``.
 
-    bad: number of frames, or pairs of frame and method, that could not be scored; first_bad: the
-    first of them with reasons. protocol: where depths are counted from.
+    Attributes:
+        baselines: scores of trivial predictions.
+        bad: number of frames, or pairs of frame and method, that could not be scored.
+        first_bad: the first of them with reasons.
+        protocol: where depths are counted from.
     """
 
     summary: ScoreSummary
@@ -70,9 +73,12 @@ def evaluate(
 ) -> Evaluation:
     """Score every frame of a set by every denoiser; write rows.csv and bad.csv to ``out``.
 
-    workers: number of processes; default: one per core. baselines: also score trivial predictions.
     Raises ConfigError for a wrong denoiser, one that was trained under another protocol, or an
     empty set, DatasetError if no frame can be scored.
+
+    Args:
+        workers: number of processes; default: one per core.
+        baselines: also score trivial predictions.
     """
     methods = [load(spec) for spec in job.denoisers]  # reports wrong ones before scoring starts
     labels = [method.label for method in methods]

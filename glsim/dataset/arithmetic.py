@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 class Machine:
     """What a process renders with.
 
-    host: name of the computer. renderer: of OpenGL. arithmetic: see ``fingerprint``.
+    Attributes:
+        host: name of the computer.
+        renderer: OpenGL's name of what draws.
+        arithmetic: see ``fingerprint``.
     """
 
     host: str

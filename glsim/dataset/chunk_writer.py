@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import IO, Protocol, cast
 
 from glsim.dataset.chunks import Chunk
-from glsim.dataset.identity import Inputs
+from glsim.dataset.identity import InputHashes
 from glsim.dataset.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
 from glsim.dataset.run_state import RunState, images_of
 from glsim.errors import DepthRangeError, GlsimError, MeshError
@@ -50,7 +50,7 @@ class RenderJob:
     settings: Settings
     state: RunState
     make_frames: FrameMaker
-    inputs: Inputs | None = None
+    inputs: InputHashes | None = None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
         """Render, write and record chunks: the job of a worker. Raises as ``write_chunks``."""

@@ -13,11 +13,7 @@ from typing import Any
 
 from glsim.dataset.chunk_writer import FrameMaker
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
-from glsim.dataset.identity import Inputs, make_identity
-from glsim.dataset.part_run import run_part
-from glsim.dataset.parts import Part
-from glsim.dataset.progress import GenerateSummary, PartSummary, Progress, RunCounts
-from glsim.dataset.run import (
+from glsim.dataset.dataset_run import (
     ChunkRenderer,
     DatasetRun,
     absent_chunks,
@@ -25,6 +21,10 @@ from glsim.dataset.run import (
     in_processes,
     run_all,
 )
+from glsim.dataset.identity import InputHashes, make_identity
+from glsim.dataset.part_run import run_part
+from glsim.dataset.parts import Part
+from glsim.dataset.progress import GenerateSummary, PartSummary, Progress, RunCounts
 from glsim.dataset.run_state import RunState
 from glsim.errors import DatasetError
 from glsim.files.store import open_store
@@ -45,13 +45,18 @@ def generate(
 ) -> GenerateSummary:
     """Generate the data set that ``settings`` describe in the folder ``out``, or resume it.
 
-    out: a folder, or a URL of object storage such as s3://bucket/faces for the format webdataset.
-    ray: the address of a cluster of Ray that renders instead of ``workers``, see
-    ``glsim.ray_cluster.ray_cluster``.
+    The same settings on the same renderer give the same bytes.
 
-    The same settings on the same renderer give the same bytes. backend: "egl" or "osmesa".
-    portable: compute alike on all x86-64 processors since Haswell, see ``portable_environment``.
     Raises the errors of ``write_dataset`` and ``glsim.pipeline.simulate``.
+
+    Args:
+        out: a folder, or a URL of object storage such as s3://bucket/faces for the format
+            webdataset.
+        ray: the address of a cluster of Ray that renders instead of ``workers``, see
+            ``glsim.ray_cluster.ray_cluster``.
+        backend: "egl" or "osmesa".
+        portable: compute alike on all x86-64 processors since Haswell, see
+            ``portable_environment``.
     """
     run, render = simulation_run(
         settings, out, workers, backend=backend, portable=portable, ray=ray
@@ -73,8 +78,13 @@ def generate_part(
     """Generate one part of a data set, and merge all parts if this was the last one.
 
     Parts may be made in any order, on many machines that share the folder ``out``, and again: the
-    bytes are those of ``generate``. portable: as for ``generate``. leave: see ``write_part``.
+    bytes are those of ``generate``.
+
     Raises the errors of ``write_part`` and ``glsim.pipeline.simulate``.
+
+    Args:
+        portable: as for ``generate``.
+        leave: see ``write_part``.
     """
     run, render = simulation_run(settings, out, workers, backend=backend, portable=portable)
     return run_part(run, part, render, progress, leave=leave)
@@ -131,9 +141,9 @@ def simulation_run(
         layers=settings.output.layers,
     )
 
-    def inputs() -> Inputs:
+    def inputs() -> InputHashes:
         stages, files = stage_hashes(sensor.stages), source_hashes(sources, tasks)
-        return Inputs(stages, files, machine.arithmetic)
+        return InputHashes(stages, files, machine.arithmetic)
 
     regions = (
         region_numbers(sources, [*scene_regions(settings.scene), *worn])
@@ -159,7 +169,7 @@ def write_dataset(
     sensor: Mapping[str, Any],
     renderer: str,
     regions: Mapping[str, int] | None = None,
-    inputs: Callable[[], Inputs] | None = None,
+    inputs: Callable[[], InputHashes] | None = None,
     workers: Workers = "auto",
     progress: Progress | None = None,
 ) -> GenerateSummary:
@@ -168,16 +178,17 @@ def write_dataset(
     Existing files are verified by size and CRC32; missing and damaged files are made again. The
     bytes are the same for any number of workers and interruptions.
 
-    make_frames: see FrameMaker. sensor, renderer: descriptions for the header; a resumed run must
-    have the same ones. regions: name -> number in the layer "regions". inputs: hashes what the
-    settings only name, as it is at the time of the call; a resumed run must have the same.
-    workers: number of processes; 1 renders in this process.
-
     Raises ConfigError if the folder was begun with other settings or inputs; DatasetError if it is
     in use, cannot be written, or holds other files, if worker processes die, or if an input changes
-    during the run; MeshError at the first
-    bad mesh if the settings are strict; KeyboardInterrupt after ending the workers. After any of
-    these, the same call continues the run.
+    during the run; MeshError at the first bad mesh if the settings are strict; KeyboardInterrupt
+    after ending the workers. After any of these, the same call continues the run.
+
+    Args:
+        make_frames: see FrameMaker.
+        sensor, renderer: descriptions for the header; a resumed run must have the same ones.
+        regions: name -> number in the layer "regions".
+        inputs: hashes the files that the settings refer to; a resumed run must have the same.
+        workers: number of processes; 1 renders in this process.
     """
     render = in_processes(available_workers(workers))
     store = open_store(out)
@@ -195,17 +206,20 @@ def write_part(
     sensor: Mapping[str, Any],
     renderer: str,
     regions: Mapping[str, int] | None = None,
-    inputs: Callable[[], Inputs] | None = None,
+    inputs: Callable[[], InputHashes] | None = None,
     workers: Workers = "auto",
     leave: bool = False,
     progress: Progress | None = None,
 ) -> PartSummary:
     """Write one part of a data set, and merge all parts if this was the last one.
 
-    leave: if ``renderer`` or the arithmetic of ``inputs`` are not those of the machine that began
-    the data set, make nothing, and leave the chunks to parts that end later. Otherwise that raises
-    DifferentMachineError. The other arguments and errors are those of ``write_dataset``. Also
-    raises DatasetError if another process makes the same part.
+    The other arguments and errors are those of ``write_dataset``. Also raises DatasetError if
+    another process makes the same part.
+
+    Args:
+        leave: if ``renderer`` or the arithmetic of ``inputs`` are not those of the machine that
+            began the data set, make nothing, and leave the chunks to parts that end later.
+            Otherwise that raises DifferentMachineError.
     """
     render = in_processes(available_workers(workers))
     store = open_store(out)

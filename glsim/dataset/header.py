@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, MERGED_INDEX, STATE
 from glsim.dataset.manifest import Manifest
-from glsim.dataset.schema import MAX_HEADER_BYTES, parse_checksum, parse_header, parse_object
+from glsim.dataset.record_schema import MAX_HEADER_BYTES, parse_checksum, parse_header, parse_object
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum
 from glsim.files.cloud import cloud_url

@@ -10,7 +10,7 @@ import numpy as np
 from isal import isal_zlib
 from numpy.typing import NDArray
 
-from glsim.dataset.schema import MAX_LINE_BYTES, parse_frame
+from glsim.dataset.record_schema import MAX_LINE_BYTES, parse_frame
 from glsim.errors import DatasetError
 from glsim.files.atomic import wrap_read_errors
 from glsim.files.regular import open_regular
@@ -26,7 +26,10 @@ REPAIR = "run glsim generate again with the same settings to repair it"
 class Manifest:
     """The lines of a manifest; the file is read once when it is opened.
 
-    checksum: its size and CRC32. Raises DatasetError if it is missing or cannot be read.
+    Raises DatasetError if it is missing or cannot be read.
+
+    Attributes:
+        checksum: its size and CRC32.
     """
 
     def __init__(self, path: Path) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 from glsim.dataset.cards import croissant, hub_card
 from glsim.dataset.chunks import ChunkPlan
 from glsim.dataset.disk_format import CROISSANT, HEADER, MANIFEST, METADATA, README, SKIPPED
+from glsim.dataset.record_schema import MAX_HEADER_BYTES, parse_checksum, parse_frame, parse_header
 from glsim.dataset.records import (
     ChunkRecord,
     Record,
@@ -24,7 +25,6 @@ from glsim.dataset.records import (
     parse_first_line,
 )
 from glsim.dataset.run_state import INDEX, RunState
-from glsim.dataset.schema import MAX_HEADER_BYTES, parse_checksum, parse_frame, parse_header
 from glsim.errors import DatasetError
 from glsim.files.atomic import to_json
 from glsim.files.store import Store

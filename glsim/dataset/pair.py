@@ -27,7 +27,8 @@ _TAR_BYTES = 1024
 class Pair:
     """One frame of a data set. Images are read and checked when they are first used.
 
-    record: its record in the manifest, see ``glsim.dataset.records.frame_record``.
+    Args:
+        record: its record in the manifest, see ``glsim.dataset.records.frame_record``.
     """
 
     def __init__(

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from contextlib import suppress
 
+from glsim.dataset.dataset_run import (
+    ChunkRenderer,
+    DatasetRun,
+    absent_chunks,
+    finish,
+    make_missing_chunks,
+)
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import PartSummary, Progress, RunCounts
-from glsim.dataset.run import ChunkRenderer, DatasetRun, absent_chunks, finish, make_missing_chunks
 from glsim.dataset.run_state import PartBusyError
 from glsim.errors import DifferentMachineError
 

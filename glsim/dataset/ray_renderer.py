@@ -21,11 +21,11 @@ from typing import Any
 from glsim.dataset.arithmetic import KeptSimulator, keeping_simulator
 from glsim.dataset.chunk_writer import ChunkEvent, RenderJob, write_chunks
 from glsim.dataset.chunks import Chunk, ChunkPlan
+from glsim.dataset.dataset_run import ChunkRenderer
 from glsim.dataset.disk_format import STATE
 from glsim.dataset.inputs import refuse_other_inputs
+from glsim.dataset.record_schema import parse_frame
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
-from glsim.dataset.run import ChunkRenderer
-from glsim.dataset.schema import parse_frame
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import checksum
 from glsim.files.store import open_store
@@ -39,7 +39,11 @@ _DEATHS = 5
 
 @dataclass(frozen=True)
 class ClusterJob:
-    """What all tasks of a run share. folder: the driver's working folder, for relative paths."""
+    """What all tasks of a run share.
+
+    Attributes:
+        folder: the driver's working folder, for relative paths.
+    """
 
     job: RenderJob
     token: str
@@ -58,7 +62,8 @@ class MadeChunk:
 def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
     """Return the renderer that uses a cluster, see ``glsim.ray_cluster.ray_cluster``.
 
-    environment: variables for the processes of the nodes.
+    Args:
+        environment: variables for the processes of the nodes.
     """
 
     def render(
@@ -86,8 +91,11 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
 def checked_chunk(made: MadeChunk, number: int, *, uploaded: bool = False) -> ChunkRecord:
     """Return the record of a chunk whose files are those that it names, whole, and no others.
 
-    uploaded: whether the node sent its shard to object storage, and compared it there. Nothing
-    that came over the network is believed. Raises DatasetError.
+    Raises DatasetError.
+
+    Args:
+        uploaded: whether the node sent its shard to object storage, and compared it there. Nothing
+            that came over the network is believed.
     """
     record = parse_chunk_record(made.record)
     expected: dict[str, dict[str, Any]] = {}

@@ -1,8 +1,8 @@
 """Read a data set, PNG tree or shards: records, and depth maps in millimetres.
 
-Nothing is believed because it is written there: the header and each record pass their schema
-(``glsim.dataset.schema``), the manifest has the checksum that the header holds, the header the one
-in ``.glsim``, and every file that a record names is a regular file inside the data set.
+Everything is checked: the header and each record against ``glsim.dataset.record_schema``, the
+manifest against its checksum in the header, the header against its checksum in ``.glsim``; and
+every file that a record names must be a regular file inside the data set.
 """
 
 from __future__ import annotations
@@ -57,11 +57,14 @@ class Split(Sequence[Pair]):
 class Dataset:
     """A complete data set on disk or in object storage. It is cheap to send to other processes.
 
-    header: the contents of dataset.json. path: its folder; of one in object storage, a folder with
-    copies of its header and manifest in the cache of glsim ($GLSIM_CACHE, else ~/.cache/glsim).
-    Opening reads the manifest once for its checksum. Raises DatasetError if the folder holds no
-    complete data set, one of a newer version of glsim, or one whose header or manifest is damaged
-    or was changed.
+    Opening reads the manifest once for its checksum.
+    Raises DatasetError if the folder holds no complete data set, one of a newer version of glsim,
+    or one whose header or manifest is damaged or was changed.
+
+    Attributes:
+        header: the contents of dataset.json.
+        path: its folder; of one in object storage, a folder with copies of its header and manifest
+            in the cache of glsim ($GLSIM_CACHE, else ~/.cache/glsim).
     """
 
     def __init__(self, path: Path | str) -> None:

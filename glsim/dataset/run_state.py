@@ -7,10 +7,10 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from glsim.dataset.disk_format import HEADER, MERGED_INDEX, STATE
-from glsim.dataset.identity import Inputs, refuse_changed_inputs, refuse_difference
+from glsim.dataset.identity import InputHashes, refuse_changed_inputs, refuse_difference
 from glsim.dataset.parts import Part, named_part
+from glsim.dataset.record_schema import parse_frame
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
-from glsim.dataset.schema import parse_frame
 from glsim.errors import DatasetError
 from glsim.files.atomic import parse_json, to_json
 from glsim.files.store import Store
@@ -49,7 +49,7 @@ class RunState:
     def locked(
         self,
         identity: Mapping[str, Any],
-        inputs: Inputs | None = None,
+        inputs: InputHashes | None = None,
         *,
         part: Part | None = None,
         wait: bool = False,
@@ -109,7 +109,7 @@ class RunState:
                 return parse_json(data, self.store.where(name))
         return None
 
-    def _begin(self, identity: Mapping[str, Any], inputs: Inputs | None) -> None:
+    def _begin(self, identity: Mapping[str, Any], inputs: InputHashes | None) -> None:
         plan = to_json(identity, self.store.where(_PLAN)).encode() + b"\n"
         begun = self._begun()
         if begun is None:  # one of several parts is the first, and the others compare theirs

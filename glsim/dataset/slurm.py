@@ -59,10 +59,13 @@ def generate_on_slurm(
 ) -> GenerateSummary:
     """Submit ``parts`` jobs as one array, wait for them, and complete the data set.
 
-    slurm: options of submitit's executor, such as cpus_per_task, timeout_min, slurm_partition.
-    cluster: "slurm", or submitit's "local" for processes of this machine; None: Slurm. options: of
-    ``generate_part``. Ctrl-C cancels the jobs; what they made stays. Logs are in
-    ``out/.glsim/slurm``. Raises ConfigError without submitit or Slurm, DatasetError if jobs fail.
+    Ctrl-C cancels the jobs; what they made stays. Logs are in ``out/.glsim/slurm``.
+    Raises ConfigError without submitit or Slurm, DatasetError if jobs fail.
+
+    Args:
+        slurm: options of submitit's executor, such as cpus_per_task, timeout_min, slurm_partition.
+        cluster: "slurm", or submitit's "local" for processes of this machine; None: Slurm.
+        options: of ``generate_part``.
     """
     # Imported here because reading a data set needs no OpenGL.
     from glsim.pipeline import open_sources
@@ -101,8 +104,11 @@ def wait_for(
 ) -> None:
     """Wait until all jobs have ended, and call ``look`` now and then; cancel them after an error.
 
-    queued: returns which of these jobs Slurm still knows. Where Slurm keeps no accounts, submitit
-    waits for a killed job for ever. Raises DatasetError if a job is gone without a result.
+    Raises DatasetError if a job is gone without a result.
+
+    Args:
+        queued: returns which of these jobs Slurm still knows. Where Slurm keeps no accounts,
+            submitit waits for a killed job for ever.
     """
     gone: set[str] = set()
     try:

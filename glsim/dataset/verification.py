@@ -27,8 +27,11 @@ def verify(path: Path | str, deep: bool = False) -> list[str]:
     Checks the header and the manifest against their schema and their checksums, the counts, that no
     subject is in two splits (by records and by folders), that every file is a regular one inside
     the data set with its recorded size, that no two records share an image, and that every file in
-    a split has a record. deep: also checks the CRC32 of every image, decodes it, compares it with
-    its record, and compares the members of shards with the records. Never raises DatasetError.
+    a split has a record. Never raises DatasetError.
+
+    Args:
+        deep: also checks the CRC32 of every image, decodes it, compares it with its record, and
+            compares the members of shards with the records.
     """
     store = open_store(path)
     try:

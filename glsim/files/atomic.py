@@ -61,7 +61,10 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_to_p
 def to_json(value: object, where: str) -> str:
     """Encode a value as one line of JSON; NumPy numbers and arrays become plain ones.
 
-    where: names the value in error messages. Raises DatasetError for NaN and for other types.
+    Raises DatasetError for NaN and for other types.
+
+    Args:
+        where: names the value in error messages.
     """
     try:
         return _encode(value)
@@ -125,10 +128,14 @@ class AtomicFile:
     """A file that appears under its name only when it is complete; counts its size and CRC32.
 
     Use it as a context manager: a normal exit renames the temporary file to ``path``, an error
-    removes it. temporary: path for the unfinished file, on the same file system; by default it
-    lies beside ``path``, whose folder is then created, under a random name, and what a killed
-    process left there is removed. The temporary file must not exist. sync: flush data and name to
-    the disk (a few milliseconds). A device, such as /dev/stdout, is written directly.
+    removes it.
+
+    Args:
+        temporary: path for the unfinished file, on the same file system; by default it lies beside
+            ``path``, whose folder is then created, under a random name, and what a killed process
+            left there is removed. The temporary file must not exist.
+        sync: flush data and name to the disk (a few milliseconds). A device, such as /dev/stdout,
+            is written directly.
     """
 
     def __init__(self, path: Path, temporary: Path | None = None, *, sync: bool = True) -> None:
@@ -200,7 +207,10 @@ def write_atomic(
 ) -> dict[str, int]:
     """Write a whole file at once: it is complete or absent. Returns its size and CRC32.
 
-    temporary, sync: as for AtomicFile. Raises DatasetError.
+    Raises DatasetError.
+
+    Args:
+        temporary, sync: as for AtomicFile.
     """
     with AtomicFile(path, temporary, sync=sync) as file:
         file.write(data)

@@ -30,8 +30,13 @@ _PLACE = re.compile(r"(?P<file>[^\s;:]+\.\w+):(?P<line>\d+):\s*")
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
-    """A drawn tuning. normal: (h, w, 4) of the frame's window. milliseconds: to draw it."""
+class DrawnFrame:
+    """A drawn tuning.
+
+    Attributes:
+        normal: (h, w, 4) of the frame's window.
+        milliseconds: to draw it.
+    """
 
     tuning: Tuning
     frame: Frame
@@ -62,11 +67,13 @@ class Bench:
         self._coded: tuple[Mapping[str, StageCode], Simulator] | None = None
         self._last: Simulator | None = None
 
-    def draw(self, tuning: Tuning, noise_of: int | None = None) -> Picture:
+    def draw(self, tuning: Tuning, noise_of: int | None = None) -> DrawnFrame:
         """Draw a tuning's frame.
 
-        noise_of: number of the frame whose noise it has; None: its own. Raises GlsimError: the
-        bench serves on with what it has.
+        Raises GlsimError: the bench serves on with what it has.
+
+        Args:
+            noise_of: number of the frame whose noise it has; None: its own.
         """
         coded = self._with_code(tuning)
         values = {name: value for name, value in tuning.values.items() if name not in _OF_PLAN}
@@ -81,7 +88,7 @@ class Bench:
         if not isinstance(frame, Frame):
             raise GlsimError(frame.why)
         self._last = simulator
-        return Picture(
+        return DrawnFrame(
             tuning,
             frame,
             simulator.sensor,

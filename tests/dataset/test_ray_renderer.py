@@ -13,9 +13,9 @@ import pytest
 
 from glsim.dataset import GenerateProgress, GenerateSummary, generate, ray_renderer, verify
 from glsim.dataset.chunks import Chunk
+from glsim.dataset.dataset_run import DatasetRun, run_all
 from glsim.dataset.ray_renderer import MadeChunk, checked_chunk, on_ray
 from glsim.dataset.records import ChunkRecord, ChunkSummary
-from glsim.dataset.run import DatasetRun, run_all
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.files.atomic import checksum
 from glsim.files.store import open_store

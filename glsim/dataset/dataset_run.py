@@ -18,13 +18,13 @@ from typing import Any
 from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import HEADER, SKIPPED
-from glsim.dataset.identity import Inputs, make_identity
+from glsim.dataset.identity import InputHashes, make_identity
 from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateSummary, Progress, RunCounts
+from glsim.dataset.record_schema import MAX_HEADER_BYTES, parse_header
 from glsim.dataset.records import ChunkRecord, ChunkSummary
 from glsim.dataset.run_state import RunState
-from glsim.dataset.schema import MAX_HEADER_BYTES, parse_header
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.store import Store
 from glsim.plan.tasks import Task
@@ -62,7 +62,7 @@ class DatasetRun:
     sensor: Mapping[str, Any]
     renderer: str
     regions: Mapping[str, int] | None = None
-    inputs: Callable[[], Inputs] | None = None
+    inputs: Callable[[], InputHashes] | None = None
     plan: ChunkPlan = field(init=False)
 
     def __post_init__(self) -> None:
@@ -75,7 +75,7 @@ class DatasetRun:
         object.__setattr__(self, "plan", plan)
 
     @cached_property
-    def found(self) -> Inputs | None:
+    def found(self) -> InputHashes | None:
         """The inputs as they were at the first use."""
         return self.inputs() if self.inputs is not None else None
 
