@@ -149,7 +149,8 @@ def chair(pose: BoardPose) -> Mesh:
 def room(pose: BoardPose) -> Mesh:
     """A door behind the chair's left half, a wall on the right, a far wall and a floor.
 
-    pose: upright. The wall stays 250 mm to the right of the camera at least.
+    Args:
+        pose: upright. The wall stays 250 mm to the right of the camera at least.
     """
     wall = max(330.0, 250.0 - float(pose.centre_mm @ pose.axes[0]))
     parts = [

@@ -38,8 +38,10 @@ class DepthBatch:
 def depth_batch(depth: Any, shape: tuple[int, int]) -> DepthBatch:
     """View an array or tensor of floating depth as maps of ``shape`` (height, width).
 
-    depth: (H, W), (B, H, W), more leading axes, and any of them with a last axis of length 1.
     Raises ConfigError for whole numbers, for another size and for what is no array.
+
+    Args:
+        depth: (H, W), (B, H, W), more leading axes, and any of them with a last axis of length 1.
     """
     kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")
     if kind not in _FLOATS or not hasattr(depth, "shape"):

@@ -38,7 +38,11 @@ def read_dataset(root: Path) -> None:
 
 
 def _dataset(folder: Path, file: str, format: str = "png", *, signed: bool) -> Kind:
-    """A data set with one damaged file. signed: with checksums that fit, as an attacker's."""
+    """A data set with one damaged file.
+
+    Args:
+        signed: with checksums that fit, as an attacker's.
+    """
     root = folder / "data"
     layers = ["clean", "noisy", "infrared", "reason"]
     make(root, make_settings(format=format, layers=layers), make_tasks(4, 2))

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from glsim.compare.boards import board_corners, find_board
-from glsim.dataset import available_workers
 from glsim.denoise import Method, compose, load
 from glsim.errors import ConfigError, DenoiserError
 from glsim.eval.real_frames.measures import FrameTruth, ScoredFrame
 from glsim.eval.real_frames.recording import Recording, Source, open_recording
 from glsim.eval.real_frames.results import RealScores, add_up
+from glsim.eval.scoring.blocks import warned_already
 from glsim.eval.scoring.run import ScoringProgress
-from glsim.eval.scoring.workers import run_tasks
+from glsim.worker_processes import available_workers, run_tasks
 
 #: Label of the first row, the raw frames.
 RAW = "raw"
@@ -29,11 +29,17 @@ class RealJob:
     denoisers: tuple[str, ...]
     pairs_only: bool = False
 
-    def start(self) -> Callable[[int], ScoredFrame]:
-        """Read the recording and load the denoisers, in the worker."""
-        recording = open_recording(self.source)
-        methods = [load(spec) for spec in self.denoisers]
-        return lambda number: score_frame(recording, number, methods, self.pairs_only)
+    def run(self, numbers: Iterator[int]) -> Iterator[ScoredFrame]:
+        """Score the frames ``numbers``: the job of a worker."""
+        with warned_already():
+            recording = open_recording(self.source)
+            methods = [load(spec) for spec in self.denoisers]
+            for number in numbers:
+                yield score_frame(recording, number, methods, self.pairs_only)
+
+    def doing(self, number: int) -> str:
+        """Name a frame by its number."""
+        return f"scoring frame {number}"
 
 
 def score_frame(

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from glsim.eval.scoring.bias import BiasBin, bias_by_distance, largest_bias
+from glsim.eval.scoring.grid_search import SURFACE
 from glsim.eval.scoring.statistics import ratio_interval
-from glsim.eval.scoring.tune import SURFACE
 from glsim.eval.transfer.cells import NOISY, CellScores, pool
 from glsim.eval.transfer.study import Goals, SensorFamily
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.compare.surfaces import Surfaces, fit_surfaces
-from glsim.dataset.disk_format import HEADER
+from glsim.dataset.header import is_dataset
 from glsim.dataset.reader import open_dataset
 from glsim.dataset.recordings import check_sizes, find_frames
 from glsim.errors import ConfigError, DatasetError
@@ -124,8 +124,9 @@ def read_frame_set(
     """
     if not path.is_dir():
         raise ConfigError(f"{path}: no such folder")
-    is_dataset = (path / HEADER).exists() or (path / ".glsim").exists()
-    frames = _of_dataset(path, most) if is_dataset else _of_folder(path, unit_mm, most, mirror)
+    frames = (
+        _of_dataset(path, most) if is_dataset(path) else _of_folder(path, unit_mm, most, mirror)
+    )
     check_sizes([(frame.name, frame.depth_mm.shape) for frame in frames], str(path))
     for frame in frames:
         if frame.infrared is not None:

@@ -1,7 +1,7 @@
 """Data sets on disk: generate, resume, verify and read them.
 
-``driver`` runs a generation, or a part of one, by the steps in ``run``; ``chunk_writer`` renders
-and writes the chunks, in the driver or in each ``worker_process``; ``reader`` reads the result.
+``driver`` runs a generation, or a part of one, by the steps in ``dataset_run``; ``chunk_writer``
+renders and writes the chunks, in the driver or in worker processes; ``reader`` reads the result.
 """
 
 from glsim.dataset.chunk_writer import FrameMaker

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
-from glsim.dataset.identity import Inputs
+from glsim.dataset.identity import InputHashes
 from glsim.errors import ConfigError
 from glsim.faces.base import FaceSource
 from glsim.files.contents import content_hash, text_hash
@@ -42,11 +42,13 @@ def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
 
 
 def refuse_other_inputs(
-    expected: Inputs, sources: Sequence[FaceSource], tasks: Sequence[Task], where: str
+    expected: InputHashes, sources: Sequence[FaceSource], tasks: Sequence[Task], where: str
 ) -> None:
     """Raise ConfigError if this machine has other files for some tasks than ``expected`` says.
 
-    expected: the inputs of the whole data set, on the machine that drives it. where: this machine.
+    Args:
+        expected: the inputs of the whole data set, on the machine that drives it.
+        where: this machine.
     """
     for source, files in source_hashes(sources, tasks).items():
         theirs = expected.sources.get(source, {})

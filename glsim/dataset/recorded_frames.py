@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from glsim.dataset.driver import write_dataset
-from glsim.dataset.identity import Inputs
+from glsim.dataset.identity import InputHashes
 from glsim.dataset.inputs import source_hashes
 from glsim.dataset.progress import GenerateProgress, GenerateSummary
 from glsim.dataset.recordings import CALIBRATION, FrameFiles, find_frames
@@ -145,7 +145,7 @@ def import_recordings(
         renderer="none: recorded",
         workers=workers,
         progress=progress,
-        inputs=lambda: Inputs(sources=source_hashes([source], tasks)),
+        inputs=lambda: InputHashes(sources=source_hashes([source], tasks)),
     )
 
 

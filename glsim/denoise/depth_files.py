@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from glsim.dataset.disk_format import FORMAT, HEADER
 from glsim.dataset.header import read_header
 from glsim.dataset.reader import Pair, open_dataset
-from glsim.dataset.schema import read_object
+from glsim.dataset.record_schema import read_object
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import Key, Sample, check_millimetres
 from glsim.denoise.protocol import Depth

@@ -29,8 +29,10 @@ _END: Final = b"\0\0\0\0IEND\xaeB`\x82"
 class Arrival(NamedTuple):
     """A new file.
 
-    appeared_s: when it was completed or renamed, on the clock of time.monotonic; None for a file
-    that was there at the first look. complete: False for a file that stopped growing too early.
+    Attributes:
+        appeared_s: when it was completed or renamed, on the clock of time.monotonic; None for a
+            file that was there at the first look.
+        complete: False for a file that stopped growing too early.
     """
 
     path: Path

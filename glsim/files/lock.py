@@ -18,8 +18,10 @@ from glsim.files.atomic import cannot_write
 def locked(file: Path, busy: GlsimError, *, wait: bool = False) -> Iterator[None]:
     """Hold the lock ``file`` alone; the kernel frees it when the process dies.
 
-    wait: until the others free it. Raises ``busy`` if another process holds it, DatasetError if it
-    cannot be made.
+    Raises ``busy`` if another process holds it, DatasetError if it cannot be made.
+
+    Args:
+        wait: until the others free it.
     """
     lock = FileLock(file, timeout=-1 if wait else 0)
     try:

@@ -172,8 +172,10 @@ def _is_whole_png(data: bytes) -> bool:
 def read_depth_png(path: Path, *, inside: Path | None = None) -> NDArray[np.uint16]:
     """Read a 16-bit PNG of one channel, such as a user's own depth map: (H, W) uint16 as stored.
 
-    inside: a folder that no link may lead out of. Raises DatasetError for anything else, and for
-    more than MAX_MAP_PX pixels.
+    Raises DatasetError for anything else, and for more than MAX_MAP_PX pixels.
+
+    Args:
+        inside: a folder that no link may lead out of.
     """
     try:
         data = read_regular(path, MAX_IMAGE_BYTES, inside=inside)

@@ -33,8 +33,9 @@ def draw_meshes(
 ) -> None:
     """Draw the front faces of meshes into the framebuffer in use, with a depth test.
 
-    views: one (4, 4) matrix per mesh, canonical millimetres to camera-frame metres.
-    origin_m: the point to look from, camera frame, metres.
+    Args:
+        views: one (4, 4) matrix per mesh, canonical millimetres to camera-frame metres.
+        origin_m: the point to look from, camera frame, metres.
     """
     # The clip matrix points y down, which mirrors the winding: front faces are clockwise.
     context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)

@@ -29,11 +29,15 @@ from glsim.settings.seeds import stable_seed
 class Task:
     """One frame to make.
 
-    index: position in the data set. split: train, val or test.
-    subject: name in the data set, prefixed with the source's number if there are several sources.
-    source: position in ``settings.source``. key: the frame's name in that source.
-    seeds: 64-bit seeds of the frame, its sequence and its subject. device: number of the virtual
-    device.
+    Attributes:
+        index: position in the data set.
+        split: train, val or test.
+        subject: name in the data set, prefixed with the source's number if there are several
+            sources.
+        source: position in ``settings.source``.
+        key: the frame's name in that source.
+        seeds: 64-bit seeds of the frame, its sequence and its subject.
+        device: number of the virtual device.
     """
 
     index: int
@@ -53,7 +57,8 @@ class Task:
 class PersonFrames(NamedTuple):
     """Consecutive frames of one person: ``frames`` tasks from the position ``first``.
 
-    name: the person's name in the source; the other fields are those of Task.
+    Attributes:
+        name: the person's name in the source; the other fields are those of Task.
     """
 
     split: str

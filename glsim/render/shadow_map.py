@@ -70,10 +70,14 @@ class ShadowMap:
     ) -> Target:
         """Return a target with the share of the emitters' light that reaches each pixel, 0 to 1.
 
-        layers: clean and normal of ``window``. arrays: the meshes that cast shadows, with
-        ``program``; without any, or without an emitter, all pixels hold 1. views: one (4, 4) matrix
-        per mesh, canonical mm to camera m. corners_m: (N, 3) the corners of their bounding boxes,
-        camera frame. Raises MeshError if an emitter is inside the scene.
+        Raises MeshError if an emitter is inside the scene.
+
+        Args:
+            layers: clean and normal of ``window``.
+            arrays: the meshes that cast shadows, with ``program``; without any, or without an
+                emitter, all pixels hold 1.
+            views: one (4, 4) matrix per mesh, canonical mm to camera m.
+            corners_m: (N, 3) the corners of their bounding boxes, camera frame.
         """
         emitters = self._rig.emitters if arrays else ()
         lit = self._pool.take(LIT, window)

@@ -24,7 +24,10 @@ def opener(
 ) -> tuple[Settings, Callable[[Settings], Sequence[FaceSource]]]:
     """Return the settings with their plan of frames, and what opens the faces of such settings.
 
-    face: a mesh file instead of the settings' source. Raises MeshError if it cannot be read.
+    Raises MeshError if it cannot be read.
+
+    Args:
+        face: a mesh file instead of the settings' source.
     """
     if face is None:
         return settings, open_sources

@@ -25,8 +25,10 @@ _T = TypeVar("_T")
 class Workshop:
     """What all tabs share.
 
-    base: the settings that a tab starts from. command: the part of a command line that names the
-    faces, e.g. ``render face.obj``. real: folder of a recording, or None.
+    Attributes:
+        base: the settings that a tab starts from.
+        command: the part of a command line that names the faces, e.g. ``render face.obj``.
+        real: folder of a recording, or None.
     """
 
     base: Settings

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from glsim.dataset import cloud_lock, open_dataset, verify, write_part
+from glsim.dataset import open_dataset, verify, write_part
 from glsim.dataset.chunks import CHUNK_FRAMES
 from glsim.dataset.parts import Part
 from glsim.errors import ConfigError, DatasetError
-from glsim.files import cloud
+from glsim.files import cloud, object_lock
 from glsim.files.cloud import CloudFolder
 from tests.support.dataset_fakes import (
     SENSOR,
@@ -26,6 +26,7 @@ from tests.support.dataset_fakes import (
 )
 from tests.support.object_store import BUCKET, Faults, Store, object_store
 
+BUSY = DatasetError("another run is writing here")
 SHARDS = make_settings(format="webdataset")
 #: Two shards of the split train, one of each of the others.
 TASKS = make_tasks(4, 5)
@@ -160,7 +161,7 @@ def test_a_damaged_data_set_is_repaired(here: None, memory: str, expected, damag
     make(memory, SHARDS, TASKS)
     folder = CloudFolder(memory)
     for name, data in damage.items():
-        folder.delete([name]) if data is None else folder.put(name, data)
+        folder.delete([name]) if data is None else folder.write(name, data)
     make(memory, SHARDS, TASKS)
     assert stored(memory) == expected
 
@@ -185,7 +186,7 @@ def test_another_data_set_is_refused(here: None, memory: str) -> None:
         make(memory, SHARDS.model_copy(update={"seed": 9}), TASKS)
     with pytest.raises(ConfigError, match="object storage takes shards"):
         make(memory, make_settings(format="png"), TASKS)
-    CloudFolder(f"{memory}-other").put("notes.txt", b"mine")
+    CloudFolder(f"{memory}-other").write("notes.txt", b"mine")
     with pytest.raises(DatasetError, match="holds no data set of glsim"):
         make(f"{memory}-other", SHARDS, TASKS)
 
@@ -196,15 +197,15 @@ def test_a_bucket_that_is_not_there_is_named(store: Store) -> None:
 
 
 def test_one_of_two_runs_gets_the_lock(store: Store, url: str, monkeypatch) -> None:
-    monkeypatch.setattr(cloud_lock, "BEAT_S", 0.05)
-    monkeypatch.setattr(cloud_lock, "EXPIRES_S", 5.0)
+    monkeypatch.setattr(object_lock, "BEAT_S", 0.05)
+    monkeypatch.setattr(object_lock, "EXPIRES_S", 5.0)
     folder, won, refused = CloudFolder(url), [], []
     both = threading.Barrier(2)
 
     def run() -> None:
         both.wait()
         try:
-            with cloud_lock.cloud_lock(folder, "lock"):
+            with object_lock.object_lock(folder, "lock", BUSY):
                 won.append(1)
                 both.wait()
         except DatasetError as error:
@@ -227,11 +228,11 @@ def test_one_of_two_runs_gets_the_lock(store: Store, url: str, monkeypatch) -> N
 def test_the_lock_of_a_dead_run_is_taken_over(
     here: None, memory: str, monkeypatch: pytest.MonkeyPatch, host: str | None, pid: int
 ) -> None:
-    monkeypatch.setattr(cloud_lock, "EXPIRES_S", 0.2)
+    monkeypatch.setattr(object_lock, "EXPIRES_S", 0.2)
     folder = CloudFolder(memory)
-    words = {"host": host or cloud_lock.socket.gethostname(), "pid": pid, "token": "x", "beat": 3}
-    folder.put("lock", json.dumps(words).encode())
-    with cloud_lock.cloud_lock(folder, "lock"):
+    words = {"host": host or object_lock.socket.gethostname(), "pid": pid, "token": "x", "beat": 3}
+    folder.write("lock", json.dumps(words).encode())
+    with object_lock.object_lock(folder, "lock", BUSY):
         assert b'"x"' not in folder.read("lock", 4096)
     assert folder.size("lock") is None
 
@@ -241,8 +242,8 @@ def test_verify_finds_what_is_wrong_in_a_bucket(here: None, memory: str) -> None
     folder = CloudFolder(memory)
     assert verify(memory) == verify(memory, deep=True) == []
     good = folder.read("train-000001.tar", 1 << 30)
-    folder.put("train-000001.tar", good[:-600] + b"x" + good[-599:])
-    folder.put("train-000007.tar", b"")
+    folder.write("train-000001.tar", good[:-600] + b"x" + good[-599:])
+    folder.write("train-000007.tar", b"")
     folder.delete(["test-000000.tar", "skipped.jsonl"])
     assert verify(memory) == [
         "skipped.jsonl is missing",

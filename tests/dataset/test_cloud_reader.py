@@ -105,12 +105,12 @@ def test_a_changed_object_is_noticed(
 ) -> None:
     folder, data = CloudFolder(URL), (local / name).read_bytes()
     assert change(data) != data
-    folder.put(name, change(data))
+    folder.write(name, change(data))
     try:
         with pytest.raises(DatasetError, match=message):
             _ = open_dataset(URL).pair(0).clean_mm
     finally:
-        folder.put(name, data)
+        folder.write(name, data)
     assert open_dataset(URL).pair(0).clean_mm.any()
 
 

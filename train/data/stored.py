@@ -77,17 +77,20 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         target: Target = "clean",
         protocol: DepthProtocol | None = None,
     ) -> None:
-        """crop: side of the square frames, px; default: whole frames, all of one size. cut: how
-        larger frames are cropped. inputs: what the network sees besides depth. seed: seed of
-        ``augmentation`` and random crops. target: the layer that a network learns to give;
-        "expected" leaves the sensor's systematic error. protocol: where depths are counted from,
-        see ``glsim.depth_protocol``; default: as the data set's files.
+        """Raises DatasetError and ConfigError, see ``glsim.train.data.checks.checked_split``.
 
-        cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
-        files in every epoch. Only the process that made this object has a cache: the workers of a
-        DataLoader always read, because each would hold a copy.
-
-        Raises DatasetError and ConfigError, see ``glsim.train.data.checks.checked_split``.
+        Args:
+            crop: side of the square frames, px; default: whole frames, all of one size.
+            cut: how larger frames are cropped.
+            inputs: what the network sees besides depth.
+            seed: seed of ``augmentation`` and random crops.
+            target: the layer that a network learns to give; "expected" leaves the sensor's
+                systematic error.
+            protocol: where depths are counted from, see ``glsim.depth_protocol``; default: as the
+                data set's files.
+            cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
+                files in every epoch. Only the process that made this object has a cache: the
+                workers of a DataLoader always read, because each would hold a copy.
         """
         self.dataset = open_dataset(dataset)
         self.protocol: DepthProtocol = protocol or self.dataset.protocol
@@ -195,7 +198,10 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
     def _layers_of(self, number: int, count: int | None = None) -> list[NDArray[np.float32]]:
         """Read the layers of a frame, (H, W) each: noisy and target in mm, and infrared if used.
 
-        From the cache if possible. count: number of layers that are needed; default: all.
+        From the cache if possible.
+
+        Args:
+            count: number of layers that are needed; default: all.
         """
         cache = self._cache_of_process()
         if cache is not None and cache.known[number]:

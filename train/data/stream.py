@@ -48,8 +48,11 @@ class BatchPlace(NamedTuple):
 class BatchStream:
     """The plan of an endless sequence of batches.
 
-    consecutive: whether the frames of a person are consecutive ones of a sequence, seen by one
-    device. sources: opened from ``settings``. people: names of the split's people, for each source.
+    Attributes:
+        consecutive: whether the frames of a person are consecutive ones of a sequence, seen by one
+            device.
+        sources: opened from ``settings``.
+        people: names of the split's people, for each source.
     """
 
     settings: Settings

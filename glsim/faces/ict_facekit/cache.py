@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from glsim.faces.cache_folder import cache_folder, write_cache_folder
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
 from glsim.faces.ict_facekit.topology import Topology
+from glsim.files.cache import cache_folder, write_cache_folder
 
 _CACHE_VERSION: Final = "3"  # raise it when the content of the cache changes
 _LOG = logging.getLogger(__name__)

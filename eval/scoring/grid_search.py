@@ -30,7 +30,7 @@ class Tuned:
     cleaned: str
 
 
-def tune(
+def tune_filters(
     job: ScoringJob,
     names: Sequence[str],
     out: Path,

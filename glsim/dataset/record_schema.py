@@ -235,7 +235,12 @@ def read_object(path: Path) -> tuple[dict[str, Any], bytes]:
     """Read a header as any JSON object, not checked yet, and its bytes. Raises DatasetError."""
     with wrap_read_errors(path):
         data = read_regular(path, MAX_HEADER_BYTES, inside=path.parent)
-    return _parse(_OBJECT, data, f"{path}:"), data
+    return parse_object(data, f"{path}:"), data
+
+
+def parse_object(data: bytes, where: str) -> dict[str, Any]:
+    """Parse bytes as any JSON object. Raises DatasetError."""
+    return _parse(_OBJECT, data, where)
 
 
 def _parse(adapter: TypeAdapter[Any], data: bytes | str, where: str) -> dict[str, Any]:

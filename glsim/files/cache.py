@@ -26,8 +26,9 @@ def cache_folder() -> Path:
 def write_cache_folder(cache: Path, fill: Callable[[Path], None], content: str) -> None:
     """Write a cache, a folder, atomically; one that is there is replaced as damaged.
 
-    fill: writes the files into the folder that it is given. content: what is cached, for the
-    warning that is logged if the folder cannot be written.
+    Args:
+        fill: writes the files into the folder that it is given.
+        content: what is cached, for the warning that is logged if the folder cannot be written.
     """
     temporary = ""
     try:

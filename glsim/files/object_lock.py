@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from glsim.errors import DatasetError
+from glsim.errors import DatasetError, GlsimError
 from glsim.files.cloud import CloudFolder
 
 log = logging.getLogger(__name__)
@@ -30,10 +30,16 @@ _MAX_BYTES = 4096
 
 
 @contextmanager
-def cloud_lock(cloud: CloudFolder, name: str, *, wait: bool = False) -> Iterator[None]:
-    """Hold the lock ``name``. wait: until its holder frees it.
+def object_lock(
+    cloud: CloudFolder, name: str, busy: GlsimError, *, wait: bool = False
+) -> Iterator[None]:
+    """Hold the lock ``name`` for a block.
 
-    Raises DatasetError if another process holds it and lives.
+    Args:
+        cloud: the folder of the lock.
+        name: its object.
+        busy: raised, with the holder's name, if another process holds it.
+        wait: wait for the holder instead.
     """
     token, beat = secrets.token_hex(8), 0
 
@@ -41,7 +47,7 @@ def cloud_lock(cloud: CloudFolder, name: str, *, wait: bool = False) -> Iterator
         words = {"host": socket.gethostname(), "pid": os.getpid(), "token": token, "beat": beat}
         return json.dumps(words).encode()
 
-    while not cloud.create(name, content()):
+    while not cloud.write_new(name, content()):
         found = cloud.read(name, _MAX_BYTES)
         if found is None:
             continue  # freed just now
@@ -50,10 +56,7 @@ def cloud_lock(cloud: CloudFolder, name: str, *, wait: bool = False) -> Iterator
         if _is_abandoned(cloud, name, found):
             cloud.delete([name])
         elif not wait:
-            raise DatasetError(
-                f"{cloud}: another run is writing here ({_holder(found)}): wait until it ends, or "
-                "choose another prefix"
-            )
+            raise type(busy)(f"{busy} (it is {_holder(found)})")
     ended = threading.Event()
 
     def show_life() -> None:
@@ -61,7 +64,7 @@ def cloud_lock(cloud: CloudFolder, name: str, *, wait: bool = False) -> Iterator
         while not ended.wait(BEAT_S):
             beat += 1
             with suppress(DatasetError):  # the next one may arrive
-                cloud.put(name, content())
+                cloud.write(name, content())
 
     thread = threading.Thread(target=show_life, name="lock", daemon=True)
     thread.start()

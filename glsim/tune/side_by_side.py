@@ -8,20 +8,25 @@ from typing import Any
 from nicegui import ui
 
 from glsim.errors import GlsimError
-from glsim.tune.bench import Picture
+from glsim.tune.bench import DrawnFrame
 from glsim.tune.desk import Desk
 from glsim.tune.packet import pack
 from glsim.tune.state import Tuning
 
 
-class Comparison:
-    """Setting B. figures: its statistics; packet: its picture for the browser; None without a B."""
+class SideBySide:
+    """Setting B beside the current one; its attributes are None without a B.
+
+    Attributes:
+        figures: its statistics.
+        packet: its picture for the browser.
+    """
 
     def __init__(
         self,
         page: Desk,
-        draw: Callable[[Tuning], Awaitable[Picture]],
-        measure: Callable[[Picture], dict[str, Any]],
+        draw: Callable[[Tuning], Awaitable[DrawnFrame]],
+        measure: Callable[[DrawnFrame], dict[str, Any]],
     ) -> None:
         """draw: a tuning's picture. measure: its figures."""
         self._page, self._draw, self._measure = page, draw, measure

@@ -25,7 +25,10 @@ REGION = Layer("region", "float")
 class LabelledMesh:
     """A mesh with region numbers.
 
-    faces: (F, 3). positions: its vertices on the GPU. labels: (V,) float32 numbers; None: all 0.
+    Attributes:
+        faces: (F, 3).
+        positions: its vertices on the GPU.
+        labels: (V,) float32 numbers; None: all 0.
     """
 
     faces: NDArray[np.int32]
@@ -68,7 +71,8 @@ class RegionPass:
     ) -> Target:
         """Draw the layer REGION of a window (0 = no region) in a target of the image's pool.
 
-        views: one (4, 4) matrix per mesh, canonical mm to camera m.
+        Args:
+            views: one (4, 4) matrix per mesh, canonical mm to camera m.
         """
         whole = Rect(0, 0, self._pinhole.width, self._pinhole.height)
         area = window if self._lens_pass is None else whole
@@ -115,7 +119,11 @@ def majority_last(faces: NDArray[np.int32], labels: NDArray[np.float32]) -> NDAr
     """Rotate the corners of (F, 3) triangles so that the last one has the majority label.
 
     If all three labels differ it is the lowest, whatever the order of the corners.
-    labels: (V,). Returns (F, 3).
+
+    Returns (F, 3).
+
+    Args:
+        labels: (V,).
     """
     corner = labels[faces]
     votes = (corner[:, :, None] == corner[:, None, :]).sum(axis=2)
