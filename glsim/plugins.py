@@ -15,7 +15,9 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any, Final
 
@@ -31,19 +33,25 @@ GROUPS: Final = {
     "exports": "a glsim.Export",
     "checks": "a function decorated with @glsim.validation_check",
 }
-_ROOT: Final = Path(__file__).parent
 #: Files of a package that decide what its code does.
 _CODE: Final = (".py", ".glsl", ".toml")
 
 
 def module_names(folder: str) -> list[str]:
     """Return the names of the modules in a folder of glsim, such as "faces/sources", sorted."""
-    return sorted(f.stem for f in (_ROOT / folder).glob("*.py") if f.stem != "__init__")
+    package = find_spec(_module(folder))
+    return sorted(
+        m.name for m in iter_modules(package.submodule_search_locations if package else ())
+    )
 
 
 def shipped_module(folder: str, name: str) -> ModuleType:
     """Import a module of a folder of glsim."""
-    return import_module(".".join(("glsim", *folder.split("/"), name)))
+    return import_module(f"{_module(folder)}.{name}")
+
+
+def _module(folder: str) -> str:
+    return ".".join(("glsim", *folder.split("/")))
 
 
 def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
