@@ -11,8 +11,8 @@ from glsim.dataset.disk_format import HEADER, MANIFEST, MERGED_INDEX, STATE
 from glsim.dataset.manifest import REPAIR
 from glsim.dataset.schema import MAX_HEADER_BYTES, parse_header
 from glsim.errors import DatasetError
-from glsim.faces.cache_folder import cache_folder
 from glsim.files.atomic import file_checksum, write_atomic
+from glsim.files.cache_folder import cache_folder
 from glsim.files.cloud import CloudFolder
 from glsim.files.contents import text_hash
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.ict_facekit.facs import shape_weights
 from glsim.faces.ict_facekit.load import kept_landmarks, load_model, model_folder
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
+from glsim.faces.ict_facekit.shapes import kit_weights
 from glsim.faces.ict_facekit.topology import REGION_NAMES
 from glsim.faces.performance import rng_for
 from glsim.faces.sequences import performance_expression, performance_frames
@@ -116,7 +116,7 @@ class IctFaceKit:
         for row, key, expression in zip(weights, keys, expressions, strict=False):
             row[0] = 1.0
             row[1 : 1 + IDENTITY_MODES] = self._identity(key)
-            row[1 + IDENTITY_MODES :] = shape_weights(expression, model.expressions)
+            row[1 + IDENTITY_MODES :] = kit_weights(expression, model.expressions)
         heads = model.evaluate(weights)
         for key, head, expression in zip(keys, heads, expressions, strict=False):
             mesh = Mesh(head, model.topology.faces, self._albedo, model.occluder)
