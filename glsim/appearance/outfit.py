@@ -12,9 +12,9 @@ from glsim.appearance.beard import BEARDS, BeardStyle
 from glsim.appearance.cloth import GARMENTS, Garment
 from glsim.appearance.glasses import GLASSES, GlassesStyle
 from glsim.appearance.styles import STYLES, HairStyle
-from glsim.faces.performance import rng_for
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
+from glsim.settings.seeds import rng_for
 
 # Diffuse reflectivity at 860 nm relative to a white wall (0.87 absolute). Melanin absorbs less and
 # less towards the infrared, as the power -3.5 of the wavelength (S. L. Jacques, Phys. Med. Biol.

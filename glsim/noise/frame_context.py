@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.rect import Rect
+from glsim.settings.seeds import stage_seed
 
 #: Layers by name: (h, w) or (h, w, components) float32 arrays of the window.
 Layers = Mapping[str, NDArray[np.float32]]
@@ -106,15 +105,10 @@ class FrameContext(_FrameFacts):
             window=self.window,
             width=self.width,
             height=self.height,
-            seed=_stage_seed(self.seed, stage),
-            sequence_seed=_stage_seed(self.sequence_seed, stage),
-            device_seed=_stage_seed(self.device_seed, stage),
+            seed=stage_seed(self.seed, stage),
+            sequence_seed=stage_seed(self.sequence_seed, stage),
+            device_seed=stage_seed(self.device_seed, stage),
             time_s=self.time_s,
             focal_baseline_px_m=self.focal_baseline_px_m,
             optics=self.optics,
         )
-
-
-def _stage_seed(seed: int, stage: str) -> int:
-    """Hash a seed with a stage's name to 32 bits, so that a new stage changes no other's noise."""
-    return zlib.crc32(struct.pack("<Q", seed), zlib.crc32(stage.encode()))

@@ -12,7 +12,7 @@ from glsim.scene.materials import draw_albedo
 from glsim.scene.seating import BACKREST_MM, chair, office_chair
 from glsim.scene.shapes import Shape, moved, turned
 from glsim.scene.shell import Wall, build_level, build_wall, draw_openings
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng
 
 Rng = np.random.Generator
 
@@ -86,7 +86,7 @@ def build_room(numbers: RoomNumbers) -> Room:
 
 
 def _rng(numbers: RoomNumbers, *words: str) -> Rng:
-    return np.random.default_rng(stable_seed("room", numbers.seed, *words))
+    return pcg_rng("room", numbers.seed, *words)
 
 
 def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:

@@ -16,9 +16,9 @@ from glsim.faces.ict_facekit.load import kept_landmarks, load_model, model_folde
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
 from glsim.faces.ict_facekit.shapes import kit_weights
 from glsim.faces.ict_facekit.topology import REGION_NAMES
-from glsim.faces.performance import rng_for
 from glsim.faces.sequences import performance_expression, performance_frames
 from glsim.geometry.mesh import Mesh
+from glsim.settings.seeds import rng_for
 
 MAX_WEIGHT: Final = 3.0  # standard deviations of an identity mode; larger weights give unreal faces
 DRAWS: Final = 4  # the probability that all four exceed MAX_WEIGHT is 5e-11

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.faces.ict_facekit.model import MorphableModel
-from glsim.faces.performance import rng_for
 from glsim.faces.visible_part import find_visible_faces
+from glsim.settings.seeds import rng_for
 
 _PEOPLE: Final = 160
 _DIRECTIONS: Final = 3  # per person

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from glsim.faces.action_units import SHAPES
 from glsim.faces.people.identity import sample_identity
 from glsim.faces.people.model import BodyModel
-from glsim.faces.performance import rng_for
 from glsim.faces.visible_part import find_visible_faces
+from glsim.settings.seeds import rng_for
 
 _PEOPLE: Final = 20
 _EXPRESSIONS: Final = 5  # per person: the first ones show each action at full strength once
