@@ -55,8 +55,9 @@ def make_glasses(
 ) -> Glasses:
     """Fit glasses to a subject.
 
-    skin_mm: (V, 3) reference head. lens: "clear" has no surface, "dark" fills the rims, "glint" is
-    a bright spot in each.
+    Args:
+        skin_mm: (V, 3) reference head.
+        lens: "clear" has no surface, "dark" fills the rims, "glint" is a bright spot in each.
     """
     rng = keyed_rng(seed, 0x61A5)
     scale = anatomy.scale

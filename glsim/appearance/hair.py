@@ -37,7 +37,9 @@ def make_hair(
 ) -> Hair:
     """Make the hair of a subject.
 
-    skin_mm: (V, 3) the subject's reference head. seed: of everything that is random.
+    Args:
+        skin_mm: (V, 3) the subject's reference head.
+        seed: of everything that is random.
     """
     rng = keyed_rng(seed, 0x4A1)
     base = scalp.anchors.place(skin_mm)

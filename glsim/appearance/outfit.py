@@ -55,7 +55,8 @@ _Style = TypeVar("_Style", bound=_Weighted)
 class Outfit:
     """What a subject wears; None or 0 for nothing.
 
-    words, numbers: for the manifest, by "appearance.name".
+    Args:
+        words, numbers: for the manifest, by "appearance.name".
     """
 
     hair: HairStyle | None = None
@@ -82,8 +83,11 @@ def draw_outfit(
 ) -> Outfit:
     """Draw the outfit of a subject; a pure function of the arguments.
 
-    notes: of a face; "age_years" and "woman" decide on beards, bald heads and grey hair where they
-    are known. Each choice has its own generator: switching one thing off changes no other.
+    Each choice has its own generator: switching one thing off changes no other.
+
+    Args:
+        notes: of a face; "age_years" and "woman" decide on beards, bald heads and grey hair where
+            they are known.
     """
     age, woman = _person(notes or {})
     words: dict[str, str] = {}

@@ -14,9 +14,11 @@ _FACING = np.diag([1.0, -1.0, -1.0])
 def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
     """(4, 4) float32 matrix, canonical mm to camera m.
 
-    pose: distance_mm, x_mm, y_mm, yaw_deg, pitch_deg, roll_deg; missing entries are 0. The head
-    rotates about its own origin: roll first, then pitch, then yaw. Positive angles turn it to its
-    own left, raise it and tilt it to its own left.
+    The head rotates about its own origin: roll first, then pitch, then yaw. Positive angles turn it
+    to its own left, raise it and tilt it to its own left.
+
+    Args:
+        pose: distance_mm, x_mm, y_mm, yaw_deg, pitch_deg, roll_deg; missing entries are 0.
     """
     turn = rotation(*(pose.get(f"{angle}_deg", 0.0) for angle in ("yaw", "pitch", "roll")))
     matrix = np.eye(4)

@@ -20,9 +20,12 @@ Layers = Mapping[str, NDArray[np.float32]]
 class Optics:
     """The rig's and the scene's parameters for stages that integrate light.
 
-    emitter_m: where paths of light start (SensorRig.emitter_m). modulation_mhz: three frequencies.
-    supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
-    nearest_m: a lower bound of all depths in the scene. focal_px: focal length of the columns.
+    Args:
+        emitter_m: where paths of light start (SensorRig.emitter_m).
+        modulation_mhz: three frequencies.
+        supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
+        nearest_m: a lower bound of all depths in the scene.
+        focal_px: focal length of the columns.
     """
 
     emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -76,8 +79,9 @@ class FrameContext(_FrameFacts):
     ) -> FrameContext:
         """Describe a frame of ``rig``.
 
-        nearest_m: a lower bound of all depths in the scene.
-        supersample: samples per pixel along each axis of the fine layers (default: the rig's).
+        Args:
+            nearest_m: a lower bound of all depths in the scene.
+            supersample: samples per pixel along each axis of the fine layers (default: the rig's).
         """
         image = rig.intrinsics
         optics = Optics(

@@ -29,10 +29,15 @@ _WALL_GAP_MM = 120.0
 class RoomNumbers:
     """All numbers that determine a room. Room axes: mm, origin on the floor below the face.
 
-    behind_mm: from the face to the back wall. turn_deg: the room's turn about the vertical axis.
-    camera_mm: (x, z) of the camera before that turn. reach_mm: (left, right) of the person's place
-    and how far it reaches to the back. clutter: 0 to 1. people: other people behind. seat_mm:
-    height of the person's seat above the floor and z of its back; None for a person who stands.
+    Args:
+        behind_mm: from the face to the back wall.
+        turn_deg: the room's turn about the vertical axis.
+        camera_mm: (x, z) of the camera before that turn.
+        reach_mm: (left, right) of the person's place and how far it reaches to the back.
+        clutter: 0 to 1.
+        people: other people behind.
+        seat_mm: height of the person's seat above the floor and z of its back; None for a person
+            who stands.
     """
 
     kind: str

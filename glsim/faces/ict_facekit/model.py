@@ -24,9 +24,10 @@ _PRODUCT_ROWS: Final = 16
 class MorphableModel:
     """A linear face model: vertices = weights @ basis, in canonical millimetres.
 
-    basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory map
-        of the cache file, shared by all processes of the machine.
-    expressions: names of the E shapes, in the order of the rows.
+    Args:
+        basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory
+            map of the cache file, shared by all processes of the machine.
+        expressions: names of the E shapes, in the order of the rows.
     """
 
     basis: NDArray[np.float32]
@@ -48,7 +49,8 @@ class MorphableModel:
     def evaluate(self, weights: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the vertices of B faces, (B, V, 3) mm; a face has the same bytes in any batch.
 
-        weights: (B, 1 + 100 + E).
+        Args:
+            weights: (B, 1 + 100 + E).
         """
         blocks = -(-len(weights) // _PRODUCT_ROWS)
         padded = np.zeros((blocks, _PRODUCT_ROWS, weights.shape[1]), np.float32)

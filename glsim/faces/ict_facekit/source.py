@@ -29,16 +29,22 @@ ROW_MULTIPLE: Final = 8  # products of fewer rows take another path in BLAS, wit
 class IctFaceKit:
     """A FaceSource of the ICT-FaceKit morphable model (MIT licence, downloaded by the user).
 
-    root: the cloned repository or its FaceXModel folder; read once, then cached (see ``cache``).
-    seed: determines every identity and performance. frames_per_sequence: length of a sequence.
-    frames_per_second: see ``performance_frames``.
-    new_identity_every_frame: use another person in every frame, for benchmarks.
-    Raises ConfigError if the model is missing or incomplete. ``load`` raises MeshError if one of
-    its files is damaged.
-
     Canonical frame: the model's centimetres times 10, with one offset for all people that puts the
     tip of the mean face's nose at (0, 0, 45) mm; the mean face with neck then spans
     x -124..124, y -194..144, z -178..45.
+
+    ``load`` raises MeshError if one of its files is damaged.
+
+    Args:
+        root: the cloned repository or its FaceXModel folder; read once, then cached (see
+            ``cache``).
+        seed: determines every identity and performance.
+        frames_per_sequence: length of a sequence.
+        frames_per_second: see ``performance_frames``.
+        new_identity_every_frame: use another person in every frame, for benchmarks.
+
+    Raises:
+        ConfigError: the model is missing or incomplete.
     """
 
     name = "ict-facekit"

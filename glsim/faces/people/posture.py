@@ -40,8 +40,11 @@ _GAP_MM: Final = 22.0  # between an arm and the torso: cloth
 class BodyShape:
     """What a posture needs to know of a body at rest, mm.
 
-    joints: bone -> (3,) joint. half_width: of the trunk between chest and hips. front: z of the
-    trunk's front at the chest. chin: (3,).
+    Args:
+        joints: bone -> (3,) joint.
+        half_width: of the trunk between chest and hips.
+        front: z of the trunk's front at the chest.
+        chin: (3,).
     """
 
     joints: Mapping[str, _Array]

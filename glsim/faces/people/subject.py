@@ -28,7 +28,8 @@ FRAMINGS: Final = ("face", "bust", "body")
 class Stance:
     """A posture in the frame of the mesh.
 
-    rotation, origin_mm: (3, 3) and (3,): the canonical frame in that of the posed body.
+    Args:
+        rotation, origin_mm: (3, 3) and (3,): the canonical frame in that of the posed body.
     """
 
     posture: Posture
@@ -52,7 +53,9 @@ class Subject:
     ) -> _Floats:
         """Return (V, 3) float32 vertices in the canonical frame, mm.
 
-        framing: of FRAMINGS, what lies at the origin. expression: action unit -> intensity.
+        Args:
+            framing: of FRAMINGS, what lies at the origin.
+            expression: action unit -> intensity.
         """
         model, stance = self._model, self.stance(sequence, framing)
         rest = self.rest_mm.copy()

@@ -38,7 +38,8 @@ FACTORS = ("male", "size", "fat", "age", "broad", "flat")
 class IdentityParameter:
     """An identity parameter: a normal distribution clipped to [low, high].
 
-    loads: its correlations with the factors, in the order of FACTORS.
+    Args:
+        loads: its correlations with the factors, in the order of FACTORS.
     """
 
     name: str

@@ -109,7 +109,9 @@ def draw_albedo(
 ) -> NDArray[np.float32]:
     """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments.
 
-    regions: (V,) indices into REGIONS. hair_mm: thickness of the hair; 0.8 or less means bald.
+    Args:
+        regions: (V,) indices into REGIONS.
+        hair_mm: thickness of the hair; 0.8 or less means bald.
     """
     rng = rng_for(seed, "albedo", subject)
 
