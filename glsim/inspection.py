@@ -35,10 +35,14 @@ _MAX_FOLDERS: Final = 200  # folders searched to recognise a format
 class FaceSetReport:
     """The contents of a face set.
 
-    kind: name of the source that reads it, or "mesh". people: subject -> (sequences, frames).
-    checked: number of frames that were read. vertices, triangles: their (least, most) numbers.
-    placements: description of unit and axes -> frames. problems: description -> number.
-    usable: frames that can be drawn.
+    Args:
+        kind: name of the source that reads it, or "mesh".
+        people: subject -> (sequences, frames).
+        checked: number of frames that were read.
+        vertices, triangles: their (least, most) numbers.
+        placements: description of unit and axes -> frames.
+        problems: description -> number.
+        usable: frames that can be drawn.
     """
 
     kind: str

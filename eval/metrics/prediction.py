@@ -30,9 +30,12 @@ PSNR_MAX_MM: Final = 8000.0
 class Truth:
     """A clean frame and its noisy input, prepared for scoring.
 
-    clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth. rays: (H, W, 2), x/z and y/z.
-    regions: the face regions, if known. offset_mm: what was subtracted from both maps; normals are
-    those of the surface at its distance from the camera, undefined for NaN (not known).
+    Args:
+        clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth.
+        rays: (H, W, 2), x/z and y/z.
+        regions: the face regions, if known.
+        offset_mm: what was subtracted from both maps; normals are those of the surface at its
+            distance from the camera, undefined for NaN (not known).
     """
 
     def __init__(

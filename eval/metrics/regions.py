@@ -32,7 +32,9 @@ class Regions:
     def errors(self, error: _Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
         """Return RMSE and bias of each region by column name; NaN for a region without pixels.
 
-        error: (N,) mm. pixels: (H, W) bool, the N pixels of the errors.
+        Args:
+            error: (N,) mm.
+            pixels: (H, W) bool, the N pixels of the errors.
         """
         labels = self.labels[pixels]
         square, mean = _means(error * error, labels), _means(error, labels)

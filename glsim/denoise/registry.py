@@ -128,11 +128,16 @@ def load_denoiser(
 ) -> MapDenoiser:
     """Load a denoiser as a function of one depth map: ``load_denoiser("face")(depth_mm)``.
 
-    spec: as for ``load``. The function takes (H, W) float or integer millimetres, 0 = no return,
-    and returns ``Denoised``, depth and the mask of depth. Its ``stream()`` takes the frames of a
-    camera one by one. device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are
-    subtracted first. composite: see COMPOSITES; None returns networks' probability of depth.
     Raises what ``load`` and ``MapDenoiser`` raise.
+
+    Args:
+        spec: as for ``load``.
+        device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are subtracted first.
+        composite: see COMPOSITES; None returns networks' probability of depth.
+
+    Returns:
+        A function of (H, W) float or integer millimetres, 0 = no return, that returns ``Denoised``,
+        depth and the mask of depth. Its ``stream()`` takes the frames of a camera one by one.
     """
     return MapDenoiser(load(spec), device, composite)
 

@@ -23,10 +23,11 @@ DEFAULT_SEQUENCE: Final = 30
 class FaceKey:
     """The identifier of a frame in a source. Key and source seed determine the geometry.
 
-    subject, sequence: path-safe words, unique in the source.
-    frame: number within the sequence, from 0 (or the number in the file's name).
-    time_s: seconds since the start of the sequence.
-    path: the mesh file, relative to the source's root; "" for generated geometry.
+    Args:
+        subject, sequence: path-safe words, unique in the source.
+        frame: number within the sequence, from 0 (or the number in the file's name).
+        time_s: seconds since the start of the sequence.
+        path: the mesh file, relative to the source's root; "" for generated geometry.
     """
 
     subject: str
@@ -74,7 +75,8 @@ class ComputedKeys(Sequence[FaceKey]):
 class Part:
     """A further mesh of a person in the frame of the face: hair, glasses, cloth.
 
-    region: the name of all its vertices in the layer of regions.
+    Args:
+        region: the name of all its vertices in the layer of regions.
     """
 
     mesh: Mesh
@@ -85,11 +87,11 @@ class Part:
 class Face:
     """The geometry and metadata of one frame.
 
-    parts: what the person wears; it is drawn with the mesh.
-    neck: how the head turns against the shoulders; None for a head that turns as a whole.
-
-    expression: action unit or blend shape -> intensity in [0, 1], without zeros.
-    notes: further metadata for the manifest (JSON values only), such as the detected unit.
+    Args:
+        parts: what the person wears; it is drawn with the mesh.
+        neck: how the head turns against the shoulders; None for a head that turns as a whole.
+        expression: action unit or blend shape -> intensity in [0, 1], without zeros.
+        notes: further metadata for the manifest (JSON values only), such as the detected unit.
     """
 
     key: FaceKey

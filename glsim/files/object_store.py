@@ -18,7 +18,7 @@ from typing import IO, Any, TypeVar
 
 from glsim.errors import DatasetError, GlsimError
 from glsim.files.atomic import AtomicFile, checksum, file_checksum, missing, wrap_write_errors
-from glsim.files.cache import cache_folder
+from glsim.files.cache_folder import cache_folder
 from glsim.files.cloud import CONNECTIONS, CloudFolder
 from glsim.files.contents import text_hash
 from glsim.files.object_lock import object_lock

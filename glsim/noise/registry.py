@@ -86,7 +86,9 @@ def describe_stage(use: str) -> StageSpec:
 def shader_stage(text: str, file: Path) -> StageSpec:
     """Return the stage of GLSL that need not be on disk. Raises ShaderError with file and line.
 
-    file: its name without suffix is the stage's; named in messages; includes are searched beside.
+    Args:
+        file: its name without suffix is the stage's; named in messages; includes are searched
+            beside.
     """
     return _spec_of(file.stem, file, parse_source(text, file))
 

@@ -45,7 +45,10 @@ def paper_counts(images: int) -> dict[str, int]:
 def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
     """Return kind -> images that a data set lacks of a paper's set, without those it lacks none of.
 
-    held: kind of the source -> images, of all sources. One image less is rounding.
+    One image less is rounding.
+
+    Args:
+        held: kind of the source -> images, of all sources.
     """
     wanted = paper_counts(sum(held.values()))
     lacks = {kind: count - held.get(kind, 0) for kind, count in wanted.items()}
@@ -55,9 +58,14 @@ def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
 def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]]:
     """Return the tables [[source]] of a data set of ``images`` in the paper's proportions.
 
-    roots: kind of the source -> folder, of the sets that are there. A set that is absent, or has
-    fewer images than its share, is filled up with embedded heads, as many people as are missing.
-    Raises ConfigError for a folder that holds no such set.
+    A set that is absent, or has fewer images than its share, is filled up with embedded heads, as
+    many people as are missing.
+
+    Args:
+        roots: kind of the source -> folder, of the sets that are there.
+
+    Raises:
+        ConfigError: a folder that holds no such set.
     """
     tables: list[dict[str, Any]] = []
     for kind, count in paper_counts(images).items():

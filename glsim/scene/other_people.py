@@ -17,7 +17,7 @@ from glsim.scene.body import body_of
 from glsim.scene.scenery import Prop, Scenery, standing_prop
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng, stable_seed
 
 #: Other people of a source; rooms draw from them. A room of a thousand shows each in 30.
 STRANGERS = 32
@@ -88,7 +88,7 @@ class OtherPeople:
     def _numbers(self, task: Planned, count: int) -> list[int]:
         """Numbers of the strangers in a room, all different."""
         key = getattr(task.seeds, self._settings.scene.per)
-        rng = np.random.default_rng(stable_seed("other people", key))
+        rng = pcg_rng("other people", key)
         order: list[int] = rng.permutation(STRANGERS)[:count].tolist()
         return order
 

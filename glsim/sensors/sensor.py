@@ -131,9 +131,12 @@ class _SensorTable(_Table):
 class StageChange:
     """Another code for a stage of a sensor's file, or a stage that the file does not have.
 
-    name: of the stage in the chain. spec: what it runs. Parameters that the file sets and that
-    ``spec`` does not declare are left out. before: the stage that a new one precedes; None:
-    the first stage on arrays, or the end of the chain.
+    Args:
+        name: of the stage in the chain.
+        spec: what it runs. Parameters that the file sets and that ``spec`` does not declare are
+            left out.
+        before: the stage that a new one precedes; None: the first stage on arrays, or the end of
+            the chain.
     """
 
     name: str
@@ -145,9 +148,11 @@ class StageChange:
 class Sensor:
     """A rig with its chain of noise stages.
 
-    file: the TOML file it was read from. pattern_map: the device's own fixed pattern, which the
-    stage ``fixed_pattern`` adds; None: the stage draws one. wiggling: the device's own, for
-    ``remove_wiggling``; the light stage does not read it.
+    Args:
+        file: the TOML file it was read from.
+        pattern_map: the device's own fixed pattern, which the stage ``fixed_pattern`` adds; None:
+            the stage draws one.
+        wiggling: the device's own, for ``remove_wiggling``; the light stage does not read it.
     """
 
     name: str
@@ -219,10 +224,14 @@ def load_sensor(
 ) -> Sensor:
     """Load a sensor by name, shipped or of another package, or a sensor file by path.
 
-    overrides: stage -> parameter -> setting. rig_overrides: keys of the file's [rig]. place: of an
-    override, by its path ("rig", key) or ("stage", name, parameter), for messages. changes: stages
-    with other code than the file's, and new ones.
-    Raises ConfigError for an unknown sensor, key, stage or parameter, or a value out of range.
+    Args:
+        overrides: stage -> parameter -> setting.
+        rig_overrides: keys of the file's [rig].
+        place: of an override, by its path ("rig", key) or ("stage", name, parameter), for messages.
+        changes: stages with other code than the file's, and new ones.
+
+    Raises:
+        ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
     """
     file = _sensor_file(name)
     tree = read_toml(file)

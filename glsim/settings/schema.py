@@ -245,12 +245,14 @@ def load_settings(
 ) -> Settings:
     """Load settings: a preset, a TOML file, ``a.b=value`` assignments, then nested ``overrides``.
 
-    preset: name of a shipped preset. Its [source] counts only for sources of its kind.
+    A source that generates faces has 10 subjects and 30 frames of each by default.
 
-    source: overrides of the single [source] table. A source that generates faces has 10 subjects
-    and 30 frames of each by default.
+    Args:
+        preset: name of a shipped preset. Its [source] counts only for sources of its kind.
+        source: overrides of the single [source] table.
 
-    Raises ConfigError for a file that cannot be read, an unknown key or an invalid value.
+    Raises:
+        ConfigError: a file that cannot be read, an unknown key or an invalid value.
     """
     tree: dict[str, Any] = read_toml(file) if file is not None else {}
     where = str(file) if file is not None else "settings"

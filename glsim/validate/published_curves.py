@@ -69,8 +69,9 @@ def tap_phase_sigma_rad(
 ) -> Array:
     """(3, ...) phase noise, rad, of three taps with read and shot noise at an amplitude (IR units).
 
-    rounding_lsb2: variance that rounding adds to a tap, LSB^2. read_lsb2, shot_lsb: variance of a
-    tap without light, LSB^2, and for each LSB of light.
+    Args:
+        rounding_lsb2: variance that rounding adds to a tap, LSB^2.
+        read_lsb2, shot_lsb: variance of a tap without light, LSB^2, and for each LSB of light.
     """
     a = np.maximum(np.asarray(amplitude, np.float64), 1e-6)
     raw = np.stack([a / m for m in AMPLITUDE_MULTIPLIERS])

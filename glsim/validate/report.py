@@ -19,8 +19,9 @@ KINDS = ("measured", "datasheet", "derived")
 class Band:
     """Required interval of one measured number: low <= value <= high, in ``unit``.
 
-    key: name of the number in the measurement. kind: of its source, one of KINDS; empty: that of
-    its check.
+    Args:
+        key: name of the number in the measurement.
+        kind: of its source, one of KINDS; empty: that of its check.
     """
 
     key: str
@@ -51,8 +52,10 @@ class Band:
 class Check:
     """One line of a validation sheet.
 
-    description: the checked quantity, as text. source: origin of the bands. kind: of that source,
-    one of KINDS; a band may have another.
+    Args:
+        description: the checked quantity, as text.
+        source: origin of the bands.
+        kind: of that source, one of KINDS; a band may have another.
     """
 
     number: str
@@ -86,9 +89,11 @@ class Check:
 class Measurement:
     """Measured numbers of a check, by the keys of its bands.
 
-    values: None for a number that does not apply to this sensor. note: remark for the reader.
-    why_not: reason why the whole check does not apply. exception: measured reason why a failure is
-    not the sensor's fault.
+    Args:
+        values: None for a number that does not apply to this sensor.
+        note: remark for the reader.
+        why_not: reason why the whole check does not apply.
+        exception: measured reason why a failure is not the sensor's fault.
     """
 
     values: Mapping[str, float | None] = field(default_factory=dict)
@@ -194,7 +199,10 @@ class CheckResult:
 class ValidationReport:
     """Results of all checks of one sensor.
 
-    sheet: title of the validation sheet. seconds: wall time. seed, frames: as requested.
+    Args:
+        sheet: title of the validation sheet.
+        seconds: wall time.
+        seed, frames: as requested.
     """
 
     sensor: str

@@ -86,9 +86,12 @@ def validate_sensor(
 ) -> ValidationReport:
     """Run all checks of a sensor: a shipped name or a .toml file.
 
-    A sensor without a sheet of its own is checked as a Kinect V2. frames: number of frames of each
-    wall; more make the numbers more precise. Raises what simulate raises, and ConfigError for an
-    experimental sensor, which has no sheet.
+    A sensor without a sheet of its own is checked as a Kinect V2.
+
+    Raises what simulate raises, and ConfigError for an experimental sensor, which has no sheet.
+
+    Args:
+        frames: number of frames of each wall; more make the numbers more precise.
     """
     own_context = open_context(backend) if context is None else None
     used_context = context or own_context

@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from glsim.errors import DatasetError
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng
 from glsim.train.data.photograph_files import Photograph
 
 #: Largest grey level.
@@ -93,9 +93,7 @@ class PhotographPairs(Dataset[tuple[Tensor, Tensor]]):
     def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:
         """Return one pair."""
         number = range(len(self))[index]
-        rng = np.random.default_rng(
-            stable_seed("photograph", self._seed, int(self._epoch.item()), number)
-        )
+        rng = pcg_rng("photograph", self._seed, int(self._epoch.item()), number)
         grey = self._photographs[int(rng.integers(len(self._photographs)))].grey
         top, left = (int(rng.integers(size - self._side + 1)) for size in grey.shape)
         part = grey[top : top + self._side, left : left + self._side].astype(np.float32)

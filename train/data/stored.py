@@ -16,7 +16,7 @@ from glsim.dataset import open_dataset
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs, stack_inputs
 from glsim.depth_protocol import DepthProtocol
 from glsim.frame import to_mm
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng
 from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.surface_bumps import draw_slope, draw_surface_bumps
@@ -128,9 +128,7 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         """Return one pair. Raises DatasetError with the file's name for an unreadable image."""
         number = range(len(self))[index]
         images = self._images(number)
-        rng = np.random.default_rng(
-            stable_seed("augment", self._seed, int(self._epoch.item()), number)
-        )
+        rng = pcg_rng("augment", self._seed, int(self._epoch.item()), number)
         images = self._cropped(images, rng)
         if self._augmentation.flip and rng.random() < 0.5:
             images = images[:, :, ::-1]

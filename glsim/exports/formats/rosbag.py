@@ -37,8 +37,14 @@ _PAUSE_S, _START_S = 1.0, 1.0
 def write_rosbag(frames: Iterator[ExportFrame], out: Path, version: int) -> int:
     """Write frames to a ROS 1 bag file or a ROS 2 bag folder ``out``; return their number.
 
-    version: 1 or 2. ``out`` must not exist. Raises OSError if it cannot be written, and
-    ImportError without rosbags.
+    ``out`` must not exist.
+
+    Args:
+        version: 1 or 2.
+
+    Raises:
+        OSError: it cannot be written.
+        ImportError: without rosbags.
     """
     from rosbags.typesys import Stores, get_typestore
 

@@ -21,9 +21,10 @@ MM_PER_UNIT: Final = 10.0  # the model is in centimetres
 class MorphableModel:
     """A linear face model: vertices = weights @ basis, in canonical millimetres.
 
-    basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory map
-        of the cache file, shared by all processes of the machine.
-    expressions: names of the E shapes, in the order of the rows.
+    Args:
+        basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory
+            map of the cache file, shared by all processes of the machine.
+        expressions: names of the E shapes, in the order of the rows.
     """
 
     basis: NDArray[np.float32]

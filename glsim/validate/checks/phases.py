@@ -29,9 +29,12 @@ _REAL_SHARE = {20: 0.86, 50: 0.91, 100: 0.79}
 class PhaseNoise:
     """Noise of phases and depth at N amplitudes.
 
-    amplitude: (N,) measured, infrared units. sigma_rad: (3, N) phase noise at 80, 16 and 120 MHz
-    after the bilateral filter; raw_sigma_rad: filters off. raw_mm, filtered_mm: (N,) temporal
-    sigma of the depth without and with the filters, both without floor and rounding.
+    Args:
+        amplitude: (N,) measured, infrared units.
+        sigma_rad: (3, N) phase noise at 80, 16 and 120 MHz after the bilateral filter.
+        raw_sigma_rad: filters off.
+        raw_mm, filtered_mm: (N,) temporal sigma of the depth without and with the filters, both
+            without floor and rounding.
     """
 
     amplitude: Array
