@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from glsim.dataset.reader import Pair
+from glsim.dataset.pair import Pair
 from glsim.files.markdown import markdown_table
 from glsim.reason import Reason
 

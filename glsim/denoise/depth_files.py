@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import FORMAT, HEADER
 from glsim.dataset.header import read_header
-from glsim.dataset.reader import Pair, open_dataset
+from glsim.dataset.pair import Pair
+from glsim.dataset.reader import open_dataset
 from glsim.dataset.record_schema import read_object
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import Key, Sample, check_millimetres
