@@ -92,6 +92,8 @@ def _pixel_bytes(data: bytes) -> int:
 def _tiff_tags(data: bytes) -> dict[int, int] | None:
     """Return the tags of a TIFF's first directory that decide its size; None for other files.
 
+    tifffile would be a dependency for these 30 lines, and takes the last of two equal tags.
+
     None too if one is there twice or is no plain number: readers differ in what they take then.
     """
     if data[:4] not in (b"II*\0", b"MM\0*"):

@@ -9,12 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from glsim.dataset import open_dataset, verify, write_part
+from glsim.dataset import open_dataset, verify
 from glsim.dataset.chunks import CHUNK_FRAMES
+from glsim.dataset.dataset_run import DatasetRun, in_processes
+from glsim.dataset.part_run import run_part
 from glsim.dataset.parts import Part
 from glsim.errors import ConfigError, DatasetError
 from glsim.files import cloud, object_lock
 from glsim.files.cloud import CloudFolder
+from glsim.files.store import open_store
 from tests.support.dataset_fakes import (
     SENSOR,
     Fault,
@@ -168,10 +171,8 @@ def test_a_damaged_data_set_is_repaired(here: None, memory: str, expected, damag
 
 def test_parts_are_merged_by_the_last_one(here: None, memory: str, expected) -> None:
     def part(number: int):
-        return write_part(
-            SHARDS, TASKS, memory, fake_frames, Part(number, 2),
-            sensor=SENSOR, renderer="fake renderer", workers=1,
-        )  # fmt: skip
+        run = DatasetRun(SHARDS, TASKS, open_store(memory), fake_frames, SENSOR, "fake renderer")
+        return run_part(run, Part(number, 2), in_processes(1), None)
 
     first = part(1)
     assert first.dataset is None
