@@ -19,9 +19,9 @@ _FLOATS = ("float16", "float32", "float64")
 
 @dataclass(frozen=True, eq=False)
 class DepthBatch:
-    """Depth maps in an array of a user's, and a new array of the same kind for the results.
+    """Depth maps in a given array, and a new array of the same kind for the results.
 
-    maps: (B, H, W) view of the user's memory; a copy only of a tensor on a GPU and of an array
+    maps: (B, H, W) view of the given array; a copy only of a tensor on a GPU and of an array
         whose rows are not contiguous. results: (B, H, W) view of the array to return, unset.
     """
 

@@ -73,7 +73,7 @@ class FolderArrivals:
         self._looked_s = time.monotonic()
 
     def __iter__(self) -> Iterator[Arrival]:
-        """Yield files, for ever. Raises DatasetError if the folder cannot be read any more."""
+        """Yield files without end. Raises DatasetError if the folder cannot be read any more."""
         while True:
             arrival = self.look()
             if arrival is None:

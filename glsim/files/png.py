@@ -27,7 +27,7 @@ from glsim.files.regular import read_regular
 MAX_SIDE_PX = 8192
 #: Largest image file, bytes: 16 bits of every pixel, uncompressed, and some more for its header.
 MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
-#: Largest map of a user's own, pixels (2048 x 2048): time-of-flight cameras reach 1 million. By
+#: Largest depth map of another program, pixels (2048 x 2048): time-of-flight cameras reach 1 million. By
 #: measurement the shipped network takes 1 kB a pixel, a chain of noise stages half of that.
 MAX_MAP_PX = 1 << 22
 
@@ -172,7 +172,7 @@ def _is_whole_png(data: bytes) -> bool:
 
 
 def read_depth_png(path: Path, *, inside: Path | None = None) -> NDArray[np.uint16]:
-    """Read a 16-bit PNG of one channel, such as a user's own depth map: (H, W) uint16 as stored.
+    """Read a 16-bit PNG of one channel, (H, W) uint16 as stored.
 
     Raises DatasetError for anything else, and for more than MAX_MAP_PX pixels.
 
