@@ -27,8 +27,8 @@ from glsim.files.regular import read_regular
 MAX_SIDE_PX = 8192
 #: Largest image file, bytes: 16 bits of every pixel, uncompressed, and some more for its header.
 MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
-#: Largest depth map of another program, pixels (2048 x 2048): time-of-flight cameras reach 1 million. By
-#: measurement the shipped network takes 1 kB a pixel, a chain of noise stages half of that.
+#: Largest depth map of another program, pixels (2048 x 2048): time-of-flight cameras reach 1
+#: million. Measured: the shipped network takes 1 kB a pixel, a chain of stages half of that.
 MAX_MAP_PX = 1 << 22
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
