@@ -31,7 +31,7 @@ class DepthBatch:
     _device: Any = None
 
     def answer(self) -> Any:
-        """Return the results as what the user gave: type, shape, number type and device."""
+        """Return the results in the form of the input: type, shape, number type and device."""
         return self._answer if self._device is None else self._answer.to(self._device)
 
 
