@@ -63,7 +63,7 @@ class FolderArrivals:
     """
 
     def __init__(self, folder: Path, wanted: Callable[[str], bool]) -> None:
-        """Watch ``folder`` for the names that are ``wanted``; a leading dot is of temporary files."""
+        """Watch a folder for wanted names; those with a leading dot are temporary files."""
         self._folder, self._wanted = folder, wanted
         self._known: dict[str, int] = {}  # name -> inode of what was given out
         self._stalled: dict[str, int] = {}  # name -> size of what was given out incomplete
