@@ -1,4 +1,4 @@
-"""Add sensor noise to the user's own clean depth maps."""
+"""Add sensor noise to given clean depth maps."""
 
 from __future__ import annotations
 

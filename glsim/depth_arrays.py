@@ -19,9 +19,9 @@ _FLOATS = ("float16", "float32", "float64")
 
 @dataclass(frozen=True, eq=False)
 class DepthBatch:
-    """Depth maps in an array of a user's, and a new array of the same kind for the results.
+    """Depth maps in a given array, and a new array of the same kind for the results.
 
-    maps: (B, H, W) view of the user's memory; a copy only of a tensor on a GPU and of an array
+    maps: (B, H, W) view of the given array; a copy only of a tensor on a GPU and of an array
         whose rows are not contiguous. results: (B, H, W) view of the array to return, unset.
     """
 
@@ -31,7 +31,7 @@ class DepthBatch:
     _device: Any = None
 
     def answer(self) -> Any:
-        """Return the results as what the user gave: type, shape, number type and device."""
+        """Return the results in the form of the input: type, shape, number type and device."""
         return self._answer if self._device is None else self._answer.to(self._device)
 
 

@@ -64,10 +64,12 @@ class FrameScenes:
         dressers: Sequence[Dresser] | None = None,
         others: OtherPeople | None = None,
     ) -> None:
-        """Raises ConfigError if regions are asked of faces that have none.
+        """Prepare the labels and what is worn. Raises ConfigError for regions of other faces.
 
         Args:
-            regions: whether scenes have labels. dressers (one per source), others: to share them.
+            regions: whether scenes have labels.
+            dressers: one per source, to share them; default: new ones.
+            others: to share them; default: new ones.
         """
         self._settings, self._sources, self._rig, self._regions = settings, sources, rig, regions
         further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]

@@ -154,7 +154,7 @@ class _BlockScorer:
             except DenoiserError as error:
                 result.bad.append({"frame": str(key), "why": f"{method.label}: {error}"})
                 continue
-            except Exception as error:  # any error of a user's denoiser
+            except Exception as error:  # any error of a third-party denoiser
                 why = f"{method.label}: {type(error).__name__}: {error}"
                 result.bad.append({"frame": str(key), "why": why})
                 continue

@@ -11,7 +11,6 @@ from glsim.dataset.driver import (
     merge_dataset,
     merge_parts,
     write_dataset,
-    write_part,
 )
 from glsim.dataset.layer_images import write_frame
 from glsim.dataset.pair import Pair
@@ -49,5 +48,4 @@ __all__ = [
     "webdataset_decoder",
     "write_dataset",
     "write_frame",
-    "write_part",
 ]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Machine:
-    """What a process renders with.
+    """The computer, the OpenGL renderer and the arithmetic of a process.
 
     Attributes:
         host: name of the computer.
@@ -69,7 +69,7 @@ def this_machine(context: Any) -> Machine:
 
 
 def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> Machine:
-    """Return what a worker process with these variables is. Raises the errors of the worker."""
+    """Return the machine of a worker with these variables. Raises the errors of the worker."""
     worker = WorkerProcess(_MachineReport(backend), environment)
     try:
         answer = worker.connection.recv()
@@ -87,7 +87,7 @@ def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> M
 
 @dataclass(frozen=True)
 class _MachineReport:
-    """The job of a worker that says what it is."""
+    """The job of a worker that reports its machine."""
 
     backend: str | None
 
@@ -110,7 +110,7 @@ def simulate_alike(
     backend: str | None = None,
     **options: Any,
 ) -> Iterator[Frame | Skipped]:
-    """Call ``glsim.pipeline.simulate`` if this process renders and computes as these say.
+    """Simulate, if this process has the given renderer and arithmetic.
 
     Raises DifferentMachineError if it does not, and the errors of ``simulate``.
     """

@@ -1,7 +1,7 @@
 """The driver of a run: survey the folder, render missing chunks, merge. It resumes any run.
 
 ``generate`` makes a whole data set, ``generate_part`` one part of it, and ``merge_parts`` puts
-parts together; ``write_dataset``, ``write_part`` and ``merge_dataset`` do so for given tasks.
+parts together; ``write_dataset`` and ``merge_dataset`` do so for given tasks.
 """
 
 from __future__ import annotations
@@ -80,11 +80,13 @@ def generate_part(
     Parts may be made in any order, on many machines that share the folder ``out``, and again: the
     bytes are those of ``generate``.
 
-    Raises the errors of ``write_part`` and ``glsim.pipeline.simulate``.
+    Raises the errors of ``generate``, and DatasetError if another process makes the same part.
 
     Args:
         portable: as for ``generate``.
-        leave: see ``write_part``.
+        leave: if this machine renders or computes differently from the one that began the data
+            set, make nothing, and leave the chunks to parts that end later. Otherwise that raises
+            DifferentMachineError.
     """
     run, render = simulation_run(settings, out, workers, backend=backend, portable=portable)
     return run_part(run, part, render, progress, leave=leave)
@@ -194,37 +196,6 @@ def write_dataset(
     store = open_store(out)
     run = DatasetRun(settings, tasks, store, make_frames, sensor, renderer, regions, inputs)
     return run_all(run, render, progress)
-
-
-def write_part(
-    settings: Settings,
-    tasks: Sequence[Task],
-    out: Path | str,
-    make_frames: FrameMaker,
-    part: Part,
-    *,
-    sensor: Mapping[str, Any],
-    renderer: str,
-    regions: Mapping[str, int] | None = None,
-    inputs: Callable[[], InputHashes] | None = None,
-    workers: Workers = "auto",
-    leave: bool = False,
-    progress: Progress | None = None,
-) -> PartSummary:
-    """Write one part of a data set, and merge all parts if this was the last one.
-
-    The other arguments and errors are those of ``write_dataset``. Also raises DatasetError if
-    another process makes the same part.
-
-    Args:
-        leave: if ``renderer`` or the arithmetic of ``inputs`` are not those of the machine that
-            began the data set, make nothing, and leave the chunks to parts that end later.
-            Otherwise that raises DifferentMachineError.
-    """
-    render = in_processes(available_workers(workers))
-    store = open_store(out)
-    run = DatasetRun(settings, tasks, store, make_frames, sensor, renderer, regions, inputs)
-    return run_part(run, part, render, progress, leave=leave)
 
 
 def merge_dataset(

@@ -190,7 +190,7 @@ class Pair:
 
 
 def fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:
-    """Read the images of a frame with one request, which takes longer than their bytes.
+    """Read the images of a frame with one request, for its latency exceeds their transfer.
 
     Args:
         store: of the data set.

@@ -94,8 +94,8 @@ def checked_chunk(made: MadeChunk, number: int, *, uploaded: bool = False) -> Ch
     Raises DatasetError.
 
     Args:
-        uploaded: whether the node sent its shard to object storage, and compared it there. Nothing
-            that came over the network is believed.
+        uploaded: whether the node sent its shard to object storage, and compared it there. Its
+            files are not here then.
     """
     record = parse_chunk_record(made.record)
     expected: dict[str, dict[str, Any]] = {}

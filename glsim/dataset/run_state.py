@@ -206,7 +206,7 @@ class RunState:
         self.store.delete([f"{STATE}/{_LEFT}{part.name}"])
 
     def discard_part_files(self) -> None:
-        """Remove the locks and marks of parts; nobody uses one while the folder is locked."""
+        """Remove the locks and marks of parts; none is in use while the whole set is locked."""
         names = self.store.names(STATE)
         old = [name for name in names if name.endswith(".lock") or name.startswith(_LEFT)]
         self.store.delete(f"{STATE}/{name}" for name in old)

@@ -41,7 +41,7 @@ class Arrival(NamedTuple):
 
 
 class _Waiting(NamedTuple):
-    """size: bytes of an incomplete file when it last grew, at grown_s (time.monotonic)."""
+    """The bytes of an incomplete file when it last grew, and the time (time.monotonic)."""
 
     size: int
     grown_s: float
@@ -63,7 +63,7 @@ class FolderArrivals:
     """
 
     def __init__(self, folder: Path, wanted: Callable[[str], bool]) -> None:
-        """wanted: which names to take. Names that begin with a dot are temporary files."""
+        """Watch a folder for wanted names; those with a leading dot are temporary files."""
         self._folder, self._wanted = folder, wanted
         self._known: dict[str, int] = {}  # name -> inode of what was given out
         self._stalled: dict[str, int] = {}  # name -> size of what was given out incomplete
@@ -73,7 +73,7 @@ class FolderArrivals:
         self._looked_s = time.monotonic()
 
     def __iter__(self) -> Iterator[Arrival]:
-        """Yield files, for ever. Raises DatasetError if the folder cannot be read any more."""
+        """Yield files without end. Raises DatasetError if the folder cannot be read any more."""
         while True:
             arrival = self.look()
             if arrival is None:

@@ -42,7 +42,7 @@ _BLOCK_BYTES = 1 << 20
 
 #: Temporary files beside their target are called PREFIX + random digits + SUFFIX.
 _PREFIX, _SUFFIX = ".glsim-", ".tmp"
-#: A temporary file that is this old, seconds, and that no process has locked belongs to nobody: it
+#: A temporary file that is this old, seconds, and that no process has locked is left over: it
 #: is locked microseconds after it is made.
 _STALE_S = 10.0
 

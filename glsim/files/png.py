@@ -27,8 +27,8 @@ from glsim.files.regular import read_regular
 MAX_SIDE_PX = 8192
 #: Largest image file, bytes: 16 bits of every pixel, uncompressed, and some more for its header.
 MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
-#: Largest map of a user's own, pixels (2048 x 2048): time-of-flight cameras reach 1 million. By
-#: measurement the shipped network takes 1 kB a pixel, a chain of noise stages half of that.
+#: Largest depth map of another program, pixels (2048 x 2048): time-of-flight cameras reach 1
+#: million. Measured: the shipped network takes 1 kB a pixel, a chain of stages half of that.
 MAX_MAP_PX = 1 << 22
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -91,6 +91,8 @@ def _pixel_bytes(data: bytes) -> int:
 
 def _tiff_tags(data: bytes) -> dict[int, int] | None:
     """Return the tags of a TIFF's first directory that decide its size; None for other files.
+
+    tifffile would be a dependency for these 30 lines, and takes the last of two equal tags.
 
     None too if one is there twice or is no plain number: readers differ in what they take then.
     """
@@ -170,7 +172,7 @@ def _is_whole_png(data: bytes) -> bool:
 
 
 def read_depth_png(path: Path, *, inside: Path | None = None) -> NDArray[np.uint16]:
-    """Read a 16-bit PNG of one channel, such as a user's own depth map: (H, W) uint16 as stored.
+    """Read a 16-bit PNG of one channel, (H, W) uint16 as stored.
 
     Raises DatasetError for anything else, and for more than MAX_MAP_PX pixels.
 

@@ -15,7 +15,7 @@ class FullscreenPass:
     """A program that shades every pixel of the viewport of the framebuffer in use."""
 
     def __init__(self, context: moderngl.Context, program: moderngl.Program) -> None:
-        """program: linked with render/fullscreen.vert."""
+        """Take a program that is linked with render/fullscreen.vert."""
         self.program = program
         self._array = context.vertex_array(program, [])
 

@@ -36,7 +36,7 @@ class ShadowMap:
     """Draws the layer ``lit`` for one rig."""
 
     def __init__(self, pool: TargetPool, rig: SensorRig, sight: FieldOfView, rays: Target) -> None:
-        """sight: field of view of the rig. rays: target that holds ``rig.rays()``."""
+        """Take the rig, its field of view, and a target that holds ``rig.rays()``."""
         self._pool, self._rig, self._sight, self._rays = pool, rig, sight, rays
         self._context = context = pool.context
         #: Draws meshes into the z-buffer.

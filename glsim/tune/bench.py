@@ -56,7 +56,7 @@ class Bench:
         open_sources: Callable[[Settings], Sequence[FaceSource]],
         backend: str | None = None,
     ) -> None:
-        """base: the settings that tunings change. open_sources: the faces of some settings."""
+        """Take the settings that tunings change, and what opens the faces of some settings."""
         self._base, self._open_sources, self._backend = base, open_sources, backend
         self._context: moderngl.Context | None = None
         self._plan: tuple[str, Mapping[str, Any]] | None = None

@@ -32,7 +32,7 @@ class Sections:
     def __init__(
         self, page: Desk, new_stage: Callable[[], None], show_code: Callable[[DrawnFrame], None]
     ) -> None:
-        """new_stage: asks for one. show_code: shows the code of the selected stage."""
+        """Take what asks for a new stage, and what shows the code of the selected one."""
         self._page, self._new_stage, self._show_code = page, new_stage, show_code
         self._own: tuple[str, Sensor] | None = None
         self._plan: object = None

@@ -116,7 +116,7 @@ class History:
         return self._steps[self._at]
 
     def change(self, tuning: Tuning, what: str = "") -> bool:
-        """Make a tuning the current one; returns whether it differs.
+        """Make a tuning the current one; return True if it differs.
 
         Args:
             what: name of the change.

@@ -69,7 +69,7 @@ class Workshop:
         return await loop.run_in_executor(self.measuring, function, *arguments)
 
     async def read_recording(self) -> None:
-        """Measure the real recording, once; it takes seconds, and frames are measured meanwhile."""
+        """Measure the real recording once, on a thread of its own: it takes seconds."""
         if self.real is None or self.recorded is not None:
             return
         from glsim.tune.recording import measure_recording  # takes 0.3 s

@@ -9,12 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from glsim.dataset import open_dataset, verify, write_part
+from glsim.dataset import open_dataset, verify
 from glsim.dataset.chunks import CHUNK_FRAMES
+from glsim.dataset.dataset_run import DatasetRun, in_processes
+from glsim.dataset.part_run import run_part
 from glsim.dataset.parts import Part
 from glsim.errors import ConfigError, DatasetError
 from glsim.files import cloud, object_lock
 from glsim.files.cloud import CloudFolder
+from glsim.files.store import open_store
 from tests.support.dataset_fakes import (
     SENSOR,
     Fault,
@@ -24,7 +27,7 @@ from tests.support.dataset_fakes import (
     make_settings,
     make_tasks,
 )
-from tests.support.object_store import BUCKET, Faults, Store, object_store
+from tests.support.s3_server import BUCKET, Faults, S3Server, s3_server
 
 BUSY = DatasetError("another run is writing here")
 SHARDS = make_settings(format="webdataset")
@@ -47,13 +50,13 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[Store]:
-    with pytest.MonkeyPatch.context() as patch, object_store(patch) as store:
+def server() -> Iterator[S3Server]:
+    with pytest.MonkeyPatch.context() as patch, s3_server(patch) as store:
         yield store
 
 
 @pytest.fixture
-def store(server: Store, here: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+def store(server: S3Server, here: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
     monkeypatch.setattr(cloud, "RETRY_AFTER_S", (0.0,) * 40)
     server.faults = Faults()
     server.requests.clear()
@@ -92,7 +95,7 @@ def stored(url: str) -> dict[str, bytes]:
     return {name: data for name, data in found.items() if not name.endswith("lock")}
 
 
-def test_the_objects_are_the_files_of_a_local_run(store: Store, url: str, expected) -> None:
+def test_the_objects_are_the_files_of_a_local_run(store: S3Server, url: str, expected) -> None:
     summary = make(url, SHARDS, TASKS)
     assert stored(url) == expected
     assert summary.rendered == 20
@@ -103,12 +106,12 @@ def test_the_objects_are_the_files_of_a_local_run(store: Store, url: str, expect
     assert not any(method == "PUT" and path.endswith(".tar") for method, path in store.requests)
 
 
-def test_workers_upload_their_shards(store: Store, url: str, expected) -> None:
+def test_workers_upload_their_shards(store: S3Server, url: str, expected) -> None:
     make(url, SHARDS, TASKS, workers=2)
     assert stored(url) == expected
 
 
-def test_failing_and_throttled_requests_change_nothing(store: Store, url: str, expected) -> None:
+def test_failing_and_throttled_requests_change_nothing(store: S3Server, url: str, expected) -> None:
     store.faults = Faults(throttled=0.2, failed_puts=0.2, lost_answers=0.2)
     make(url, SHARDS, TASKS)
     assert {kind for kind, count in store.faults.counts.items() if count} == {
@@ -135,7 +138,7 @@ def test_a_run_is_resumed_from_the_bucket(here: None, memory: str, expected) -> 
     assert stored(memory) == expected
 
 
-def test_a_list_that_lags_costs_work_and_no_bytes(store: Store, url: str, expected) -> None:
+def test_a_list_that_lags_costs_work_and_no_bytes(store: S3Server, url: str, expected) -> None:
     interrupt(url, 18)
     store.faults = Faults(hidden=("00000001.jsonl", "train-000000.tar"))
     summary = make(url, SHARDS, TASKS)
@@ -168,10 +171,8 @@ def test_a_damaged_data_set_is_repaired(here: None, memory: str, expected, damag
 
 def test_parts_are_merged_by_the_last_one(here: None, memory: str, expected) -> None:
     def part(number: int):
-        return write_part(
-            SHARDS, TASKS, memory, fake_frames, Part(number, 2),
-            sensor=SENSOR, renderer="fake renderer", workers=1,
-        )  # fmt: skip
+        run = DatasetRun(SHARDS, TASKS, open_store(memory), fake_frames, SENSOR, "fake renderer")
+        return run_part(run, Part(number, 2), in_processes(1), None)
 
     first = part(1)
     assert first.dataset is None
@@ -191,12 +192,12 @@ def test_another_data_set_is_refused(here: None, memory: str) -> None:
         make(f"{memory}-other", SHARDS, TASKS)
 
 
-def test_a_bucket_that_is_not_there_is_named(store: Store) -> None:
+def test_a_bucket_that_is_not_there_is_named(store: S3Server) -> None:
     with pytest.raises(DatasetError, match=r"s3://nobody/set.*no such bucket"):
         make("s3://nobody/set", SHARDS, TASKS)
 
 
-def test_one_of_two_runs_gets_the_lock(store: Store, url: str, monkeypatch) -> None:
+def test_one_of_two_runs_gets_the_lock(store: S3Server, url: str, monkeypatch) -> None:
     monkeypatch.setattr(object_lock, "BEAT_S", 0.05)
     monkeypatch.setattr(object_lock, "EXPIRES_S", 5.0)
     folder, won, refused = CloudFolder(url), [], []

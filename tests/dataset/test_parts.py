@@ -19,10 +19,12 @@ from glsim.dataset import (
     merge_dataset,
     parse_part,
     verify,
-    write_part,
 )
+from glsim.dataset.dataset_run import DatasetRun, in_processes
 from glsim.dataset.identity import InputHashes
+from glsim.dataset.part_run import run_part
 from glsim.errors import ConfigError, DatasetError, DifferentMachineError
+from glsim.files.store import open_store
 from tests.support.dataset_fakes import (
     FORMATS,
     SENSOR,
@@ -51,19 +53,16 @@ def make_part(
     leave: bool = False,
     **faults: Any,
 ) -> PartSummary:
-    return write_part(
+    run = DatasetRun(
         make_settings(format=format),
         make_tasks() if tasks is None else tasks,
-        out,
+        open_store(out),
         partial(fake_frames, **(SKIP | faults)),
-        parse_part(part, {}),
-        sensor=SENSOR,
-        renderer=renderer,
-        workers=workers,
+        SENSOR,
+        renderer,
         inputs=inputs,
-        leave=leave,
-        progress=progress,
     )
+    return run_part(run, parse_part(part, {}), in_processes(workers), progress, leave=leave)
 
 
 def merge_all(out: Path, format: str = "png") -> GenerateSummary:

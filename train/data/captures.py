@@ -26,8 +26,9 @@ class StoredCaptures(StoredPairs):
     def __init__(
         self, dataset: Path, split: str, *, frames_apart: int = 1, **settings: Any
     ) -> None:
-        """settings: those of `StoredPairs`. Raises as it does, and DatasetError for a frame that
-        is the only one of its sequence.
+        """Open the split with the settings of ``StoredPairs``.
+
+        Raises as it does, and DatasetError for a frame that is the only one of its sequence.
         """
         super().__init__(dataset, split, **settings)
         self._apart = frames_apart

@@ -77,7 +77,7 @@ class PhotographPairs(Dataset[tuple[Tensor, Tensor]]):
         length: int,
         seed: int,
     ) -> None:
-        """sigma_grey: standard deviation of the noise, grey levels of 255. length: pairs."""
+        """Take the noise's standard deviation, grey levels of 255, and the number of pairs."""
         self._photographs, self._span, self._sigma = list(photographs), span, sigma_grey
         self._side, self._length, self._seed = side, length, seed
         # In shared memory, so that persistent workers see the new epoch.

@@ -83,7 +83,9 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         protocol: DepthProtocol | None = None,
         ray: str | None = None,
     ) -> None:
-        """A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
+        """Prepare the stream of batches.
+
+        A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
         while iterating also MeshError (a whole block of bad faces, or one if settings.strict)
         and DeviceError.
 

@@ -77,7 +77,7 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         target: Target = "clean",
         protocol: DepthProtocol | None = None,
     ) -> None:
-        """Raises DatasetError and ConfigError, see ``glsim.train.data.checks.checked_split``.
+        """Open the split. Raises as ``glsim.train.data.checks.checked_split``.
 
         Args:
             crop: side of the square frames, px; default: whole frames, all of one size.

@@ -46,7 +46,7 @@ class Faults:
             return hit
 
 
-class Store:
+class S3Server:
     """The server. ``faults`` may be changed at any time."""
 
     def __init__(self, application: Callable[..., Any]) -> None:
@@ -103,13 +103,13 @@ def _answer(
 
 
 @contextmanager
-def object_store(monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+def s3_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
     """Run a store with an empty bucket; the environment leads glsim and its workers to it."""
     server = pytest.importorskip("moto.server")
     pytest.importorskip("s3fs")
     from werkzeug.serving import make_server
 
-    store = Store(server.DomainDispatcherApplication(server.create_backend_app))
+    store = S3Server(server.DomainDispatcherApplication(server.create_backend_app))
     http = make_server("127.0.0.1", 0, store, threaded=True)
     thread = threading.Thread(target=http.serve_forever, daemon=True)
     thread.start()
