@@ -5,17 +5,17 @@ methods in worker processes, ``tune`` chooses the settings of filters, ``results
 """
 
 from glsim.eval.real_frames.measures import BINS_M
-from glsim.eval.real_frames.recording import Recording, open_recording
 from glsim.eval.real_frames.results import MethodScores, RealScores
 from glsim.eval.real_frames.run import score_recording
+from glsim.eval.real_frames.split import SplitRecording, split_recording
 from glsim.eval.real_frames.tune import tune_on_pairs
 
 __all__ = [
     "BINS_M",
     "MethodScores",
     "RealScores",
-    "Recording",
-    "open_recording",
+    "SplitRecording",
     "score_recording",
+    "split_recording",
     "tune_on_pairs",
 ]

@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.boards import Board, plane_residual
-from glsim.compare.frames import DepthFrame
-from glsim.compare.silhouettes import STEP_MM, find_edges
-from glsim.compare.temporal import still_difference
 from glsim.denoise.protocol import Depth, Mask
+from glsim.measures.boards import Board, plane_residual
+from glsim.measures.frame import DepthFrame
+from glsim.measures.silhouettes import STEP_MM, find_edges
+from glsim.measures.temporal import still_difference
 
 Array = NDArray[np.float64]
 #: Sums by (measure, unit, bin): "pair", "paper", "board", "shift" (pixels, sums), "edges".
@@ -155,7 +155,7 @@ def lost_pixels(raw_mm: Depth, other_mm: Depth) -> Mask:
 def rims_and_shadow(frame: DepthFrame) -> tuple[Mask, Mask, Mask]:
     """Return the outermost and the second pixel of foregrounds, row by row, and the gaps' holes.
 
-    Silhouettes are those of ``glsim.compare.silhouettes``.
+    Silhouettes are those of ``glsim.measures.silhouettes``.
     """
     shape = frame.depth_mm.shape
     first, second, gap = (np.zeros(shape, np.bool_) for _ in range(3))

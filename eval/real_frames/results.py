@@ -19,10 +19,11 @@ from glsim.eval.real_frames.measures import (
     ScoredFrame,
     Tally,
 )
-from glsim.validate.measure import ratio
+from glsim.files.atomic import without_nan
+from glsim.measures.stacks import ratio
 
 if TYPE_CHECKING:
-    from glsim.eval.real_frames.recording import Recording
+    from glsim.eval.real_frames.split import SplitRecording
 
 _Array = NDArray[np.float64]
 
@@ -104,8 +105,7 @@ class RealScores:
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON values; None for NaN."""
-        tree: dict[str, Any] = _plain(asdict(self))
-        return {"version": VERSION, "bins_m": list(BINS_M)} | tree
+        return {"version": VERSION, "bins_m": list(BINS_M), **without_nan(asdict(self))}
 
     @property
     def identity(self) -> str:
@@ -115,7 +115,7 @@ class RealScores:
 
 
 def add_up(
-    recording: Recording,
+    recording: SplitRecording,
     scored: Sequence[ScoredFrame],
     versions: Mapping[str, str],
     chosen: Callable[[int], bool] | None = None,
@@ -253,11 +253,3 @@ def _edges(tallies: Sequence[Tally]) -> dict[str, float]:
     of = {name: name.rpartition("_")[0] for name in EDGES[:4]}  # ring_1_lost is of ring_1
     shares = {name: ratio(total[name], total[whole]) for name, whole in of.items()}
     return shares | {name: total[name] / total["frames"] for name in EDGES[4:]}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return None if isinstance(value, float) and math.isnan(value) else value

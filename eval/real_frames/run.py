@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.compare.boards import board_corners, find_board
 from glsim.dataset import available_workers
 from glsim.denoise import Method, compose, load
 from glsim.errors import ConfigError, DenoiserError
 from glsim.eval.real_frames.measures import FrameTruth, ScoredFrame
-from glsim.eval.real_frames.recording import Recording, Source, open_recording
 from glsim.eval.real_frames.results import RealScores, add_up
+from glsim.eval.real_frames.split import Source, SplitRecording, split_recording
 from glsim.eval.scoring.run import ScoringProgress
 from glsim.eval.scoring.workers import run_tasks
+from glsim.measures.boards import find_board
+from glsim.recordings.board_corners import board_corners
 
 #: Label of the first row, the raw frames.
 RAW = "raw"
@@ -31,13 +32,13 @@ class RealJob:
 
     def start(self) -> Callable[[int], ScoredFrame]:
         """Read the recording and load the denoisers, in the worker."""
-        recording = open_recording(self.source)
+        recording = split_recording(self.source)
         methods = [load(spec) for spec in self.denoisers]
         return lambda number: score_frame(recording, number, methods, self.pairs_only)
 
 
 def score_frame(
-    recording: Recording, number: int, methods: Sequence[Method], pairs_only: bool = False
+    recording: SplitRecording, number: int, methods: Sequence[Method], pairs_only: bool = False
 ) -> ScoredFrame:
     """Denoise one frame by every method and measure the maps.
 
@@ -73,7 +74,7 @@ def score_frame(
 
 
 def score_recording(
-    recording: Recording,
+    recording: SplitRecording,
     denoisers: Sequence[str],
     *,
     scoring_half: bool = False,

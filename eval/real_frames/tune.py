@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from glsim.denoise import GRIDS
 from glsim.denoise.registry import tuning_specs
 from glsim.errors import ConfigError
-from glsim.eval.real_frames.recording import Recording
 from glsim.eval.real_frames.results import RealScores, add_up
 from glsim.eval.real_frames.run import RealJob, run_frames
+from glsim.eval.real_frames.split import SplitRecording
 from glsim.eval.scoring.run import ScoringProgress
 
 #: Most frames that tuning denoises by every setting, evenly spread over those of static pairs.
@@ -18,7 +18,7 @@ _TUNING_FRAMES = 12
 
 
 def tune_on_pairs(
-    recording: Recording,
+    recording: SplitRecording,
     names: Sequence[str] | None = None,
     *,
     workers: int | None = None,

@@ -26,7 +26,7 @@ from glsim.eval.transfer.comparison import (
     pool_by_sensor,
 )
 from glsim.eval.transfer.study import Goals, TransferStudy
-from glsim.files.atomic import to_json, write_atomic
+from glsim.files.atomic import to_json, without_nan, write_atomic
 
 _EXPLANATION: Final = (
     "A cell is one sensor with one source of faces; nobody in a test set was in training. *Best "
@@ -64,7 +64,7 @@ def write_results(
         "cells": [_flat(row) for row in cells],
         "bias_by_distance": [asdict(row) for row in bias],
     }
-    write_atomic((to_json(_finite(tree), str(paths[2])) + "\n").encode(), paths[2])
+    write_atomic((to_json(without_nan(tree), str(paths[2])) + "\n").encode(), paths[2])
     if figure:
         paths.append(out / "transfer.png")
         write_atomic(to_png(_figure(cells)), paths[-1])
@@ -201,15 +201,6 @@ def _flat(row: Comparison) -> dict[str, Any]:
         else:
             flat[name] = "; ".join(value) if name == "settings" else value
     return flat | {"goal_is_about": f"to_{row.figure.against}", "verdict": row.verdict}
-
-
-def _finite(value: Any) -> Any:
-    """Replace NaN, which JSON lacks, by None."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _figure(cells: Sequence[Comparison]) -> Any:

@@ -34,12 +34,12 @@ def evaluate_real(
 
     board: inner corners of the chessboard, such as 5x7. markdown: also write the tables there.
     """
-    from glsim.eval.real_frames import open_recording, score_recording, tune_on_pairs
-    from glsim.eval.real_frames.recording import Source
+    from glsim.eval.real_frames import score_recording, split_recording, tune_on_pairs
+    from glsim.eval.real_frames.split import Source
     from glsim.eval.report.real_frames_page import real_frames_document, write_real_frames
     from glsim.files.atomic import write_atomic
 
-    recording = open_recording(Source(recording_path, focal_px, pattern=_pattern(board)))
+    recording = split_recording(Source(recording_path, focal_px, pattern=_pattern(board)))
     specs = list(denoisers or _DEFAULT)
     remarks: list[str] = []
     if tune:

@@ -70,9 +70,9 @@ class Workshop:
         """Measure the real recording, once; it takes seconds, and frames are measured meanwhile."""
         if self.real is None or self.recorded is not None:
             return
-        from glsim.tune.recording import measure_recording  # takes 0.3 s
+        from glsim.tune.recording import recording_figures  # takes 0.3 s
 
         try:
-            self.recorded = await asyncio.to_thread(measure_recording, self.real)
+            self.recorded = await asyncio.to_thread(recording_figures, self.real)
         except GlsimError as error:
             log.warning("%s", error)

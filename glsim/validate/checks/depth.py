@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import scenes
 from glsim.validate.captures import Captures
-from glsim.validate.measure import Array
 from glsim.validate.report import Measurement
 
 #: Allowed periods of the ripple of three taps at 80, 16 and 120 MHz, mm: 3 and 6 cycles per half

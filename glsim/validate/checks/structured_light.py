@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import scenes
 from glsim.validate.captures import Captures
 from glsim.validate.checks.edges import NEAR_MM, capture_edge
-from glsim.validate.measure import Array
 from glsim.validate.report import Measurement
 from glsim.validate.sheets.structured_light import SHADOW_M, V1_DISTANCES_MM
 from glsim.validate.virtual_camera import Changes
