@@ -10,7 +10,7 @@ import numpy as np
 from glsim.dataset import available_workers
 from glsim.denoise import Method, compose, load
 from glsim.errors import ConfigError, DenoiserError
-from glsim.eval.real_frames.measures import FrameTruth, ScoredFrame
+from glsim.eval.real_frames.frame_truth import FrameTruth, ScoredFrame
 from glsim.eval.real_frames.results import RealScores, add_up
 from glsim.eval.real_frames.split import Source, SplitRecording, split_recording
 from glsim.eval.scoring.run import ScoringProgress
@@ -24,7 +24,7 @@ RAW = "raw"
 
 @dataclass(frozen=True)
 class RealJob:
-    """The task of a worker. denoisers: see ``glsim.denoise.load``."""
+    """The task of a worker; ``denoisers`` are specs of ``glsim.denoise.load``."""
 
     source: Source
     denoisers: tuple[str, ...]
@@ -63,7 +63,7 @@ def score_frame(
     for method in methods:
         try:
             parts = compose(method(raw[None]), raw)
-        except Exception as error:  # any error of a user's denoiser
+        except Exception as error:  # any error of a denoiser
             raise DenoiserError(f"{method.label}: frame {frame.name}: {error}") from error
         for part, depth in parts.items():
             name = f"{method.label} [{part}]" if part else method.label
@@ -81,11 +81,19 @@ def score_recording(
     workers: int | None = None,
     progress: Callable[[ScoringProgress], None] | None = None,
 ) -> RealScores:
-    """Score denoisers (specs of ``glsim.denoise.load``) beside the raw frames.
+    """Score denoisers beside the raw frames.
 
-    scoring_half: static pairs without the half that ``tune_on_pairs`` has seen. workers: number of
-    processes; default: one per core. Raises ConfigError for a wrong denoiser or one given twice,
-    DenoiserError if one fails on a frame.
+    Args:
+        recording: to score on.
+        denoisers: specs of ``glsim.denoise.load``.
+        scoring_half: use the half of the static pairs that ``tune_on_pairs`` has not seen.
+        workers: number of processes; default: one per core.
+        progress: called after each frame.
+
+    Raises:
+        ConfigError: a denoiser is wrong or given twice.
+        DenoiserError: a denoiser fails on a frame.
+
     """
     methods = [load(spec) for spec in denoisers]  # reports wrong ones before scoring starts
     labels = [RAW, *(method.label for method in methods)]

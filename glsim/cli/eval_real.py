@@ -60,13 +60,15 @@ def evaluate_real(
         )
     pictures = []
     if figures:
-        from glsim.eval.report.document import Picture
+        from glsim.eval.report.document import CaptionedPng
         from glsim.eval.report.figures.real_frames import crops_figure, measures_figure
         from glsim.eval.report.figures.style import to_png
 
         pictures = [
-            Picture("measures", "All measures; edges: shares.", to_png(measures_figure(scores))),
-            Picture(
+            CaptionedPng(
+                "measures", "All measures; edges: shares.", to_png(measures_figure(scores))
+            ),
+            CaptionedPng(
                 "crops",
                 "A part of one frame by every method: shaded, and its difference from the raw "
                 "frame.",

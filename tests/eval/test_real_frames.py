@@ -125,7 +125,7 @@ def test_losses_and_fills_at_edges_are_counted(pair: Path) -> None:
 
 
 def test_the_ring_is_the_edge_of_the_nearer_surface_on_both_sides() -> None:
-    from glsim.eval.real_frames.measures import rims_and_shadow
+    from glsim.eval.real_frames.frame_truth import rims_and_shadow
 
     frame = frame_set("panel", [shadowed(800.0, 2000.0, 3, 7)]).frames[0]
     first, second, shadow = rims_and_shadow(frame)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.denoise import compose, load
 from glsim.denoise.protocol import Depth
-from glsim.eval.real_frames.measures import BINS_M, SHIFT_BIN_MM
+from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.results import RealScores
 from glsim.eval.real_frames.split import SplitRecording
 from glsim.eval.report.figures.style import matplotlib, method_style, new_figure
