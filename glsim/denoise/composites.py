@@ -31,8 +31,8 @@ DEFAULT_COMPOSITE: Final = "measured"
 #: A denoiser doubts that a pixel has depth if the probability is at most this.
 DOUBT: Final = 0.5
 #: Two pixels lie on one surface if their depths differ by at most this, mm and mm per m of
-#: distance; as in ``glsim.compare.silhouettes``. At 0.9 m the last pixel of a head's rim lies 21 mm
-#: behind its neighbour (radius 90 mm, 2.5 mm a pixel), and this allows 28 mm.
+#: distance; as in ``glsim.measures.silhouettes``. At 0.9 m the last pixel of a head's rim lies
+#: 21 mm behind its neighbour (radius 90 mm, 2.5 mm a pixel), and this allows 28 mm.
 SAME_SURFACE_MM, SAME_SURFACE_MM_PER_M = 15.0, 15.0
 #: Surfaces are looked for this far around a pixel: the width of the widest hole that is closed.
 REACH_PX: Final = 2

@@ -11,6 +11,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import json
+import math
 import os
 import secrets
 import stat
@@ -81,6 +82,17 @@ def parse_json(data: bytes, where: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise DatasetError(f"{where}: is damaged: no JSON object")
     return value
+
+
+def without_nan(value: Any) -> Any:
+    """Return JSON values with None for NaN and infinity, which JSON lacks; tuples become lists."""
+    if isinstance(value, dict):
+        return {str(key): without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(entry) for entry in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -92,9 +92,9 @@ def _pixel_bytes(data: bytes) -> int:
 def _tiff_tags(data: bytes) -> dict[int, int] | None:
     """Return the tags of a TIFF's first directory that decide its size; None for other files.
 
-    tifffile would be a dependency for these 30 lines, and takes the last of two equal tags.
-
-    None too if one is there twice or is no plain number: readers differ in what they take then.
+    None too if a tag stands twice or is no plain number: readers differ in which value they take.
+    tifffile lacks both: it drops such tags with a log line, OpenCV still decodes by them; and it
+    decodes LZW, which OpenCV writes, with a further library (imagecodecs) only.
     """
     if data[:4] not in (b"II*\0", b"MM\0*"):
         return None

@@ -6,7 +6,8 @@ The edge band holds the valid pixels near an edge; the interior holds the other 
 
 Other thresholds are defined differently and have their own constants: the span of a 3x3 window
 (``glsim.denoise.safeguards``), the distance to a median (``glsim.denoise.filters``), 100 mm for
-recordings (``glsim.fit.statistics``) and for the checks of heads (``glsim.validate.heads``).
+recordings (``glsim.fit.recording_statistics``) and for the checks of heads
+(``glsim.validate.checks.faces``).
 """
 
 from __future__ import annotations

@@ -275,9 +275,9 @@ class Page:
         figures = await self.workshop.measure(_figures, picture)
         self.call("statistics", figures, self.comparison.figures)
         if self.workshop.recorded and not self.top.playing:
-            from glsim.tune.recording import measure_frames
+            from glsim.tune.recording import tuned_figures
 
-            here = await self.workshop.measure(measure_frames, [picture.frame])
+            here = await self.workshop.measure(tuned_figures, [picture.frame])
             self._show_recording(here)
 
     def _show_recording(self, here: dict[str, Any] | None) -> None:

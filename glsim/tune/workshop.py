@@ -72,9 +72,9 @@ class Workshop:
         """Measure the real recording once, on a thread of its own: it takes seconds."""
         if self.real is None or self.recorded is not None:
             return
-        from glsim.tune.recording import measure_recording  # takes 0.3 s
+        from glsim.tune.recording import recording_figures  # takes 0.3 s
 
         try:
-            self.recorded = await asyncio.to_thread(measure_recording, self.real)
+            self.recorded = await asyncio.to_thread(recording_figures, self.real)
         except GlsimError as error:
             log.warning("%s", error)

@@ -13,6 +13,8 @@ from glsim.files.markdown import markdown_table
 #: Kinds of sources. measured: on real devices, published or on our real frames. datasheet: a
 #: manufacturer's document or the decoder's source. derived: computed from these or from physics.
 KINDS = ("measured", "datasheet", "derived")
+#: Columns of the table of a report.
+COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
 
 
 @dataclass(frozen=True)
@@ -250,11 +252,11 @@ class ValidationReport:
             "checks": [result.as_json() for result in self.results],
         }
 
-    def as_markdown(self) -> str:
-        """Write the results as a Markdown table."""
+    def as_markdown(self, columns: Sequence[str] = COLUMNS) -> str:
+        """Return a Markdown table with a row per check; ``columns`` are some of COLUMNS."""
         rows = []
         for result in self.results:
-            cells = (
+            texts = (
                 result.check.number,
                 result.check.description,
                 "<br>".join(measured_texts(result)),
@@ -264,9 +266,9 @@ class ValidationReport:
                 result.state,
                 result.note,
             )
-            rows.append([cell.replace("|", "\\|") for cell in cells])
-        head = ("#", "check", "measured", "band", "source", "kind", "", "note")
-        return "\n".join(markdown_table(head, rows)) + "\n"
+            cells = dict(zip(COLUMNS, texts, strict=True))
+            rows.append([cells[column].replace("|", "\\|") for column in columns])
+        return "\n".join(markdown_table(columns, rows)) + "\n"
 
 
 def measured_texts(result: CheckResult) -> list[str]:

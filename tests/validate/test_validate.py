@@ -254,7 +254,7 @@ def test_a_sensor_without_noise_fails_and_does_not_break(context: moderngl.Conte
 def test_without_matplotlib_it_says_so_first(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(figure, "find_spec", lambda _: None)
+    monkeypatch.setattr("glsim.errors.find_spec", lambda _: None)
     assert main(["validate", "kinect-v2", "--figure", "x.png"]) == 2
     assert "pip install 'glsim[eval]'" in capsys.readouterr().err
 

@@ -6,9 +6,10 @@ from math import inf
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import scenes
 from glsim.validate.captures import Captures
-from glsim.validate.measure import Array
 from glsim.validate.report import Band, Check, Measurement, validation_check
 from glsim.validate.sources import LF2, OWN, REAL, STRUCTURED_LIGHT
 

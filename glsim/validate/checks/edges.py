@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import scenes
 from glsim.validate.captures import INTERNAL, Captures
-from glsim.validate.measure import Array
 from glsim.validate.published_curves import shadow_px
 from glsim.validate.report import Band, Check, Measurement, validation_check
 from glsim.validate.sources import FANK, LF2, OWN, REAL

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.validate import scenes
 from glsim.validate.captures import Captures
 from glsim.validate.report import Band, Check, Measurement, validation_check
 from glsim.validate.sources import OWN, STRUCTURED_LIGHT

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.validate import measure, published_curves, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import published_curves, scenes
 from glsim.validate.captures import INTERNAL, Captures
 from glsim.validate.checks.depth import COUNTS_PER_AMPLITUDE
-from glsim.validate.measure import Array
 from glsim.validate.report import Band, Check, Measurement, validation_check
 from glsim.validate.sources import KDE, LF2, OWN, REAL
 from glsim.validate.virtual_camera import Capture, Changes

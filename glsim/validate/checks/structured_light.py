@@ -11,10 +11,11 @@ from math import sqrt
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import scenes
 from glsim.validate.captures import Captures
 from glsim.validate.checks.edges import NEAR_MM, capture_edge
-from glsim.validate.measure import Array
 from glsim.validate.published_curves import nguyen_mm, shadow_px
 from glsim.validate.report import Band, Check, Measurement, validation_check
 from glsim.validate.sources import ANCESTORS, NGUYEN

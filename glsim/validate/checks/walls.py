@@ -6,7 +6,8 @@ from math import inf
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.validate import scenes
 from glsim.validate.captures import INTERNAL, Captures
 from glsim.validate.report import Band, Check, Measurement, validation_check
 from glsim.validate.sources import FANK, KDE, LF2, OWN, REAL, STRUCTURED_LIGHT

@@ -1,4 +1,4 @@
-"""A recording to score on: its frames, static pairs, and halves for tuning and scoring."""
+"""A recording to score on: its static pairs, and its halves for tuning and scoring."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.boards import PATTERN
-from glsim.compare.frames import DEFAULT_FRAMES, DepthFrame, read_frame_set
-from glsim.compare.temporal import static_pairs
+from glsim.measures.boards import PATTERN
+from glsim.measures.frame import DepthFrame
+from glsim.measures.static import static_pairs
+from glsim.recordings.recording import DEFAULT_FRAMES, read_frame_set
 
-#: Side of a tile of the image, px: some three times the widest filter that tuning tries, so that
-#: most of a tile's pixels share no input with the next tile.
+#: Side of a tile of the image, px. Chosen: three times the widest filter that tuning tries, so that
+#: most pixels of a tile share no input with the next tile.
 TILE_PX: Final = 64
-#: With at least so many static scenes, the halves for tuning and scoring are scenes, and intervals
-#: are over scenes; with fewer, both are of tiles of the image.
+#: Least number of static scenes whose halves and intervals are over scenes; with fewer, they are
+#: over tiles of the image. Chosen.
 LEAST_SCENES: Final = 6
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where the frames are: what a worker needs to read them again."""
+    """The place of a recording, from which a worker reads it again."""
 
     path: Path
     focal_px: float | None = None
@@ -33,10 +34,15 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
-    """Frames; partner: frame -> another frame of its static scene; scene: frame -> number.
+class SplitRecording:
+    """A recording with its static scenes.
 
-    by_scene: whether the units of tuning, scoring and intervals are scenes (else tiles).
+    Attributes:
+        source: its place.
+        frames: in order.
+        partner: frame -> another frame of its static scene.
+        scene: frame -> number of its static scene.
+
     """
 
     source: Source
@@ -51,11 +57,11 @@ class Recording:
 
     @property
     def by_scene(self) -> bool:
-        """Whether there are enough scenes to split and to resample them."""
+        """Whether the units of tuning, scoring and intervals are scenes, else tiles."""
         return self.scenes >= LEAST_SCENES
 
     def units(self, frame: int) -> NDArray[np.int64]:
-        """Return (H, W) the number of the unit of each pixel: its scene, or its tile."""
+        """Return the (H, W) number of each pixel's scene or tile."""
         shape = self.frames[frame].depth_mm.shape
         if self.by_scene:
             return np.full(shape, self.scene[frame], np.int64)
@@ -63,7 +69,7 @@ class Recording:
         return rows[:, None] * self._tiles_across + columns[None]
 
     def is_tuning_unit(self, unit: int) -> bool:
-        """Whether a unit is of the half for tuning: every second scene; tiles as a chessboard."""
+        """Whether a unit is for tuning: every second scene, or the black tiles of a chessboard."""
         if self.by_scene:
             return unit % 2 == 0
         return sum(divmod(unit, self._tiles_across)) % 2 == 0
@@ -73,7 +79,7 @@ class Recording:
         return -(-self.frames[0].camera.width // TILE_PX)
 
     def checksums(self) -> dict[str, str]:
-        """Return frame -> checksum of its depth and infrared as they were read."""
+        """Return frame -> checksum of its depth and infrared."""
         sums = {}
         for frame in self.frames:
             digest = hashlib.blake2b(frame.depth_mm.tobytes(), digest_size=8)
@@ -83,8 +89,8 @@ class Recording:
         return sums
 
 
-def open_recording(source: Source) -> Recording:
-    """Read a recording and find its static frames. Raises what ``read_frame_set`` raises."""
+def split_recording(source: Source) -> SplitRecording:
+    """Read a recording and find its static scenes. Raises the errors of ``read_frame_set``."""
     frames = read_frame_set(source.path, focal_px=source.focal_px, most=source.most).frames
     partner: dict[int, int] = {}
     scene: dict[int, int] = {}
@@ -93,4 +99,4 @@ def open_recording(source: Source) -> Recording:
         partner.setdefault(second, first)
         number = scene.setdefault(first, len(set(scene.values())))
         scene[second] = number
-    return Recording(source, frames, partner, scene)
+    return SplitRecording(source, frames, partner, scene)

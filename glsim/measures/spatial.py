@@ -1,7 +1,7 @@
-"""Noise of single frames: what a quadric in 7 x 7 pixels leaves, by distance and radius.
+"""Noise of single frames: the residual of a quadric in 7 x 7 pixels, by distance and radius.
 
-It holds temporal noise and the fixed pattern, less what the quadric follows: a part of white noise
-of 6/49, more of correlated noise. Both sets of a comparison lose the same part.
+It holds temporal noise and fixed pattern, less what the quadric follows: 6/49 of white noise, more
+of correlated noise.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.compare.frames import DepthFrame
-from glsim.compare.temporal import Cell, Samples, correlation_of, lagged_products
+from glsim.measures.cells import Cell, Samples
+from glsim.measures.correlation import correlation_of, lagged_sums
+from glsim.measures.frame import DepthFrame
 
 #: Windows that are measured: every third along both axes; nearer ones share most of their pixels.
 _STRIDE = 3
@@ -20,11 +21,14 @@ _STRIDE = 3
 
 @dataclass(frozen=True)
 class SpatialNoise:
-    """Residuals of all smooth surfaces, planes or not.
+    """Residuals of all smooth surfaces.
 
-    cells: rms by distance and radius, mm. rough_mm: (p10, median, p90) of the residual of a window,
-    NaN with fewer than 100 windows. correlation: of the residual at LAGS; the quadric makes it
-    smaller than that of the noise.
+    Attributes:
+        cells: rms, mm, rounding subtracted.
+        rough_mm: 10th percentile, median and 90th of the rms in a window, mm; NaN with fewer than
+            100 windows.
+        correlation: of the residual at LAGS, smaller than that of the noise.
+
     """
 
     cells: tuple[Cell, ...]
@@ -33,8 +37,8 @@ class SpatialNoise:
 
 
 def measure_spatial(frames: Sequence[DepthFrame]) -> SpatialNoise:
-    """Measure the residuals of all smooth surfaces; quantisation is removed from the variances."""
-    samples, rough, products = Samples(), [], []
+    """Measure the residuals of all smooth surfaces."""
+    samples, rough, sums = Samples(), [], []
     for frame in frames:
         s = frame.surfaces
         smooth = s.smooth & frame.lit
@@ -44,8 +48,8 @@ def measure_spatial(frames: Sequence[DepthFrame]) -> SpatialNoise:
         samples.add(frame.depth_mm[every], frame.radius_px[every], squares[every])
         rough.append(np.sqrt(np.maximum(squares[every][smooth[every]], 0.0)))
         residual = np.where(smooth & (s.rough_mm < 6.0), s.residual_mm, np.nan)
-        products.append(lagged_products(residual.astype(np.float64)))
-    return SpatialNoise(samples.root_cells(), _percentiles(rough), correlation_of(products))
+        sums.append(lagged_sums(residual.astype(np.float64)))
+    return SpatialNoise(samples.root_cells(), _percentiles(rough), correlation_of(sums))
 
 
 def _percentiles(parts: Sequence[np.ndarray]) -> tuple[float, float, float]:

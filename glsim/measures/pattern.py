@@ -1,11 +1,10 @@
-"""Fixed pattern: the part of the error that every frame repeats, by rows, columns and the rest.
+"""Fixed pattern: the error that every frame repeats, by rows, columns and single pixels.
 
-Frames of moving views: the residual of a quadric in 11 x 11 pixels on smooth surfaces is averaged
-per pixel over the even and over the odd frames. What both averages share is fixed: the covariance
-of the two is free of temporal noise. Rows are means along rows, columns means along columns, the
-rest is what remains. The quadric swallows a known part of each, which is given back. Frames of one
-static view show the roughness of the scene as pattern too; of a static recording the means of its
-even and of its odd frames do. Source: design/reality.md, section 3.
+The residual of a quadric in 11 x 11 pixels is averaged per pixel over the even and over the odd
+frames. The covariance of the two averages is the pattern's variance, free of temporal noise. Rows
+are means along rows, columns means along columns, the rest is what remains; the known share that
+the quadric follows is restored. If the view never moves, the scene's roughness counts as fixed
+pattern.
 """
 
 from __future__ import annotations
@@ -16,23 +15,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.frames import DepthFrame
-from glsim.compare.surfaces import fit_surfaces
+from glsim.measures.frame import DepthFrame
+from glsim.measures.surfaces import fit_surfaces
 
 Array = NDArray[np.float64]
 
 _SIZE = 11
-#: Weights of a quadratic in 11 points at its centre (Savitzky and Golay 1964), from the centre out.
+#: Weights of a quadratic in 11 points at its centre, from the centre out (Savitzky and Golay 1964).
 _WEIGHTS = np.array([89, 84, 69, 44, 9, -36]) / 429.0
-#: What the quadric leaves of an alternation of rows, of white rows (variance), of white pixels.
+#: Share that the quadric leaves of an alternation of rows, and of the variance of white rows.
 _LEFT_ALTERNATION = 1.0 - (_WEIGHTS[0] + 2 * (_WEIGHTS[1:] * [-1, 1, -1, 1, -1]).sum())
 _LEFT_ROWS = 1.0 - _WEIGHTS[0]
-#: Share of the variance of single pixels that a quadric in 11 x 11 leaves at its centre, and the
-#: correlation at 1 px of what it leaves: of white pixels and of those smooth over 3 x 3. Derived
-#: from the weights h of the centre: 1 - 2 h r + h R h with the pixels' correlations r, R.
+#: Share of the variance of single pixels that the quadric leaves, and correlation at 1 px of its
+#: residual: for white pixels, and for pixels smooth over 3 x 3. Derived from the weights h of the
+#: centre: 1 - 2 h r + h R h with the correlations r, R of the pixels.
 _LEFT_WHITE, _LEFT_SMOOTH = 0.9705, 0.7285
 _CORRELATION_WHITE, _CORRELATION_SMOOTH = -0.032, 0.552
-#: A row (column) is known where it has this many pixels in each half of the frames.
+#: Least pixels of a row or column in each half of the frames, and least number of rows.
 _LEAST_PIXELS = 30
 _LEAST_ROWS = 60
 #: Bands of the image in which the alternation is averaged.
@@ -43,12 +42,19 @@ _CLIP_MM = 5.0
 
 @dataclass(frozen=True)
 class FixedPattern:
-    """Standard deviations in mm, NaN if too few pixels are on smooth surfaces.
+    """Fixed pattern of a set, NaN with too few pixels on smooth surfaces.
 
-    rows: with the alternation. alternation: (BANDS,) half the step between odd and even rows down
-    the image, signed, odd rows farther positive. rest: single pixels. rest_correlation: of what the
-    quadric leaves of the rest, between neighbours along x; 0 for white pixels, 0.55 for pixels that
-    are smooth over 3 x 3.
+    Attributes:
+        frames: number of frames.
+        rows_mm: standard deviation of the rows, with the alternation.
+        columns_mm: standard deviation of the columns.
+        rest_mm: standard deviation of single pixels.
+        alternation_mm: (BANDS,) half the step from even to odd rows in bands from the top; positive
+            if odd rows are farther.
+        alternation_rms_mm: rms of that half step.
+        rest_correlation: between neighbours along x in the residual of the rest; 0 for white
+            pixels, 0.55 for pixels smooth over 3 x 3.
+
     """
 
     frames: int
@@ -61,9 +67,9 @@ class FixedPattern:
 
 
 def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
-    """Measure the fixed pattern. It needs two frames or more of surfaces within 1.6 m.
+    """Measure the fixed pattern on two frames or more of surfaces within 1.6 m.
 
-    Farther surfaces are left out: their temporal noise hides the pattern.
+    Temporal noise hides the pattern on farther surfaces.
     """
     nan = float("nan")
     nothing = FixedPattern(len(frames), nan, nan, nan, (nan,) * BANDS, nan, nan)
@@ -120,7 +126,7 @@ def _line_means(sums: Array, counts: Array, axis: int) -> Array:
 
 
 def _centred(lines: Array) -> Array:
-    """Subtract a running quadratic of 11 lines' worth of slow change: the mean of 31 lines."""
+    """Subtract the running mean of 31 lines, which is slow change."""
     kernel = np.ones(31)
     known = np.isfinite(lines)
     out = np.empty_like(lines)

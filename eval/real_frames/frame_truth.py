@@ -2,8 +2,8 @@
 
 ``FrameTruth`` holds the pixels, the same for every method; its ``tally`` returns sums that
 ``glsim.eval.real_frames.results`` adds up. A pixel is lost if its depth is gone or has moved by
-half of the least step that makes a silhouette: it is in mid-air or behind. Lost pixels are counted,
-and keep the input's depth in the measures of surfaces, which a few of them would decide alone.
+half of the least step of a silhouette. Lost pixels are counted, and keep the input's depth in the
+measures of surfaces; otherwise a few would dominate the mean.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.boards import Board, plane_residual
-from glsim.compare.frames import DepthFrame
-from glsim.compare.silhouettes import STEP_MM, find_edges
-from glsim.compare.temporal import still_difference
 from glsim.denoise.protocol import Depth, Mask
+from glsim.measures.boards import Board, plane_residual
+from glsim.measures.frame import DepthFrame
+from glsim.measures.silhouettes import STEP_MM, find_edges
+from glsim.measures.temporal import still_difference
 
 Array = NDArray[np.float64]
 #: Sums by (measure, unit, bin): "pair", "paper", "board", "shift" (pixels, sums), "edges".
 Tally = dict[tuple[str, int, int], tuple[float, ...]]
 
-#: Bounds of the distances of tables, m: those of design/reality.md, section 1.
+#: Bounds of the distances of tables, m; chosen.
 BINS_M: Final = (0.5, 0.65, 0.9, 1.2, 1.5, 2.6, 4.4)
 #: Width of the bins of the shift, mm.
 SHIFT_BIN_MM: Final = 100
-#: Pixels that moved by more than this are lost.
+#: Largest movement of a pixel that is kept, mm.
 _LOST_MM: Final = STEP_MM / 2
-#: Pixels with depth and fewer neighbours with depth than this, of eight, are alone.
+#: Least neighbours with depth, of eight, of a pixel that is not alone.
 _COMPANY: Final = 3
 #: Names of the sums of edges, in order.
 EDGE_SUMS: Final = (
@@ -46,7 +46,7 @@ def distance_bin(depth_mm: NDArray[np.floating]) -> NDArray[np.int64]:
 
 
 class FrameTruth:
-    """Everything that is measured on one frame, as far as the frame has it."""
+    """The pixels of all measures of one frame."""
 
     def __init__(
         self,
@@ -56,9 +56,15 @@ class FrameTruth:
         board: Board | None = None,
         pairs_only: bool = False,
     ) -> None:
-        """partner: another frame of the same static scene. units: (H, W) unit of each pixel.
+        """Prepare the measures.
 
-        pairs_only: measure nothing but the static pair, for tuning.
+        Args:
+            frame: the raw frame.
+            partner: another frame of the same static scene.
+            units: (H, W) unit of each pixel.
+            board: of the frame.
+            pairs_only: measure the static pair alone, for tuning.
+
         """
         self.frame, self._partner, self._units = frame, partner, units
         self._pairs_only = pairs_only
@@ -81,10 +87,10 @@ class FrameTruth:
         return result | self._edges(denoised_mm > 0, lost)
 
     def _pair(self, moved: Array) -> Tally:
-        """Sum (denoised - partner)^2, less the partner's own variance, half of (raw - partner)^2.
+        """Sum (denoised - partner)^2, less the partner's own variance.
 
-        Noise of two frames is independent: the difference of the raw frames has twice the variance
-        of one, whatever its law and correlation.
+        The noise of two frames is independent, so that half of (raw - partner)^2 is the variance of
+        one, for any law and correlation.
         """
         if self._difference is None or self._units is None:
             return {}
@@ -110,8 +116,7 @@ class FrameTruth:
         return result
 
     def _shift(self, moved: Array) -> Tally:
-        # By the fitted surface: by noisy depth, bins would hold noise of one sign at their bounds.
-        surface_mm = self.frame.depth_mm - self.frame.surfaces.residual_mm
+        surface_mm = self.frame.surface_mm
         near, far = 1000 * BINS_M[0], 1000 * BINS_M[-1]
         used = self.frame.surfaces.smooth & (surface_mm >= near) & (surface_mm < far)
         key = (surface_mm[used] / SHIFT_BIN_MM).astype(np.int64)
@@ -133,9 +138,9 @@ class FrameTruth:
         return {("edges", 0, 0): sums}
 
     def own_losses(self) -> tuple[float, float, float, float]:
-        """Return pixels of both rings, and how many the partner has lost: the sensor's own errors.
+        """Return the first four of EDGE_SUMS for the partner: the sensor's own losses.
 
-        The order is that of EDGE_SUMS; zeros without a partner.
+        Zeros without a partner.
         """
         if self._partner is None or self._rims is None:
             return (0.0, 0.0, 0.0, 0.0)
@@ -146,17 +151,14 @@ class FrameTruth:
 
 
 def lost_pixels(raw_mm: Depth, other_mm: Depth) -> Mask:
-    """Return pixels of raw, NaN = no depth, that another map, 0 = no depth, has not."""
+    """Return the pixels of raw (NaN = no depth) that another map (0 = no depth) has lost."""
     gone = other_mm <= 0
     lost: Mask = np.isfinite(raw_mm) & (gone | (np.abs(other_mm - raw_mm) > _LOST_MM))
     return lost
 
 
 def rims_and_shadow(frame: DepthFrame) -> tuple[Mask, Mask, Mask]:
-    """Return the outermost and the second pixel of foregrounds, row by row, and the gaps' holes.
-
-    Silhouettes are those of ``glsim.compare.silhouettes``.
-    """
+    """Return masks of the first and second pixel of foregrounds along rows, and of gaps' holes."""
     shape = frame.depth_mm.shape
     first, second, gap = (np.zeros(shape, np.bool_) for _ in range(3))
     edges = find_edges(frame)
@@ -189,7 +191,7 @@ def _grouped(key: NDArray[np.int64], value: Array) -> dict[int, tuple[float, flo
 
 
 class ScoredFrame(NamedTuple):
-    """The sums of one frame. tallies: method -> sums. own: ``FrameTruth.own_losses``."""
+    """The sums of one frame by method, and ``FrameTruth.own_losses``."""
 
     number: int
     tallies: dict[str, Tally]

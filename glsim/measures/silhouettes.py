@@ -1,11 +1,9 @@
 """Silhouettes along rows: the gap between a foreground and the background, on either side.
 
-A row is split into runs: at least five pixels with depth, each near its neighbour. Where two
-successive runs differ by more than 100 mm at their ends, the nearer is the foreground, and the
-pixels between them (without depth, or with depth of neither) are the gap. "right" is a gap to the
-right of the foreground, "left" one to its left. The emitter's side of a gap decides its width: the
-shadow S = f (1/z_front - 1/z_back) B px of a baseline B in m lies on one side only.
-Definition of widths and bands as in design/reality.md, section 3.
+A run is five or more pixels of a row with depth, each near its neighbour. Where the ends of two
+successive runs differ by more than 100 mm, the nearer run is the foreground and the pixels between
+them are the gap; "right" and "left" say on which side of the foreground it lies. The shadow of the
+emitter, S = f (1/z_front - 1/z_back) B px wide for a baseline of B m, widens the gaps of one side.
 """
 
 from __future__ import annotations
@@ -16,39 +14,48 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.frames import DepthFrame
+from glsim.measures.frame import DepthFrame
 
 Array = NDArray[np.float64]
 
-#: A silhouette: the two runs differ by more than this, mm.
+#: Least step in depth between the two runs of a silhouette, mm.
 STEP_MM = 100.0
-#: Pixels of one run differ by at most this much from their neighbour, mm and mm per m.
+#: Largest difference of neighbours in a run, mm and mm per m of distance.
 _SAME_MM, _SAME_MM_PER_M = 15.0, 15.0
-#: A run has at least this many pixels; flying pixels make shorter ones.
+#: Least pixels of a run; flying pixels make shorter ones.
 _LEAST_RUN = 5
-#: Foreground and background must be this wide: a chair's thin legs are no heads.
+#: Least width of foreground and background, px; chosen to leave out thin chair legs.
 _LEAST_FRONT, _LEAST_BACK = 10, 12
-#: A gap of more pixels is a hole or an object without depth, not a silhouette.
+#: Widest gap, px; a wider one is a hole or an object without depth.
 _MOST_GAP = 40
-#: The edge may move by this much from one row to the next, px: within 63 degrees of upright.
+#: Largest shift of an edge from one row to the next, px: within 63 degrees of upright.
 _MOST_SLANT = 2.0
-#: Pixels outside the foreground whose invalid share is measured.
+#: Width of the band outside the foreground, px.
 BAND_PX = 8
-#: Depth behind the background: farther than it by this much, mm.
+#: Depth counts as behind the background if it is farther by this much, mm.
 _BEHIND_MM = 50.0
-#: Widths and shares are of edges with S in this range, px per m: 200 is a head at 0.9 m before a
-#: wall at 1.8 m. Below it a shadow is no wider than the gap on the lit side.
+#: Range of S of the edges that are measured, px per m of baseline. Chosen: 200 is a head at 0.9 m
+#: before a wall at 1.8 m; below the range a shadow is no wider than the gap on the lit side.
 HEAD_SHIFTS = (100.0, 500.0)
 _LEAST_EDGES = 50
 
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The silhouettes of one frame, one entry per row and side, (N,) arrays.
+    """The silhouettes of one frame; (N,) arrays with an entry per row and side.
 
-    side: 0 left, 1 right of the foreground. column, row: of the last foreground pixel. width,
-    invalid: pixels of the gap, and those of them without depth. band_invalid, band_behind: shares
-    of the BAND_PX pixels outside. front_mm, back_mm: depths at the ends. shift: S for 1 m, px.
+    Attributes:
+        side: 0 for a gap to the left of the foreground, 1 to the right.
+        row: row of the last foreground pixel.
+        column: column of the last foreground pixel.
+        width: pixels of the gap.
+        invalid: pixels of the gap without depth.
+        band_invalid: share of the BAND_PX pixels outside without depth.
+        band_behind: share of them behind the background.
+        front_mm: depth at the end of the foreground.
+        back_mm: depth at the end of the background.
+        shift_px_per_m: S for a baseline of 1 m.
+
     """
 
     side: NDArray[np.int64]
@@ -65,11 +72,18 @@ class Edges:
 
 @dataclass(frozen=True)
 class Side:
-    """The gaps on one side: medians and means in px, shares of the band of 8 px outside.
+    """The gaps on one side, of edges with S within HEAD_SHIFTS.
 
-    edges: with S within HEAD_SHIFTS; all fields but the last two are of these. offset_px, slope_mm:
-    width = offset + slope S / 1000 over all edges, S in px per m of baseline: slope is the
-    baseline that acts on this side, mm.
+    Attributes:
+        edges: their number.
+        width_px: median width.
+        width_mean_px: mean width.
+        invalid_px: median number of pixels without depth.
+        band_invalid: share of the BAND_PX pixels outside without depth.
+        band_behind: share of them behind the background.
+        offset_px: constant of width = offset + slope S, fitted to edges of any S.
+        slope_mm: slope of that line, the baseline that acts on this side.
+
     """
 
     edges: int
@@ -84,7 +98,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Silhouettes:
-    """shadow_side: the side with the wider gaps, "left" or "right"."""
+    """Both sides; ``shadow_side`` is the one with the wider gaps, "left" or "right"."""
 
     left: Side
     right: Side
@@ -92,7 +106,7 @@ class Silhouettes:
 
 
 def measure_silhouettes(frames: Sequence[DepthFrame]) -> Silhouettes:
-    """Measure the gaps of all frames on both sides; NaN on a side with fewer than 50 edges."""
+    """Measure the gaps on both sides; NaN on a side with fewer than 50 edges."""
     found = [find_edges(frame) for frame in frames]
     left, right = (_side(found, number) for number in (0, 1))
     wider = "left" if np.nan_to_num(left.width_mean_px) > np.nan_to_num(right.width_mean_px) else ""
@@ -196,7 +210,7 @@ def _side(found: Sequence[Edges], number: int) -> Side:
 
 
 def _median_of_counts(counts: Array) -> float:
-    """Return the median of whole numbers as if each were spread evenly over +-0.5."""
+    """Return the median of integers, each spread evenly over +-0.5."""
     middle = float(np.median(counts))
     below, same = float((counts < middle).mean()), float((counts == middle).mean())
     return middle - 0.5 + (0.5 - below) / same if same > 0 else middle
@@ -205,7 +219,7 @@ def _median_of_counts(counts: Array) -> float:
 def _line(x: Array, y: Array) -> tuple[float, float]:
     """Fit y = offset + slope x by least absolute deviations; NaN if x hardly varies.
 
-    Least squares, reweighted by the deviations: half of the edges may be of anything else.
+    Up to half of the points may be outliers.
     """
     if x.size < _LEAST_EDGES or float(np.subtract(*np.percentile(x, (90, 10)))) < 30.0:
         return float("nan"), float("nan")

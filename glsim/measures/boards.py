@@ -2,53 +2,46 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.frames import SATURATED, DepthFrame
-from glsim.errors import DatasetError
+from glsim.measures.frame import SATURATED, DepthFrame
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Inner corners along the short and the long side: the board that iai_kinect2 calibrates with.
+#: Inner corners along the short and the long side, of the board of iai_kinect2.
 PATTERN = (5, 7)
-#: The squares around the inner corners belong to the board: half a square of them is used, whose
-#: outer half may be hidden. The corners of 5 x 7 are spread over 4 x 6 squares.
+#: Width of the part outside the corners that counts as board, squares; chosen, since the outer half
+#: of the outermost squares may be hidden.
 _MARGIN_SQUARES = 0.5
-#: Depth beside a printed edge mixes paper and print: so many pixels are left out.
+#: Pixels beside a printed edge mix paper and print; so many are left out.
 _EDGE_PX = 1
-#: Pixels farther from the plane than so many robust standard deviations are no board.
+#: Outliers of the plane: beyond so many robust standard deviations, found in so many rounds.
 _CLIP, _LEAST_SIGMA_MM, _ROUNDS = 5.0, 0.5, 10
-#: A plane needs this many pixels.
+#: Least number of pixels of a plane.
 LEAST_PIXELS = 200
 
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """The board in one frame. on_plane: (H, W) pixels with depth of board; paper: the white ones.
+    """The board in one frame.
 
-    Print is dark, and a time-of-flight camera sees dark surfaces some millimetres farther: only the
-    paper is a plane for it.
+    A time-of-flight camera measures dark print some mm too far, so that only the paper is plane.
+
+    Attributes:
+        on_plane: (H, W) pixels of the board with depth.
+        paper: (H, W) the white ones of them.
+        distance_mm: median depth of the paper.
+
     """
 
     on_plane: Mask
     paper: Mask
     distance_mm: float
-
-
-def read_corners(file: Path) -> Array:
-    """Read the corners of a board from ``NNNN_ir_points.yaml``, (N, 2) px, row by row."""
-    text = file.read_text().partition("[")[2]
-    numbers = re.findall(r"[-+]?\d+\.\d*(?:e[-+]?\d+)?", text)
-    if len(numbers) % 2 or len(numbers) < 8:
-        raise DatasetError(f"{file}: holds no corners of a board (x, y of at least four)")
-    return np.array(numbers, float).reshape(-1, 2)
 
 
 def find_corners(infrared: NDArray[np.float32], pattern: tuple[int, int] = PATTERN) -> Array | None:
@@ -62,14 +55,6 @@ def find_corners(infrared: NDArray[np.float32], pattern: tuple[int, int] = PATTE
     flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
     found, corners = cv2.findChessboardCornersSB(image, pattern, flags=flags)
     return np.asarray(corners, np.float64).reshape(-1, 2) if found else None
-
-
-def board_corners(frame: DepthFrame, folder: Path, pattern: tuple[int, int]) -> Array | None:
-    """Return the corners that the recording states beside a frame, else those in its infrared."""
-    file = folder / f"{frame.name.removesuffix('_depth')}_ir_points.yaml"
-    if file.is_file():
-        return read_corners(file)
-    return None if frame.infrared is None else find_corners(frame.infrared, pattern)
 
 
 def find_board(
@@ -94,10 +79,16 @@ def find_board(
 
 
 def plane_residual(depth_mm: NDArray[np.floating], rays: NDArray[np.floating], part: Mask) -> Array:
-    """Fit a plane to the pixels ``part``, all with depth; return (H, W) depth minus plane, mm.
+    """Fit a plane robustly: 1 / z is linear in the rays, and weights z^2 make residuals mm.
 
-    1 / z of a plane is linear in the rays x/z and y/z; weights z^2 make the residuals millimetres.
-    Pixels beyond five robust standard deviations are left out of the fit, again and again.
+    Args:
+        depth_mm: (H, W) depth, finite in ``part``.
+        rays: (H, W, 2) x/z and y/z of the pixels.
+        part: (H, W) pixels of the plane; outliers among them are left out of the fit.
+
+    Returns:
+        (H, W) depth minus plane, mm.
+
     """
     z = depth_mm.astype(np.float64)
     design = np.concatenate([np.ones((*z.shape, 1)), rays.astype(np.float64)], axis=-1)

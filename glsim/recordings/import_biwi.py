@@ -1,4 +1,4 @@
-"""Import the Biwi set: real depth maps with clean maps rendered from the posed template."""
+"""Import the Biwi set: real depth maps, and clean maps rendered from posed templates."""
 
 from __future__ import annotations
 
@@ -42,11 +42,26 @@ def import_biwi(
     backend: str | None = None,
     progress: Callable[[GenerateProgress], None] | None = None,
 ) -> GenerateSummary:
-    """Write the recordings below ``root`` as a data set of glsim.
+    """Write the recordings of Biwi as a data set of glsim.
 
-    The noisy map is the whole depth.bin of the Kinect in millimetres; the clean map holds the head
-    only. Each record has the depth camera's intrinsics; its notes have the colour camera's and the
-    head pose. Raises ConfigError for a root without recordings, and errors of ``write_dataset``.
+    The noisy map is the Kinect's whole depth.bin, mm; the clean map holds the head alone. Notes of
+    a record have the colour camera and the head pose.
+
+    Args:
+        root: folder with NN.obj and NN/frame_*_depth.bin.
+        out: folder of the data set.
+        every: use every n-th frame.
+        subjects: number of people; default: all.
+        frames_per_subject: default: all.
+        split: shares of train, val and test.
+        workers: number of processes.
+        backend: of OpenGL.
+        progress: called with the state after each frame.
+
+    Raises:
+        ConfigError: the root holds no recordings.
+        DatasetError: an error of ``write_dataset``.
+
     """
     options = {"kind": "biwi", "root": root, "every": every}
     options |= {"subjects": subjects, "frames_per_subject": frames_per_subject}
@@ -62,7 +77,7 @@ def import_biwi(
         settings,
         tasks,
         out,
-        partial(real_frames, source=source, backend=backend),
+        partial(biwi_frames, source=source, backend=backend),
         sensor=sensor,
         renderer=renderer,
         workers=workers,
@@ -70,7 +85,7 @@ def import_biwi(
     )
 
 
-def real_frames(
+def biwi_frames(
     settings: Settings, tasks: Iterable[Task], *, source: Biwi, backend: str | None = None
 ) -> Iterator[Frame | Skipped]:
     """Yield one result per task, in order; see ``import_biwi``."""
@@ -147,7 +162,7 @@ def _clean_map(
 
 
 def _calibrations(source: Biwi, key: FaceKey) -> tuple[Intrinsics, dict[str, object]]:
-    """Return the depth camera, and notes with the colour camera or why it cannot be read."""
+    """Return the depth camera, and notes on the colour camera."""
     folder = source.root / key.sequence
     image = read_calibration(folder / "depth.cal")
     try:

@@ -1,4 +1,4 @@
-"""Import recordings of a real depth camera: noisy depth and infrared, no clean map."""
+"""Import recordings of a depth camera: noisy depth and infrared, no clean map."""
 
 from __future__ import annotations
 
@@ -15,29 +15,28 @@ from glsim.dataset.driver import write_dataset
 from glsim.dataset.identity import InputHashes
 from glsim.dataset.inputs import source_hashes
 from glsim.dataset.progress import GenerateProgress, GenerateSummary
-from glsim.dataset.recordings import CALIBRATION, FrameFiles, find_frames
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.files.contents import content_hash
 from glsim.frame import Frame, Skipped
-from glsim.geometry.camera import Intrinsics
 from glsim.geometry.rect import Rect
 from glsim.plan.tasks import Task, make_tasks
 from glsim.reason import Reason
-from glsim.sensors.sensor import load_sensor
+from glsim.recordings.files import FrameFile
+from glsim.recordings.recording import CALIBRATION, Recording, open_recording
 from glsim.settings.schema import DEFAULT_SENSOR, Settings, load_settings
 from glsim.worker_processes import Workers
 
 TITLE = "a real depth camera; there are no clean maps"
-#: Step of the depth files of recordings that are floats, mm: a quarter of a Kinect's noise floor;
-#: 16 bits then reach 16 m.
+#: Step of the depth files of recordings of floats, mm. Chosen: a quarter of a Kinect's noise floor,
+#: and 16 bits reach 16 m.
 FLOAT_UNIT_MM = 0.25
-#: Real frames are for testing unless the user says otherwise.
+#: Shares of train, val and test: real frames are for testing.
 DEFAULT_SPLIT = "0,0,1"
 
 
-class Recordings:
-    """The recordings below a folder, as the source of a plan: one subject per folder.
+class RecordingSource:
+    """The recordings in a folder and its sub-folders, as the source of a plan: a subject each.
 
     Raises ConfigError for a folder that does not exist, DatasetError if it holds no frames.
     """
@@ -47,34 +46,44 @@ class Recordings:
     def __init__(self, root: Path, unit_mm: float = 1.0, mirror: bool = False, every: int = 1):
         self.root = root
         try:
-            self.folders = {_word(root.resolve().name): find_frames(root, unit_mm, mirror)}
+            self.recordings = {_word(root.resolve().name): open_recording(root, unit_mm, mirror)}
         except DatasetError:
             parts = sorted(path for path in root.iterdir() if path.is_dir())
-            found = [(p, files) for p in parts if (files := _try(p, unit_mm, mirror)) is not None]
+            found = [(p, r) for p in parts if (r := _try(p, unit_mm, mirror)) is not None]
             if not found:
                 raise
-            self.folders = {_word(path.name): files for path, files in found}
-            if len(self.folders) < len(found):
+            self.recordings = {_word(path.name): recording for path, recording in found}
+            if len(self.recordings) < len(found):
                 raise DatasetError(
                     f"{root}: two folders have the same name without spaces: rename one"
                 ) from None
+        if any(recording.kind == "data set" for recording in self.recordings.values()):
+            raise DatasetError(f"{root}: is a data set of glsim already")
         self._every, self._mirror = every, mirror
 
     def subjects(self, count: int | None) -> list[str]:
         """Return the names of the recordings."""
-        names = list(self.folders)
+        names = list(self.recordings)
         if count is not None and count > len(names):
             raise ConfigError(f"{self.root}: has {len(names)} recordings, not {count}")
         return names[:count]
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the keys of a recording's frames, numbered from 0 in the order of the names."""
-        files = self.folders[subject].frames
-        numbers = range(0, len(files), self._every)
+        files = self.files(subject)
         return [
-            FaceKey(subject, "main", number, path=self._path(subject, number))
-            for number in numbers[:count]
+            FaceKey(
+                subject,
+                "main",
+                number,
+                path=files[number].depth_file.relative_to(self.root).as_posix(),
+            )
+            for number in range(0, len(files), self._every)[:count]
         ]
+
+    def files(self, subject: str) -> list[FrameFile]:
+        """Return the frames of a recording."""
+        return [f for f in self.recordings[subject].files if isinstance(f, FrameFile)]
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Raise: recordings hold images, not faces."""
@@ -83,27 +92,22 @@ class Recordings:
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
         """Hash the files of recordings, and what else decides their frames: name -> hash."""
         hashes = {"mirror": str(self._mirror)}
-        for files in (self.folders[subject] for subject in subjects):
-            paths = [files.root / CALIBRATION]
-            for frame in files.frames[:: self._every]:
+        for subject in subjects:
+            paths = [self.recordings[subject].path / CALIBRATION]
+            for frame in self.files(subject)[:: self._every]:
                 paths += [p for p in (frame.depth_file, frame.infrared_file) if p is not None]
             hashes |= {os.path.relpath(path, self.root): content_hash(path) for path in paths}
         return hashes
 
-    def _path(self, subject: str, number: int) -> str:
-        recorded = self.folders[subject].frames[number]
-        return recorded.depth_file.relative_to(self.root).as_posix()
-
     @property
     def has_infrared(self) -> bool:
         """Whether every frame has an infrared image."""
-        return all(f.infrared_file for files in self.folders.values() for f in files.frames)
+        return all(f.infrared_file for subject in self.recordings for f in self.files(subject))
 
     @property
     def step_mm(self) -> float:
-        """The step of depth files that loses nothing, or hardly anything of floats, mm."""
-        steps = {f.frames[0].quantum_mm or FLOAT_UNIT_MM for f in self.folders.values()}
-        return min(steps)
+        """The step of depth files, mm, that keeps integers exactly and floats nearly so."""
+        return min(self.files(s)[0].quantum_mm or FLOAT_UNIT_MM for s in self.recordings)
 
 
 def import_recordings(
@@ -119,12 +123,25 @@ def import_recordings(
 ) -> GenerateSummary:
     """Write the recordings in ``root``, or in its sub-folders, as a data set of glsim.
 
-    Its layers are noisy and, if every frame has it, infrared; there is no clean layer. Frames that
-    cannot be read are skipped with the reason. The camera is that of ``calib_ir.yaml``, else a
-    Kinect V2's. depth_unit_mm: step of integer files, kept in the data set. Raises ConfigError for
-    a folder that does not exist, DatasetError without frames, and errors of ``write_dataset``.
+    Its layers are noisy and, if every frame has it, infrared. Unreadable frames are skipped with
+    the reason. The camera is the stated one, else a Kinect V2's.
+
+    Args:
+        root: a folder that ``open_recording`` reads, or a folder of such folders.
+        out: folder of the data set.
+        depth_unit_mm: step of integer files, mm, kept in the data set.
+        mirror: flip left and right, as dumps of libfreenect2 need.
+        every: use every n-th frame.
+        split: shares of train, val and test; default: all test.
+        workers: number of processes.
+        progress: called with the state after each frame.
+
+    Raises:
+        ConfigError: no such folder.
+        DatasetError: no frames, or an error of ``write_dataset``.
+
     """
-    source = Recordings(root, depth_unit_mm, mirror, every)
+    source = RecordingSource(root, depth_unit_mm, mirror, every)
     layers = ("noisy", "infrared") if source.has_infrared else ("noisy",)
     tree: dict[str, Any] = {
         "source": {"kind": "kinect2", "root": root, "every": every},
@@ -132,7 +149,8 @@ def import_recordings(
         "split": split or DEFAULT_SPLIT,
     }
     settings = load_settings(overrides=tree)
-    camera = _camera(next(iter(source.folders.values())), None)
+    subject, first = next(iter(source.recordings.items()))
+    camera = first.camera_of(source.files(subject)[0].depth_mm().shape)
     sensor: dict[str, Any] = {"name": "recording", "title": TITLE, "stages": []}
     sensor |= {"width": camera.width, "height": camera.height}
     tasks = make_tasks(settings, [source])
@@ -150,7 +168,7 @@ def import_recordings(
 
 
 def recorded_frames(
-    settings: Settings, tasks: Iterable[Task], *, source: Recordings
+    settings: Settings, tasks: Iterable[Task], *, source: RecordingSource
 ) -> Iterator[Frame | Skipped]:
     """Yield one result per task, in order; see ``import_recordings``."""
     for task in tasks:
@@ -162,9 +180,9 @@ def recorded_frames(
             yield Skipped(task.key, source.name, str(error))
 
 
-def _frame(settings: Settings, task: Task, source: Recordings) -> Frame:
-    files = source.folders[task.key.subject]
-    recorded = files.frames[task.key.frame]
+def _frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
+    recording = source.recordings[task.key.subject]
+    recorded = source.files(task.key.subject)[task.key.frame]
     noisy_m = recorded.depth_mm() / np.float32(1000)
     infrared = recorded.infrared()
     if infrared is not None and infrared.shape != noisy_m.shape:
@@ -174,13 +192,13 @@ def _frame(settings: Settings, task: Task, source: Recordings) -> Frame:
         )
     if not noisy_m.any():
         raise DatasetError(f"{recorded.depth_file}: no pixel has depth (all are 0)")
-    camera = _camera(files, noisy_m.shape)
+    camera = recording.camera_of(noisy_m.shape)
     nothing = np.zeros_like(noisy_m)
-    notes: dict[str, object] = {"real": f"{files.kind}, frame {recorded.name}", "clean": "none"}
-    own = files.intrinsics is not None and camera == files.intrinsics
-    notes["camera"] = "calib_ir.yaml" if own else f"assumed: {DEFAULT_SENSOR}"
-    if own and files.distortion:
-        notes["distortion_not_removed"] = [float(k) for k in files.distortion]
+    notes: dict[str, object] = {"real": f"{recording.kind}, frame {recorded.name}", "clean": "none"}
+    own = recording.camera is not None and camera == recording.camera
+    notes["camera"] = CALIBRATION if own else f"assumed: {DEFAULT_SENSOR}"
+    if own and recording.distortion:
+        notes["distortion_not_removed"] = [float(k) for k in recording.distortion]
     return Frame(
         task.key,
         source.name,
@@ -196,23 +214,13 @@ def _frame(settings: Settings, task: Task, source: Recordings) -> Frame:
     )
 
 
-def _camera(files: FrameFiles, shape: tuple[int, ...] | None) -> Intrinsics:
-    """Return the calibrated camera if it fits the image, else a Kinect V2's."""
-    if shape is None:
-        shape = files.frames[0].depth_mm().shape
-    own = files.intrinsics
-    if own is not None and (own.height, own.width) == shape:
-        return own
-    return load_sensor(DEFAULT_SENSOR).rig.for_map((shape[0], shape[1])).intrinsics
-
-
-def _try(path: Path, unit_mm: float, mirror: bool) -> FrameFiles | None:
+def _try(path: Path, unit_mm: float, mirror: bool) -> Recording | None:
     try:
-        return find_frames(path, unit_mm, mirror)
+        return open_recording(path, unit_mm, mirror)
     except DatasetError:
         return None
 
 
 def _word(name: str) -> str:
-    """Make a folder's name a path-safe word."""
+    """Return a folder's name without characters that paths do not take."""
     return re.sub(r"[^\w.-]+", "_", name).strip("._") or "recording"

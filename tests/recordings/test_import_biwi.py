@@ -9,8 +9,10 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import open_dataset
+from glsim.errors import DatasetError
 from glsim.faces.scans.biwi import Biwi
 from glsim.faces.scans.biwi_files import read_depth_bin, read_pose
+from glsim.recordings.recording import open_recording
 from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import put, write_recording
 
@@ -73,3 +75,17 @@ def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
     (pair,) = open_dataset(tmp_path / "out")
     both = (pair.clean_mm > 0) & (pair.noisy_mm > 0)
     assert both.any()
+
+
+def test_the_frames_of_a_person_are_a_recording(tmp_path: Path) -> None:
+    write_recording(tmp_path / "hpdb", 1, frames=2)
+    folder = tmp_path / "hpdb" / "01"
+    recording = open_recording(folder)
+    assert (recording.kind, recording.camera.fx) == ("biwi", 575.816)  # type: ignore[union-attr]
+    frames = recording.read().frames
+    files = sorted(folder.glob("*_depth.bin"))
+    for frame, file in zip(frames, files, strict=True):
+        np.testing.assert_array_equal(np.nan_to_num(frame.depth_mm), read_depth_bin(file))
+    files[0].write_bytes(files[0].read_bytes()[:50])
+    with pytest.raises(DatasetError, match="cut short"):
+        recording.read()

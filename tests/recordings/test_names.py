@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from glsim.errors import ConfigError
-from glsim.files.depth_folders import depth_pngs
+from glsim.recordings.names import depth_pngs
 
 
 def touch(folder: Path, *names: str) -> Path:

@@ -1,16 +1,18 @@
-"""Measure noise and edges in depth frames. Pure NumPy; depths in mm as float64, NaN = no depth.
+"""Measure stacks of frames of one static scene: (T, H, W) float64 mm, NaN = no depth.
 
-frames: (T, H, W), of one static scene. residual: frames minus true depth.
+A residual is frames minus true depth.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.geometry.depth_map import central_normals
+from glsim.measures.correlation import correlation_of, lagged_sums
 
 Array = NDArray[np.float64]
 
@@ -59,11 +61,25 @@ def temporal_part(frames: Array, least: int = 2) -> Array:
     return np.asarray((frames - mean) * scale)
 
 
+def moments(frames: Sequence[NDArray[np.floating]] | Array) -> tuple[Array, Array, Array]:
+    """Return (H, W) numbers of valid frames, their mean and their unbiased variance over time.
+
+    Mean and variance are 0 without valid frames.
+    """
+    count = np.zeros(frames[0].shape)
+    total, squares = np.zeros(count.shape), np.zeros(count.shape)
+    for frame in frames:
+        count += np.isfinite(frame)
+        total += np.nan_to_num(frame)
+    mean = total / np.maximum(count, 1)
+    for frame in frames:
+        squares += np.where(np.isfinite(frame), (frame - mean) ** 2, 0.0)
+    return count, mean, squares / np.maximum(count - 1, 1)
+
+
 def variance_temporal_map(frames: Array) -> Array:
     """Compute the (H, W) unbiased variance of each pixel over time; NaN below two valid frames."""
-    part = temporal_part(frames)
-    count = np.isfinite(part).sum(axis=0)
-    variance = np.nansum(part**2, axis=0) / np.maximum(count, 1)
+    count, _, variance = moments(frames)
     return np.where(count > 1, variance, np.nan)
 
 
@@ -106,28 +122,11 @@ def fixed_pattern(frames: Array) -> tuple[Array, float]:
 
 
 def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
-    """Compute the (len(lags),) spatial autocorrelation at lags of (rows, columns) >= 0.
+    """Compute the (L,) correlation between pixels of images (..., H, W) of mean 0.
 
-    part: (T, H, W) or (H, W) of mean 0. A lag (a, b) is averaged with (b, a) and with the
-    mirrored diagonal.
+    Each lag (rows, columns) >= 0 is averaged with its mirror images and with swapped axes.
     """
-    images = part.reshape(-1, *part.shape[-2:])
-    variance = mean_of(images**2)
-    correlations = []
-    for lag in lags:
-        directions = {lag, lag[::-1]}
-        if lag[0] and lag[1]:
-            directions |= {(lag[0], -lag[1]), (lag[1], -lag[0])}
-        values = [_lagged(images, *d) for d in directions]
-        correlations.append(ratio(float(np.mean(values)), variance))
-    return np.array(correlations)
-
-
-def _lagged(images: Array, down: int, right: int) -> float:
-    height, width = images.shape[-2:]
-    first = images[:, : height - down, max(0, -right) : width - max(0, right)]
-    second = images[:, down:, max(0, right) : width + min(0, right)]
-    return mean_of(first * second)
+    return np.array(correlation_of([lagged_sums(part, lags, both_axes=True)]))
 
 
 def temporal_autocorrelation(frames: Array) -> float:
@@ -236,25 +235,16 @@ def angular_error_deg(first: Array, second: Array) -> float:
 
 def eroded(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
     """Erode a mask by ``steps`` pixels (8 neighbours); outside the image counts as not set."""
-    for _ in range(steps):
-        padded = np.pad(mask, 1)
-        neighbours = [
-            padded[r : r + mask.shape[0], c : c + mask.shape[1]] for r in range(3) for c in range(3)
-        ]
-        mask = np.logical_and.reduce(neighbours)
-    return mask
+    kernel = np.ones((2 * steps + 1,) * 2, np.uint8)
+    return np.asarray(cv2.erode(mask.astype(np.uint8), kernel, borderValue=0) > 0)
 
 
 def steps_mm(depth_mm: Array) -> Array:
     """Compute the (H, W) largest difference of a pixel to its 8 neighbours, NaN ones ignored."""
-    padded = np.pad(depth_mm, 1, constant_values=np.nan)
-    height, width = depth_mm.shape
-    largest = np.zeros_like(depth_mm)
-    for r in range(3):
-        for c in range(3):
-            difference = np.abs(padded[r : r + height, c : c + width] - depth_mm)
-            largest = np.fmax(largest, np.nan_to_num(difference))
-    return largest
+    kernel = np.ones((3, 3), np.uint8)
+    high = cv2.dilate(np.nan_to_num(depth_mm, nan=-np.inf), kernel, borderValue=-np.inf)
+    low = cv2.erode(np.nan_to_num(depth_mm, nan=np.inf), kernel, borderValue=np.inf)
+    return np.asarray(np.nan_to_num(np.maximum(high - depth_mm, depth_mm - low)))
 
 
 def longest_run(mask: NDArray[np.bool_]) -> int:

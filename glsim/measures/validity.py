@@ -1,4 +1,4 @@
-"""Invalid rate: the share of pixels without depth, over the radius from the principal point."""
+"""Share of pixels without depth, over the radius from the principal point."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from glsim.compare.frames import DepthFrame
+from glsim.measures.frame import DepthFrame
 
 #: Bounds of the rings, px of a Kinect V2 (its corners are at 330).
 RINGS_PX = (0.0, 50.0, 100.0, 150.0, 200.0, 225.0, 250.0, 275.0, 300.0, 340.0)

@@ -1,17 +1,19 @@
-"""Planted noise, patterns, light and shadows come back from the measures of glsim.compare."""
+"""Planted noise, patterns, light and shadows come back from the measures of glsim.measures."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from glsim.compare.frames import DepthFrame, frame_set
-from glsim.compare.light import measure_light
-from glsim.compare.pattern import measure_pattern
-from glsim.compare.silhouettes import measure_silhouettes
-from glsim.compare.spatial import measure_spatial
-from glsim.compare.temporal import LAGS, measure_temporal, static_pairs
-from glsim.compare.validity import measure_invalid
+from glsim.measures.correlation import LAGS
+from glsim.measures.frame import DepthFrame, frame_set
+from glsim.measures.light import measure_light
+from glsim.measures.pattern import measure_pattern
+from glsim.measures.silhouettes import measure_silhouettes
+from glsim.measures.spatial import measure_spatial
+from glsim.measures.static import static_pairs, view_change
+from glsim.measures.temporal import measure_temporal
+from glsim.measures.validity import measure_invalid
 from tests.support.planted_frames import CAMERA, SHAPE, noisy, plane, shadowed
 
 
@@ -44,6 +46,15 @@ def test_only_static_frames_are_paired() -> None:
     still, moved = plane(900.0), plane(905.0, 0.02)
     frames = _frames(noisy(still, 1.2, 1), noisy(moved, 1.2, 2), noisy(still, 1.2, 3))
     assert static_pairs(frames) == [(0, 2)]
+
+
+def test_large_noise_is_static_and_a_small_shift_is_not() -> None:
+    """Noise of 8 mm changes half of the pixels by 7 mm, a step of the camera by 4 mm."""
+    far = _frames(noisy(plane(4000.0), 8.0, 1), noisy(plane(4000.0), 8.0, 2))
+    assert static_pairs(far) == [(0, 1)]
+    near = _frames(noisy(plane(900.0), 1.2, 1), noisy(plane(904.0), 1.2, 2))
+    assert static_pairs(near) == []
+    assert "more than 4 mm" in view_change(*near)
 
 
 def test_noise_that_grows_over_the_radius_grows_in_the_table() -> None:

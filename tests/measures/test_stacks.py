@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glsim.validate import measure, published_curves
+from glsim.measures import stacks as measure
+from glsim.validate import published_curves
 from tests.support.stage_harness import Z_MAX, z_mean, z_sd
 
 RNG = np.random.default_rng(5)

@@ -1,4 +1,4 @@
-"""Noise statistics of a data set: depth error, lost and added pixels, reasons."""
+"""Depth errors of a data set: noisy against clean, lost and added pixels, reasons."""
 
 from __future__ import annotations
 
@@ -18,13 +18,20 @@ PAPER_BASELINE_MSE = 1410.8397
 
 
 @dataclass
-class NoiseStatistics:
-    """Sums over frames; the properties are the reported values.
+class DepthErrors:
+    """Sums over pairs of frames, from which the properties are computed.
 
-    Counts of pixels: pixels, all; both, with clean and noisy depth; lost, with clean depth only;
-    grown, with noisy depth only. sum_all_squared_mm2: sum over all pixels, where a hole counts as
-    depth 0; sum_mm, sum_squared_mm2: sums over the pixels of ``both``.
-    reasons: pixels by reason code.
+    Attributes:
+        frames: number of frames.
+        pixels: number of pixels.
+        both: pixels with clean and noisy depth.
+        lost: pixels with clean depth only.
+        grown: pixels with noisy depth only.
+        sum_mm: sum of noisy - clean over ``both``.
+        sum_squared_mm2: sum of its squares.
+        sum_all_squared_mm2: sum of squares over all pixels, holes as depth 0.
+        reasons: pixels by reason code.
+
     """
 
     frames: int = 0
@@ -71,16 +78,16 @@ class NoiseStatistics:
         return self.sum_all_squared_mm2 / self.pixels if self.pixels else float("nan")
 
 
-def measure_noise(pairs: Iterable[Pair]) -> NoiseStatistics:
-    """Return the noise statistics of some frames of a data set."""
-    noise = NoiseStatistics()
+def measure_errors(pairs: Iterable[Pair]) -> DepthErrors:
+    """Measure pairs with clean maps."""
+    errors = DepthErrors()
     for pair in pairs:
-        noise.add(pair)
-    return noise
+        errors.add(pair)
+    return errors
 
 
 def recording_table(pairs: Iterable[Pair], sensor: str) -> str:
-    """Return what is known of frames without clean maps, as a Markdown table with units."""
+    """Return a Markdown table of frames without clean maps."""
     frames = pixels = known = 0
     nearest, farthest = [], []
     for pair in pairs:
@@ -100,12 +107,11 @@ def recording_table(pairs: Iterable[Pair], sensor: str) -> str:
         text = f"{min(nearest):.0f} to {max(farthest):.0f} mm"
         rows.append(("depth, percentiles 1 to 99 of the frames", text))
     rows.append(("noisy - clean", "not known: the data set has no clean maps"))
-    lines = [f"| {name} | {value} |" for name, value in rows]
-    return "\n".join(["| quantity | value |", "|---|---|", *lines]) + "\n"
+    return "\n".join(markdown_table(("quantity", "value"), rows)) + "\n"
 
 
-def noise_table(noise: NoiseStatistics, sensor: str) -> str:
-    """Return the statistics as a Markdown table with units."""
+def noise_table(noise: DepthErrors, sensor: str) -> str:
+    """Return a Markdown table of the errors."""
     surface = noise.both + noise.lost
     rows = [
         ("sensor", sensor),

@@ -1,10 +1,9 @@
 """Infrared: noise over infrared, and the light that surfaces return over distance and radius.
 
-Noise law of a phase measurement: sigma^2 = a^2 + (b / IR)^2; a in mm is what does not depend on
-light, b in mm counts (Mutto et al. 2012; values of a device in design/reality.md, section 3).
-IR r^2 / cos, in counts m^2, is what a surface would give at 1 m seen along its normal: the same at
-every distance for a Lambertian surface and an emitter beside the lens. The brightest surfaces of a
-scene (its 90th percentile) stand for white ones.
+Noise law of a phase measurement: sigma^2 = a^2 + (b / IR)^2, with a in mm and b in mm counts
+(Mutto et al. 2012). IR r^2 / cos, in counts m^2, is the infrared of a surface at 1 m that faces the
+camera: constant over distance for a Lambertian surface and an emitter beside the lens. The 90th
+percentile of a scene stands for its white surfaces.
 """
 
 from __future__ import annotations
@@ -16,20 +15,21 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.frames import DepthFrame
-from glsim.compare.temporal import DISTANCES_M, pair_noise
+from glsim.measures.cells import DISTANCES_M
+from glsim.measures.frame import DepthFrame
+from glsim.measures.temporal import pair_noise
 
 Array = NDArray[np.float64]
 
 #: Bounds of the infrared classes of the noise law, counts: twelve to a decade.
 _CLASSES = np.geomspace(100.0, 65_000.0, 34)
-#: Rings in which the light over the image is measured, px.
+#: Bounds of the rings of the light over the image, px.
 RINGS_PX = (0.0, 40.0, 80.0, 120.0, 140.0, 160.0, 180.0, 200.0, 220.0, 240.0, 260.0, 300.0)
-#: The light over distance is measured within this radius, where the lens is even.
+#: Radius of the light over distance, px; the lens is even within it (measured).
 EVEN_PX = 140.0
 _LEAST_PIXELS = 300
 _BRIGHTEST = 90.0
-#: Steeper surfaces than 60 degrees are left out: their cosine is not known well enough.
+#: Least cosine of a surface, that of 60 degrees: steeper ones have an uncertain cosine.
 _LEAST_COSINE = 0.5
 
 
@@ -37,7 +37,11 @@ _LEAST_COSINE = 0.5
 class NoiseLaw:
     """Fit of sigma^2 = floor^2 + (slope / IR)^2 to classes of infrared.
 
-    floor_mm, slope_mm: a in mm and b in mm counts. classes: (infrared, sigma mm, pixels) of each.
+    Attributes:
+        floor_mm: a, mm.
+        slope_mm: b, mm counts.
+        classes: (infrared, sigma mm, pixels) of each class.
+
     """
 
     floor_mm: float
@@ -47,11 +51,16 @@ class NoiseLaw:
 
 @dataclass(frozen=True)
 class Light:
-    """temporal: law of static pairs. spatial: law of the residuals of a quadric in single frames.
+    """Light of a set, and the noise that depends on it.
 
-    brightness: IR r^2 / cos of the brightest surfaces, counts m^2, with (distance from, to) in m.
-    overall: the median of all these distances. rings: the same over the radius, relative to that
-    within 80 px. saturated: share of pixels with saturated infrared.
+    Attributes:
+        temporal: noise law of static pairs.
+        spatial: noise law of the residuals of a quadric in single frames.
+        brightness: (from m, to m, IR r^2 / cos of the brightest surfaces, counts m^2).
+        overall: median of ``brightness`` over the distances.
+        rings: (from px, to px, brightness relative to that within 80 px).
+        saturated: share of pixels with saturated infrared.
+
     """
 
     temporal: NoiseLaw
@@ -63,7 +72,7 @@ class Light:
 
 
 def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> Light | None:
-    """Measure light and the noise that depends on it; None if no frame has infrared."""
+    """Measure light and noise over light; None if no frame has infrared."""
     lit = [frame for frame in frames if frame.infrared is not None]
     if not lit:
         return None
@@ -108,7 +117,7 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
 
 
 def light_at_one_metre(frame: DepthFrame) -> Array:
-    """Return (H, W) IR r^2 / cos, counts m^2: NaN off smooth surfaces and where light saturates."""
+    """Return (H, W) IR r^2 / cos, counts m^2; NaN off smooth surfaces and for saturated pixels."""
     if frame.infrared is None:
         return np.full(frame.depth_mm.shape, np.nan)
     s = frame.surfaces
@@ -118,7 +127,7 @@ def light_at_one_metre(frame: DepthFrame) -> Array:
 
 
 def measure_noise_law(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> NoiseLaw:
-    """Measure noise over infrared on static pairs; NaN with less than three classes of light."""
+    """Fit the noise law to static pairs; NaN with fewer than three classes of infrared."""
     classes = _Classes()
     for first, second in pairs:
         a, b = frames[first], frames[second]
@@ -150,12 +159,12 @@ class _Classes:
                 self._parts[k].append(np.stack([infrared[known][number == k], values[number == k]]))
 
     def law(self) -> NoiseLaw:
-        """Fit the two terms to the classes, each by its relative error; both are 0 or more."""
+        """Fit both terms, 0 or more, by the relative error of each class."""
         rows = []
         for parts in self._parts:
             infrared, squares = np.concatenate(parts, axis=1) if parts else np.zeros((2, 0))
             if infrared.size >= _LEAST_PIXELS:
-                # The mean without the largest percent: one edge weighs as much as 100 pixels.
+                # Without the largest percent: an edge weighs as much as 100 pixels.
                 kept = squares <= np.percentile(squares, 99.0)
                 variance = max(float(squares[kept].mean()), 1e-6) * _UNTRIMMED
                 rows.append((float(infrared.mean()), variance**0.5, int(infrared.size)))
@@ -167,8 +176,8 @@ class _Classes:
         return NoiseLaw(floor2**0.5, 1000.0 * slope2**0.5, tuple(rows))
 
 
-#: The mean square of a Gaussian without the largest percent of its squares is 0.921 of the whole:
-#: 1 - 2 c phi(c) / 0.99 ... at c = 2.5758, that is (0.99 - 2 * 2.5758 * 0.014460) / 0.99.
+#: Mean square of a Gaussian over that without its largest percent. Derived:
+#: 0.99 / (0.99 - 2 c phi(c)) at c = 2.5758.
 _UNTRIMMED = 0.99 / (0.99 - 2 * 2.5758 * 0.014460)
 
 

@@ -12,25 +12,27 @@ from numpy.typing import NDArray
 Array = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-#: Neighbours of one surface differ by at most this much, mm per metre of distance and mm: the slope
-#: of a surface seen at 75 degrees from its normal (tan 75 = 3.7 times 2.7 mm a pixel at 1 m), and
-#: four standard deviations of the difference of two pixels with white noise of 1.5 mm.
-STEP_MM_PER_M = 10.0
-STEP_MM = 8.0
+#: Largest difference of neighbours on one surface, mm per m of distance and mm. Derived: the slope
+#: at 75 degrees from the normal (tan 75 = 3.7 times 2.7 mm a pixel at 1 m), and four standard
+#: deviations of the difference of two pixels with white noise of 1.5 mm.
+_STEP_MM_PER_M = 10.0
+_STEP_MM = 8.0
 #: A surface seen at more than 70 degrees from its normal is not used.
-LEAST_COSINE = float(np.cos(np.radians(70.0)))
+_LEAST_COSINE = float(np.cos(np.radians(70.0)))
 
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Least-squares quadrics in square windows; (H, W) float32, NaN where a window has no fit.
+    """Least-squares quadrics in square windows, (H, W) float32; NaN where a window has no fit.
 
-    residual_mm: depth of the centre minus the quadric there. rough_mm: root of the residual sum of
-    squares over its degrees of freedom (49 - 6 in 7 x 7). cosine: of the angle between ray and
-    normal. bend_mm: largest second derivative times (2 px)^2 / 2, the sag over two pixels.
+    Attributes:
+        residual_mm: depth of the centre minus the quadric there.
+        rough_mm: residual standard deviation (49 - 6 degrees of freedom in 7 x 7).
+        cosine: of the angle between ray and normal.
+        bend_mm: sag over two pixels, the largest second derivative times (2 px)^2 / 2.
+
     """
 
-    size: int
     residual_mm: Array
     rough_mm: Array
     cosine: Array
@@ -39,7 +41,7 @@ class Surfaces:
     @property
     def smooth(self) -> Mask:
         """Windows that are complete, without a step, and not seen at a grazing angle."""
-        return np.isfinite(self.rough_mm) & (self.cosine > LEAST_COSINE)
+        return np.isfinite(self.rough_mm) & (self.cosine > _LEAST_COSINE)
 
 
 @lru_cache(maxsize=4)
@@ -55,13 +57,17 @@ def _basis(size: int) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float
 
 
 def fit_surfaces(depth_mm: Array, rays: Array, size: int) -> Surfaces:
-    """Fit a quadric in size x size pixels around every pixel whose window has no hole or step.
+    """Fit a quadric around every pixel whose window has no hole and no step.
 
-    A step is a difference between neighbours of more than STEP_MM + STEP_MM_PER_M z / 1000.
+    Args:
+        depth_mm: (H, W) depth, NaN where there is none.
+        rays: (H, W, 2) x/z and y/z of the pixels.
+        size: side of the window, px, odd.
+
     """
     known = np.isfinite(depth_mm)
     z = np.where(known, depth_mm, 0.0).astype(np.float64)
-    limit = STEP_MM + STEP_MM_PER_M * z / 1000.0
+    limit = _STEP_MM + _STEP_MM_PER_M * z / 1000.0
     torn = ~known
     torn[:, 1:] |= np.abs(np.diff(z, axis=1)) > limit[:, 1:]
     torn[1:] |= np.abs(np.diff(z, axis=0)) > limit[1:]
@@ -83,7 +89,6 @@ def fit_surfaces(depth_mm: Array, rays: Array, size: int) -> Surfaces:
     curve = np.sqrt(size * (bent**2).sum())
     bend = 4.0 * np.maximum(np.abs(parts[3]), np.abs(parts[5])) / curve
     return Surfaces(
-        size,
         _masked(residual, whole),
         _masked(np.sqrt(np.maximum(left, 0.0) / (size * size - 6)), whole),
         _masked(_cosine(z, slope_x, slope_y, rays), whole),

@@ -10,10 +10,10 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import open_dataset, verify
-from glsim.dataset.recordings import find_frames
 from glsim.errors import DatasetError
 from glsim.files.atomic import write_atomic
 from glsim.files.png import encode_png
+from glsim.recordings.recording import open_recording
 from tests.support.planted_frames import SHAPE, noisy, plane
 
 DEPTH = noisy(plane(900.0, 0.2), 1.2, 1)
@@ -104,13 +104,13 @@ def _stack(folder: Path, depth: np.ndarray, light: np.ndarray | None = None) -> 
 def test_stacks_of_millimetres_and_metres(tmp_path: Path, dtype: type, factor: float) -> None:
     stack = (np.stack([DEPTH, DEPTH + 5]) * factor).astype(dtype)
     stack[0, 0, 0] = 0 if dtype is np.uint16 else np.nan
-    found = find_frames(_stack(tmp_path / "s", stack, np.stack([LIGHT, LIGHT])))
+    found = open_recording(_stack(tmp_path / "s", stack, np.stack([LIGHT, LIGHT])))
     assert found.kind == "npy"
-    assert [frame.name for frame in found.frames] == ["run_depth_00000", "run_depth_00001"]
-    np.testing.assert_allclose(found.frames[1].depth_mm(), DEPTH + 5, atol=0.01)
-    assert found.frames[0].depth_mm()[0, 0] == 0
-    assert found.frames[0].quantum_mm == (1.0 if dtype is np.uint16 else 0.0)
-    assert np.array_equal(found.frames[1].infrared(), LIGHT)  # type: ignore[arg-type]
+    assert [frame.name for frame in found.files] == ["run_depth_00000", "run_depth_00001"]
+    np.testing.assert_allclose(found.files[1].depth_mm(), DEPTH + 5, atol=0.01)
+    assert found.files[0].depth_mm()[0, 0] == 0
+    assert found.files[0].quantum_mm == (1.0 if dtype is np.uint16 else 0.0)
+    assert np.array_equal(found.files[1].infrared(), LIGHT)  # type: ignore[arg-type]
     out = tmp_path / "out"
     assert _import(tmp_path / "s", out) == 0
     pair = open_dataset(out).pair(1)
@@ -121,7 +121,7 @@ def test_dumps_of_libfreenect2_are_floats_as_in_a_mirror(tmp_path: Path) -> None
     dump = DEPTH.astype("<f4") + 0.25
     write_atomic(dump.tobytes(), tmp_path / "d" / "0001.depth")
     write_atomic(LIGHT.astype("<f4").tobytes(), tmp_path / "d" / "0001.ir")
-    frame = find_frames(tmp_path / "d", mirror=True).frames[0]
+    frame = open_recording(tmp_path / "d", mirror=True).files[0]
     np.testing.assert_array_equal(frame.depth_mm(), dump[:, ::-1])
     np.testing.assert_array_equal(frame.infrared(), LIGHT[:, ::-1])
 
@@ -130,9 +130,33 @@ def test_folders_of_tiff_files_with_infrared_in_a_folder_beside(tmp_path: Path) 
     for layer, image in (("depth", DEPTH), ("ir", LIGHT)):
         (tmp_path / layer).mkdir()
         cv2.imwrite(str(tmp_path / layer / "0001.tiff"), image)
-    frame = find_frames(tmp_path, unit_mm=0.5).frames[0]
+    frame = open_recording(tmp_path, unit_mm=0.5).files[0]
     np.testing.assert_array_equal(frame.depth_mm(), DEPTH * 0.5)
     np.testing.assert_array_equal(frame.infrared(), LIGHT)
+
+
+@pytest.mark.parametrize("kind", ["iai_kinect2", "tiff", "npy", "metres", "dumps", "data set"])
+def test_every_format_gives_the_same_static_frames(tmp_path: Path, kind: str) -> None:
+    """What ``glsim fit`` reads: two frames of a plane that show one view."""
+    root, stack = tmp_path / "set", np.stack([DEPTH, noisy(plane(900.0, 0.2), 1.2, 2)])
+    if kind in ("npy", "metres"):
+        _stack(root, stack if kind == "npy" else stack / 1000.0)
+    for number, depth in enumerate(stack):
+        if kind in ("iai_kinect2", "data set"):
+            write_atomic(encode_png(depth), tmp_path / f"{kind[:4]}/{number:04d}_depth.png")
+        elif kind == "dumps":
+            write_atomic(depth.astype("<f4").tobytes(), root / f"{number}.bin")
+        elif kind == "tiff":
+            root.mkdir(exist_ok=True)
+            cv2.imwrite(str(root / f"{number}.tif"), depth)
+    if kind == "iai_kinect2":
+        root = tmp_path / "iai_"
+    elif kind == "data set":
+        assert _import(tmp_path / "data", root) == 0
+    frames = open_recording(root).read_static().frames
+    for frame, depth in zip(frames, stack, strict=True):
+        np.testing.assert_allclose(frame.depth_mm, depth, atol=1e-3)
+    assert frames[0].quantum_mm == (0.0 if kind in ("metres", "dumps") else 1.0)
 
 
 def test_a_folder_of_recordings_has_one_subject_each(tmp_path: Path) -> None:
