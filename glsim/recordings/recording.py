@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import HEADER
-from glsim.dataset.reader import Pair, open_dataset
+from glsim.dataset.pair import Pair
+from glsim.dataset.reader import open_dataset
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.faces.scans.biwi_files import read_calibration
 from glsim.geometry.camera import Intrinsics
