@@ -9,8 +9,8 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import open_dataset
-from glsim.faces.scans.biwi import Biwi
 from glsim.faces.scans.biwi_files import read_depth_bin, read_pose
+from glsim.faces.sources.biwi import Biwi
 from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import put, write_recording
 
