@@ -25,6 +25,7 @@ from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
 from glsim.settings.schema import Settings
+from glsim.settings.source_settings import generates
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,9 +164,7 @@ class FrameScenes:
             for name in type(settings.pose).model_fields
         }
         still, motion = pose, pose.pop("motion")
-        wanted = settings.source[task.source]
-        if wanted.endless and self._sources[task.source].name == wanted.kind:
-            # Recorded faces move by themselves.
+        if generates(self._sources[task.source].name):  # recorded faces move by themselves
             offsets = head_motion(task.seeds.sequence, task.key.time_s)
             offsets = {name: motion * offset for name, offset in offsets.items()}
             pose = move_pose(pose, offsets, face.neck)

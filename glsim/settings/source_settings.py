@@ -6,6 +6,7 @@ A source is a file in glsim/faces/sources, or an entry point "glsim.sources" of 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Final, TypeGuard
 
@@ -110,6 +111,12 @@ def source_table(kind: str) -> type[SourceSettings]:
 
 def _is_table(value: object) -> TypeGuard[type[SourceSettings]]:
     return isinstance(value, type) and issubclass(value, SourceSettings)
+
+
+@cache
+def generates(kind: str) -> bool:
+    """Return whether a name is that of a kind of source that generates faces."""
+    return kind in source_kinds() and source_table(kind).endless
 
 
 def parse_source(table: Mapping[str, Any]) -> SourceSettings:
