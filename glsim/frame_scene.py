@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.appearance.dress import Dresser, worn_regions
 from glsim.errors import GlsimError, MeshError
-from glsim.faces.base import BadFace, Face, FaceSource, Part
+from glsim.faces.base import BadFace, Face, FaceSource, WornPart
 from glsim.faces.head_motion import head_motion, move_pose
 from glsim.faces.landmarks import landmark_vertices, to_camera
 from glsim.faces.neck import bend_neck
@@ -183,7 +183,7 @@ class FrameScenes:
         further = [*scenery.props, *others]
         labels: list[NDArray[np.float32] | None] = []
         if self._labels is not None:
-            named: list[Part | Prop] = [*face.parts, *further]
+            named: list[WornPart | Prop] = [*face.parts, *further]
             labels = [
                 self._labels.of(task.source, len(face.mesh.vertices_mm)),
                 *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in named),

@@ -111,7 +111,7 @@ def check_prediction(prediction: NDArray[np.generic], shape: tuple[int, ...]) ->
     return depth
 
 
-class Prediction:
+class ScoredMap:
     """A prediction and its truth.
 
     Args:

@@ -22,7 +22,7 @@ from glsim.appearance.outfit import Outfit, draw_outfit
 from glsim.appearance.scalp import make_scalp
 from glsim.appearance.shell import Shell, uncovered
 from glsim.errors import ConfigError
-from glsim.faces.base import Face, FaceSource, Part
+from glsim.faces.base import Face, FaceSource, WornPart
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
@@ -77,9 +77,9 @@ class _Worn:
     binding: Binding
     faces: NDArray[np.int32]
     albedo: NDArray[np.float32]
-    last: tuple[Points, Motion, Part] | None = None
+    last: tuple[Points, Motion, WornPart] | None = None
 
-    def place(self, vertices_mm: Points, motion: Motion) -> Part:
+    def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
         """Return the part over the (V, 3) vertices of a frame."""
         skin = vertices_mm[self.binding.used]
         if self.last is not None:
@@ -87,7 +87,7 @@ class _Worn:
             if np.array_equal(skin, before) and (moved == motion):
                 return part
         mesh = Mesh(self.binding.place(vertices_mm, motion), self.faces, self.albedo)
-        self.last = skin, motion, Part(mesh, self.region)
+        self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
 

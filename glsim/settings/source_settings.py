@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Final, TypeGuard
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     ValidationError,
@@ -22,6 +20,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from glsim.plugins import load_plugin, module_names, plugin_names, shipped_module
+from glsim.settings.tables import TomlTable
 
 _GROUP: Final = "sources"
 _FOLDER: Final = "faces/sources"
@@ -35,10 +34,8 @@ _FIRST: Final = (
 _LAST: Final = ("weight", "count")
 
 
-class SourceSettings(BaseModel):
+class SourceSettings(TomlTable):
     """A source of faces: a generator or a set of meshes on disk."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     #: Whether the source generates as many people and frames as are asked for.
     endless: ClassVar[bool] = False
