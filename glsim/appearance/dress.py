@@ -6,20 +6,34 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Final, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy
-from glsim.appearance.beard import make_beard, make_beard_grid, make_brow_grid, make_brows
+from glsim.appearance.beard import (
+    BeardGrid,
+    BrowGrid,
+    make_beard,
+    make_beard_grid,
+    make_brow_grid,
+    make_brows,
+)
 from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motion
-from glsim.appearance.cloth import fit_cloth, make_cloth, make_cloth_grid, make_shoes, make_trousers
+from glsim.appearance.cloth import (
+    ClothGrid,
+    fit_cloth,
+    make_cloth,
+    make_cloth_grid,
+    make_shoes,
+    make_trousers,
+)
 from glsim.appearance.glasses import make_glasses
 from glsim.appearance.hair import make_hair
 from glsim.appearance.noise import smooth_noise
 from glsim.appearance.outfit import Outfit, draw_outfit
-from glsim.appearance.scalp import make_scalp
+from glsim.appearance.scalp import Scalp, make_scalp
 from glsim.appearance.shell import Shell, uncovered
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceSource, WornPart
@@ -122,7 +136,7 @@ class Dresser:
                 "appearance.wear = 'auto'"
             )
         self.is_on = wanted
-        self._source: Any = source
+        self._source = cast(DressableSource, source)
         self._settings = settings
         self._wardrobes: OrderedDict[tuple[str, int], _Wardrobe] = OrderedDict()
 
@@ -173,19 +187,19 @@ class Dresser:
         return chosen
 
     @cached_property
-    def _scalp(self) -> Any:
+    def _scalp(self) -> Scalp:
         return make_scalp(self._reference)
 
     @cached_property
-    def _beard(self) -> Any:
+    def _beard(self) -> BeardGrid:
         return make_beard_grid(self._reference)
 
     @cached_property
-    def _brows(self) -> Any:
+    def _brows(self) -> BrowGrid:
         return make_brow_grid(self._reference)
 
     @cached_property
-    def _cloth(self) -> Any:
+    def _cloth(self) -> ClothGrid | None:
         return make_cloth_grid(self._reference)
 
     def _wardrobe(self, face: Face, seeds: DrawKeys) -> _Wardrobe:

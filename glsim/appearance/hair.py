@@ -61,10 +61,10 @@ def make_hair(
     out = outward(scalp.directions)
     offsets = height[:, None] * out
     obstacle = Obstacle(anatomy, skin_mm)
-    parts = [grow_locks(anatomy, scalp, base, thickness, ragged, comb, obstacle, style, rng)]
+    parts = [grow_locks(anatomy, base, thickness, ragged, comb, obstacle, style, rng)]
     if style.hang:
         parts.append(hanging_hair(anatomy, scalp, base, thickness, obstacle, style, rng))
-    parts += tied_locks(anatomy, scalp, base, style, rng)
+    parts += tied_locks(anatomy, base, style, rng)
     return _joined(scalp, base, offsets, faces, [part for part in parts if len(part.faces)])
 
 

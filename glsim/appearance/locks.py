@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.comb import Comb
-from glsim.appearance.scalp import Scalp
 from glsim.appearance.sphere import geodesic_sphere
 from glsim.appearance.styles import HairStyle
 
@@ -69,7 +68,6 @@ class Obstacle:
 
 def grow_locks(
     anatomy: Anatomy,
-    scalp: Scalp,
     base: Array,
     thickness: Array,
     ragged: Array,

@@ -64,7 +64,7 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: fl
     local: Array = np.broadcast_to(np.eye(3), (len(triangles), 3, 3))
     while len(divided) and _mean_edge(places[divided]) > edge_mm:
         divided, local, owner, places, (corners, weights) = _halved(
-            triangles, divided, local, owner, points[base].astype(np.float64)
+            triangles, local, owner, points[base].astype(np.float64)
         )
         parts = [(corners, weights)]
     anchors = Anchors(parts[0][0].astype(np.int64), parts[0][1].astype(np.float32))
@@ -73,7 +73,6 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: fl
 
 def _halved(
     triangles: NDArray[np.int64],
-    divided: NDArray[np.int64],
     local: Array,
     owner: NDArray[np.int64],
     places: Array,
