@@ -81,10 +81,14 @@ class DressableSource(FaceSource, Protocol):
 
 @dataclass(eq=False)
 class _Worn:
-    """A thing that a subject wears. albedo: (N,).
+    """A thing that a subject wears.
 
-    last: the skin and the motion that the part was placed on last. Much of a head does not move
-    from frame to frame: the same part is delivered then, and is on the GPU already.
+    Much of a head does not move from frame to frame: the same part is delivered then, and is on the
+    GPU already.
+
+    Args:
+        albedo: (N,).
+        last: the skin and the motion that the part was placed on last.
     """
 
     region: str
@@ -109,8 +113,10 @@ class _Worn:
 class _Wardrobe:
     """All that a subject wears.
 
-    skull: (K, 3) mm at rest. faces, occluder: triangles of skin that no cloth covers, see ``Mesh``.
-    skin: the last albedo of a mesh, and what was made of it.
+    Args:
+        skull: (K, 3) mm at rest.
+        faces, occluder: triangles of skin that no cloth covers, see ``Mesh``.
+        skin: the last albedo of a mesh, and what was made of it.
     """
 
     outfit: Outfit

@@ -26,7 +26,11 @@ _RIM_THICKNESS_MM, _RIM_MM = 1.2, 24.0
 
 @dataclass(frozen=True, eq=False)
 class Hair:
-    """The mesh of a subject's hair. faces: (F, 3) int32."""
+    """The mesh of a subject's hair.
+
+    Args:
+        faces: (F, 3) int32.
+    """
 
     binding: Rooted
     faces: NDArray[np.int32]

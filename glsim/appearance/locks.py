@@ -23,7 +23,12 @@ _STEP_MM, _RINGS = 18.0, (5, 14)
 
 @dataclass(frozen=True, eq=False)
 class Locks:
-    """roots: (N,) index of the scalp's point that carries a vertex. points_mm: (N, 3)."""
+    """Meshes of locks.
+
+    Args:
+        roots: (N,) index of the scalp's point that carries a vertex.
+        points_mm: (N, 3).
+    """
 
     roots: NDArray[np.int64]
     points_mm: Array

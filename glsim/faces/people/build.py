@@ -162,7 +162,11 @@ def _read_actions(
     place: NDArray[np.int64],
     x_mm: NDArray[np.float64],
 ) -> SparseShapes:
-    """Read the facial actions, for the fine vertices. x_mm: (P,) of the coarse ones."""
+    """Read the facial actions, for the fine vertices.
+
+    Args:
+        x_mm: (P,) of the coarse ones.
+    """
     inverse = np.full(int(kept.max()) + 1, -1)
     inverse[kept] = np.arange(len(kept))
 

@@ -96,7 +96,12 @@ def read_base_mesh(folder: Path) -> BaseMesh:
 
 @dataclass(frozen=True, eq=False)
 class MorphTarget:
-    """Offsets of some vertices. vertices: (N,) int64. offsets_mm: (N, 3) float64."""
+    """Offsets of some vertices.
+
+    Args:
+        vertices: (N,) int64.
+        offsets_mm: (N, 3) float64.
+    """
 
     vertices: NDArray[np.int64]
     offsets_mm: NDArray[np.float64]

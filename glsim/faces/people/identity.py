@@ -36,7 +36,12 @@ _SIDE_SPREAD: Final = 0.07  # difference between the two sides of a face
 
 @dataclass(frozen=True)
 class BodyIdentity:
-    """A person. weights: target -> weight. age_years. woman. phenotype: name -> value in [0, 1]."""
+    """What a person's body is made of.
+
+    Args:
+        weights: target -> weight.
+        phenotype: name -> value in [0, 1].
+    """
 
     weights: dict[str, float]
     age_years: float

@@ -68,7 +68,10 @@ class _PersonFiles:
 class _PersonGeometry:
     """Topology and alignment shared by all meshes of a person.
 
-    faces: (F, 3) int32. vertices: V. estimated_scale: whether the unit comes from the face width.
+    Args:
+        faces: (F, 3) int32.
+        vertices: V.
+        estimated_scale: whether the unit comes from the face width.
     """
 
     faces: NDArray[np.int32]
