@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.run import evaluate
     from glsim.exports import export_dataset
-    from glsim.exports.export import Export
+    from glsim.exports.base import Export
     from glsim.faces.base import Face, FaceKey, FaceSettings
     from glsim.faces.one_mesh import OneMesh
     from glsim.frame import Frame, Skipped
@@ -42,7 +42,7 @@ _HOME = {
     "Band": "glsim.validate.report",
     "Check": "glsim.validate.report",
     "Corrupter": "glsim.corrupt",
-    "Export": "glsim.exports.export",
+    "Export": "glsim.exports.base",
     "Face": "glsim.faces.base",
     "FaceKey": "glsim.faces.base",
     "FaceSettings": "glsim.faces.base",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.appearance.dress import Dresser, worn_regions
 from glsim.errors import GlsimError, MeshError
-from glsim.faces.base import BadFace, Face, FaceSource, Part
+from glsim.faces.base import BadFace, Face, FaceSource, WornPart
 from glsim.faces.head_motion import head_motion, move_pose
 from glsim.faces.landmarks import landmark_vertices, to_camera
 from glsim.faces.neck import bend_neck
@@ -25,6 +25,7 @@ from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
 from glsim.settings.schema import Settings
+from glsim.settings.source_settings import generates
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +172,7 @@ class FrameScenes:
             for name in type(settings.pose).model_fields
         }
         still, motion = pose, pose.pop("motion")
-        wanted = settings.source[task.source]
-        if wanted.endless and self._sources[task.source].name == wanted.kind:
-            # Recorded faces move by themselves.
+        if generates(self._sources[task.source].name):  # recorded faces move by themselves
             offsets = head_motion(task.seeds.sequence, task.key.time_s)
             offsets = {name: motion * offset for name, offset in offsets.items()}
             pose = move_pose(pose, offsets, face.neck)
@@ -192,7 +191,7 @@ class FrameScenes:
         further = [*scenery.props, *others]
         labels: list[NDArray[np.float32] | None] = []
         if self._labels is not None:
-            named: list[Part | Prop] = [*face.parts, *further]
+            named: list[WornPart | Prop] = [*face.parts, *further]
             labels = [
                 self._labels.of(task.source, len(face.mesh.vertices_mm)),
                 *(self._labels.uniform(x.region, len(x.mesh.vertices_mm)) for x in named),

@@ -22,7 +22,7 @@ from glsim.plan.tasks import Task
 from glsim.preview import PreviewFrame
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import load_settings
-from glsim.settings.source_settings import source_kinds, source_table
+from glsim.settings.source_settings import generates, source_kinds, source_table
 
 #: The default number of frames to read: enough for every person of most sets.
 SAMPLE_FRAMES: Final = 40
@@ -91,7 +91,7 @@ def inspect(
 ) -> FaceSetReport:
     """List all frames, and read ``sample`` of them, evenly spread (0: all). Raises ConfigError."""
     report = FaceSetReport(kind, path)
-    people, frames_each = (3, 4) if _is_endless(kind) else (None, None)
+    people, frames_each = (3, 4) if generates(kind) else (None, None)
     keys: list[FaceKey] = []
     for subject in source.subjects(people):
         frames = source.frames(subject, frames_each)
@@ -128,10 +128,6 @@ def preview_faces(
             key = result.key
             caption = f"{key.subject} {key.sequence} {key.frame}"
             yield PreviewFrame.of_frame(result, caption)
-
-
-def _is_endless(kind: str) -> bool:
-    return kind in source_kinds() and source_table(kind).endless
 
 
 def _add_notes(report: FaceSetReport, face: Face) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from glsim.eval.metrics.prediction import Prediction
+from glsim.eval.metrics.prediction import ScoredMap
 
 Direction = Literal["lower", "higher", "neither"]
 MetricGroup = Literal["paper", "validity", "depth", "normals", "time"]
@@ -39,7 +39,7 @@ class Metric:
     better: Direction
     group: MetricGroup
     help: str
-    value: Callable[[Prediction], float] | None = None
+    value: Callable[[ScoredMap], float] | None = None
     in_table: bool = False
 
     @property

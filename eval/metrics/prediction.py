@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.denoise.protocol import Depth, Mask
 from glsim.errors import DenoiserError
-from glsim.eval.metrics.normals import angles_deg, whole_windows
+from glsim.eval.metrics.angles import angles_deg, whole_windows
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.ssim import Moments, ssim
 from glsim.geometry.depth_map import central_normals
@@ -111,7 +111,7 @@ def check_prediction(prediction: NDArray[np.generic], shape: tuple[int, ...]) ->
     return depth
 
 
-class Prediction:
+class ScoredMap:
     """A prediction and its truth.
 
     Args:

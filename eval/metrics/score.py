@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.eval.metrics.metric import GROUPS, Metric
-from glsim.eval.metrics.prediction import Prediction, Truth
+from glsim.eval.metrics.prediction import ScoredMap, Truth
 from glsim.eval.metrics.regions import REGION_METRICS, region_column
 from glsim.plugins import load_plugin, plugin_names, shipped_objects
 
@@ -64,7 +64,7 @@ def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
     Raises:
         DenoiserError: as ``check_prediction``.
     """
-    prediction = Prediction(prediction_mm, truth)
+    prediction = ScoredMap(prediction_mm, truth)
     scores = {m.name: m.value(prediction) for m in METRICS.values() if m.value is not None}
     if truth.regions is None:
         return scores

@@ -48,11 +48,18 @@ BEARDS: Final = (
 )
 
 
+#: Where brows grow on a source: the grid, (N, 3) points on the reference, mm, and (N,) weights.
+BrowGrid = tuple[SkinGrid, Array, Array]
+
+
 @dataclass(frozen=True, eq=False)
 class BeardGrid:
-    """Where beards grow on a source. points: (N, 3) mm on the reference. inside, lip, chin: (N,)
+    """Where beards grow on a source.
 
-    mm inside of the beard's outline, of the upper lip, and of the chin; negative outside.
+    Args:
+        points: (N, 3) mm on the reference.
+        inside, lip, chin: (N,) mm inside of the beard's outline, of the upper lip, and of the chin;
+            negative outside.
     """
 
     grid: SkinGrid
@@ -137,7 +144,7 @@ def make_beard(
     return shell, np.ascontiguousarray(grid.faces, np.int32)
 
 
-def make_brow_grid(anatomy: Anatomy) -> tuple[SkinGrid, Array, Array]:
+def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     """Return the grid of the brows, its points (N, 3) and how far each is inside a brow (N,)."""
     brow = _brows(anatomy)
     skin = anatomy.outside & ~anatomy.body
@@ -162,7 +169,7 @@ def _brows(anatomy: Anatomy) -> Array:
 
 
 def make_brows(
-    brows: tuple[SkinGrid, Array, Array], rest_mm: Array, height_mm: float, seed: int
+    brows: BrowGrid, rest_mm: Array, height_mm: float, seed: int
 ) -> tuple[Shell, NDArray[np.int32]]:
     """Return the shell and the triangles of a subject's brows, height_mm high.
 

@@ -52,7 +52,11 @@ def skull_motion(reference: Points, moved: Points) -> Motion:
 
 
 class Binding(Protocol):
-    """A mesh that follows the mesh of a source. used: the vertices that it follows."""
+    """A mesh that follows the mesh of a source.
+
+    Args:
+        used: the vertices that it follows.
+    """
 
     used: NDArray[np.int64]
 
@@ -67,7 +71,12 @@ class Rooted:
     def __init__(
         self, roots: Anchors, root_of: NDArray[np.int64], offsets_mm: NDArray[np.floating[Any]]
     ) -> None:
-        """roots: points on the skin. root_of: (N,) index of each vertex's root."""
+        """Bind vertices to the skin.
+
+        Args:
+            roots: points on the skin.
+            root_of: (N,) index of each vertex's root.
+        """
         self.used, corners = np.unique(roots.corners, return_inverse=True)
         self._roots = Anchors(corners.reshape(-1, 3), roots.weights)
         self._root_of, self._offsets = root_of, offsets_mm.astype(np.float32)

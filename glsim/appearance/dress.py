@@ -6,23 +6,37 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Final, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy
-from glsim.appearance.beard import make_beard, make_beard_grid, make_brow_grid, make_brows
+from glsim.appearance.beard import (
+    BeardGrid,
+    BrowGrid,
+    make_beard,
+    make_beard_grid,
+    make_brow_grid,
+    make_brows,
+)
 from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motion
-from glsim.appearance.cloth import fit_cloth, make_cloth, make_cloth_grid, make_shoes, make_trousers
+from glsim.appearance.cloth import (
+    ClothGrid,
+    fit_cloth,
+    make_cloth,
+    make_cloth_grid,
+    make_shoes,
+    make_trousers,
+)
 from glsim.appearance.glasses import make_glasses
 from glsim.appearance.hair import make_hair
 from glsim.appearance.noise import smooth_noise
 from glsim.appearance.outfit import Outfit, draw_outfit
-from glsim.appearance.scalp import make_scalp
+from glsim.appearance.scalp import Scalp, make_scalp
 from glsim.appearance.shell import Shell, uncovered
 from glsim.errors import ConfigError
-from glsim.faces.base import Face, FaceSource, Part
+from glsim.faces.base import Face, FaceSource, WornPart
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
@@ -67,19 +81,23 @@ class DressableSource(FaceSource, Protocol):
 
 @dataclass(eq=False)
 class _Worn:
-    """A thing that a subject wears. albedo: (N,).
+    """A thing that a subject wears.
 
-    last: the skin and the motion that the part was placed on last. Much of a head does not move
-    from frame to frame: the same part is delivered then, and is on the GPU already.
+    Much of a head does not move from frame to frame: the same part is delivered then, and is on the
+    GPU already.
+
+    Args:
+        albedo: (N,).
+        last: the skin and the motion that the part was placed on last.
     """
 
     region: str
     binding: Binding
     faces: NDArray[np.int32]
     albedo: NDArray[np.float32]
-    last: tuple[Points, Motion, Part] | None = None
+    last: tuple[Points, Motion, WornPart] | None = None
 
-    def place(self, vertices_mm: Points, motion: Motion) -> Part:
+    def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
         """Return the part over the (V, 3) vertices of a frame."""
         skin = vertices_mm[self.binding.used]
         if self.last is not None:
@@ -87,7 +105,7 @@ class _Worn:
             if np.array_equal(skin, before) and (moved == motion):
                 return part
         mesh = Mesh(self.binding.place(vertices_mm, motion), self.faces, self.albedo)
-        self.last = skin, motion, Part(mesh, self.region)
+        self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
 
@@ -95,8 +113,10 @@ class _Worn:
 class _Wardrobe:
     """All that a subject wears.
 
-    skull: (K, 3) mm at rest. faces, occluder: triangles of skin that no cloth covers, see ``Mesh``.
-    skin: the last albedo of a mesh, and what was made of it.
+    Args:
+        skull: (K, 3) mm at rest.
+        faces, occluder: triangles of skin that no cloth covers, see ``Mesh``.
+        skin: the last albedo of a mesh, and what was made of it.
     """
 
     outfit: Outfit
@@ -122,7 +142,7 @@ class Dresser:
                 "appearance.wear = 'auto'"
             )
         self.is_on = wanted
-        self._source: Any = source
+        self._source = cast(DressableSource, source)
         self._settings = settings
         self._wardrobes: OrderedDict[tuple[str, int], _Wardrobe] = OrderedDict()
 
@@ -173,19 +193,19 @@ class Dresser:
         return chosen
 
     @cached_property
-    def _scalp(self) -> Any:
+    def _scalp(self) -> Scalp:
         return make_scalp(self._reference)
 
     @cached_property
-    def _beard(self) -> Any:
+    def _beard(self) -> BeardGrid:
         return make_beard_grid(self._reference)
 
     @cached_property
-    def _brows(self) -> Any:
+    def _brows(self) -> BrowGrid:
         return make_brow_grid(self._reference)
 
     @cached_property
-    def _cloth(self) -> Any:
+    def _cloth(self) -> ClothGrid | None:
         return make_cloth_grid(self._reference)
 
     def _wardrobe(self, face: Face, seeds: DrawKeys) -> _Wardrobe:

@@ -20,7 +20,12 @@ _CLEARANCE_MM: Final = 1.5
 
 @dataclass(frozen=True)
 class GlassesStyle:
-    """One frame: width and height of a lens, thickness of the rim, mm; power: 2 round, 5 square."""
+    """One frame; lengths in mm.
+
+    Args:
+        width, height: of a lens.
+        power: 2 round, 5 square.
+    """
 
     name: str
     width: float
@@ -43,7 +48,13 @@ GLASSES: Final = (
 
 @dataclass(frozen=True, eq=False)
 class Glasses:
-    """points_mm: (N, 3). faces: (F, 3). is_lens: (N,) whether a vertex belongs to a lens."""
+    """The mesh of a pair of glasses.
+
+    Args:
+        points_mm: (N, 3).
+        faces: (F, 3).
+        is_lens: (N,) whether a vertex belongs to a lens.
+    """
 
     points_mm: NDArray[np.float32]
     faces: NDArray[np.int32]

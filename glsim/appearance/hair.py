@@ -26,7 +26,11 @@ _RIM_THICKNESS_MM, _RIM_MM = 1.2, 24.0
 
 @dataclass(frozen=True, eq=False)
 class Hair:
-    """The mesh of a subject's hair. faces: (F, 3) int32."""
+    """The mesh of a subject's hair.
+
+    Args:
+        faces: (F, 3) int32.
+    """
 
     binding: Rooted
     faces: NDArray[np.int32]
@@ -61,10 +65,10 @@ def make_hair(
     out = outward(scalp.directions)
     offsets = height[:, None] * out
     obstacle = Obstacle(anatomy, skin_mm)
-    parts = [grow_locks(anatomy, scalp, base, thickness, ragged, comb, obstacle, style, rng)]
+    parts = [grow_locks(anatomy, base, thickness, ragged, comb, obstacle, style, rng)]
     if style.hang:
         parts.append(hanging_hair(anatomy, scalp, base, thickness, obstacle, style, rng))
-    parts += tied_locks(anatomy, scalp, base, style, rng)
+    parts += tied_locks(anatomy, base, style, rng)
     return _joined(scalp, base, offsets, faces, [part for part in parts if len(part.faces)])
 
 

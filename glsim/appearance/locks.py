@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.comb import Comb
-from glsim.appearance.scalp import Scalp
 from glsim.appearance.sphere import geodesic_sphere
 from glsim.appearance.styles import HairStyle
 
@@ -24,7 +23,12 @@ _STEP_MM, _RINGS = 18.0, (5, 14)
 
 @dataclass(frozen=True, eq=False)
 class Locks:
-    """roots: (N,) index of the scalp's point that carries a vertex. points_mm: (N, 3)."""
+    """Meshes of locks.
+
+    Args:
+        roots: (N,) index of the scalp's point that carries a vertex.
+        points_mm: (N, 3).
+    """
 
     roots: NDArray[np.int64]
     points_mm: Array
@@ -69,7 +73,6 @@ class Obstacle:
 
 def grow_locks(
     anatomy: Anatomy,
-    scalp: Scalp,
     base: Array,
     thickness: Array,
     ragged: Array,

@@ -45,7 +45,13 @@ class Anchors:
 
 @dataclass(frozen=True, eq=False)
 class Scalp:
-    """The grid. directions: (N, 3) unit rays. faces: (F, 3). inside_mm: (N,) above the hairline."""
+    """The grid of rays that hair grows along.
+
+    Args:
+        directions: (N, 3) unit rays.
+        faces: (F, 3).
+        inside_mm: (N,) above the hairline.
+    """
 
     anchors: Anchors
     directions: NDArray[np.float32]
@@ -79,9 +85,12 @@ def make_scalp(anatomy: Anatomy) -> Scalp:
 def _innermost_hits(rays: Array, corners: Array) -> tuple[NDArray[np.int64], Array]:
     """Return the triangle (N,) that each ray from the origin hits first, and weights (N, 3).
 
-    corners: (T, 3, 3). Ears lie outside of the skull, so that the first hit is under the ear. The
-    weights of a ray that hits nothing are 0. Rays are tested in cells of a coarse sphere, against
-    the triangles that reach into the cell.
+    Ears lie outside of the skull, so that the first hit is under the ear. The weights of a ray that
+    hits nothing are 0. Rays are tested in cells of a coarse sphere, against the triangles that
+    reach into the cell.
+
+    Args:
+        corners: (T, 3, 3).
     """
     units = corners / np.linalg.norm(corners, axis=2, keepdims=True)
     centres = geodesic_sphere(2)[0]

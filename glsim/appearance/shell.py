@@ -64,7 +64,7 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: fl
     local: Array = np.broadcast_to(np.eye(3), (len(triangles), 3, 3))
     while len(divided) and _mean_edge(places[divided]) > edge_mm:
         divided, local, owner, places, (corners, weights) = _halved(
-            triangles, divided, local, owner, points[base].astype(np.float64)
+            triangles, local, owner, points[base].astype(np.float64)
         )
         parts = [(corners, weights)]
     anchors = Anchors(parts[0][0].astype(np.int64), parts[0][1].astype(np.float32))
@@ -73,7 +73,6 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: fl
 
 def _halved(
     triangles: NDArray[np.int64],
-    divided: NDArray[np.int64],
     local: Array,
     owner: NDArray[np.int64],
     places: Array,
@@ -86,7 +85,8 @@ def _halved(
 ]:
     """Divide every triangle into four; points of neighbours coincide.
 
-    local: (F, 3, 3) weights of the corners of each face in the triangle ``owner`` it lies in.
+    Args:
+        local: (F, 3, 3) weights of the corners of each face in the triangle ``owner`` it lies in.
     """
     a, b, c = np.moveaxis(local, 1, 0)
     ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
@@ -126,9 +126,12 @@ class Shell:
         height_mm: NDArray[np.floating[Any]],
         drop_mm: Points | None = None,
     ) -> None:
-        """rest_mm: (V, 3) the subject's vertices at rest. height_mm: (N,) along the normals.
+        """Lay a shell over the skin.
 
-        drop_mm: (N, 3) besides, in the frame of the skull.
+        Args:
+            rest_mm: (V, 3) the subject's vertices at rest.
+            height_mm: (N,) along the normals.
+            drop_mm: (N, 3) besides, in the frame of the skull.
         """
         self.used, self._drop = grid.base, drop_mm
         skin = rest_mm[grid.base].astype(np.float64)
@@ -204,7 +207,11 @@ def uncovered(
 
 
 def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (N, 3) unit normals at the points of a grid. skin_mm: (B, 3) of its base."""
+    """Return (N, 3) unit normals at the points of a grid.
+
+    Args:
+        skin_mm: (B, 3) of its base.
+    """
     normal = grid.anchors.place(_vertex_normals(grid, skin_mm))  # type: ignore[arg-type]
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.float64)
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.locks import Locks, make_ribbons
-from glsim.appearance.scalp import Scalp
 from glsim.appearance.styles import HairStyle
 
 #: Where hair is tied, relative to the eyes of a mean adult, mm; chosen.
@@ -20,7 +19,7 @@ _TIES = {
 
 
 def tied_locks(
-    anatomy: Anatomy, scalp: Scalp, base: Array, style: HairStyle, rng: np.random.Generator
+    anatomy: Anatomy, base: Array, style: HairStyle, rng: np.random.Generator
 ) -> list[Locks]:
     """Return the bundles of a style; none for hair that is not tied."""
     bundles = []

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from glsim.dataset import Dataset
 from glsim.errors import ConfigError, DatasetError
-from glsim.exports.export import Export
+from glsim.exports.base import Export
 from glsim.exports.frames import ExportFrame, export_frames
 from glsim.files.atomic import wrap_write_errors, write_atomic
 from glsim.plugins import load_plugin, plugin_names, shipped_objects

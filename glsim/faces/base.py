@@ -72,7 +72,7 @@ class ComputedKeys(Sequence[FaceKey]):
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class WornPart:
     """A further mesh of a person in the frame of the face: hair, glasses, cloth.
 
     Args:
@@ -98,7 +98,7 @@ class Face:
     mesh: Mesh
     expression: Mapping[str, float] = field(default_factory=dict)
     notes: Mapping[str, object] = field(default_factory=dict)
-    parts: tuple[Part, ...] = ()
+    parts: tuple[WornPart, ...] = ()
     neck: Neck | None = None
 
 

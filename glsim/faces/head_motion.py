@@ -23,7 +23,7 @@ from glsim.settings.seeds import rng_for
 BAND_HZ: Final = (0.1, 1.5)
 
 
-class Wave(NamedTuple):
+class MotionWave(NamedTuple):
     """A component: a number of the pose, its largest amplitude, and its band in Hz."""
 
     name: str
@@ -37,17 +37,17 @@ class Wave(NamedTuple):
 #: gaze and posture, turns of up to 6 and nods of up to 3 degrees. Amplitudes are drawn between a
 #: third and the whole, so that some people keep still and others do not.
 WAVES: Final = (
-    Wave("x_mm", 3.0, 0.25, 0.5),
-    Wave("x_mm", 1.0, 0.5, 1.1),
-    Wave("y_mm", 0.8, 0.2, 0.6),
-    Wave("distance_mm", 4.0, 0.22, 0.45),
-    Wave("distance_mm", 1.2, 0.5, 1.0),
-    Wave("yaw_deg", 6.0, 0.1, 0.35),
-    Wave("yaw_deg", 1.5, 0.4, 1.0),
-    Wave("pitch_deg", 2.5, 0.1, 0.35),
-    Wave("pitch_deg", 3.0, 0.7, 1.5),
-    Wave("roll_deg", 2.0, 0.1, 0.4),
-    Wave("roll_deg", 0.6, 0.5, 1.2),
+    MotionWave("x_mm", 3.0, 0.25, 0.5),
+    MotionWave("x_mm", 1.0, 0.5, 1.1),
+    MotionWave("y_mm", 0.8, 0.2, 0.6),
+    MotionWave("distance_mm", 4.0, 0.22, 0.45),
+    MotionWave("distance_mm", 1.2, 0.5, 1.0),
+    MotionWave("yaw_deg", 6.0, 0.1, 0.35),
+    MotionWave("yaw_deg", 1.5, 0.4, 1.0),
+    MotionWave("pitch_deg", 2.5, 0.1, 0.35),
+    MotionWave("pitch_deg", 3.0, 0.7, 1.5),
+    MotionWave("roll_deg", 2.0, 0.1, 0.4),
+    MotionWave("roll_deg", 0.6, 0.5, 1.2),
 )
 _LEAST_SHARE: Final = 1 / 3
 

@@ -224,7 +224,8 @@ def _half_turns(axes: str) -> dict[str, NDArray[np.float64]]:
 def _find_unit(extent: float, unit: str) -> tuple[str, float]:
     """Return name and length (mm) of the unit.
 
-    extent: largest side of the bounding box, in the file's unit.
+    Args:
+        extent: largest side of the bounding box, in the file's unit.
     """
     check_unit(unit)
     if unit == "auto":
@@ -268,7 +269,9 @@ def _detect_winding(
 ) -> tuple[bool, str | None]:
     """Return whether the triangles seen from +z are clockwise, and a doubt if they disagree.
 
-    points_mm: (V, 3), z out of the face. faces: (F, 3).
+    Args:
+        points_mm: (V, 3), z out of the face.
+        faces: (F, 3).
     """
     corner = points_mm[faces]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])

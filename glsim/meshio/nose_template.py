@@ -98,7 +98,9 @@ def _asymmetry(
 ) -> NDArray[np.float64]:
     """Return (N,) mean difference between left and right of each candidate, mm.
 
-    top: (H, W) height map, mm. y, x: (N,) cells of the candidates.
+    Args:
+        top: (H, W) height map, mm.
+        y, x: (N,) cells of the candidates.
     """
     padded = np.pad(top, ((_BELOW, _ABOVE), (_HALF_FACE, _HALF_FACE)), constant_values=-np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (len(_X), 2 * _HALF_FACE + 1))[y, x]

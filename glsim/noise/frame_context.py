@@ -39,9 +39,11 @@ class Optics:
 class _FrameFacts:
     """The fields of FrameContext and StageView.
 
-    window: the part of the frame that the layers hold. width, height: of the frame, pixels.
-    time_s: since the start of the sequence.
-    focal_baseline_px_m: focal length times baseline, pixels times metres; 0 without an emitter.
+    Args:
+        window: the part of the frame that the layers hold.
+        width, height: of the frame, pixels.
+        time_s: since the start of the sequence.
+        focal_baseline_px_m: focal length times baseline, pixels times metres; 0 without an emitter.
     """
 
     window: Rect

@@ -66,7 +66,12 @@ class StageSpec:
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a chain. name: unique in the chain. settings: parameter -> distribution."""
+    """One stage of a chain.
+
+    Args:
+        name: unique in the chain.
+        settings: parameter -> distribution.
+    """
 
     name: str
     spec: StageSpec

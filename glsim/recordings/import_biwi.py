@@ -13,8 +13,8 @@ from glsim.dataset.driver import write_dataset
 from glsim.dataset.progress import GenerateProgress, GenerateSummary
 from glsim.errors import MeshError
 from glsim.faces.base import FaceKey
-from glsim.faces.scans.biwi import Biwi
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
+from glsim.faces.sources.biwi import Biwi
 from glsim.frame import Frame, Skipped
 from glsim.frame_assembly import reconcile_reasons
 from glsim.geometry.camera import Intrinsics, SensorRig

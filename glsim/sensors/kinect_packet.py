@@ -63,11 +63,16 @@ def pack_codes(codes: NDArray[np.uint16]) -> bytes:
 
 
 def encode_packet(sensor: Sensor, frame: Frame) -> bytes:
-    """Encode the packet that decodes to the frame's depth. frame: with REQUIRED_LAYERS.
+    """Encode the packet that decodes to the frame's depth.
 
     The twin of tof_taps computes the taps again, from the frame's light and seed. Pixels that see
-    nothing hold read noise, as a device's do; libfreenect2 makes NaN of taps of exactly 0. Raises
-    ConfigError for a sensor without taps, for a frame of another size, or for a crop.
+    nothing hold read noise, as a device's do; libfreenect2 makes NaN of taps of exactly 0.
+
+    Args:
+        frame: with REQUIRED_LAYERS.
+
+    Raises:
+        ConfigError: a sensor without taps, a frame of another size, or a crop.
     """
     stage = taps_stage(sensor)
     image = frame.intrinsics

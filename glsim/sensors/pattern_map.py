@@ -22,7 +22,12 @@ LARGEST_MM = 20.0
 
 @dataclass(frozen=True, eq=False)
 class PatternMap:
-    """error_mm: (H, W) float32, read-only, NaN = unknown. file: where it was read from."""
+    """The fixed pattern of a device.
+
+    Args:
+        error_mm: (H, W) float32, read-only, NaN = unknown.
+        file: where it was read from.
+    """
 
     error_mm: NDArray[np.float32]
     file: Path

@@ -30,7 +30,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
@@ -44,7 +44,7 @@ from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.problems import first_problem
 from glsim.settings.schema import Settings, place_of
-from glsim.settings.tables import merge_tables, parse_table, read_toml
+from glsim.settings.tables import TomlTable, merge_tables, parse_table, read_toml
 
 SENSOR_FOLDER = Path(__file__).parent
 
@@ -57,17 +57,13 @@ _Place = Callable[..., str]
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class _EmitterTable(_Table):
+class _EmitterTable(TomlTable):
     position_m: tuple[float, float, float]
     spread_m: float = Field(0.0, ge=0, le=0.2)
     path_from_m: tuple[float, float, float] | None = None
 
 
-class _DistortionTable(_Table):
+class _DistortionTable(TomlTable):
     k1: float = 0.0
     k2: float = 0.0
     k3: float = 0.0
@@ -75,7 +71,7 @@ class _DistortionTable(_Table):
     p2: float = 0.0
 
 
-class _RigTable(_Table):
+class _RigTable(TomlTable):
     width: int = Field(ge=8, le=8192)
     height: int = Field(ge=8, le=8192)
     focal_px: tuple[float, float]
@@ -121,7 +117,7 @@ class _RigTable(_Table):
         )
 
 
-class _SensorTable(_Table):
+class _SensorFile(TomlTable):
     title: str
     rig: _RigTable
     stage: tuple[dict[str, Any], ...] = ()
@@ -239,7 +235,7 @@ def load_sensor(
     places: dict[tuple[str, ...], str] = {
         ("rig", key): place("rig", key) for key in rig_overrides or {}
     }
-    table = parse_table(_SensorTable, tree, str(file), places)
+    table = parse_table(_SensorFile, tree, str(file), places)
     overrides = dict(overrides or {})
     stages: list[Stage] = []
     changed = {change.name: change for change in changes}

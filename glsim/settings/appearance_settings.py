@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from glsim.settings.tables import TomlTable
 
 
-class AppearanceSettings(BaseModel):
+class AppearanceSettings(TomlTable):
     """What people wear, drawn once per subject. A share of 0 switches a thing off."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     wear: Literal["auto", "always", "never"] = Field(
         "auto", description="auto: people are dressed, procedural and ict-facekit heads are not"

@@ -15,17 +15,16 @@ import math
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from glsim.settings.seeds import keyed_rng
+from glsim.settings.tables import TomlTable
 
 Scope = Literal["frame", "sequence", "subject"]
 
 
-class Distribution(BaseModel):
+class Distribution(TomlTable):
     """Exactly one of uniform, loguniform, normal, choice or constant; drawn once per ``per``."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     constant: float | None = None
     uniform: tuple[float, float] | None = None

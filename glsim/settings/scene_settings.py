@@ -14,9 +14,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from glsim.settings.distribution import Distribution, NumberSetting, Scope, constant
+from glsim.settings.tables import TomlTable
 
 
 def _uniform(low: float, high: float) -> Distribution:
@@ -37,10 +38,8 @@ SCENE_LIMITS = {
 }
 
 
-class SceneSettings(BaseModel):
+class SceneSettings(TomlTable):
     """The scene around the face: nothing, a plain wall, or a room."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     wall_mm: NumberSetting | None = Field(
         None, description="distance of a wall behind; default: no wall"

@@ -36,9 +36,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     PrivateAttr,
     SerializeAsAny,
@@ -51,7 +49,14 @@ from glsim.settings.distribution import NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
 from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.source_settings import SourceSettings, parse_source
-from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
+from glsim.settings.tables import (
+    TomlTable,
+    assign,
+    merge_tables,
+    parse_table,
+    read_toml,
+    split_assignment,
+)
 
 LayerName = Literal["clean", "noisy", "infrared", "reason", "regions", "expected", "normals"]
 DEPTH_UNIT_MM = (0.01, 10.0)
@@ -68,11 +73,7 @@ VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
 """Limits of numbers of [variation]. Chosen."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class PoseSettings(_Table):
+class PoseSettings(TomlTable):
     """Pose of the head in front of the sensor. Angles are as the subject would describe them."""
 
     distance_mm: NumberSetting = Field(
@@ -98,7 +99,7 @@ class PoseSettings(_Table):
         return self
 
 
-class VariationSettings(_Table):
+class VariationSettings(TomlTable):
     """Random changes of heads, so that networks do not learn the face model of the source."""
 
     shape_mm: NumberSetting = Field(
@@ -119,7 +120,7 @@ class VariationSettings(_Table):
         return self
 
 
-class OutputSettings(_Table):
+class OutputSettings(TomlTable):
     """Layers, format and size of the frames that are written."""
 
     format: Literal["png", "webdataset"] = Field(
@@ -173,7 +174,7 @@ def _sources(value: object) -> object:
     return (value,) if isinstance(value, Mapping | SourceSettings) else value
 
 
-class Settings(_Table):
+class Settings(TomlTable):
     """Everything that determines a data set. The same settings give the same bytes."""
 
     sensor: str = Field(DEFAULT_SENSOR, description="a shipped sensor, or the path of a .toml file")

@@ -6,12 +6,11 @@ A source is a file in glsim/faces/sources, or an entry point "glsim.sources" of 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Final, TypeGuard
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     ValidationError,
@@ -21,6 +20,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from glsim.plugins import load_plugin, module_names, plugin_names, shipped_module
+from glsim.settings.tables import TomlTable
 
 _GROUP: Final = "sources"
 _FOLDER: Final = "faces/sources"
@@ -34,10 +34,8 @@ _FIRST: Final = (
 _LAST: Final = ("weight", "count")
 
 
-class SourceSettings(BaseModel):
+class SourceSettings(TomlTable):
     """A source of faces: a generator or a set of meshes on disk."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     #: Whether the source generates as many people and frames as are asked for.
     endless: ClassVar[bool] = False
@@ -110,6 +108,12 @@ def source_table(kind: str) -> type[SourceSettings]:
 
 def _is_table(value: object) -> TypeGuard[type[SourceSettings]]:
     return isinstance(value, type) and issubclass(value, SourceSettings)
+
+
+@cache
+def generates(kind: str) -> bool:
+    """Return whether a name is that of a kind of source that generates faces."""
+    return kind in source_kinds() and source_table(kind).endless
 
 
 def parse_source(table: Mapping[str, Any]) -> SourceSettings:

@@ -34,7 +34,11 @@ _TITLES: Final = {
 
 @dataclass(frozen=True)
 class ValidationSheet:
-    """Checks and the functions that measure them. title: device or authors of the checks."""
+    """Checks and the functions that measure them.
+
+    Args:
+        title: device or authors of the checks.
+    """
 
     title: str
     checks: tuple[Check, ...]

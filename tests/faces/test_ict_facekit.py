@@ -262,7 +262,7 @@ def test_a_missing_or_broken_model_gives_one_clear_line(tmp_path: Path, small_mo
 
 def test_importing_the_source_is_light() -> None:
     code = (
-        "import sys, glsim.faces.ict_facekit, glsim.faces.scans.folder, glsim.meshio.load;"
+        "import sys, glsim.faces.ict_facekit, glsim.faces.sources.folder, glsim.meshio.load;"
         "print([name for name in ('trimesh', 'cv2', 'moderngl', 'scipy') if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

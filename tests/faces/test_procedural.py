@@ -13,7 +13,7 @@ from glsim.faces.base import Face
 from glsim.faces.procedural import PARAMETERS, REGIONS, ProceduralFaces, sample_identity
 from glsim.faces.procedural.grid import knot_row
 from glsim.faces.procedural.parameters import BY_NAME, mean_identity
-from glsim.faces.procedural.subject import Subject, head_model, make_subject, neutral_head
+from glsim.faces.procedural.subject import HeadSubject, head_model, make_subject, neutral_head
 from glsim.faces.procedural.template import PART_EYEBALL, PART_SKIN
 from glsim.faces.procedural.topology import EYE_COLUMNS, MOUTH_COLUMN, SLIT_EYE, SLIT_MOUTH
 from tests.support.head_points import slit_vertex, triangle_areas
@@ -25,7 +25,7 @@ def source() -> ProceduralFaces:
 
 
 @pytest.fixture(scope="module")
-def mean() -> Subject:
+def mean() -> HeadSubject:
     return make_subject(mean_identity(), 0, "mean")
 
 
@@ -121,7 +121,7 @@ def test_bytes_do_not_depend_on_batch_order_or_instance(source: ProceduralFaces)
         assert face.expression == forward[key].expression
 
 
-def test_unknown_names_are_refused(source: ProceduralFaces, mean: Subject) -> None:
+def test_unknown_names_are_refused(source: ProceduralFaces, mean: HeadSubject) -> None:
     key = source.frames("p0000", 1)[0]
     with pytest.raises(ConfigError, match="no procedural subject"):
         list(source.load([type(key)("joe", key.sequence, 0)]))

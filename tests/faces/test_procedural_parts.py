@@ -9,7 +9,7 @@ from glsim.faces.procedural import REGIONS, sample_identity
 from glsim.faces.procedural.asymmetry import asymmetry_field
 from glsim.faces.procedural.fields import vertex_normals
 from glsim.faces.procedural.parameters import FACTORS, PARAMETERS, mean_identity
-from glsim.faces.procedural.subject import Subject, head_model, make_subject, neutral_head
+from glsim.faces.procedural.subject import HeadSubject, head_model, make_subject, neutral_head
 from glsim.faces.procedural.teeth import (
     ARCH_DEPTH,
     ARCH_POWER,
@@ -24,7 +24,7 @@ Array = np.ndarray
 
 
 @pytest.fixture(scope="module")
-def people() -> list[Subject]:
+def people() -> list[HeadSubject]:
     return [make_subject(sample_identity(2, f"p{n:04d}"), 2, f"p{n:04d}") for n in range(16)]
 
 
@@ -35,7 +35,7 @@ def region(name: str) -> Array:
 # --- neck and shoulders --------------------------------------------------------------------------
 
 
-def test_shoulders_are_as_wide_as_peoples(people: list[Subject]) -> None:
+def test_shoulders_are_as_wide_as_peoples(people: list[HeadSubject]) -> None:
     """Bideltoid breadth: ANSUR II, 1st percentile of women 390, 99th of men 580 mm."""
     widths = [np.ptp(p.neutral[region("shoulder"), 0]) for p in people]
     assert min(widths) > 390
@@ -97,7 +97,7 @@ def test_teeth_are_single_teeth() -> None:
     np.testing.assert_allclose(a, b, atol=1e-3)
 
 
-def test_closed_lips_hide_the_teeth_and_open_ones_show_them(people: list[Subject]) -> None:
+def test_closed_lips_hide_the_teeth_and_open_ones_show_them(people: list[HeadSubject]) -> None:
     template = head_model().template
     rows = {low: (template.part == PART_TEETH) & (template.low == low) for low in (False, True)}
     lips = region("lips")
@@ -166,7 +166,7 @@ def mirror_distance(points: Array) -> tuple[float, float]:
     return rms, float(np.median(np.linalg.norm(difference, axis=1)))
 
 
-def test_asymmetry_has_the_size_of_real_faces(people: list[Subject]) -> None:
+def test_asymmetry_has_the_size_of_real_faces(people: list[HeadSubject]) -> None:
     """0.63 mm rms on average over 350 adults, sd 0.16 (see asymmetry.py)."""
     assert mirror_distance(neutral_head({p.name: p.template for p in PARAMETERS}))[0] < 1e-3
     rms = [mirror_distance(person.neutral)[0] for person in people]
@@ -206,7 +206,7 @@ def test_measures_of_a_person_go_together() -> None:
         assert sum(load**2 for load in p.loads) < 1.0, p.name
 
 
-def test_no_two_faces_are_alike(people: list[Subject]) -> None:
+def test_no_two_faces_are_alike(people: list[HeadSubject]) -> None:
     """Root mean square distance of two faces, pose aside; no two of 16 are alike."""
     points = head_model().template.points
     face = (points[:, 2] > -50) & (points[:, 1] > -95) & (points[:, 1] < 70)
@@ -221,7 +221,7 @@ def test_no_two_faces_are_alike(people: list[Subject]) -> None:
 
 
 @pytest.mark.parametrize("number", range(6))
-def test_people_have_no_folds_in_skin(people: list[Subject], number: int) -> None:
+def test_people_have_no_folds_in_skin(people: list[HeadSubject], number: int) -> None:
     """No triangle of face, neck and shoulders is turned over against the template."""
     template = head_model().template
     faces = template.faces

@@ -11,10 +11,10 @@ import numpy as np
 
 from glsim.errors import MeshError
 from glsim.faces.base import BadFace, Face, FaceSource
-from glsim.faces.scans.biwi import Biwi
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
-from glsim.faces.scans.d3dfacs import D3dfacs
-from glsim.faces.scans.facewarehouse import FaceWarehouse
+from glsim.faces.sources.biwi import Biwi
+from glsim.faces.sources.d3dfacs import D3dfacs
+from glsim.faces.sources.facewarehouse import FaceWarehouse
 from tests.support.face_sets import (
     COLUMNS,
     FACE,

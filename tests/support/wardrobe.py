@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.dress import Dresser
-from glsim.faces.base import Face, Part
+from glsim.faces.base import Face, WornPart
 from glsim.faces.procedural import ProceduralFaces
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
@@ -45,7 +45,7 @@ def keys(subject: int) -> DrawKeys:
     return DrawKeys(frame=1, sequence=2, subject=subject)
 
 
-def part(face: Face, region: str) -> Part:
+def part(face: Face, region: str) -> WornPart:
     """The first part of a region."""
     return next(p for p in face.parts if p.region == region)
 

@@ -6,10 +6,10 @@ from functools import partial
 from typing import Final
 
 from glsim.eval.metrics.metric import Direction, Metric
-from glsim.eval.metrics.prediction import Prediction
+from glsim.eval.metrics.prediction import ScoredMap
 from glsim.geometry.edges import BAND_PX
 
-#: (Base set, part) of ``Prediction.errors`` -> definition of the pixels.
+#: (Base set, part) of ``ScoredMap.errors`` -> definition of the pixels.
 _BOTH: Final = "prediction and clean valid"
 _INPUT: Final = (
     "input and clean valid, the same pixels for every method; where the method has no "
@@ -44,7 +44,7 @@ _IN_TABLE: Final = (
 )
 
 
-def _statistic(prediction: Prediction, base: str, part: str, key: str) -> float:
+def _statistic(prediction: ScoredMap, base: str, part: str, key: str) -> float:
     return prediction.statistics(base, part)[key]
 
 

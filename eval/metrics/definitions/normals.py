@@ -8,23 +8,23 @@ from typing import Final
 import numpy as np
 
 from glsim.eval.metrics.metric import Metric
-from glsim.eval.metrics.prediction import Prediction
+from glsim.eval.metrics.prediction import ScoredMap
 
 #: A normal with a smaller error, degrees, counts as good.
 _GOOD_DEG: Final = 10.0
 
 
-def _mean_deg(prediction: Prediction) -> float:
+def _mean_deg(prediction: ScoredMap) -> float:
     angle, _ = prediction.angles
     return float(angle.mean()) if angle.size else math.nan
 
 
-def _median_deg(prediction: Prediction) -> float:
+def _median_deg(prediction: ScoredMap) -> float:
     angle, _ = prediction.angles
     return float(np.median(angle)) if angle.size else math.nan
 
 
-def _good_pct(prediction: Prediction) -> float:
+def _good_pct(prediction: ScoredMap) -> float:
     angle, _ = prediction.angles
     return 100.0 * float((angle < _GOOD_DEG).mean()) if angle.size else math.nan
 

@@ -6,11 +6,11 @@ import math
 from functools import partial
 
 from glsim.eval.metrics.metric import Metric
-from glsim.eval.metrics.prediction import PSNR_MAX_MM, Prediction, psnr_db
+from glsim.eval.metrics.prediction import PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS
 
 
-def _flips_pct(prediction: Prediction) -> float:
+def _flips_pct(prediction: ScoredMap) -> float:
     if not prediction.mse_mm2 > 0:
         return math.nan
     flipped = prediction.valid != prediction.truth.valid
@@ -18,7 +18,7 @@ def _flips_pct(prediction: Prediction) -> float:
     return 100.0 * in_flips / prediction.mse_mm2
 
 
-def _ssim(prediction: Prediction, preset: str) -> float:
+def _ssim(prediction: ScoredMap, preset: str) -> float:
     return prediction.ssim[preset]
 
 

@@ -7,29 +7,29 @@ import math
 import numpy as np
 
 from glsim.eval.metrics.metric import Metric
-from glsim.eval.metrics.prediction import FLYING_MM, Prediction
+from glsim.eval.metrics.prediction import FLYING_MM, ScoredMap
 
 
 def _share(part: int, whole: int) -> float:
     return part / whole if whole else math.nan
 
 
-def _iou(prediction: Prediction) -> float:
+def _iou(prediction: ScoredMap) -> float:
     hits, _, _ = prediction.counts
     return _share(hits, hits + prediction.flips)
 
 
-def _precision(prediction: Prediction) -> float:
+def _precision(prediction: ScoredMap) -> float:
     hits, predicted, _ = prediction.counts
     return _share(hits, predicted)
 
 
-def _recall(prediction: Prediction) -> float:
+def _recall(prediction: ScoredMap) -> float:
     hits, _, real = prediction.counts
     return _share(hits, real)
 
 
-def _flying_px(prediction: Prediction) -> float:
+def _flying_px(prediction: ScoredMap) -> float:
     hits, predicted, _ = prediction.counts
     error = prediction.error[prediction.valid & prediction.truth.valid]
     return float(int(np.count_nonzero(np.abs(error) > FLYING_MM)) + predicted - hits)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.exports.export import Export
+from glsim.exports.base import Export
 from glsim.exports.formats.cameras import centre_at_zero, coefficients
 from glsim.exports.frames import ExportFrame
 from glsim.files.atomic import to_json

@@ -13,7 +13,7 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.exports.export import Export
+from glsim.exports.base import Export
 from glsim.geometry.camera import Distortion, Intrinsics
 
 #: Coordinate of the first pixel's centre here minus that in OpenCV, ROS and Open3D, pixels.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from glsim.errors import DatasetError
-from glsim.exports.export import Export
+from glsim.exports.base import Export
 from glsim.exports.formats.arrays import geometry_arrays
 from glsim.exports.formats.cameras import centre_at_zero, coefficients
 from glsim.exports.frames import ExportFrame

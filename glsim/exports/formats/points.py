@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.exports.export import Export
+from glsim.exports.base import Export
 from glsim.exports.frames import ExportFrame
 
 #: NumPy's kind and size of a field -> its name in PLY, and its type letter in PCD.

@@ -107,7 +107,10 @@ def _label_sockets(
 ) -> None:
     """Label mouth and eye sockets, which are separate components of the back of the head.
 
-    vertices: (V, 3) cm. back: (T, 3) triangles. region: (V,) labels, changed in place.
+    Args:
+        vertices: (V, 3) cm.
+        back: (T, 3) triangles.
+        region: (V,) labels, changed in place.
     """
     component = _connected_components(len(vertices), back)
     is_head = np.zeros(len(vertices), dtype=bool)
@@ -147,8 +150,10 @@ def _label_iris(
 ) -> None:
     """Label the part of the eyeball within the iris' radius around the visual axis.
 
-    white: vertex indices of the sclera mesh. iris: (N, 3) vertices of the iris mesh, cm.
-    region: (V,) labels, changed in place.
+    Args:
+        white: vertex indices of the sclera mesh.
+        iris: (N, 3) vertices of the iris mesh, cm.
+        region: (V,) labels, changed in place.
     """
     points = vertices[white]
     system = np.column_stack([2 * points, np.ones(len(points))])

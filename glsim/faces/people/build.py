@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.faces.action_units import SHAPES
 from glsim.faces.people.details import DETAILS
-from glsim.faces.people.files import BaseMesh, Target, read_base_mesh, read_target
+from glsim.faces.people.files import BaseMesh, MorphTarget, read_base_mesh, read_target
 from glsim.faces.people.model import BodyModel, SparseShapes
 from glsim.faces.people.phenotype import phenotype_targets, phenotype_weights
 from glsim.faces.people.refinement import GROUPS, drawn_quads, refine
@@ -143,14 +143,14 @@ def _read_targets(folder: Path, kept: NDArray[np.int64], joint_map: LinearMap) -
     paths |= {name: folder / _DETAIL / f"{name}.target.gz" for name in DETAILS}
     size = int(max(kept.max(), joint_map.columns.max())) + 1
 
-    def of(path: Path) -> Target:
+    def of(path: Path) -> MorphTarget:
         target = read_target(path)
         inside = target.vertices < size
         dense = np.zeros((size, 3))
         dense[target.vertices[inside]] = target.offsets_mm[inside]
         points = np.concatenate([dense[kept], joint_map.apply(dense)])
         moved = np.flatnonzero(points.any(axis=1))
-        return Target(moved, points[moved])
+        return MorphTarget(moved, points[moved])
 
     return _sparse((name, of(path)) for name, path in paths.items())
 
@@ -162,11 +162,15 @@ def _read_actions(
     place: NDArray[np.int64],
     x_mm: NDArray[np.float64],
 ) -> SparseShapes:
-    """Read the facial actions, for the fine vertices. x_mm: (P,) of the coarse ones."""
+    """Read the facial actions, for the fine vertices.
+
+    Args:
+        x_mm: (P,) of the coarse ones.
+    """
     inverse = np.full(int(kept.max()) + 1, -1)
     inverse[kept] = np.arange(len(kept))
 
-    def of(action: str) -> Target:
+    def of(action: str) -> MorphTarget:
         stem = action.removesuffix("Left").removesuffix("Right")
         side = 0.0
         if stem in _UNSIDED:
@@ -182,12 +186,12 @@ def _read_actions(
             coarse *= smootherstep(share)[:, None]
         moved = fine.apply(coarse)
         here = np.flatnonzero(np.abs(moved).max(axis=1) > 1e-4)
-        return Target(place[here], moved[here])
+        return MorphTarget(place[here], moved[here])
 
     return _sparse((name, of(name)) for name in SHAPES)
 
 
-def _sparse(shapes: Iterable[tuple[str, Target]]) -> SparseShapes:
+def _sparse(shapes: Iterable[tuple[str, MorphTarget]]) -> SparseShapes:
     names, parts = zip(*shapes, strict=True)
     return SparseShapes(
         tuple(names),

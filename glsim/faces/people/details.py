@@ -13,7 +13,7 @@ from typing import Final
 
 
 @dataclass(frozen=True)
-class Pair:
+class MirroredPair:
     """Two opposite targets. negative, positive: their files, relative to the targets' folder.
 
     Args:
@@ -92,17 +92,17 @@ HEAD_SHAPES: Final = tuple(
 SHAPE_MAX: Final = 0.4
 
 
-def _pairs() -> list[Pair]:
+def _pairs() -> list[MirroredPair]:
     found = []
     for folder, spread, words in _MIDLINE:
-        found += [Pair(*_ends(folder, word), spread) for word in words.split()]
+        found += [MirroredPair(*_ends(folder, word), spread) for word in words.split()]
     for folder, spread, words in _SIDED:
         for word in words.split():
             left, right = (_ends(folder, f"{side}-{word}") for side in "lr")
-            found += [Pair(*left, spread, mirror=right[1]), Pair(*right, spread)]
+            found += [MirroredPair(*left, spread, mirror=right[1]), MirroredPair(*right, spread)]
     for folder, spread, words in _UNEQUAL:
         stems = [f"{folder}/asym-{word}" for word in words.split()]
-        found += [Pair(f"{stem}-l", f"{stem}-r", spread) for stem in stems]
+        found += [MirroredPair(f"{stem}-l", f"{stem}-r", spread) for stem in stems]
     return found
 
 

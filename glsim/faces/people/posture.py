@@ -55,7 +55,12 @@ class BodyShape:
 
 @dataclass(frozen=True)
 class Posture:
-    """turns: bone -> (3, 3) rotation against its parent. sitting. arms: left, right, of ARMS."""
+    """How a person stands or sits.
+
+    Args:
+        turns: bone -> (3, 3) rotation against its parent.
+        arms: left, right, of ARMS.
+    """
 
     turns: Mapping[str, _Array]
     sitting: bool

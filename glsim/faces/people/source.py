@@ -17,7 +17,7 @@ from glsim.faces.people.cache import load_model
 from glsim.faces.people.files import data_folder
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.regions import REGIONS
-from glsim.faces.people.subject import FRAMINGS, Subject
+from glsim.faces.people.subject import FRAMINGS, BodySubject
 from glsim.faces.procedural.neck import head_share as neck_share
 from glsim.faces.sequences import performance_expression, performance_frames
 from glsim.geometry.mesh import Mesh
@@ -72,7 +72,7 @@ class People:
         data_folder()  # says what to install
         self.seed, self.frames_per_sequence, self.framing = seed, frames_per_sequence, framing
         self.frames_per_second = frames_per_second
-        self._subjects: OrderedDict[str, Subject] = OrderedDict()
+        self._subjects: OrderedDict[str, BodySubject] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the settings only; each worker maps the cached model itself."""
@@ -134,12 +134,12 @@ class People:
         face = tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
         return Neck(head_share, (float(face[0]), float(face[1]), float(face[2])), True)
 
-    def _subject(self, name: str) -> Subject:
+    def _subject(self, name: str) -> BodySubject:
         """Return a subject from the cache, or make it."""
         if name not in self._subjects:
             if not (name.startswith("a") and name[1:].isdigit()):
                 raise ConfigError(f"no subject {name!r} of people: they are a0000, a0001, ...")
-            self._subjects[name] = Subject(self._model, self.seed, name)
+            self._subjects[name] = BodySubject(self._model, self.seed, name)
             while len(self._subjects) > CACHED_SUBJECTS:
                 self._subjects.popitem(last=False)
         self._subjects.move_to_end(name)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.faces.action_units import shape_weights
 from glsim.faces.people.albedo import draw_albedo
-from glsim.faces.people.identity import Identity, sample_identity
+from glsim.faces.people.identity import BodyIdentity, sample_identity
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.movement import movement
 from glsim.faces.people.posture import BodyShape, Posture, draw_posture
@@ -37,12 +37,12 @@ class Stance:
     origin_mm: NDArray[np.float64]
 
 
-class Subject:
+class BodySubject:
     """One person. Functions of (seed, name, sequence, time) only."""
 
     def __init__(self, model: BodyModel, seed: int, name: str) -> None:
         self._model, self._seed, self.name = model, seed, name
-        self.identity: Identity = sample_identity(seed, name)
+        self.identity: BodyIdentity = sample_identity(seed, name)
         self.rest_mm, self._joints = model.body(self.identity.weights)
         self.albedo = draw_albedo(seed, name, model.regions)
         self._shape = _body_shape(model, self.rest_mm, self._joints)

@@ -116,7 +116,8 @@ def lid_closure(points: Array, centers: Array, lids: Lids) -> tuple[Array, Array
 def _slide(points: Array, lids: Lids, globes: Array, number: int, travel: Array) -> Array:
     """Return the displacement (L, 3) when the lid margins move by ``travel`` (C,) mm to close.
 
-    number: 0 for the upper lids, 1 for the lower ones.
+    Args:
+        number: 0 for the upper lids, 1 for the lower ones.
     """
     strip, (lining_strip, lining) = lids.strips[number], lids.linings[number]
     up = 1.0 if number == 0 else -1.0  # from the margin outwards

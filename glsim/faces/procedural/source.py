@@ -15,7 +15,7 @@ from glsim.faces.neck import Neck
 from glsim.faces.procedural.neck import head_share
 from glsim.faces.procedural.parameters import sample_identity
 from glsim.faces.procedural.regions import REGIONS
-from glsim.faces.procedural.subject import Subject, head_model, make_subject
+from glsim.faces.procedural.subject import HeadSubject, head_model, make_subject
 from glsim.faces.sequences import performance_expression, performance_frames
 from glsim.geometry.mesh import Mesh
 
@@ -47,7 +47,7 @@ class ProceduralFaces:
         self.seed = seed
         self.frames_per_sequence = frames_per_sequence
         self.frames_per_second = frames_per_second
-        self._cache: OrderedDict[str, Subject] = OrderedDict()
+        self._cache: OrderedDict[str, HeadSubject] = OrderedDict()
 
     def __getstate__(self) -> dict[str, object]:
         """Return the settings only; each worker builds its own subjects."""
@@ -96,7 +96,7 @@ class ProceduralFaces:
             mesh = Mesh(head, model.template.faces, person.albedo, model.occluder)
             yield Face(key, mesh, expression, neck=_NECK)
 
-    def _subject(self, name: str) -> Subject:
+    def _subject(self, name: str) -> HeadSubject:
         """Return a subject from the cache, or make it."""
         if name not in self._cache:
             if not (name.startswith("p") and name[1:].isdigit()):

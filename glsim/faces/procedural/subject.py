@@ -82,7 +82,7 @@ def head_model() -> HeadModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class HeadSubject:
     """A person: neutral (V, 3) float64 mm, albedo (V,), and their lid and jaw rows of the basis.
 
     Args:
@@ -123,7 +123,7 @@ def neutral_head(identity: Mapping[str, float]) -> Array:
     return head.reshape(-1, 3)
 
 
-def make_subject(identity: Mapping[str, float], seed: int, name: str) -> Subject:
+def make_subject(identity: Mapping[str, float], seed: int, name: str) -> HeadSubject:
     """Make the subject of an identity; ``seed`` and ``name`` give the asymmetry and the albedo."""
     shared = head_model()
     asymmetry = asymmetry_field(shared.field_points, shared.rigid, seed, name)
@@ -131,7 +131,7 @@ def make_subject(identity: Mapping[str, float], seed: int, name: str) -> Subject
     return subject_of(neutral_head(identity) + asymmetry, albedo)
 
 
-def subject_of(neutral: Array, albedo: NDArray[np.float32]) -> Subject:
+def subject_of(neutral: Array, albedo: NDArray[np.float32]) -> HeadSubject:
     """Make the subject with a neutral head (V, 3) mm and an albedo (V,)."""
     shared = head_model()
     ball, left = shared.template.part == PART_EYEBALL, shared.template.points[:, 0] > 0
@@ -143,4 +143,4 @@ def subject_of(neutral: Array, albedo: NDArray[np.float32]) -> Subject:
         ]
     )
     own = subject_basis(shared.actions, shared.lids, neutral, globes)
-    return Subject(neutral, albedo, own, nonzero_spans(own))
+    return HeadSubject(neutral, albedo, own, nonzero_spans(own))

@@ -1,1 +1,1 @@
-"""Readers of face sets on disk: D3DFACS, FaceWarehouse, Biwi, and any folder of meshes."""
+"""What the readers of face sets on disk share: trees of files, their formats and scales."""

@@ -1,14 +1,56 @@
-"""The source ``biwi``."""
+"""Read the Biwi Kinect Head Pose set: 24 recordings of 20 people who turn their heads.
+
+    NN.obj                              template of the person in recording NN: mm, camera axes
+    NN/frame_FFFFF_pose.txt             head pose of a frame (see biwi_files)
+    NN/frame_FFFFF_depth.bin            depth measured by the Kinect (``glsim import biwi``)
+    NN/depth.cal, NN/rgb.cal            calibrations
+
+below the root or its folder ``hpdb``. The subject is the person, not the recording: 15, 18, 21 and
+22 show F03, F05, F02 and M01 again. A frame is the template rotated as in the recording; the [pose]
+settings give its position, as for every source.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.faces.base import FaceSource, MeshFileSettings
+from glsim.errors import ConfigError, MeshError
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.scans.biwi_files import HeadPose, read_pose
+from glsim.faces.scans.file_source import (
+    cached_or_error,
+    check_subject,
+    file_contents,
+    first_subjects,
+    load_faces,
+)
+from glsim.faces.scans.file_tree import check_root, last_number, list_names
+from glsim.geometry.mesh import Mesh
+from glsim.meshio.alignment import Alignment, check_axes, check_unit
+from glsim.meshio.limits import check_size
+from glsim.meshio.load import check_head_size, find_alignment_in_format, read_mesh
+
+AXES: Final = "+x-y-z"
+FRAMES_PER_SECOND: Final = 30.0
+MAX_BYTES: Final = 50_000_000  # a template is 0.6 MB
+
+PEOPLE: Final = (
+    "F01", "F02", "F03", "F04", "F05", "F06", "M01", "M02", "M03", "M04", "M05", "M06",
+    "M07", "M08", "F03", "M09", "M10", "F05", "M11", "M12", "F02", "M01", "M13", "M14",
+)  # fmt: skip
+"""The person of recordings 01 to 24 (the set's readme)."""
+
+#: Converts camera axes (y down, z away) to canonical axes (y up, z out of the face) and back.
+_FLIP_YZ: Final = np.diag([1.0, -1.0, -1.0])
 
 
 class BiwiSettings(MeshFileSettings):
@@ -18,8 +60,6 @@ class BiwiSettings(MeshFileSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the set. Raises ConfigError without its folder."""
-        from glsim.faces.scans.biwi import Biwi
-
         return Biwi(self.folder, unit=self.unit, axes=self.axes, every=self.every or 1)
 
     @classmethod
@@ -27,3 +67,136 @@ class BiwiSettings(MeshFileSettings):
         """Recognise folders NN that hold head poses."""
         named = (folder for folder in folders if re.fullmatch(r"\d\d", folder.name))
         return float(any(any(folder.glob("frame_*_pose.txt")) for folder in named))
+
+
+class Biwi:
+    """A FaceSource for the Biwi set in its original layout.
+
+    Args:
+        every: use every n-th frame of each recording.
+        unit, axes: override the templates' millimetres and +x-y-z.
+
+    Raises:
+        ConfigError: an invalid setting or a missing root.
+    """
+
+    name = "biwi"
+
+    def __init__(
+        self, root: Path | str, *, unit: str = "auto", axes: str = "auto", every: int = 1
+    ) -> None:
+        check_unit(unit)
+        check_axes(axes)
+        if every < 1:
+            raise ConfigError(f"every={every}: take one frame in 1 or more")
+        root = check_root(root)
+        self.root = root / "hpdb" if (root / "hpdb").is_dir() else root
+        self._unit, self._axes, self._every = unit, axes, every
+        self._templates: dict[str, tuple[Mesh, Alignment] | MeshError] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the settings, without caches."""
+        state = self.__dict__ | {"_templates": {}}
+        state.pop("_people", None)
+        return state
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the first ``count`` people (None: all). Raises ConfigError if there are fewer."""
+        nothing = "no recording NN (01 to 24) with frame_*_pose.txt"
+        return first_subjects(self.root, self._people, count, nothing)
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """Return the first ``count`` frames of a person, by recording. Raises ConfigError."""
+        check_subject(self.root, subject, self._people)
+        keys: list[FaceKey] = []
+        for recording in self._people[subject]:
+            names = [n for n in list_names(self.root / recording) if n.endswith("_pose.txt")]
+            numbers = {last_number(name) or 0: name for name in names}
+            first = min(numbers, default=0)
+            keys += [
+                FaceKey(
+                    subject,
+                    recording,
+                    number,
+                    (number - first) / FRAMES_PER_SECOND,
+                    f"{recording}/{numbers[number]}",
+                )
+                for number in sorted(numbers)[:: self._every]
+            ]
+        return keys[:count]
+
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return file -> hash for the templates and pose files of these people."""
+        keys = [key for subject in subjects for key in self.frames(subject, None)]
+        templates = dict.fromkeys(self.root / f"{key.sequence}.obj" for key in keys)
+        return file_contents(self.root, [*templates, *(self.root / key.path for key in keys)])
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+        """Yield the template rotated by the pose file, one per key; recordings share ``faces``."""
+        return load_faces(keys, self._face)
+
+    def pose(self, key: FaceKey) -> HeadPose:
+        """Read the head pose of a frame. Raises MeshError."""
+        return read_pose(self.root / key.path)
+
+    def depth_path(self, key: FaceKey) -> Path:
+        """Return the path of a frame's depth file."""
+        return self.root / (key.path.removesuffix("_pose.txt") + "_depth.bin")
+
+    def in_camera(self, key: FaceKey) -> Mesh:
+        """Return the template at its recorded pose, for a camera at the origin. Raises MeshError.
+
+        Canonical axes; render it with ``pose_matrix({})``.
+        """
+        template, alignment = self._template(key.sequence)
+        pose = self.pose(key)
+        rotation = (_FLIP_YZ @ pose.rotation @ _FLIP_YZ).T
+        in_template = template.vertices_mm + np.array(alignment.origin_mm)
+        in_camera = in_template @ rotation + pose.centre_mm @ _FLIP_YZ
+        return replace(template, vertices_mm=_as_float32(in_camera))
+
+    def _face(self, key: FaceKey) -> Face:
+        template, alignment = self._template(key.sequence)
+        pose = self.pose(key)
+        rotation = _FLIP_YZ @ pose.rotation @ _FLIP_YZ
+        if rotation[2, 2] < 0:
+            raise MeshError(f"{self.root / key.path}: the face looks away from the camera")
+        mesh = replace(template, vertices_mm=_as_float32(template.vertices_mm @ rotation.T))
+        notes: dict[str, object] = {
+            **alignment.notes(),
+            "head_rotation": [[round(float(v), 6) for v in row] for row in pose.rotation],
+            "head_centre_mm": [round(float(v), 3) for v in pose.centre_mm],
+        }
+        return Face(key, mesh, notes=notes)
+
+    def _template(self, recording: str) -> tuple[Mesh, Alignment]:
+        return cached_or_error(self._templates, recording, self._read_template)
+
+    def _read_template(self, recording: str) -> tuple[Mesh, Alignment]:
+        path = self.root / f"{recording}.obj"
+        check_size(path, MAX_BYTES)
+        file_mesh = read_mesh(path)
+        unit = "mm" if self._unit == "auto" else self._unit
+        alignment = find_alignment_in_format(
+            path, file_mesh, unit=unit, axes=self._axes, format_axes=AXES, recentre=True
+        )
+        mesh = check_head_size(path, file_mesh.to_mesh(alignment))
+        for other in self._templates.values():
+            if not isinstance(other, MeshError) and np.array_equal(other[0].faces, mesh.faces):
+                mesh = replace(mesh, faces=other[0].faces)
+                break
+        return mesh, alignment
+
+    @cached_property
+    def _people(self) -> dict[str, list[str]]:
+        """Person -> names of their recordings."""
+        people: dict[str, list[str]] = {}
+        for number, person in enumerate(PEOPLE, start=1):
+            folder = self.root / f"{number:02d}"
+            if folder.is_dir() and any(name.endswith("_pose.txt") for name in list_names(folder)):
+                people.setdefault(person, []).append(folder.name)
+        return people
+
+
+def _as_float32(vertices_mm: NDArray[np.floating]) -> NDArray[np.float32]:
+    return np.ascontiguousarray(vertices_mm, dtype=np.float32)

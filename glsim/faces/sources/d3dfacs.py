@@ -1,17 +1,42 @@
-"""The source ``d3dfacs``."""
+"""Read D3DFACS: FLAME registrations and raw scans of people who perform FACS action units.
+
+    <Subject>/<AU+AU>/<AU+AU>_<frame>.ply         FLAME registrations (Li et al. 2017), metres
+    <Subject>/.../<AU+AU>.../*<frame>*.obj        raw 3dMD frames (Cosker et al. 2011), millimetres
+
+Both have 60 frames per second, with +y up and +z out of the face. A folder ``d3dfacs_alignments``
+below the root is used as the root. A raw frame is two half-face patches, in one OBJ or in two whose
+names distinguish left and right; each frame has its own topology. Gaps in frame numbers are kept.
+
+Peak: registrations share their topology, so the peak of a sequence is the frame whose vertices,
+without the rigid motion of the head, are farthest from those of its first frame. Raw frames cannot
+be compared in this way: their peak is the middle frame (performances run from neutral to neutral),
+and the notes say so.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.faces.base import FaceSource, MeshFileSettings
+from glsim.errors import ConfigError, MeshError
+from glsim.faces.base import FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.scans.file_source import one_bad_file
+from glsim.faces.sources.folder import Folder
+from glsim.meshio.alignment import Alignment
+from glsim.meshio.load import FileMesh, find_alignment_in_format, read_mesh
 
-_CODES: Final = re.compile(r"\d+[LR]?(\+\d+[LR]?)*", re.ASCII)
+AXES: Final = "+x+y+z"
+REGISTRATIONS: Final = "d3dfacs_alignments"
+
+_CODE: Final = re.compile(r"\d+[LR]?(?:\+\d+[LR]?)*", re.ASCII)
+_SIDE: Final = re.compile(r"(?<![a-z])(left|right)(?![a-z])|(?<=[_.-])([lr])(?=[_.-]|$)", re.I)
 
 
 class D3dfacsSettings(MeshFileSettings):
@@ -22,8 +47,6 @@ class D3dfacsSettings(MeshFileSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the set. Raises ConfigError without meshes."""
-        from glsim.faces.scans.d3dfacs import D3dfacs
-
         return D3dfacs(
             self.folder,
             unit=self.unit,
@@ -35,5 +58,134 @@ class D3dfacsSettings(MeshFileSettings):
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
         """Recognise folders named by action units that hold meshes."""
-        named = (folder for folder in folders if _CODES.fullmatch(folder.name))
+        named = (folder for folder in folders if _CODE.fullmatch(folder.name))
         return 0.5 if any(any(folder.glob("*.[op][bl][jy]")) for folder in named) else 0.0
+
+
+class D3dfacs(Folder):
+    """A FaceSource for D3DFACS in its original layout.
+
+    Args:
+        every: use every n-th frame of each sequence, from its first.
+        peak_only: use only the peak frame of each sequence.
+        unit, axes: override the format's (registrations: metres; raw: detected by size; axes
+            +x+y+z).
+
+    Raises:
+        ConfigError: as Folder does.
+    """
+
+    name = "d3dfacs"
+
+    def __init__(
+        self,
+        root: Path | str,
+        *,
+        unit: str = "auto",
+        axes: str = "auto",
+        every: int = 1,
+        peak_only: bool = False,
+    ) -> None:
+        if every < 1:
+            raise ConfigError(f"every={every}: take one frame in 1 or more")
+        root = Path(root)
+        below = root / REGISTRATIONS
+        super().__init__(below if below.is_dir() else root, unit=unit, axes=axes)
+        self._every, self._peak_only = every, peak_only
+        self._patches: dict[str, list[str]] = {}
+        self._chosen: dict[str, list[FaceKey]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the settings, without caches."""
+        return super().__getstate__() | {"_patches": {}, "_chosen": {}}
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """Return the first ``count`` frames of a subject after ``every`` and ``peak_only``."""
+        if subject not in self._chosen:
+            keys = super().frames(subject, None)
+            sequences = [list(group) for _, group in groupby(keys, key=lambda key: key.sequence)]
+            self._chosen[subject] = [
+                key
+                for sequence in sequences
+                for key in ([self._peak(sequence)] if self._peak_only else sequence[:: self._every])
+            ]
+        return self._chosen[subject][:count]
+
+    def _sequences(self, subject: str, top: Path, files: list[Path]) -> list[FaceKey]:
+        """Group the two patches of each raw frame, then list the frames."""
+        frames: dict[tuple[Path, str], list[Path]] = {}
+        for path in files:
+            name_without_side = (
+                _SIDE.sub("", path.stem) if path.suffix.lower() == ".obj" else path.name
+            )
+            frames.setdefault((path.parent, name_without_side), []).append(path)
+        for first, *others in frames.values():
+            name = first.relative_to(self.root).as_posix()
+            self._patches[name] = [other.relative_to(self.root).as_posix() for other in others]
+        return super()._sequences(subject, top, [paths[0] for paths in frames.values()])
+
+    def _paths(self, key: FaceKey) -> list[Path]:
+        self.subjects(None)  # lists the tree, which fills _patches
+        names = [key.path, *self._patches.get(key.path, [])]
+        return [self.root / name for name in names]
+
+    def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
+        unit = "m" if unit == "auto" and path.suffix.lower() == ".ply" else unit
+        return find_alignment_in_format(
+            path,
+            file_mesh,
+            unit=unit,
+            axes=axes,
+            format_axes=AXES,
+            recentre=self._recentre,
+        )
+
+    def _notes(self, key: FaceKey) -> dict[str, object]:
+        units = action_units(key.sequence)
+        notes: dict[str, object] = {"action_units": units}
+        if len(self._patches.get(key.path, [])):
+            notes["patches"] = [key.path, *self._patches[key.path]]
+        if self._peak_only:
+            notes["peak"] = "measured" if _is_registration(key) else "middle of the sequence"
+        return notes
+
+    def _peak(self, keys: list[FaceKey]) -> FaceKey:
+        """Return the peak frame of a sequence (see the module docstring)."""
+        if not all(map(_is_registration, keys)):
+            return keys[len(keys) // 2]
+        return max(zip(self._deformations(keys), keys, strict=True), key=lambda pair: pair[0])[1]
+
+    def _deformations(self, keys: Iterable[FaceKey]) -> list[float]:
+        """Return each frame's deformation against the first valid frame; -1 for an invalid one."""
+        first: FileMesh | None = None
+        deformations = []
+        for key in keys:
+            try:
+                with one_bad_file(self.root / key.path):
+                    mesh = read_mesh(self.root / key.path)
+            except MeshError:
+                deformations.append(-1.0)
+                continue
+            first = first or mesh
+            same = mesh.vertices.shape == first.vertices.shape
+            deformations.append(deformation(first.vertices, mesh.vertices) if same else -1.0)
+        return deformations
+
+
+def action_units(sequence: str) -> list[str]:
+    """Return the FACS codes in a sequence's name: "1+2L" gives ["1", "2L"]; [] without codes."""
+    names = [part for part in sequence.split("-") if _CODE.search(part)]
+    code = _CODE.search(names[-1]) if names else None
+    return code[0].split("+") if code else []
+
+
+def deformation(first: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return the mean distance of (N, 3) points after rigid alignment (Kabsch 1976), same unit."""
+    a, b = first - first.mean(axis=0), other - other.mean(axis=0)
+    left, _, right = np.linalg.svd(b.T @ a)
+    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right)) or 1.0])
+    return float(np.linalg.norm(b @ (left @ mirror @ right) - a, axis=1).mean())
+
+
+def _is_registration(key: FaceKey) -> bool:
+    return key.path.lower().endswith(".ply")

@@ -1,14 +1,83 @@
-"""The source ``facewarehouse``."""
+"""Read FaceWarehouse: 150 people with 47 blend shapes and 20 poses each.
+
+    Tester_N/Blendshape/shape.bs         all 47 meshes (glsim.faces.scans.blend_shape_file)
+    Tester_N/Blendshape/shape_K.obj      single meshes, with the topology: quads
+    Tester_N/TrainingPose/pose_K.obj     20 fitted poses, 0 is neutral
+
+directly below the root or up to three folders deeper. Folders of one person in several places are
+one subject. Sequence "shapes" goes through the blend shapes in order, ``steps`` frames from one to
+the next (easing in and out); its frame K * steps is shape K. Sequence "poses" contains the poses.
+
+The files have their own unit, about 100 to 125 mm; it is estimated from the width of the neutral
+face (glsim.faces.scans.head_scale). +y is up, +z out of the face.
+"""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.faces.base import FaceSource, MeshFileSettings
+from glsim.errors import ConfigError, MeshError
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.scans.blend_shape_file import SHAPES, open_blend_shapes
+from glsim.faces.scans.file_source import (
+    cached_or_error,
+    check_subject,
+    file_contents,
+    first_subjects,
+    load_faces,
+    one_bad_file,
+)
+from glsim.faces.scans.file_tree import check_root, list_names
+from glsim.faces.scans.head_scale import mm_per_unit
+from glsim.geometry.mesh import Mesh
+from glsim.meshio.alignment import Alignment, check_axes, check_unit
+from glsim.meshio.limits import check_size
+from glsim.meshio.load import check_head_size, drop_degenerate, find_alignment_in_format
+from glsim.meshio.obj import read_obj, read_vertices
+
+AXES: Final = "+x+y+z"
+FRAMES_PER_SECOND: Final = 30.0
+PLAUSIBLE_UNIT_MM: Final = (60.0, 250.0)  # public tools use 100 to 150 mm per unit
+MAX_BYTES: Final = 50_000_000  # an OBJ of the set is 2 MB
+
+_TESTER: Final = re.compile(r"Tester_\d+", re.ASCII)
+_MAX_DEPTH: Final = 3
+_MAX_ATTEMPTS: Final = 3  # files tried for the topology
+
+
+@dataclass(frozen=True)
+class _PersonFiles:
+    """The files of a person: shape.bs, shape number -> OBJ, pose number -> OBJ."""
+
+    bs: Path | None = None
+    shapes: dict[int, Path] = field(default_factory=dict)
+    poses: dict[int, Path] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _PersonGeometry:
+    """Topology and alignment shared by all meshes of a person.
+
+    Args:
+        faces: (F, 3) int32.
+        vertices: V.
+        estimated_scale: whether the unit comes from the face width.
+    """
+
+    faces: NDArray[np.int32]
+    vertices: int
+    alignment: Alignment
+    estimated_scale: bool
 
 
 class FaceWarehouseSettings(MeshFileSettings):
@@ -19,8 +88,6 @@ class FaceWarehouseSettings(MeshFileSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the set. Raises ConfigError without its folder."""
-        from glsim.faces.scans.facewarehouse import FaceWarehouse
-
         return FaceWarehouse(
             self.folder,
             unit=self.unit,
@@ -33,3 +100,234 @@ class FaceWarehouseSettings(MeshFileSettings):
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
         """Recognise folders Tester_N."""
         return float(any(re.fullmatch(r"Tester_\d+", folder.name) for folder in folders))
+
+
+class FaceWarehouse:
+    """A FaceSource for FaceWarehouse in its original layout.
+
+    Args:
+        steps: frames from one blend shape to the next, 1 or more.
+        poses: whether to include the poses.
+        unit: "auto" makes the neutral face 141 mm wide; a number is the millimetres per unit.
+
+    Raises:
+        ConfigError: an invalid setting or a missing root.
+    """
+
+    name = "facewarehouse"
+
+    def __init__(
+        self,
+        root: Path | str,
+        *,
+        unit: str = "auto",
+        axes: str = "auto",
+        steps: int = 1,
+        poses: bool = True,
+    ) -> None:
+        check_unit(unit)
+        check_axes(axes)
+        if steps < 1:
+            raise ConfigError(f"steps={steps}: 1 or more frames lead from one shape to the next")
+        self.root = check_root(root)
+        self._unit, self._axes, self._steps, self._poses = unit, axes, steps, poses
+        self._people: dict[str, _PersonGeometry | MeshError] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the settings, without caches."""
+        state = self.__dict__ | {"_people": {}}
+        state.pop("_people_files", None)
+        return state
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the first ``count`` people (None: all). Raises ConfigError if there are fewer."""
+        nothing = "no folder Tester_N with a Blendshape or TrainingPose in it"
+        return first_subjects(self.root, self._people_files, count, nothing)
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """Return the first ``count`` frames: shapes, then poses. Raises ConfigError."""
+        files = self._files_of(subject)
+        keys = []
+        for number in range((SHAPES - 1) * self._steps + 1):
+            low, share = divmod(number, self._steps)
+            path = files.bs or files.shapes.get(low)
+            if path and (files.bs or not share or low + 1 in files.shapes):
+                time_s = number / FRAMES_PER_SECOND if self._steps > 1 else 0.0
+                keys.append(FaceKey(subject, "shapes", number, time_s, self._name(path)))
+        if self._poses:
+            keys += [
+                FaceKey(subject, "poses", number, 0.0, self._name(path))
+                for number, path in sorted(files.poses.items())
+            ]
+        return keys[:count]
+
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return file -> hash for all files of these people, and those that tell the topology."""
+        paths: list[Path] = []
+        for subject in subjects:
+            files = self._files_of(subject)
+            paths += [*([files.bs] if files.bs else []), *files.shapes.values()]
+            paths += [*files.poses.values(), *self._topology_files(subject)]
+        return file_contents(self.root, paths)
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+        """Read one mesh per key. All people of one topology share one ``faces`` array."""
+        return load_faces(keys, self._face)
+
+    def _face(self, key: FaceKey) -> Face:
+        person = cached_or_error(self._people, key.subject, self._geometry_of)
+        weights = self._weights(key)
+        points = self._points(key, weights, person.vertices)
+        vertices_mm = person.alignment.apply(points)
+        mesh = check_head_size(self.root / key.path, Mesh(vertices_mm, person.faces))
+        notes = person.alignment.notes()
+        if person.estimated_scale:
+            notes["scale"] = "from the width of the neutral face"
+        expression = {f"shape_{number}": share for number, share in weights.items() if number}
+        return Face(key, mesh, expression, notes)
+
+    def _weights(self, key: FaceKey) -> dict[int, float]:
+        """Return shape number -> weight, with sum 1; empty for a pose."""
+        if key.sequence != "shapes":
+            return {}
+        low, step = divmod(key.frame, self._steps)
+        share = (1 - math.cos(math.pi * step / self._steps)) / 2
+        return {low: 1 - share, low + 1: share} if step else {low: 1.0}
+
+    def _points(
+        self, key: FaceKey, weights: dict[int, float], count: int
+    ) -> NDArray[np.floating[Any]]:
+        """Read the (V, 3) vertices of a frame, in the file's unit."""
+        files = self._files_of(key.subject)
+        if not weights:
+            return _read_points(self.root / key.path, count)
+        meshes: list[NDArray[np.floating[Any]]]
+        if files.bs:
+            file = open_blend_shapes(files.bs)
+            _check_vertex_count(files.bs, file.vertices, count)
+            meshes = list(file.read(weights))
+        else:
+            meshes = [_read_points(files.shapes[number], count) for number in weights]
+        shares = list(weights.values())
+        return meshes[0] if len(meshes) == 1 else shares[0] * meshes[0] + shares[1] * meshes[1]
+
+    def _geometry_of(self, subject: str) -> _PersonGeometry:
+        """Estimate topology, scale, winding and origin from the neutral face. Raises MeshError."""
+        files = self._files_of(subject)
+        faces, count = self._topology(subject)
+        neutral = files.bs or files.shapes.get(0) or files.poses.get(0)
+        if neutral is None:
+            raise MeshError(
+                f"{self.root}: {subject} has no neutral face (shape.bs, shape_0.obj or pose_0.obj) "
+                "to find the scale from; restore one of them"
+            )
+        key = FaceKey(subject, "poses" if neutral == files.poses.get(0) else "shapes", 0)
+        points = self._points(replace(key, path=self._name(neutral)), self._weights(key), count)
+        file_mesh = drop_degenerate(neutral, np.asarray(points, np.float64), faces, None)
+        unit, estimated_scale = self._unit, self._unit == "auto"
+        if estimated_scale:
+            length = mm_per_unit(file_mesh.vertices)
+            low_mm, high_mm = PLAUSIBLE_UNIT_MM
+            if not low_mm <= length <= high_mm:
+                raise MeshError(
+                    f"{neutral}: an adult face would need {length:.4g} mm a unit, and the set has "
+                    f"{low_mm:.0f} to {high_mm:.0f}; give the unit yourself"
+                )
+            unit = f"{length:.6g}"
+        alignment = find_alignment_in_format(
+            neutral, file_mesh, unit=unit, axes=self._axes, format_axes=AXES, recentre=True
+        )
+        if alignment.flip_winding:
+            faces = faces[:, ::-1]
+        shared = np.ascontiguousarray(faces, dtype=np.int32)
+        for other in self._people.values():
+            if isinstance(other, _PersonGeometry) and np.array_equal(other.faces, shared):
+                shared = other.faces
+                break
+        return _PersonGeometry(shared, count, alignment, estimated_scale)
+
+    def _topology(self, subject: str) -> tuple[NDArray[np.int64], int]:
+        """Return (F, 3) triangles and the number of vertices, from the first readable OBJ.
+
+        All people share one topology, so another person's OBJ serves if the subject has none.
+        """
+        error = MeshError(f"{self.root}: no shape_K.obj or pose_K.obj tells the topology")
+        for path in self._topology_files(subject):
+            try:
+                check_size(path, MAX_BYTES)
+                with one_bad_file(path):
+                    obj = read_obj(path)
+                    triangles, _ = obj.triangles()
+                if len(triangles) == 0:
+                    raise MeshError(f"{path}: no faces in it; copy it again")
+                return triangles, len(obj.vertices)
+            except MeshError as problem:
+                error = problem
+        raise error
+
+    def _topology_files(self, subject: str) -> list[Path]:
+        """Return the OBJ files to try for the topology, in order: the person's own first."""
+        own = self._files_of(subject)
+        own_first = [own, *(files for files in self._people_files.values() if files is not own)]
+        candidates = [
+            path
+            for files in own_first
+            for path in (files.shapes | {-1 - k: p for k, p in files.poses.items()}).values()
+        ]
+        return candidates[:_MAX_ATTEMPTS]
+
+    def _files_of(self, subject: str) -> _PersonFiles:
+        check_subject(self.root, subject, self._people_files)
+        return self._people_files[subject]
+
+    def _name(self, path: Path) -> str:
+        return path.relative_to(self.root).as_posix()
+
+    @cached_property
+    def _people_files(self) -> dict[str, _PersonFiles]:
+        """Person -> files; the tree is listed once."""
+        people: dict[str, _PersonFiles] = {}
+        for folder in _tester_folders(self.root, _MAX_DEPTH):
+            known = people.get(folder.name, _PersonFiles())
+            bs = folder / "Blendshape" / "shape.bs"
+            people[folder.name] = _PersonFiles(
+                known.bs or (bs if bs.is_file() else None),
+                _numbered(folder / "Blendshape", "shape") | known.shapes,
+                _numbered(folder / "TrainingPose", "pose") | known.poses,
+            )
+        return {name: f for name, f in people.items() if f.bs or f.shapes or f.poses}
+
+
+def _tester_folders(folder: Path, depth: int) -> Iterator[Path]:
+    """Yield the Tester_N folders up to ``depth`` folders deeper."""
+    for name in list_names(folder):
+        path = folder / name
+        if not path.is_dir():
+            continue
+        if _TESTER.fullmatch(name):
+            yield path
+        elif depth:
+            yield from _tester_folders(path, depth - 1)
+
+
+def _numbered(folder: Path, stem: str) -> dict[int, Path]:
+    """Return number -> path of ``stem_number.obj``."""
+    names = list_names(folder) if folder.is_dir() else []
+    matches = [re.fullmatch(rf"{stem}_(\d{{1,3}})\.obj", name, re.ASCII) for name in names]
+    return {int(match[1]): folder / match[0] for match in matches if match}
+
+
+def _read_points(path: Path, count: int) -> NDArray[np.float64]:
+    check_size(path, MAX_BYTES)
+    points = read_vertices(path)
+    _check_vertex_count(path, len(points), count)
+    if not np.isfinite(points).all():
+        raise MeshError(f"{path}: a vertex is at NaN or infinity; copy it again")
+    return points
+
+
+def _check_vertex_count(path: Path, vertices: int, count: int) -> None:
+    if vertices != count:
+        raise MeshError(
+            f"{path}: {vertices} vertices, the topology has {count}; copy the set's files again"
+        )

@@ -1,11 +1,58 @@
-"""The source ``folder``."""
+"""Read faces from any tree of mesh files.
+
+Layout: each folder directly below the root is a subject; each mesh directly below the root is a
+subject with one frame. The sequence is the path below the subject joined with "-" ("main" if
+empty), the frame is the last number in the file's name.
+
+Frames: if the last numbers in the file names of a sequence are unique, they are the frame numbers;
+otherwise the files are numbered from 0 in natural order ("a2" before "a10").
+
+Names become path-safe: characters other than ASCII letters, digits, "_", "+" and "-" become "_";
+duplicates get the suffixes "~2", "~3" and so on in natural order. Hidden files and folders, links
+back to a parent folder, and files of other types are skipped.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any, Final
 
-from glsim.faces.base import FaceSource, MeshFileSettings
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError, MeshError
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.scans.file_source import (
+    check_subject,
+    file_contents,
+    first_subjects,
+    one_bad_file,
+)
+from glsim.faces.scans.file_tree import (
+    UniqueNames,
+    check_root,
+    find_meshes,
+    is_mesh,
+    last_number,
+    list_names,
+)
+from glsim.meshio.alignment import Alignment, check_axes, check_unit
+from glsim.meshio.limits import EXTENSIONS
+from glsim.meshio.load import (
+    FileMesh,
+    check_head_size,
+    find_alignment,
+    manifest_notes,
+    merge_patches,
+    read_mesh,
+)
+
+MAIN_SEQUENCE: Final = "main"
+FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; affects FaceKey.time_s only
 
 
 class FolderSettings(MeshFileSettings):
@@ -13,11 +60,164 @@ class FolderSettings(MeshFileSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the tree. Raises ConfigError without meshes."""
-        from glsim.faces.scans.folder import Folder
-
         return Folder(self.folder, unit=self.unit, axes=self.axes)
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
         """Return little: this source reads what no other recognises."""
         return 0.1
+
+
+class Folder:
+    """A FaceSource over the mesh files below ``root``.
+
+    Args:
+        unit, axes: as for ``load_mesh``. "auto" is detected on the first valid mesh of a subject
+            and used for all its meshes, so that a sequence does not jump.
+        recentre: put the origin behind the nose of the first valid mesh of each sequence, so that
+            the head still moves within a sequence.
+        frames_per_second: converts frame numbers to FaceKey.time_s.
+
+    Raises:
+        ConfigError: an invalid setting, a missing root or a root without meshes.
+    """
+
+    name = "folder"
+
+    def __init__(
+        self,
+        root: Path | str,
+        *,
+        unit: str = "auto",
+        axes: str = "auto",
+        recentre: bool = True,
+        frames_per_second: float = FRAMES_PER_SECOND,
+    ) -> None:
+        check_unit(unit)
+        check_axes(axes)
+        if not frames_per_second > 0:
+            raise ConfigError(f"frames_per_second={frames_per_second}: must be above 0")
+        self.root = check_root(root)
+        self._unit, self._axes, self._recentre = unit, axes, recentre
+        self._frames_per_second = frames_per_second
+        self._alignments: dict[tuple[str, str], Alignment | MeshError] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the settings, without caches."""
+        state = self.__dict__ | {"_alignments": {}}
+        state.pop("_keys", None)
+        return state
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the first ``count`` subjects in natural order (None: all).
+
+        Raises ConfigError if there are fewer.
+        """
+        nothing = f"no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
+        return first_subjects(self.root, self._keys, count, nothing)
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """Return the first ``count`` frames of a subject, by sequence. Raises ConfigError."""
+        check_subject(self.root, subject, self._keys)
+        return self._keys[subject][:count]
+
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return file -> hash for all meshes of these subjects."""
+        keys = (key for subject in subjects for key in self.frames(subject, None))
+        return file_contents(self.root, (path for key in keys for path in self._paths(key)))
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+        """Read one mesh per key. Consecutive meshes of one topology share one ``faces`` array."""
+        shared: NDArray[np.int32] | None = None
+        for key in keys:
+            try:
+                with one_bad_file(self.root / key.path):
+                    file_mesh = self._read(key)
+                    alignment = self._alignment_of(key)
+                    mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment))
+            except MeshError as error:
+                yield BadFace(key, error)
+                continue
+            if shared is not None and np.array_equal(shared, mesh.faces):
+                mesh = replace(mesh, faces=shared)
+            shared = mesh.faces
+            notes = manifest_notes(file_mesh, alignment) | self._notes(key)
+            yield Face(key, mesh, notes=notes)
+
+    def _paths(self, key: FaceKey) -> list[Path]:
+        """Return the mesh files of a frame."""
+        return [self.root / key.path]
+
+    def _read(self, key: FaceKey) -> FileMesh:
+        return merge_patches([read_mesh(path) for path in self._paths(key)])
+
+    def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
+        return find_alignment(path, file_mesh, unit=unit, axes=axes, recentre=self._recentre)
+
+    def _notes(self, key: FaceKey) -> dict[str, object]:
+        return {}
+
+    def _alignment_of(self, key: FaceKey) -> Alignment:
+        """Combine the subject's unit, axes and winding with the sequence's origin. MeshError."""
+        keys = self.frames(key.subject, None)
+        subject = self._first_alignment(key.subject, "", keys, self._unit, self._axes)
+        if not self._recentre:
+            return subject
+        keys = [other for other in keys if other.sequence == key.sequence]
+        unit = str(subject.mm_per_unit)
+        sequence = self._first_alignment(key.subject, key.sequence, keys, unit, subject.axes)
+        return replace(subject, origin_mm=sequence.origin_mm)
+
+    def _first_alignment(
+        self, subject: str, sequence: str, keys: list[FaceKey], unit: str, axes: str
+    ) -> Alignment:
+        """Return the alignment of the first valid mesh; raise the first mesh's error if none is."""
+        place = (subject, sequence)
+        for key in [] if place in self._alignments else keys:
+            path = self.root / key.path
+            try:
+                with one_bad_file(path):
+                    self._alignments[place] = self._align(path, self._read(key), unit, axes)
+                break
+            except MeshError as error:
+                self._alignments.setdefault(place, error)
+        alignment = self._alignments[place]
+        if isinstance(alignment, MeshError):
+            raise alignment
+        return alignment
+
+    @cached_property
+    def _keys(self) -> dict[str, list[FaceKey]]:
+        """Subject -> its frames; the tree is listed once."""
+        keys: dict[str, list[FaceKey]] = {}
+        names = UniqueNames()
+        for name in list_names(self.root):
+            path = self.root / name
+            if path.is_dir():
+                files = list(find_meshes(path, (os.path.realpath(self.root),)))
+            else:
+                files = [path] if is_mesh(path) else []
+            if files:
+                subject = names.make(name if path.is_dir() else path.stem)
+                keys[subject] = self._sequences(subject, path, files)
+        return keys
+
+    def _sequences(self, subject: str, top: Path, files: list[Path]) -> list[FaceKey]:
+        """Return the frames of a subject; ``top`` is its folder or its only file."""
+        by_folder: dict[Path, list[Path]] = {}
+        for path in files:
+            by_folder.setdefault(path.parent, []).append(path)
+        keys = []
+        names = UniqueNames()
+        for folder, members in by_folder.items():
+            below = "" if folder == top.parent else "-".join(folder.relative_to(top).parts)
+            sequence = names.make(below or MAIN_SEQUENCE)
+            numbers = [last_number(path.stem) for path in members]
+            known = [number for number in numbers if number is not None]
+            if len(set(known)) != len(members):
+                known = list(range(len(members)))
+            for number, path in sorted(zip(known, members, strict=True)):
+                time_s = (number - min(known)) / self._frames_per_second
+                name = path.relative_to(self.root).as_posix()
+                keys.append(FaceKey(subject, sequence, number, time_s, name))
+        return keys

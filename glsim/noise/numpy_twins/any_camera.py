@@ -166,7 +166,12 @@ def _direction(rays: Image) -> Image:
 
 
 def skin_signal(depth: Image, albedo: Image, normal: Image, ray: Image) -> Image:
-    """Twin of shaders/lib/skin_signal.glsl. normal: (..., 3); ray: (..., 2)."""
+    """Twin of shaders/lib/skin_signal.glsl.
+
+    Args:
+        normal: (..., 3).
+        ray: (..., 2).
+    """
     direction = _direction(ray)
     squared = (direction * direction).sum(axis=-1, dtype=np.float32)
     facing = np.maximum(-(normal * direction).sum(axis=-1, dtype=np.float32), _ZERO)

@@ -40,7 +40,11 @@ def _words(whole: Image) -> Words:
 
 
 def perlin(at: Vector, seed: int) -> Image:
-    """Perlin noise on a cubic lattice, about -1 to 1. at: float32, in lattice cells."""
+    """Perlin noise on a cubic lattice, about -1 to 1.
+
+    Args:
+        at: float32, in lattice cells.
+    """
     whole = [np.floor(part) for part in at]
     f = [part - start for part, start in zip(at, whole, strict=True)]
     n = [_words(part) for part in whole]
@@ -66,7 +70,11 @@ def _total(vector: Vector, factor: float) -> Image:
 
 
 def simplex(at: Vector, seed: int) -> Image:
-    """Simplex noise on a lattice of tetrahedra, about -1 to 1. at: float32, in lattice cells."""
+    """Simplex noise on a lattice of tetrahedra, about -1 to 1.
+
+    Args:
+        at: float32, in lattice cells.
+    """
     skew = _total(at, 1 / 3)
     cell = [np.floor(part + skew) for part in at]
     unskew = _total((cell[0], cell[1], cell[2]), 1 / 6)

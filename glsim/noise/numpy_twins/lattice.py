@@ -21,7 +21,11 @@ def _node(word: Words) -> Image:
 
 
 def lattice_noise(window: Rect, spacing_px: tuple[np.float32, np.float32], seed: int) -> Image:
-    """(h, w) field of variance 1; spacing_px: between the nodes along x and y."""
+    """Return an (h, w) field of variance 1.
+
+    Args:
+        spacing_px: distances of the nodes along x and y.
+    """
     key = pcg_word(np.array([seed], np.uint32))
     starts = uniform01(key), uniform01(pcg_word(key))
     weights, firsts, norms = [], [], []

@@ -146,11 +146,14 @@ def horizontal_shadow(captures: Captures, far_mm: float) -> tuple[Array, Array, 
 
 
 def _shadow_width(place: Array, profile: Array, side: int) -> float:
-    """Compute the width of the shadow beside the square, px; side: -1 or 1.
+    """Compute the width of the shadow beside the square, px.
 
     It is the width of a sharp shadow that takes as much light: pixels beyond the darkest one count
     by the light that they lack. Pixels between the square and the darkest one count in full, since
     their light is the blurred rim of the square.
+
+    Args:
+        side: -1 or 1.
     """
     out = (side * place > HALF_PX) & np.isfinite(profile)
     away, light = side * place[out] - HALF_PX, np.clip(profile[out], 0.0, 1.0)

@@ -14,7 +14,7 @@ from glsim.faces.people.cache import load_model
 from glsim.faces.people.identity import sample_identity
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.regions import REGIONS
-from glsim.faces.people.subject import Subject
+from glsim.faces.people.subject import BodySubject
 from glsim.faces.performance import CODES
 from tests.support.people import needs_anny
 
@@ -32,7 +32,7 @@ def inside(model: BodyModel, *names: str) -> NDArray[np.bool_]:
 
 def shown(model: BodyModel, name: str, expression: Mapping[str, float]) -> NDArray[np.float32]:
     """Return the vertices of a subject with an expression; the head keeps its place."""
-    return Subject(model, 0, name).frame("s00_12", "face", 0.0, expression)
+    return BodySubject(model, 0, name).frame("s00_12", "face", 0.0, expression)
 
 
 def test_action_units_are_those_of_all_performances() -> None:

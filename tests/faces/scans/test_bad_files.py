@@ -15,8 +15,8 @@ from glsim.dataset import generate
 from glsim.errors import GlsimError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.scans import folder as folder_source
-from glsim.faces.scans.folder import Folder
+from glsim.faces.sources import folder as folder_source
+from glsim.faces.sources.folder import Folder
 from glsim.frame import Frame, Skipped
 from glsim.meshio.load import read_mesh
 from glsim.pipeline import simulate

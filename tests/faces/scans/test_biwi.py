@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.scans.biwi import PEOPLE, Biwi
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin, read_pose
+from glsim.faces.sources.biwi import PEOPLE, Biwi
 from glsim.geometry.camera import Intrinsics
 from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (

@@ -10,7 +10,7 @@ import pytest
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.scans.d3dfacs import D3dfacs, action_units, deformation
+from glsim.faces.sources.d3dfacs import D3dfacs, action_units, deformation
 from glsim.meshio.alignment import rotation
 from tests.support.face_models import analytic_face
 from tests.support.face_set_trees import WRITERS, tree

@@ -11,8 +11,8 @@ import pytest
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.scans.blend_shape_file import open_blend_shapes
-from glsim.faces.scans.facewarehouse import FaceWarehouse
 from glsim.faces.scans.head_scale import FACE_WIDTH_MM, mm_per_unit
+from glsim.faces.sources.facewarehouse import FaceWarehouse
 from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     FACE,

@@ -12,7 +12,7 @@ import trimesh
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
-from glsim.faces.scans.folder import Folder
+from glsim.faces.sources.folder import Folder
 from glsim.meshio.alignment import rotation
 from tests.support.face_models import analytic_face
 from tests.support.user_rights import ordinary_user
