@@ -34,13 +34,14 @@ def print_plan(
     from glsim.pipeline import open_sources
     from glsim.plan.paper_split import PAPER_IMAGES
     from glsim.plan.tasks import make_tasks
-    from glsim.sensors.sensor import sensor_of
+    from glsim.sensors.sensor import sensor_code, sensor_of
 
     for name, value in (("price-per-core-hour", price_per_core_hour), ("frames-per-second",
                         frames_per_second)):  # fmt: skip
         if value is not None and not 0 < value < math.inf:
             raise ConfigError(f"--{name} {value:g}: give a number above 0")
-    sensor_of(settings)  # what is wrong in the settings of the sensor is said now
+    if not sensor_code(settings):  # a plan runs none
+        sensor_of(settings)
     sources = open_sources(settings)
     plan = make_tasks(settings, sources)
     estimate = estimate_dataset(settings, sources, plan, frames_per_second)

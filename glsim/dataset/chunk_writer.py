@@ -13,7 +13,7 @@ from typing import IO, Protocol, cast
 from glsim.dataset.chunks import Chunk
 from glsim.dataset.identity import InputHashes
 from glsim.dataset.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
-from glsim.dataset.run_state import RunState, images_of
+from glsim.dataset.run_state import RunState
 from glsim.errors import DepthRangeError, GlsimError, MeshError
 from glsim.files.atomic import AtomicFile, checksum, to_json
 from glsim.files.png import encode_png
@@ -126,6 +126,7 @@ class _ChunkWriter:
 
     def __init__(self, settings: Settings, store: Store, chunk: Chunk) -> None:
         self._settings, self._store, self._chunk = settings, store, chunk
+        self._names: list[str] = []
         self._frames: list[str] = []
         self._skipped: list[str] = []
         self._bytes = 0
@@ -141,7 +142,7 @@ class _ChunkWriter:
         with self._store.create(name, sync=False) as file:
             stream = cast("IO[bytes]", file)
             with tarfile.TarFile(mode="w", fileobj=stream, format=tarfile.USTAR_FORMAT) as tar:
-                self._shard = _Shard(name, file, tar)
+                self._shard, self._names = _Shard(name, file, tar), [name]
                 yield
 
     def add(self, task: Task, result: Frame | Skipped) -> None:
@@ -165,6 +166,7 @@ class _ChunkWriter:
         if self._shard is not None:
             return self._shard.add(f"{task.index:08d}.{layer}.png", data)
         name = f"{task.stem}_{layer}.png"
+        self._names.append(name)
         return {"name": name} | self._store.put(name, data, sync=False)
 
     def _skip(self, task: Task, skipped: Skipped) -> None:
@@ -176,9 +178,8 @@ class _ChunkWriter:
         frames, skipped = len(self._frames), len(self._skipped)
         shard = None if self._shard is None else self._shard.record
         summary = ChunkSummary(self._chunk.number, frames, skipped, self._bytes, shard)
-        record = ChunkRecord(summary, self._frames, self._skipped)
-        self._store.flush(file["name"] for file in images_of(record))
-        return record
+        self._store.flush(self._names)
+        return ChunkRecord(summary, self._frames, self._skipped)
 
 
 @dataclass(frozen=True)

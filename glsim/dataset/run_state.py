@@ -173,7 +173,7 @@ class RunState:
         if record.summary.chunk != number or record.summary.total != frames:
             return f"the record of chunk {number} does not fit the plan"
         try:
-            problems = map(self._file_problem, images_of(record))
+            problems = map(self._file_problem, _images_of(record))
             return next((problem for problem in problems if problem is not None), None)
         except DatasetError as error:
             return str(error)
@@ -212,7 +212,7 @@ class RunState:
         self.store.delete(f"{STATE}/{name}" for name in old)
 
 
-def images_of(record: ChunkRecord) -> Iterator[Mapping[str, Any]]:
+def _images_of(record: ChunkRecord) -> Iterator[Mapping[str, Any]]:
     """Yield the name, size and CRC32 of the files of a chunk: a shard, or each image.
 
     Raises DatasetError if a line of the record is damaged.

@@ -36,7 +36,7 @@ from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.noise.chain import PATTERN_LAYER, check_chain
 from glsim.noise.light import check_light
-from glsim.noise.registry import find_stage
+from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
 from glsim.plugins import load_plugin, plugin_file, plugin_names
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
@@ -209,6 +209,18 @@ def sensor_of(settings: Settings, changes: Sequence[StageChange] = ()) -> Sensor
     """Load the sensor that the settings name, with their overrides of its rig and stages."""
     place = partial(place_of, settings)
     return load_sensor(settings.sensor, settings.stage, settings.rig, place, changes)
+
+
+def sensor_code(settings: Settings) -> list[str]:
+    """Return the stages of the settings' sensor that are Python code; nothing of it is run.
+
+    Raises ConfigError if the sensor's file cannot be read.
+    """
+    if not settings.sensor.endswith(".toml"):
+        return []
+    stages = read_toml(Path(settings.sensor)).get("stage", [])
+    uses = [s.get("use") for s in stages if isinstance(s, dict)] if isinstance(stages, list) else []
+    return [use for use in uses if isinstance(use, str) and is_code(use)]
 
 
 def load_sensor(

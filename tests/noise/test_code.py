@@ -12,7 +12,8 @@ from glsim.cli import main
 from glsim.errors import ConfigError
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.registry import find_stage, is_code
-from glsim.sensors.sensor import load_sensor
+from glsim.sensors.sensor import load_sensor, sensor_code
+from glsim.settings.schema import load_settings
 
 CODE = """
 from pathlib import Path
@@ -79,7 +80,9 @@ def test_a_plan_and_a_list_run_no_code(here: Path, capsys: pytest.CaptureFixture
     assert not (here / "it_ran").exists()
 
 
-def test_what_is_code() -> None:
+def test_what_a_sensor_would_run(here: Path) -> None:
+    assert sensor_code(load_settings(overrides={"sensor": "mine.toml"})) == ["mine.py:farther"]
+    assert sensor_code(load_settings()) == []
     assert is_code("package.module:stage")
     assert not is_code("axial")
     assert not is_code("a:b.glsl")

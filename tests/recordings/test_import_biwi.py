@@ -9,15 +9,10 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import open_dataset
-<<<<<<< HEAD:tests/recordings/test_import_biwi.py
 from glsim.errors import DatasetError
-from glsim.faces.scans.biwi import Biwi
-from glsim.faces.scans.biwi_files import read_depth_bin, read_pose
-from glsim.recordings.recording import open_recording
-=======
 from glsim.faces.scans.biwi_files import read_depth_bin, read_pose
 from glsim.faces.sources.biwi import Biwi
->>>>>>> h1:tests/dataset/test_real_frames.py
+from glsim.recordings.recording import open_recording
 from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import put, write_recording
 
