@@ -13,7 +13,7 @@ import numpy as np
 
 from glsim import Frame, load_settings, simulate
 from glsim.files.atomic import write_atomic
-from glsim.preview import CaptionedPng, brightness, shaded
+from glsim.preview import Picture, brightness, shaded
 
 FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "rooms.png"
 #: Preset -> seed of its people.
@@ -23,7 +23,7 @@ _PEOPLE: Final = 5
 _NEAR_MM, _FAR_MM = 600.0, 4500.0
 
 
-def row(frame: Frame) -> CaptionedPng:
+def row(frame: Frame) -> Picture:
     """Return the three pictures of a frame side by side, at half their size."""
     depth_mm = frame.noisy.astype(np.float32)
     share = np.clip((_FAR_MM - depth_mm) / (_FAR_MM - _NEAR_MM), 0, 1)
