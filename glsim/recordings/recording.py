@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -85,6 +85,11 @@ class Recording:
     files: tuple[FrameFile, ...] | tuple[_PairFrame, ...]
     camera: Intrinsics | None = None
     distortion: tuple[float, ...] = ()
+
+    @property
+    def calibration(self) -> str:
+        """Name of the file that states the camera, if there is one."""
+        return BIWI_CALIBRATION if self.kind == "biwi" else CALIBRATION
 
     def camera_of(self, shape: tuple[int, ...]) -> Intrinsics:
         """Return the stated camera if it fits an (H, W) image, else a Kinect V2's."""
@@ -250,15 +255,22 @@ def _depth_files(root: Path) -> tuple[str, list[Path]]:
 
 
 def _calibration(folder: Path, mirror: bool) -> tuple[Intrinsics | None, tuple[float, ...]]:
-    """Read ``calib_ir.yaml`` of iai_kinect2 or ``depth.cal`` of Biwi. Raises DatasetError."""
+    """Read the camera and its distortion, if the folder states them. Raises DatasetError."""
+    camera: Intrinsics | None = None
+    lens: tuple[float, ...] = ()
     if (folder / BIWI_CALIBRATION).is_file():
         try:
-            return read_calibration(folder / BIWI_CALIBRATION), ()
+            camera = read_calibration(folder / BIWI_CALIBRATION)
         except MeshError as error:
             raise DatasetError(str(error)) from None
-    file = folder / CALIBRATION
-    if not file.is_file():
-        return None, ()
+    elif (folder / CALIBRATION).is_file():
+        camera, lens = _opencv_calibration(folder / CALIBRATION)
+    if camera is not None and mirror:
+        camera = replace(camera, cx=camera.width - camera.cx)
+    return camera, lens
+
+
+def _opencv_calibration(file: Path) -> tuple[Intrinsics, tuple[float, ...]]:
     import cv2
 
     try:
@@ -273,9 +285,7 @@ def _calibration(folder: Path, mirror: bool) -> tuple[Intrinsics | None, tuple[f
     height, width = DUMP_SHAPE
     # OpenCV counts from the centre of the first pixel, glsim from its corner.
     cx, cy = float(matrix[0, 2]) + 0.5, float(matrix[1, 2]) + 0.5
-    camera = Intrinsics(
-        width, height, float(matrix[0, 0]), float(matrix[1, 1]), width - cx if mirror else cx, cy
-    )
+    camera = Intrinsics(width, height, float(matrix[0, 0]), float(matrix[1, 1]), cx, cy)
     return camera, () if lens is None else tuple(float(k) for k in lens.ravel())
 
 
