@@ -16,12 +16,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import HEADER
-from glsim.dataset.reader import Pair, open_dataset
+from glsim.dataset.reader import Dataset, Pair, open_dataset
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.faces.scans.biwi_files import read_calibration
 from glsim.geometry.camera import Intrinsics
@@ -67,6 +68,19 @@ class _PairFrame:
         return self.pair.infrared.astype(np.float32) if has_one else None
 
 
+class _PairFrames(Sequence[_PairFrame]):
+    """The frames of a data set, looked up one by one: there may be millions."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        self._dataset = dataset
+
+    def __len__(self) -> int:
+        return len(self._dataset)
+
+    def __getitem__(self, number: Any) -> Any:
+        return _PairFrame(self._dataset.pair(number), self._dataset.depth_unit_mm)
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """The frames of one camera on disk, in the order of their names.
@@ -82,7 +96,7 @@ class Recording:
 
     path: Path
     kind: str
-    files: tuple[FrameFile, ...] | tuple[_PairFrame, ...]
+    files: Sequence[FrameFile] | Sequence[_PairFrame]
     camera: Intrinsics | None = None
     distortion: tuple[float, ...] = ()
 
@@ -229,8 +243,7 @@ def _dataset_recording(path: Path) -> Recording:
         raise DatasetError(f"{path}: has no frames")
     if "noisy" not in dataset.layers:
         raise DatasetError(f"{path}: has no layer 'noisy': generate it with --layers clean,noisy")
-    frames = tuple(_PairFrame(pair, dataset.depth_unit_mm) for pair in dataset)
-    return Recording(path, "data set", frames, frames[0].pair.intrinsics)
+    return Recording(path, "data set", _PairFrames(dataset), dataset.pair(0).intrinsics)
 
 
 def _depth_files(root: Path) -> tuple[str, list[Path]]:
