@@ -1,10 +1,10 @@
-"""Streaming per-method means over subjects."""
+"""Means per method over subjects, added up frame by frame."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,11 +46,18 @@ SAMPLED_METRICS: Final = (
 
 @dataclass(frozen=True)
 class MetricMean:
-    """The mean of a metric of a method over the set, with its 95 % interval over subjects.
+    """The mean of a metric of a method over the set.
 
-    frames, undefined: numbers of frames where the metric is defined and undefined. p: two-sided p
-    value of "no difference from the first method" (sign-flip test over subjects); p_holm: p
-    corrected for the number of methods.
+    Attributes:
+        metric: what is averaged.
+        mean: over frames.
+        low: lower end of the 95 % interval over subjects.
+        high: upper end.
+        frames: number of frames where the metric is defined.
+        undefined: number of the others.
+        p: of no difference from the first method, two-sided, by the sign-flip test over subjects.
+        p_holm: p corrected for the number of methods.
+
     """
 
     metric: Metric
@@ -64,7 +71,7 @@ class MetricMean:
 
 
 class _Totals:
-    """Per subject a (3, K) table for K metrics: sum of values, defined frames, all frames."""
+    """(3, K) sums per subject for K metrics: values, defined frames, all frames."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._names = list(names)
@@ -88,10 +95,13 @@ class _Totals:
 class ScoreSummary:
     """Means and samples of the rows; memory grows with subjects and methods, not with frames.
 
-    metrics: the columns of the rows. sampled: method -> SAMPLED_METRICS of frames spread evenly
-    over the set.
-    histograms: method -> counts of |error| in bins of ``blocks.BIN_MM``.
-    bias_sums: method -> subject -> errors over distance, see ``bias_by_distance``.
+    Attributes:
+        total_frames: of the set.
+        metrics: name -> metric, the columns of the rows.
+        sampled: method -> SAMPLED_METRICS of frames spread evenly over the set.
+        histograms: method -> counts of |error| in bins of ``blocks.BIN_MM``.
+        bias_sums: method -> subject -> errors over distance.
+
     """
 
     total_frames: int
@@ -151,7 +161,7 @@ class ScoreSummary:
         return bias_by_distance(self.bias_sums.get(method, {}))
 
     def sampled_frames(self, method: str, *metrics: str) -> NDArray[np.float64]:
-        """Return (N, K) values of K SAMPLED_METRICS for sampled frames (< 2000) that have all K."""
+        """Return (N, K) values of K SAMPLED_METRICS, of the sampled frames that have all."""
         values = np.array(self.sampled[method])[
             :, [SAMPLED_METRICS.index(name) for name in metrics]
         ]
@@ -191,6 +201,5 @@ class ScoreSummary:
             base = self.values(first, name)
             p = np.array([sign_flip_test(self.values(other, name), base) for other in others])
             for other, raw, corrected in zip(others, p, holm_correction(p), strict=True):
-                fields: dict[str, Any] = vars(table[other][name]) | {"p": raw, "p_holm": corrected}
-                table[other][name] = MetricMean(**fields)
+                table[other][name] = replace(table[other][name], p=raw, p_holm=corrected)
         return table

@@ -1,8 +1,8 @@
 """Bias over distance: the mean error of a method per 100 mm of the truth's depth.
 
-A denoiser whose error depends on distance has learnt a device's systematic error (or makes one).
-The pixels are those of the interior where the method and its input have depth; errors beyond
-FLYING_MM are no bias but wrong measurements, which ``flying_px`` counts.
+An error that depends on distance is a device's systematic error that a network has learnt, or one
+of its own. Pixels are those of the interior where the method and its input have depth; errors
+beyond FLYING_MM are left to ``flying_px``.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 #: Width of a bin, mm.
 BIAS_BIN_MM: Final = 100
-#: Pixels from which a bin counts for the largest bias. Noise of 1.2 mm that is alike in about 5
-#: neighbouring pixels leaves 0.04 mm of a mean over so many; chosen.
+#: Least pixels of a bin of the largest bias. Chosen: noise of 1.2 mm, alike in 5 neighbours, leaves
+#: 0.04 mm of a mean over so many.
 ENOUGH_PIXELS: Final = 5000
 
 #: Bin's lower edge, mm, as text (for JSON) -> sum of errors, mm, and number of pixels.
@@ -34,8 +34,14 @@ BiasSums = dict[str, dict[str, BinSums]]
 class BiasBin:
     """The bias of a method in one bin of distance.
 
-    from_mm: the bin's lower edge. mean_mm: mean over pixels of prediction - truth; low_mm, high_mm:
-    its 95 % interval, bootstrap over subjects, NaN for fewer than 2.
+    Attributes:
+        from_mm: lower edge of the bin.
+        mean_mm: mean of prediction - truth over pixels.
+        low_mm: lower end of its 95 % interval over subjects; NaN for fewer than 2.
+        high_mm: upper end.
+        pixels: their number.
+        subjects: their number.
+
     """
 
     from_mm: int
@@ -47,14 +53,14 @@ class BiasBin:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the bin has the pixels to count for the largest bias."""
+        """Whether the bin counts for the largest bias."""
         return self.pixels >= ENOUGH_PIXELS
 
 
 def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
-    """Return the sums of errors and the pixels of a frame's bins. depth: (H, W) mm, 0 = none.
+    """Return the sums of errors and the pixels of a frame's bins; depth: (H, W) mm, 0 = no depth.
 
-    Bins are by the distance from the camera; by the map's own depth if that is not known.
+    Bins are by distance from the camera, or by the map's own depth if that is unknown.
     """
     error = depth - truth.clean
     pixels = (depth > 0) & truth.input_valid & truth.parts["interior"]

@@ -35,9 +35,9 @@ TruthLayer = Literal["clean", "expected"]
 
 
 class DatasetFrames:
-    """The frames of one split of a data set of glsim. DatasetError if it lacks the truth's maps.
+    """The frames of one split of a data set, as measured; ``stored`` is the protocol of its files.
 
-    stored: the protocol of its files. The frames are as measured.
+    Raises DatasetError if it lacks the maps of the truth.
     """
 
     protocol: DepthProtocol = "depth"
@@ -72,13 +72,12 @@ class DatasetFrames:
 
 
 class FolderFrames:
-    """Pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits, millimetres.
+    """Pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits, mm.
 
-    The folder of a file is the subject; a number at the end of its stem is the frame. The camera is
-    a Kinect V2, or one with focal length ``focal_px`` and its axis through the image centre.
-
-    protocol: paper if the nearest point of the first truth is at 1 mm. The distance from the camera
-    is unknown then.
+    The folder of a file is the subject, a number at the end of its name the frame. The camera is a
+    Kinect V2, or one with focal length ``focal_px`` and its axis through the image centre. The
+    protocol is paper if the nearest point of the first truth is at 1 mm; then the distance from the
+    camera is unknown.
     """
 
     regions: Mapping[str, int] = {}
@@ -188,12 +187,20 @@ def open_frames(
     device: Path | None = None,
     protocol: DepthProtocol | None = None,
 ) -> Frames:
-    """Open a split of a data set, or the pairs of a folder (its sub-folder ``split`` if it exists).
+    """Open a split of a data set, or the pairs of a folder.
 
-    truth: the layer that becomes ``Sample.clean_mm``. device: sensor file whose fixed pattern and
-    wiggling are subtracted from the noisy maps. protocol: default that of the files. Raises
-    DatasetError if there is no such folder, split, layer or pair, ConfigError for an unusable
-    device, or for a folder whose distances are needed and not known.
+    Args:
+        path: a data set, or a folder of pairs, whose sub-folder ``split`` is taken if it exists.
+        split: train, val or test.
+        focal_px: focal length of the camera of pairs; default: a Kinect V2's.
+        truth: layer that becomes ``Sample.clean_mm``.
+        device: sensor file whose fixed pattern and wiggling are subtracted from noisy maps.
+        protocol: default: that of the files.
+
+    Raises:
+        DatasetError: there is no such folder, split, layer or pair.
+        ConfigError: the device is unusable, or distances are needed and unknown.
+
     """
     files = _open(path, split, focal_px, truth)
     if files.protocol == "paper" and (protocol == "depth" or device is not None):

@@ -26,9 +26,9 @@ class TrainingSet:
 
 @dataclass(frozen=True)
 class Case:
-    """Something left out, the cells that test it, and the training set without it.
+    """A sensor or source that is left out, as ``title`` says, and the cells that test it.
 
-    title: what is left out, as in tables. training: None if networks are given.
+    ``training`` is the training set without it; None if networks are given.
     """
 
     title: str
@@ -49,11 +49,18 @@ def find_cases(
     *,
     given: bool = False,
 ) -> list[Case]:
-    """Return the cases of ``--leave sensor:NAME``, ``source:NAME`` or ``all``.
+    """Find what to leave out and what to test.
 
-    train_on: names of the only sensors to train on; default: all but the one left out. Without
-    ``leave``, each sensor that is not trained on is left out; without both, all are. given: the
-    networks are given, nothing is trained, and ``leave`` selects cells. Raises ConfigError.
+    Args:
+        study: its sensors and sources.
+        leave: ``sensor:NAME``, ``source:NAME`` or ``all``; default: each sensor outside
+            ``train_on``, or all without it.
+        train_on: the only sensors to train on; default: all but the one left out.
+        given: nothing is trained, and ``leave`` selects cells.
+
+    Raises:
+        ConfigError: a name is unknown, or nothing is left to train on.
+
     """
     by_sensor = {sensor.name: sensor for sensor in study.sensor}
     by_source = {source.name: source for source in study.source}
@@ -70,7 +77,7 @@ def find_cases(
     left = {text: _parsed(text, by_sensor, by_source) for text in leave if text != ALL}
     if ALL in leave or not leave:
         left |= {f"sensor:{sensor.name}": sensor for sensor in unseen}
-        # One training on chosen sensors is the short form: it leaves out faces on request only.
+        # With --train-on, faces are left out on request only.
         if not given and (leave or not chosen):
             left |= {f"source:{source.name}": source for source in study.source}
     cases = []
@@ -97,7 +104,7 @@ def find_cases(
 def _parsed(
     text: str, by_sensor: dict[str, SensorFamily], by_source: dict[str, FaceFamily]
 ) -> SensorFamily | FaceFamily:
-    """Return what a ``--leave`` names. Raises ConfigError."""
+    """Return the family that ``--leave`` names. Raises ConfigError."""
     kind, _, name = text.partition(":")
     if kind == "sensor" and name:
         return _known(name, by_sensor, f"--leave {text}")
@@ -115,7 +122,7 @@ def _known(name: str, families: dict[str, _Family], option: str) -> _Family:
 def _training_set(
     study: TransferStudy, sensors: tuple[SensorFamily, ...], sources: tuple[FaceFamily, ...]
 ) -> TrainingSet | None:
-    """Return the training set with a name that says what it holds or lacks; None if it is empty."""
+    """Return the training set, named by what it holds or lacks; None if it is empty."""
     if not sensors or not sources:
         return None
     parts = (

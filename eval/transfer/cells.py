@@ -1,4 +1,4 @@
-"""Score the filters and a network on the test sets of a cell; pool cells, compare methods."""
+"""Score filters and networks on the test sets of a cell, and pool cells."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from glsim.eval.scoring.statistics import SubjectSums
 
 #: The input, as a method.
 NOISY: Final = "noisy"
-#: Suffix of the name of a filter that also cleans up the mask; others keep the input's.
+#: Suffix of the name of a filter that also cleans the mask.
 CLEANED: Final = ", mask cleaned"
 #: Names of the tuned filters.
 FILTERS: Final = tuple(f"{name}{clean}" for name in GRIDS for clean in ("", CLEANED))
@@ -36,8 +36,12 @@ Watch = Callable[[ScoringProgress], None] | None
 class MethodScores:
     """The scores of a method.
 
-    settings: what tuning chose for it; one text per data set. sums: metric -> person -> (sum,
-    defined frames, all frames). bias: person -> errors over distance, see ``add_bias``.
+    Attributes:
+        name: of the method.
+        settings: the tuned ones, a text per data set.
+        sums: metric -> person -> (sum, defined frames, all frames).
+        bias: person -> errors over distance.
+
     """
 
     name: str
@@ -76,7 +80,7 @@ class CellScores:
 def score_filters(job: ScoringJob, out: Path, *, workers: int, watch: Watch = None) -> CellScores:
     """Tune every filter on the validation people of a data set, and score it on the test people.
 
-    job: the test split; its denoisers are replaced. Raises what ``evaluate`` raises.
+    job: the test split; its denoisers are replaced. Raises the errors of ``evaluate``.
     """
     tuned = tune_filters(
         replace(job, split="val"), list(GRIDS), out, workers=workers, progress=watch
@@ -103,9 +107,17 @@ def score_network(
     workers: int,
     watch: Watch = None,
 ) -> CellScores:
-    """Score a network on the test people of a data set. network: see ``glsim.denoise.load``.
+    """Score a network on the test people of a data set.
 
-    composite: the map of a soft validity, one of COMPOSITES.
+    Args:
+        job: the test split; its denoisers are replaced.
+        name: of the network in tables.
+        network: spec of ``glsim.denoise.load``.
+        out: folder of the scores.
+        composite: map of a soft validity, one of COMPOSITES.
+        workers: number of processes.
+        watch: called with the progress.
+
     """
     evaluation = _whole(replace(job, denoisers=(f"network@{network}",)), out, workers, watch)
     label = f"network [{composite}]"
@@ -115,7 +127,7 @@ def score_network(
 
 
 def _whole(job: ScoringJob, out: Path, workers: int, watch: Watch) -> Evaluation:
-    """Score all frames. Raises DatasetError if some cannot be scored: means would not compare."""
+    """Score all frames. Raises DatasetError if some cannot be scored."""
     evaluation = evaluate(job, out, workers=workers, baselines=False, progress=watch)
     if evaluation.bad:
         raise DatasetError(
@@ -138,9 +150,7 @@ def _scores(evaluation: Evaluation, label: str, name: str, settings: str) -> Met
 
 
 def pool(cells: Sequence[tuple[str, CellScores]]) -> CellScores:
-    """Join scores. The text of each says whose faces they show: its people are others than those
-    of another text, and the same as those of an equal one.
-    """
+    """Pool (faces, scores) of cells; equal names of faces mean the same people."""
     pooled = CellScores()
     bias: BiasSums = {}
     for faces, cell in cells:

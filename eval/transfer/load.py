@@ -1,4 +1,4 @@
-"""Load a study from its file, and fit it to what is installed and to the options."""
+"""Load a study from its file, and adapt it to installed sources and to options."""
 
 from __future__ import annotations
 
@@ -30,10 +30,19 @@ def load_study(file: Path) -> TransferStudy:
 def prepare_study(
     study: TransferStudy, sensor_files: Iterable[Path] = (), ict_root: Path | None = None
 ) -> tuple[TransferStudy, list[str]]:
-    """Add sensor files to test on, and leave out what is optional and missing, with the reasons.
+    """Add sensor files to test on, and leave out optional families that are missing.
 
-    ict_root: the folder of ICT-FaceKit. Raises ConfigError for what is missing and not optional,
-    and for settings that a sensor does not have.
+    Args:
+        study: as loaded.
+        sensor_files: further sensors.
+        ict_root: folder of ICT-FaceKit.
+
+    Returns:
+        The study, and the reasons of what is left out.
+
+    Raises:
+        ConfigError: a family is missing and not optional, or a sensor lacks a setting.
+
     """
     reasons: list[str] = []
     sensors = [*study.sensor, *(_own_family(file) for file in sensor_files)]
@@ -61,7 +70,7 @@ def prepare_study(
 
 
 def _own_family(file: Path) -> SensorFamily:
-    """Make a family of a user's sensor file, which is only tested. Raises ConfigError."""
+    """Make a family of a sensor file, which is only tested. Raises ConfigError."""
     if file.suffix != ".toml":
         raise ConfigError(f"--sensor {file}: give a sensor file, which ends in .toml")
     tof = bool(load_sensor(str(file)).rig.modulation_mhz)
@@ -74,7 +83,7 @@ def _is_path(sensor: str) -> bool:
 
 
 def _keep(family: SensorFamily | FaceFamily, missing: str | None, reasons: list[str]) -> bool:
-    """Return whether a family can be used, else note why. Raises ConfigError if it must be."""
+    """Return whether a family can be used; note why not, or raise ConfigError."""
     if missing is None:
         return True
     if not family.optional:

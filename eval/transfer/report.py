@@ -45,9 +45,19 @@ def write_results(
     *,
     figure: bool = True,
 ) -> list[Path]:
-    """Write the files of the results; return their paths. notes: lines on how they were made.
+    """Write the files of the results; return their paths.
 
-    Raises DatasetError if a file cannot be written, GlsimError for a figure without Matplotlib.
+    Args:
+        study: what was run.
+        results: scores by cell and scene.
+        notes: lines on how they were made.
+        out: folder.
+        figure: draw transfer.png.
+
+    Raises:
+        DatasetError: a file cannot be written.
+        GlsimError: Matplotlib is missing.
+
     """
     pooled_results = pool_by_sensor(results)
     cells, pooled = (
@@ -123,7 +133,7 @@ def _summary_table(
     bias: Sequence[BiasComparison],
     goals: Goals,
 ) -> TextTable:
-    """Return a row per network, left-out thing and sensor: the figures that goals are about."""
+    """Return a row per network, left-out family and sensor with the figures of the goals."""
     tof = {result.sensor.name: result.sensor.tof for result in results}
     rows: dict[tuple[str, str, str], list[str]] = {}
     for row in pooled:
@@ -148,7 +158,7 @@ def _place(row: NetworkComparison | BiasComparison) -> list[str]:
 
 
 def _compact(head: list[str], rows: list[list[str]]) -> TextTable:
-    """Return a table without the columns network and left out where they are the same in all."""
+    """Return a table without the columns network and left out if all rows agree in them."""
     kept = [n for n in range(len(head)) if n > 1 or len({row[n] for row in rows}) > 1]
     return TextTable([head[n] for n in kept], [[row[n] for n in kept] for row in rows])
 
@@ -230,7 +240,7 @@ def _figure(cells: Sequence[NetworkComparison]) -> Any:
 
 
 def _kind(row: NetworkComparison, cells: Sequence[NetworkComparison]) -> str:
-    """Return what the colour of a dot shows: the faces, and what else differs between the rows."""
+    """Return the label of a dot's colour: the faces, and what else differs between rows."""
     parts = [row.source]
     if len({other.left_out.split()[0] for other in cells}) > 1:
         parts.append(f"{row.left_out.split()[0]} left out")

@@ -38,7 +38,7 @@ from glsim.settings.tables import TomlTable, merge_tables
 
 #: Names become folders, and parts of --leave.
 _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=60)]
-#: Steps of the depth files: a tenth of a millimetre, so that rounding adds 0.03 mm.
+#: Step of the depth files, mm; chosen, rounding adds 0.03 mm.
 _UNIT_MM: Final = 0.1
 
 
@@ -119,7 +119,7 @@ class TrainingPlan(_DataTable):
 
 @dataclass(frozen=True)
 class DataSet:
-    """A data set of the study. people: (train, val, test). variant: one of the sensor's, or ""."""
+    """A data set of the study, of (train, val, test) people; variant: of the sensor, or ""."""
 
     part: Literal["train", "test"]
     sensor: SensorFamily

@@ -222,7 +222,7 @@ def _edge_features(patch: Array, front_mm: float, back_mm: float) -> Array | Non
 
 
 def _rough(patch: Array, used: NDArray[np.bool_]) -> float:
-    """Log of the median absolute second difference along rows, mm; 0 without pixels."""
+    """Return the log of the mean absolute second difference along rows, mm; 0 without pixels."""
     z = np.where(used, patch, np.nan)
     bend = np.abs(z[:, :-2] - 2 * z[:, 1:-1] + z[:, 2:])
     bend = bend[np.isfinite(bend)]

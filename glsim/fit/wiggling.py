@@ -161,16 +161,22 @@ class _Blocks:
         weight: Array,
         tile: NDArray[np.intp],
     ) -> None:
-        """Add a plane. design: (N, 3) 1, x/z, y/z of its pixels; the others: (N,).
+        """Add a plane.
 
-        distance_mm: half the way of the light. weight: an error along the ray moves inverse depth,
-        1 / m, by minus the error over the weight. tile: number of the tile.
+        Args:
+            design: (N, 3) 1, x/z and y/z of its pixels.
+            depth_mm: (N,).
+            distance_mm: (N,) half the way of the light.
+            weight: (N,) an error along the ray moves inverse depth, 1 / m, by minus the error over
+                the weight.
+            tile: (N,) number of the tile.
+
         """
         cycles = np.array([n * f for n in CYCLES.values() for f in FREQUENCIES_MHZ])
         angle = 2 * np.pi * distance_mm[:, None] * cycles / _HALF_WAVE_MM_MHZ
         waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
         target = weight * 1000.0 / depth_mm
-        # The plane's own three numbers are fitted first; what they leave is the harmonics'.
+        # The harmonics are fitted to the residual of the plane.
         basis = np.linalg.qr(weight[:, None] * design)[0]
         waves = waves - basis @ (basis.T @ waves)
         target = target - basis @ (basis.T @ target)
@@ -184,13 +190,12 @@ class _Blocks:
     def solve(self) -> tuple[Array, Array]:
         """Return the coefficients, cosines then sines, mm, and their standard errors.
 
-        The error is the larger of two: that of noise, alike over the filter's 3 x 3 pixels, and
-        that of leaving out one tile after the other (jackknife), which also counts what is not
-        flat.
+        The error is the larger of that of noise, alike over the filter's 3 x 3 pixels, and that of
+        a jackknife over tiles, which also counts what is not flat.
         """
         squares, products = np.sum(self._squares, axis=0), np.sum(self._products, axis=0)
         noise = 9.0 * self._left / self._pixels
-        # Frequencies that are not fitted are only known to be of the usual size.
+        # Other frequencies are held to the usual size.
         prior = np.zeros(2 * _WAVES)
         prior[[k for k in range(2 * _WAVES) if _MHZ_OF[k] not in FITTED_MHZ]] = noise / _USUAL_MM**2
         whole = squares + np.diag(prior)

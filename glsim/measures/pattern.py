@@ -127,30 +127,29 @@ def _line_means(sums: Array, counts: Array, axis: int) -> Array:
 
 def _centred(lines: Array) -> Array:
     """Subtract the running mean of 31 lines, which is slow change."""
-    kernel = np.ones(31)
-    known = np.isfinite(lines)
-    out = np.empty_like(lines)
-    for k, (line, good) in enumerate(zip(lines, known, strict=True)):
-        total = np.convolve(np.where(good, line, 0.0), kernel, "same")
-        count = np.convolve(good.astype(float), kernel, "same")
-        out[k] = np.where(good, line - total / np.maximum(count, 1.0), np.nan)
-    return out
+    return np.stack([line - _running_mean(line, 31) for line in lines])
 
 
 def _smoothed_alternation(rows: Array) -> Array:
     """Return (H,) the local half step between odd and even rows: a mean over 41 rows."""
-    sign = np.where(np.arange(rows.size) % 2 == 1, 1.0, -1.0)
-    known = np.isfinite(rows)
-    kernel = np.ones(41)
-    total = np.convolve(np.where(known, rows * sign, 0.0), kernel, "same")
+    return _running_mean(rows * _alternating_sign(rows.size), 41, least=20)
+
+
+def _alternating_sign(rows: int) -> Array:
+    return np.where(np.arange(rows) % 2 == 1, 1.0, -1.0)
+
+
+def _running_mean(line: Array, size: int, least: int = 1) -> Array:
+    """Average the known values of a window around each; NaN with fewer than ``least``."""
+    known, kernel = np.isfinite(line), np.ones(size)
+    total = np.convolve(np.where(known, line, 0.0), kernel, "same")
     count = np.convolve(known.astype(float), kernel, "same")
-    return np.where(count >= 20, total / np.maximum(count, 1.0), np.nan)
+    return np.where(count >= least, total / np.maximum(count, 1.0), np.nan)
 
 
 def _alternation(rows: Array) -> list[float]:
     """Average the signed half step in BANDS bands from the top to the bottom."""
-    sign = np.where(np.arange(rows.size) % 2 == 1, 1.0, -1.0)
-    bands = np.array_split(rows * sign, BANDS)
+    bands = np.array_split(rows * _alternating_sign(rows.size), BANDS)
     return [float(np.nanmean(b)) if np.isfinite(b).sum() >= 10 else float("nan") for b in bands]
 
 

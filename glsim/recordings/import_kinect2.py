@@ -23,7 +23,7 @@ from glsim.geometry.rect import Rect
 from glsim.plan.tasks import Task, make_tasks
 from glsim.reason import Reason
 from glsim.recordings.files import FrameFile
-from glsim.recordings.recording import CALIBRATION, Recording, open_recording
+from glsim.recordings.recording import Recording, open_recording
 from glsim.settings.schema import DEFAULT_SENSOR, Settings, load_settings
 from glsim.worker_processes import Workers
 
@@ -93,7 +93,8 @@ class RecordingSource:
         """Hash the files of recordings, and what else decides their frames: name -> hash."""
         hashes = {"mirror": str(self._mirror)}
         for subject in subjects:
-            paths = [self.recordings[subject].path / CALIBRATION]
+            recording = self.recordings[subject]
+            paths = [recording.path / recording.calibration]
             for frame in self.files(subject)[:: self._every]:
                 paths += [p for p in (frame.depth_file, frame.infrared_file) if p is not None]
             hashes |= {os.path.relpath(path, self.root): content_hash(path) for path in paths}
@@ -196,7 +197,7 @@ def _frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
     nothing = np.zeros_like(noisy_m)
     notes: dict[str, object] = {"real": f"{recording.kind}, frame {recorded.name}", "clean": "none"}
     own = recording.camera is not None and camera == recording.camera
-    notes["camera"] = CALIBRATION if own else f"assumed: {DEFAULT_SENSOR}"
+    notes["camera"] = recording.calibration if own else f"assumed: {DEFAULT_SENSOR}"
     if own and recording.distortion:
         notes["distortion_not_removed"] = [float(k) for k in recording.distortion]
     return Frame(

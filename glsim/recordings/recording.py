@@ -13,16 +13,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.pair import Pair
-from glsim.dataset.reader import open_dataset
+from glsim.dataset.reader import Dataset, open_dataset
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.faces.scans.biwi_files import read_calibration
 from glsim.geometry.camera import Intrinsics
@@ -68,6 +69,19 @@ class _PairFrame:
         return self.pair.infrared.astype(np.float32) if has_one else None
 
 
+class _PairFrames(Sequence[_PairFrame]):
+    """The frames of a data set, looked up one by one: there may be millions."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        self._dataset = dataset
+
+    def __len__(self) -> int:
+        return len(self._dataset)
+
+    def __getitem__(self, number: Any) -> Any:
+        return _PairFrame(self._dataset.pair(number), self._dataset.depth_unit_mm)
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """The frames of one camera on disk, in the order of their names.
@@ -83,9 +97,14 @@ class Recording:
 
     path: Path
     kind: str
-    files: tuple[FrameFile, ...] | tuple[_PairFrame, ...]
+    files: Sequence[FrameFile] | Sequence[_PairFrame]
     camera: Intrinsics | None = None
     distortion: tuple[float, ...] = ()
+
+    @property
+    def calibration(self) -> str:
+        """Name of the file that states the camera, if there is one."""
+        return BIWI_CALIBRATION if self.kind == "biwi" else CALIBRATION
 
     def camera_of(self, shape: tuple[int, ...]) -> Intrinsics:
         """Return the stated camera if it fits an (H, W) image, else a Kinect V2's."""
@@ -225,8 +244,7 @@ def _dataset_recording(path: Path) -> Recording:
         raise DatasetError(f"{path}: has no frames")
     if "noisy" not in dataset.layers:
         raise DatasetError(f"{path}: has no layer 'noisy': generate it with --layers clean,noisy")
-    frames = tuple(_PairFrame(pair, dataset.depth_unit_mm) for pair in dataset)
-    return Recording(path, "data set", frames, frames[0].pair.intrinsics)
+    return Recording(path, "data set", _PairFrames(dataset), dataset.pair(0).intrinsics)
 
 
 def _depth_files(root: Path) -> tuple[str, list[Path]]:
@@ -251,15 +269,22 @@ def _depth_files(root: Path) -> tuple[str, list[Path]]:
 
 
 def _calibration(folder: Path, mirror: bool) -> tuple[Intrinsics | None, tuple[float, ...]]:
-    """Read ``calib_ir.yaml`` of iai_kinect2 or ``depth.cal`` of Biwi. Raises DatasetError."""
+    """Read the camera and its distortion, if the folder states them. Raises DatasetError."""
+    camera: Intrinsics | None = None
+    lens: tuple[float, ...] = ()
     if (folder / BIWI_CALIBRATION).is_file():
         try:
-            return read_calibration(folder / BIWI_CALIBRATION), ()
+            camera = read_calibration(folder / BIWI_CALIBRATION)
         except MeshError as error:
             raise DatasetError(str(error)) from None
-    file = folder / CALIBRATION
-    if not file.is_file():
-        return None, ()
+    elif (folder / CALIBRATION).is_file():
+        camera, lens = _opencv_calibration(folder / CALIBRATION)
+    if camera is not None and mirror:
+        camera = replace(camera, cx=camera.width - camera.cx)
+    return camera, lens
+
+
+def _opencv_calibration(file: Path) -> tuple[Intrinsics, tuple[float, ...]]:
     import cv2
 
     try:
@@ -274,9 +299,7 @@ def _calibration(folder: Path, mirror: bool) -> tuple[Intrinsics | None, tuple[f
     height, width = DUMP_SHAPE
     # OpenCV counts from the centre of the first pixel, glsim from its corner.
     cx, cy = float(matrix[0, 2]) + 0.5, float(matrix[1, 2]) + 0.5
-    camera = Intrinsics(
-        width, height, float(matrix[0, 0]), float(matrix[1, 1]), width - cx if mirror else cx, cy
-    )
+    camera = Intrinsics(width, height, float(matrix[0, 0]), float(matrix[1, 1]), cx, cy)
     return camera, () if lens is None else tuple(float(k) for k in lens.ravel())
 
 

@@ -17,20 +17,20 @@ from glsim.reason import Reason
 
 Array = NDArray[np.float32]
 
-#: The face: surfaces up to this far behind the nearest point (a head is 250 mm deep).
+#: Depth of the face behind its nearest point, mm, that of a head.
 FACE_MM = 250.0
-#: Bins of distance and angle, and the pixels that a bin needs.
+#: Width of the bins of distance and angle, and least pixels of a bin.
 _DISTANCE_MM, _ANGLE_DEG, _LEAST = 20.0, 10.0, 30
-#: Larger errors belong to another surface: they count in ``beyond`` only.
+#: Largest error on one surface, mm; larger ones count in ``beyond_px`` only.
 _SURFACE_MM = 50.0
 _BINS, _LAGS = 40, 8
 
 
 def frame_statistics(frame: Frame, normal: Array) -> dict[str, Any]:
-    """Return the figures of a frame as JSON values; None where there are too few pixels.
+    """Return the figures of a frame as JSON values; None with too few pixels.
 
-    normal: (h, w, 4) of the frame's window, in the camera's axes. Errors are noisy minus clean, mm,
-    of pixels with both. Sigma is their standard deviation about the mean of its bin, on the face.
+    Errors are noisy minus clean, mm, of pixels with both; sigma is their standard deviation about
+    the mean of a bin on the face. normal: (h, w, 4) of the frame's window, in the camera's axes.
     """
     clean, noisy = frame.clean_m * np.float32(1000), frame.noisy_m * np.float32(1000)
     both = (clean > 0) & (noisy > 0)
@@ -97,9 +97,9 @@ def _by(at: Array, error: Array, width: float) -> list[list[float]]:
 
 
 def _histogram(values: Array, unit_mm: float) -> dict[str, Any]:
-    """Count errors in bins over four robust deviations; what lies beyond is in the last bins.
+    """Count errors in bins over four robust deviations, outliers in the last bins.
 
-    A bin is some whole units of depth, so that whole millimetres do not fill every third one.
+    Bins are whole units of depth: others would leave every third bin empty.
     """
     if values.size < _LEAST:
         return {"low_mm": -1.0, "high_mm": 1.0, "counts": []}

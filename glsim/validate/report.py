@@ -19,11 +19,15 @@ COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
 
 @dataclass(frozen=True)
 class Band:
-    """Required interval of one measured number: low <= value <= high, in ``unit``.
+    """Required interval of one measured number.
 
-    Args:
+    Attributes:
         key: name of the number in the measurement.
-        kind: of its source, one of KINDS; empty: that of its check.
+        low: least value, in ``unit``.
+        high: largest value.
+        unit: of the number.
+        kind: of its source, one of KINDS; "" for that of its check.
+
     """
 
     key: str
@@ -54,10 +58,13 @@ class Band:
 class Check:
     """One line of a validation sheet.
 
-    Args:
-        description: the checked quantity, as text.
+    Attributes:
+        number: of the check.
+        description: the checked quantity.
+        bands: of its numbers.
         source: origin of the bands.
         kind: of that source, one of KINDS; a band may have another.
+
     """
 
     number: str
@@ -78,7 +85,7 @@ class Check:
 
     @property
     def kind_text(self) -> str:
-        """The kinds as text; a check of several names the numbers: measured: a; derived: b."""
+        """The kinds as text, such as "measured: a; derived: b"."""
         if len(self.kinds) == 1:
             return self.kinds[0]
         return "; ".join(
@@ -89,13 +96,14 @@ class Check:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Measured numbers of a check, by the keys of its bands.
+    """Measured numbers of a check.
 
-    Args:
-        values: None for a number that does not apply to this sensor.
+    Attributes:
+        values: key of the band -> number; None if it does not apply to this sensor.
         note: remark for the reader.
         why_not: reason why the whole check does not apply.
         exception: measured reason why a failure is not the sensor's fault.
+
     """
 
     values: Mapping[str, float | None] = field(default_factory=dict)
@@ -199,13 +207,7 @@ class CheckResult:
 
 @dataclass(frozen=True)
 class ValidationReport:
-    """Results of all checks of one sensor.
-
-    Args:
-        sheet: title of the validation sheet.
-        seconds: wall time.
-        seed, frames: as requested.
-    """
+    """Results of all checks of one sensor; ``sheet`` is the title of its validation sheet."""
 
     sensor: str
     title: str

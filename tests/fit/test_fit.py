@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.cli import main
-from glsim.errors import ConfigError, DatasetError
+from glsim.errors import DatasetError
 from glsim.fit.fixed_pattern import describe_pattern
 from glsim.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
 from glsim.fit.recording_statistics import measure_recording
@@ -200,30 +200,15 @@ def wall(frames: int = 3, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint1
 
 
 def test_recordings_that_cannot_serve(tmp_path: Path) -> None:
-    def refused(kind: type[Exception], match: str, *paths: Path) -> None:
-        with pytest.raises(kind, match=match) as caught:
+    def refused(match: str, *paths: Path) -> None:
+        with pytest.raises(DatasetError, match=match) as caught:
             read(*paths)
         assert "\n" not in str(caught.value)
 
-    (tmp_path / "empty").mkdir()
-    refused(DatasetError, "holds no 16-bit", tmp_path / "empty")
-    refused(ConfigError, "no such folder", tmp_path / "missing")
-    refused(DatasetError, "one frame only", write(tmp_path / "single", wall(1)))
-    mixed = write(tmp_path / "mixed", wall())
-    cv2.imwrite(str(mixed / "0001.png"), wall(1, (24, 32))[0])
-    refused(DatasetError, "0001 is 32x24, but 0000 is 64x48", mixed)
-    refused(
-        DatasetError, "1 channels of 8 bits", write(tmp_path / "bytes", wall().astype(np.uint8))
-    )
-    refused(DatasetError, "no pixel of any frame has depth", write(tmp_path / "holes", 0 * wall()))
-    broken = write(tmp_path / "broken", wall())
-    (broken / "0002.png").write_bytes(b"not a picture")
-    refused(DatasetError, "0002.png: is no readable image", broken)
+    refused("one frame only", write(tmp_path / "single", wall(1)))
     moved = wall()
     moved[2, :, 20:] = 1400
-    refused(DatasetError, "0001 and 0002 show different scenes", write(tmp_path / "m", moved))
-    with pytest.raises(ConfigError, match="--depth-unit-mm 0"):
-        read(mixed, unit_mm=0)
+    refused("0001 and 0002 show different scenes", write(tmp_path / "m", moved))
 
 
 def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:

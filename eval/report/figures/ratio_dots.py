@@ -22,10 +22,7 @@ _COARSE_TICKS: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 @dataclass(frozen=True)
 class RatioDot:
-    """A ratio with its interval. group: its row; kind: its colour; open_circle: its marker.
-
-    goal: the largest ratio that meets the goal, drawn as a tick of the row; NaN: none.
-    """
+    """A ratio with its interval, in a row ``group``, of a colour ``kind``; circles may be open."""
 
     group: str
     kind: str
