@@ -10,12 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, cast
 
 import numpy as np
 import torch
 from lightning_fabric import Fabric
-from torch import Tensor
 from torch.utils.data import (
     BatchSampler,
     ConcatDataset,
@@ -36,6 +35,7 @@ from glsim.train.data.checks import (
     joint_protocol,
     protocol_entry,
 )
+from glsim.train.data.pairs import Batch, PairDataset
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
 from glsim.train.losses.registry import build_loss
@@ -50,24 +50,6 @@ _SIMULATED_VALIDATION_FRAMES: Final = 200
 #: Distance between the seeds of two devices or data sets, and of two recipe seeds.
 _SEED_STRIDE: Final = 1_000_003
 
-#: (noisy_mm, clean_mm); with further inputs noisy_mm is their stack, see glsim.denoise.inputs.
-Batch = tuple[Tensor, Tensor]
-
-
-class PairDataset(Protocol):
-    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
-
-    Training pairs for a `SecondCaptureLoss` are (noisy_mm, second_mm): see `StoredCaptures`.
-    """
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, index: int, /) -> Batch: ...
-
-    def set_epoch(self, epoch: int) -> None:
-        """Set the epoch of the random draws."""
-        ...
-
 
 class BatchSource(Protocol):
     """Source of a training's batches: (noisy_mm, clean_mm), float32 on the device.
@@ -78,7 +60,7 @@ class BatchSource(Protocol):
     validation: the validation frames. fingerprint: plain values that are equal for equal data.
     """
 
-    validation: Dataset[Batch]
+    validation: Subset[Batch]
     fingerprint: dict[str, Any]
 
     def prepare(self, fabric: Fabric) -> int:
@@ -90,13 +72,18 @@ class BatchSource(Protocol):
         ...
 
 
+def on_device(fabric: Fabric, loader: DataLoader[Batch]) -> DataLoader[Batch]:
+    """Return a loader whose batches lie on the device of ``fabric``."""
+    return cast(DataLoader[Batch], fabric.setup_dataloaders(loader, use_distributed_sampler=False))
+
+
 class StoredBatches:
     """Batches of pairs with random access; see ``BatchSource``."""
 
     def __init__(
         self,
         train: PairDataset,
-        validation: Dataset[Batch],
+        validation: Subset[Batch],
         fingerprint: dict[str, Any],
         recipe: Recipe,
     ) -> None:
@@ -123,7 +110,7 @@ class StoredBatches:
             pin_memory=torch.cuda.is_available(),
             generator=torch.Generator(),  # not the global one, whose state checkpoints hold
         )
-        self._loader = fabric.setup_dataloaders(loader, use_distributed_sampler=False)
+        self._loader = on_device(fabric, loader)
         return len(self._sampler)
 
     def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
@@ -155,8 +142,8 @@ class SimulatedBatches:
             protocol=recipe.data.protocol,
             ray=ray,
         )
-        rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
-        self.validation: Dataset[Batch] = Subset(rendered, range(count))
+        rendered = [cast(Dataset[Batch], TensorDataset(*batch)) for batch in held_out]
+        self.validation: Subset[Batch] = Subset(ConcatDataset(rendered), range(count))
         self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
 
     def prepare(self, fabric: Fabric) -> int:
@@ -170,8 +157,7 @@ class SimulatedBatches:
         first, end = epoch * steps + skip, (epoch + 1) * steps
         if self._running is None or self._running[0] != first:
             loader = self._pairs(self._fabric.global_rank, first).loader(self._recipe.data.workers)
-            loader = self._fabric.setup_dataloaders(loader, use_distributed_sampler=False)
-            self._running = (first, iter(loader))
+            self._running = (first, iter(on_device(self._fabric, loader)))
         iterator = self._running[1]
         for number in range(first, end):
             self._running = (number + 1, iterator)
@@ -242,7 +228,7 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     )
 
 
-class JoinedPairs(ConcatDataset[Batch]):
+class JoinedPairs(ConcatDataset[Batch], PairDataset):
     """Pairs of several data sets, one data set after the other."""
 
     def __init__(self, parts: Sequence[PairDataset]) -> None:
@@ -281,7 +267,7 @@ def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatche
     return SimulatedBatches(load(overrides=changes), recipe, ray)
 
 
-def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Dataset[Batch]:
+def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Subset[Batch]:
     """Select the recipe's number of frames, evenly spaced so that all subjects are included."""
     count = min(data.validation_frames or len(validation), len(validation))
     indices = np.linspace(0, len(validation) - 1, count).round().astype(int)
@@ -298,8 +284,13 @@ class EpochSampler(Sampler[list[int]]):
                 f"training.batch = {batch} on {replicas} device(s), but there are {count} pairs to "
                 "train on: set a smaller batch (--set training.batch=1), or generate more pairs"
             )
-        self._shuffled = DistributedSampler(
-            range(count), replicas, rank, shuffle=True, seed=seed * _SEED_STRIDE, drop_last=True
+        self._shuffled: DistributedSampler[int] = DistributedSampler(
+            range(count),  # type: ignore[arg-type]  # only its length is asked
+            replicas,
+            rank,
+            shuffle=True,
+            seed=seed * _SEED_STRIDE,
+            drop_last=True,
         )
         self._batches = BatchSampler(self._shuffled, batch, drop_last=True)
         self._skip = 0

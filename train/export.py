@@ -71,12 +71,14 @@ def onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
     buffer = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")  # the sizes of the example that a graph would keep: none
-        torch.onnx.register_custom_op_symbolic("aten::asinh", _asinh, _OPSET)
+        torch.onnx.register_custom_op_symbolic(  # type: ignore[attr-defined]  # it is documented
+            "aten::asinh", _asinh, _OPSET
+        )
         try:
             torch.onnx.export(
                 NamedOutputs(model),
                 tuple(inputs.values()),
-                buffer,
+                buffer,  # type: ignore[arg-type]  # dynamo=False takes a file, too
                 input_names=[*inputs],
                 output_names=names,
                 dynamic_axes={name: {2: "rows", 3: "columns"} for name in (*inputs, *names)},

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from lightning_fabric.loggers import TensorBoardLogger
+from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -105,5 +105,4 @@ def _sample_row(
 
 
 def _metres(image_mm: Tensor) -> NDArray[np.float32]:
-    image: NDArray[np.float32] = image_mm[0].float().cpu().numpy() / np.float32(1000)
-    return image
+    return np.asarray(image_mm[0].float().cpu().numpy() / np.float32(1000), np.float32)

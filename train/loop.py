@@ -17,7 +17,7 @@ from torch.utils.data import DataLoader
 from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
 from glsim.settings.seeds import stable_seed
-from glsim.train.batches import VALIDATION_BATCH, BatchSource
+from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
 from glsim.train.models.calibration import calibrate
 from glsim.train.models.mask_aware import MaskAware
@@ -130,7 +130,7 @@ class Training:
         self.model, self.optimiser = self.state.set_up()
         self.epoch_steps = source.prepare(self.fabric)
         held_out = DataLoader(source.validation, VALIDATION_BATCH, generator=torch.Generator())
-        self.held_out = self.fabric.setup_dataloaders(held_out, use_distributed_sampler=False)
+        self.held_out = on_device(self.fabric, held_out)
         limits = recipe.training
         steps = [limits.max_steps, limits.max_epochs and limits.max_epochs * self.epoch_steps]
         self.total_steps = min((count for count in steps if count), default=None)
@@ -289,8 +289,7 @@ class Training:
     def _save_best(self) -> None:
         """Write best.pt, with sigma calibrated on the validation frames if it is predicted."""
         network = self.state.evaluated
-        uncertain = isinstance(network, MaskAware) and network.uncertainty
-        if uncertain:
+        if isinstance(network, MaskAware) and network.uncertainty:
             with suppress(ConfigError):  # early in training no pixel may have predicted depth
                 calibrate(network, self.held_out, "median")
         content = self._header() | {
@@ -298,12 +297,12 @@ class Training:
             "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},
         }
         checkpoint.save(self.folder / checkpoint.BEST, content)
-        if uncertain:
+        if isinstance(network, MaskAware) and network.uncertainty:
             network.sigma_scale.fill_(1.0)  # training continues uncalibrated
 
     def _draw_samples(self) -> None:
         """Write a picture of some validation frames, evenly spaced."""
-        progress, frames = self.progress, self.held_out.dataset
+        progress, frames = self.progress, self.source.validation
         indices = [len(frames) * n // _SAMPLES for n in range(min(_SAMPLES, len(frames)))]
         pairs = [frames[n] for n in indices]
         noisy_mm, clean_mm = (torch.stack(part) for part in zip(*pairs, strict=True))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from torch.utils.data import Subset
 
 from glsim.errors import ConfigError
 from glsim.train.batches import StoredBatches, stored_batches
@@ -58,7 +59,7 @@ def photograph_batches(
     )
     marks = photograph_fingerprint(photographs, span, sigma_grey)
     marks["depths_of"] = [fingerprint(path)["manifest_crc32"] for path in datasets]
-    return StoredBatches(train, held_out, marks, recipe)
+    return StoredBatches(train, Subset(held_out, range(len(held_out))), marks, recipe)
 
 
 def _as_stored(recipe: Recipe) -> Recipe:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import torch
 from lightning_fabric import Fabric
@@ -16,10 +16,12 @@ from glsim.denoise.inputs import DEPTH_ALONE
 from glsim.errors import ConfigError, TrainError
 from glsim.train.losses.base import Loss
 from glsim.train.losses.registry import build_loss
-from glsim.train.models.base import DepthModel
+from glsim.train.models.base import DepthModel, channels_last
 from glsim.train.models.registry import build_model
 from glsim.train.models.warm_start import copy_weights
 from glsim.train.recipe import OptimiserSettings, Recipe
+
+_Tensors = list[Tensor] | tuple[Tensor, ...]
 
 
 class WeightsOf(NamedTuple):
@@ -71,7 +73,7 @@ class TrainingState:
                 f"training.monitor = 'loss': {recipe.loss['kind']} compares with the noisy depth, "
                 "and returning that would be best: set training.monitor = 'interior_rmse_mm'"
             )
-        self.network: DepthModel = build_model(recipe.model).to(memory_format=torch.channels_last)
+        self.network: DepthModel = channels_last(build_model(recipe.model))
         if self.loss.depth_alone and self.network.inputs != DEPTH_ALONE:
             raise ConfigError(
                 f"loss.kind = {recipe.loss['kind']!r} changes the measured depth and leaves other "
@@ -85,13 +87,15 @@ class TrainingState:
         self._compile = recipe.training.compile
 
     @property
-    def evaluated(self) -> nn.Module:
+    def evaluated(self) -> DepthModel:
         """The network that is validated and kept: the average if there is one."""
-        return self.network if self.average is None else self.average.module
+        return self.network if self.average is None else cast(DepthModel, self.average.module)
 
     def set_up(self) -> tuple[nn.Module, Optimizer]:
         """Move model and optimiser to their device and precision. Call it after ``restore``."""
-        module = torch.compile(self.network) if self._compile else self.network
+        module: nn.Module = self.network
+        if self._compile:
+            module = cast(nn.Module, torch.compile(module))
         if self.average is not None:
             self.average.to(self._fabric.device)
         model, optimiser = self._fabric.setup(module, self._plain_optimiser)
@@ -139,7 +143,7 @@ class TrainingState:
 
 
 def _optimiser(network: nn.Module, settings: OptimiserSettings) -> Optimizer:
-    kind = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}[settings.kind]
+    kind = torch.optim.Adam if settings.kind == "adam" else torch.optim.AdamW
     return kind(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
 
 
@@ -148,7 +152,7 @@ def _weight_average(network: nn.Module, decay: float | None) -> AveragedModel | 
     if decay is None:
         return None
 
-    def update(averages: Sequence[Tensor], weights: Sequence[Tensor], count: Tensor) -> None:
+    def update(averages: _Tensors, weights: _Tensors, count: Tensor | int) -> None:
         # The decay grows to its value, so that the first weights do not dominate a short training.
         present_decay = min(decay, (1 + int(count)) / (10 + int(count)))
         torch._foreach_lerp_(averages, weights, 1 - present_decay)

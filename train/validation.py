@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
@@ -28,7 +27,7 @@ class _FigureSums(NamedTuple):
 
 
 def validation_figures(
-    model: Callable[[Tensor], Prediction], batches: Iterable[list[Tensor]], loss: Loss
+    model: Callable[[Tensor], Prediction], batches: Iterable[tuple[Tensor, Tensor]], loss: Loss
 ) -> dict[str, float]:
     """Compute the validation metrics of a network in its present mode; lower is better.
 
@@ -40,16 +39,14 @@ def validation_figures(
     with torch.no_grad():
         for noisy_mm, clean_mm in batches:
             sums.append(_figure_sums(model(noisy_mm), noisy_mm[:, :1], clean_mm, loss))
-    total = _FigureSums(*(torch.stack(parts).sum().item() for parts in zip(*sums, strict=True)))
-    interior_mm2 = math.nan
-    if total.interior_pixels:
-        interior_mm2 = total.interior_square_mm2 / total.interior_pixels
-    return {
+    total = _FigureSums(*(torch.stack(parts).sum() for parts in zip(*sums, strict=True)))
+    figures = {
         "loss": total.loss / total.frames,
         "mse_mm2": total.square_mm2 / total.pixels,
-        "interior_rmse_mm": math.sqrt(interior_mm2),
+        "interior_rmse_mm": (total.interior_square_mm2 / total.interior_pixels).sqrt(),
         "flips": total.flips / total.frames,
     }
+    return {name: float(value) for name, value in figures.items()}
 
 
 def _figure_sums(

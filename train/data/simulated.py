@@ -150,14 +150,14 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         _check_workers(workers)
         if self._ray is not None:
             workers = 0  # the nodes are the workers
-        of_workers = {"multiprocessing_context": "forkserver", "prefetch_factor": _PREFETCH}
         return DataLoader(
             self,
             batch_size=None,
             num_workers=workers,
             pin_memory=torch.cuda.is_available(),
             generator=torch.Generator(),  # not the global one, whose state checkpoints hold
-            **(of_workers if workers else {}),
+            multiprocessing_context="forkserver" if workers else None,
+            prefetch_factor=_PREFETCH if workers else None,
         )
 
     def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:

@@ -50,7 +50,10 @@ class Loss(BaseModel):
 
 def to_float32(prediction: Prediction) -> Prediction:
     """Convert a prediction made in mixed precision to float32."""
-    return Prediction(*(None if part is None else part.float() for part in prediction))
+    depth_mm, *others = prediction
+    return Prediction(
+        depth_mm.float(), *(None if part is None else part.float() for part in others)
+    )
 
 
 def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -32,6 +32,14 @@ class Prediction(NamedTuple):
         if self.valid_logit is None:
             return self.depth_mm
         return torch.where(self.valid_logit > 0, self.depth_mm, torch.zeros_like(self.depth_mm))
+
+
+_Module = TypeVar("_Module", bound=nn.Module)
+
+
+def channels_last(module: _Module) -> _Module:
+    """Store the weights of a network as (N, H, W, C), the faster order for convolutions."""
+    return module.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]  # torch's overloads lack it
 
 
 class DepthModel(nn.Module):

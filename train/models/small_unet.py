@@ -10,7 +10,15 @@ import torch.nn.functional as F  # noqa: N812
 from pydantic import Field
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, Blocks, Scales, Width, init_zero, pad_to_multiple
+from glsim.train.models.backbone import (
+    Backbone,
+    Blocks,
+    Scales,
+    Width,
+    init_he,
+    init_zero,
+    pad_to_multiple,
+)
 
 _ACTIVATIONS = {"relu": nn.ReLU, "silu": nn.SiLU}
 
@@ -83,8 +91,7 @@ class ResidualBlock(nn.Module):
         self.two = nn.Conv2d(channels, channels, 3, padding=1)
         self.activation = _ACTIVATIONS[activation]()
         for layer in (self.one, self.two):
-            nn.init.kaiming_normal_(layer.weight, mode="fan_in")
-            nn.init.zeros_(layer.bias)
+            init_he(layer)
         with torch.no_grad():
             self.two.weight.mul_(gain)
 

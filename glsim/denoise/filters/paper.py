@@ -14,7 +14,8 @@ from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
 from glsim.errors import ConfigError
 
 
-def _with_depth(depth_mm: Depth) -> Denoised:
+def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:
+    depth_mm = np.asarray(image_mm, np.float32)
     return Denoised(depth_mm, depth_mm > 0)
 
 
@@ -75,4 +76,4 @@ class NonLocalMeans:
         cleaned = cv2.fastNlMeansDenoising(
             whole, [self.strength], None, self.template, self.search, cv2.NORM_L1
         )
-        return _with_depth(cleaned.astype(np.float32))
+        return _with_depth(cleaned)
