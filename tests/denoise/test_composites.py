@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -158,7 +159,7 @@ def test_no_pixel_appears_in_a_shadow() -> None:
 
 def test_integers_bools_and_the_type_of_the_input() -> None:
     noisy = head_before_wall()
-    whole = noisy.astype(np.uint16)
+    whole: Any = noisy.astype(np.uint16)
     out = measured_surfaces(noisy.astype(np.float64), np.ones_like(noisy), whole)
     assert out.dtype == np.float64
     np.testing.assert_array_equal(out, np.where(whole > 0, noisy, 0))
@@ -227,4 +228,4 @@ def test_a_networks_probability_is_cut_to_0_and_1() -> None:
         return {"depth_mm": frame_mm, "probability": np.full_like(frame_mm, above)}
 
     method = as_method("net", NetworkDenoiser(network, "net", False))
-    assert method(noisy[None]).valid.max() == 1
+    assert method(noisy[None].astype(np.float32)).valid.max() == 1

@@ -6,6 +6,7 @@ import json
 import logging
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,10 +40,10 @@ def test_a_denoiser_of_one_map_is_the_method_on_a_stack_of_one(dtype: type) -> N
 
 
 def test_a_soft_validity_is_a_mask_by_a_composite_or_a_probability(checkpoint: Path) -> None:
-    noisy_mm = NOISY.astype(np.uint16)
+    noisy_mm: Any = NOISY.astype(np.uint16)
     raw = load_denoiser(str(checkpoint), composite=None)(noisy_mm)
     np.testing.assert_allclose(raw.valid, np.where(NOISY > 0, 0.75, 0.25))
-    for composite, expected in compose(raw, NOISY.astype(np.uint16)).items():
+    for composite, expected in compose(raw, noisy_mm).items():
         depth_mm, valid = load_denoiser(str(checkpoint), composite=composite)(noisy_mm)
         np.testing.assert_array_equal(depth_mm, expected)
         np.testing.assert_array_equal(valid, expected > 0)

@@ -83,7 +83,7 @@ def test_a_stream_of_a_filter_with_later_frames_is_causal() -> None:
         stack = np.stack(FRAMES[max(0, number - 1) : number + 1])
         depth_mm, valid = load("temporal_median")(stack, len(stack) - 1)
         found = stream.push(frame)
-        np.testing.assert_array_equal(found.valid, valid & (depth_mm > 0))
+        np.testing.assert_array_equal(found.valid, np.logical_and(valid, depth_mm > 0))
         np.testing.assert_array_equal(found.depth_mm, np.where(valid, depth_mm, 0))
 
 

@@ -146,12 +146,14 @@ def test_the_command_finds_infrared_and_earlier_frames(
     assert main(["denoise", "maps", "-o", "given", "-d", "all.pt", "--infrared", "light"]) == 0
     method = load("all.pt")
     whole = np.round(stack).astype(np.uint16)
-    found = [read_depth_png(Path(folder) / "f1_noisy.png") for folder in ("beside", "given")]
-    np.testing.assert_array_equal(*found)
+    beside, given = (
+        read_depth_png(Path(folder) / "f1_noisy.png") for folder in ("beside", "given")
+    )
+    np.testing.assert_array_equal(beside, given)
     denoised = method(np.floor(stack), 1, np.floor(infrared)).depth_mm
-    kept = found[0] > 0
+    kept = beside > 0
     assert kept.mean() > 0.5
-    assert np.abs(found[0][kept].astype(float) - denoised[kept]).max() <= 0.51
+    assert np.abs(beside[kept].astype(float) - denoised[kept]).max() <= 0.51
     assert whole.shape == stack.shape
     Path("maps/f2_infrared.png").unlink()
     capsys.readouterr()

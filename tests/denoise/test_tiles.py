@@ -38,7 +38,8 @@ class Blur:
     def __call__(self, noisy_mm: Image) -> Mapping[str, Image]:
         self.shapes.append(noisy_mm.shape)
         mean = cv2.blur(noisy_mm, (self.side, self.side), borderType=cv2.BORDER_CONSTANT)
-        return {"depth_mm": mean, "probability": (noisy_mm > 0).astype(np.float32)}
+        depth_mm = np.asarray(mean, np.float32)
+        return {"depth_mm": depth_mm, "probability": (noisy_mm > 0).astype(np.float32)}
 
 
 @pytest.mark.parametrize("shape", [(96, 96), (96, 112), (160, 64), (304, 208), (64, 1024)])

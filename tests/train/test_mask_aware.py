@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import pytest
@@ -221,7 +222,7 @@ def test_what_is_in_a_hole_is_not_looked_at(wrapper: str, backbone: str) -> None
 def test_partial_convolutions_do_not_read_the_fill() -> None:
     """They replace it: channels in holes may hold anything."""
     for backbone in ("partial_conv", "normalized_conv"):
-        network = build("masked", backbone).eval().backbone
+        network: Any = build("masked", backbone).eval().backbone
         channels = depth_features(frames()).channels
         valid = channels[:, -1:]
         with torch.no_grad():

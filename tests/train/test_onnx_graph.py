@@ -41,7 +41,7 @@ def exported() -> bytes:
         torch.onnx.export(
             _Slices(),
             (torch.rand(1, 1, 32, 32),),
-            buffer,
+            buffer,  # type: ignore[arg-type]  # as in glsim.train.export
             input_names=["noisy_mm"],
             output_names=["depth_mm"],
             dynamic_axes={name: {2: "rows", 3: "columns"} for name in ("noisy_mm", "depth_mm")},

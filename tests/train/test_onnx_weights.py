@@ -36,8 +36,8 @@ def test_a_network_is_its_onnx_file_again(kind: str, backbone: str, tmp_path: Pa
     file.write_bytes(onnx_bytes(model, file))
     found = weights_of_onnx(file, spec)
     assert model.state_dict().keys() - found.keys() <= set(NOT_COPIED)
-    for name, value in found.items():
-        torch.testing.assert_close(value, model.state_dict()[name], rtol=0, atol=0, msg=name)
+    for name, weight in found.items():
+        torch.testing.assert_close(weight, model.state_dict()[name], rtol=0, atol=0, msg=name)
 
 
 @pytest.mark.parametrize("name", ["face", "face-ir", "face-video"])

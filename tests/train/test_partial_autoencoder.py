@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ SPEC = {"kind": "masked_depth", "backbone": {"kind": "partial_autoencoder", "wid
 def trained() -> DepthModel:
     """The whole model with a last layer that is not 0: corrections of some millimetres."""
     torch.manual_seed(3)
-    model = build_model(SPEC)
+    model: Any = build_model(SPEC)
     with torch.no_grad():
         model.backbone.last.weight.normal_(std=0.01)
     return model.eval()
