@@ -19,9 +19,9 @@ from glsim.errors import ConfigError, TrainError
 from glsim.settings.seeds import stable_seed
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
-from glsim.train.models.calibration import calibrate
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import parameter_count
+from glsim.train.models.sigma_scale import calibrate
 from glsim.train.recipe import Recipe
 from glsim.train.run_setup import (
     RECIPE_FILE,
@@ -79,11 +79,11 @@ def fit(
     fabric = make_fabric(recipe.training)
     fabric.launch()
     with locked_run(folder) if fabric.is_global_zero else nullcontext():
-        return _fit(Training(recipe, source, folder, resume, fabric), on_step, should_stop)
+        return _fit(TrainingRun(recipe, source, folder, resume, fabric), on_step, should_stop)
 
 
 def _fit(
-    run: Training, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
+    run: TrainingRun, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
 ) -> dict[str, Any]:
     logs = run.open_logs() if run.fabric.is_global_zero else None
     ended_by, stopped, loss = run.ended_by(), False, math.nan
@@ -109,7 +109,7 @@ def _fit(
     return run.save("finished" if ended_by else "interrupted", ended_by)
 
 
-class Training:
+class TrainingRun:
     """One call of ``fit``: devices, state, data and run folder."""
 
     def __init__(

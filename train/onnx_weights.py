@@ -12,9 +12,9 @@ from torch import Tensor
 from glsim.denoise.onnx_file import read_onnx
 from glsim.denoise.onnx_inputs import read_inputs
 from glsim.errors import DenoiserError, TrainError
-from glsim.train.export import onnx_bytes
 from glsim.train.models.registry import build_model
 from glsim.train.models.warm_start import NOT_COPIED
+from glsim.train.onnx_export import onnx_bytes
 
 
 def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:

@@ -25,11 +25,11 @@ from math import cos, pi
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, did_you_mean
-from glsim.settings.tables import assign, parse_table, read_toml, split_assignment
+from glsim.settings.tables import Table, assign, parse_table, read_toml, split_assignment
 
 RECIPE_FOLDER: Final = Path(__file__).parent / "recipes"
 PaperRow = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]
@@ -40,11 +40,7 @@ _WARMUP_SHARE: Final = 0.1
 _MAX_EXTENDS: Final = 8
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class OptimiserSettings(_Table):
+class OptimiserSettings(Table):
     """Optimiser and its parameters."""
 
     kind: Literal["adam", "adamw"] = Field("adam", description="the optimiser")
@@ -53,7 +49,7 @@ class OptimiserSettings(_Table):
     clip_norm: float | None = Field(None, gt=0, description="largest norm of the gradient")
 
 
-class ScheduleSettings(_Table):
+class ScheduleSettings(Table):
     """Learning-rate schedule: a function of the steps and of the fraction of the training done.
 
     The whole training is its limit in steps, epochs or minutes, whichever comes first.
@@ -77,7 +73,7 @@ class ScheduleSettings(_Table):
         return warmup
 
 
-class TrainingSettings(_Table):
+class TrainingSettings(Table):
     """Batch size, validation interval, limits, early stopping, precision and devices."""
 
     start: str | None = Field(
@@ -111,7 +107,7 @@ class TrainingSettings(_Table):
     )
 
 
-class DataSettings(_Table):
+class DataSettings(Table):
     """Selection and augmentation of pairs. ``glsim generate`` decides what a data set holds."""
 
     crop: int = Field(
@@ -150,7 +146,7 @@ class DataSettings(_Table):
     epoch_steps: int = Field(500, ge=1, le=10**8, description="steps per epoch of --simulate")
 
 
-class Recipe(_Table):
+class Recipe(Table):
     """Every setting of a training, except the data."""
 
     title: str = Field(description="one line")

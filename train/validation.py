@@ -8,7 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from glsim.denoise.protocol import MIN_DEPTH_MM
+from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.train.interior_mask import interior_mask
 from glsim.train.losses.base import Loss, to_float32
 from glsim.train.models.base import Prediction

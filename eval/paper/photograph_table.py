@@ -21,7 +21,7 @@ import numpy as np
 
 from glsim.denoise import DEFAULT_COMPOSITE, Method, composed, load
 from glsim.denoise.frames import Frames
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import ConfigError
 from glsim.eval.metrics import Truth, score
 from glsim.eval.paper.runs import TrainedRun, find_trained_runs

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from glsim.denoise import load
 from glsim.denoise.frames import Frames
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import ConfigError
 from glsim.eval.metrics.ssim import Moments, window_statistics
 

@@ -18,7 +18,7 @@ from glsim.compare.boards import Board, plane_residual
 from glsim.compare.frames import DepthFrame
 from glsim.compare.silhouettes import STEP_MM, find_edges
 from glsim.compare.temporal import still_difference
-from glsim.denoise.protocol import Depth, Mask
+from glsim.denoise.interface import Depth, Mask
 
 Array = NDArray[np.float64]
 #: Sums by (measure, unit, bin): "pair", "paper", "board", "shift" (pixels, sums), "edges".

@@ -9,7 +9,7 @@ from typing import Final
 
 from glsim.denoise import compose, load
 from glsim.denoise.frames import Frames, Stacks
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import DatasetError
 from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
 from glsim.eval.report.document import Document, Heading, Picture, TextTable

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.eval.metrics import Truth
 from glsim.eval.metrics.catalogue import FLYING_MM
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval

@@ -30,11 +30,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from glsim.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
-from glsim.settings.tables import merge_tables
+from glsim.settings.tables import Table, merge_tables
 
 #: Names become folders, and parts of --leave.
 _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=60)]
@@ -42,11 +42,7 @@ _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 _UNIT_MM: Final = 0.1
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Goals(_Table):
+class Goals(Table):
     """Goals of a network. Ratios are those of the means over frames."""
 
     tof_ratio: float = Field(
@@ -62,7 +58,7 @@ class Goals(_Table):
     bias_mm: float = Field(0.15, gt=0, description="largest bias in a bin of distance")
 
 
-class SensorFamily(_Table):
+class SensorFamily(Table):
     """A family of sensors."""
 
     name: _Name
@@ -79,7 +75,7 @@ class SensorFamily(_Table):
         return self.sensor or self.name
 
 
-class FaceFamily(_Table):
+class FaceFamily(Table):
     """A source of faces."""
 
     name: _Name
@@ -89,14 +85,14 @@ class FaceFamily(_Table):
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
-class SceneFamily(_Table):
+class SceneFamily(Table):
     """What is around the faces."""
 
     name: _Name
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
-class _DataTable(_Table):
+class _DataTable(Table):
     frames: int = Field(4, ge=1, description="frames per person")
     crop: int = Field(128, ge=8, le=4096)
     settings: dict[str, Any] = Field(default_factory=dict)
@@ -150,7 +146,7 @@ class DataSet:
         return sum(self.people) * self.frames_per_person
 
 
-class TransferStudy(_Table):
+class TransferStudy(Table):
     """A study; the docstring of the module describes the keys."""
 
     title: str

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.composites import DEFAULT_COMPOSITE, check_composite, composed
-from glsim.denoise.protocol import Denoised, Depth, Method
+from glsim.denoise.interface import Denoised, Depth, Method
 from glsim.errors import ConfigError
 from glsim.geometry.camera import Intrinsics
 

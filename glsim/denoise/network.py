@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
-from glsim.denoise.protocol import MIN_DEPTH_MM
+from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
+from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
 from glsim.denoise.tiles import run_tiled
 from glsim.depth_protocol import DepthProtocol
@@ -44,7 +44,7 @@ class NetworkDenoiser:
         name: str,
         uncertain: bool,
         min_probability: float = 0.0,
-        inputs: Inputs = DEPTH_ALONE,
+        inputs: NetworkInputs = DEPTH_ALONE,
     ) -> None:
         """name: for messages, such as the path of the file.
 
@@ -141,7 +141,7 @@ class VideoDenoiser(NetworkDenoiser):
         name: str,
         uncertain: bool,
         min_probability: float,
-        inputs: Inputs,
+        inputs: NetworkInputs,
     ) -> None:
         """Arguments as of ``NetworkDenoiser``."""
         super().__init__(network, name, uncertain, min_probability, inputs)
@@ -176,7 +176,7 @@ class VideoDenoiser(NetworkDenoiser):
 
 
 def network_denoiser(
-    network: Network, name: str, uncertain: bool, min_probability: float, inputs: Inputs
+    network: Network, name: str, uncertain: bool, min_probability: float, inputs: NetworkInputs
 ) -> NetworkDenoiser:
     """Make the denoiser of a network: a ``VideoDenoiser`` if it sees neighbours in time."""
     kind = VideoDenoiser if inputs.temporal else NetworkDenoiser

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.denoise.filters import led3d, masked, paper, temporal
+from glsim.denoise.interface import Method, build
 from glsim.denoise.loading import (
     ONNX_SUFFIX,
     NetworkOptions,
@@ -20,11 +21,10 @@ from glsim.denoise.loading import (
     is_shipped,
 )
 from glsim.denoise.map_denoiser import MapDenoiser
-from glsim.denoise.protocol import Method, build
 from glsim.errors import ConfigError, did_you_mean
 
 _FILTERS: Final[dict[str, type]] = {
-    "noisy": paper.Identity,
+    "noisy": paper.Unchanged,
     "median": paper.Median,
     "bilateral": paper.Bilateral,
     "nlm": paper.NonLocalMeans,

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from glsim.errors import ConfigError
 from glsim.files.regular import read_regular
@@ -20,6 +20,12 @@ from glsim.settings.problems import first_problem
 _MAX_BYTES = 1 << 20
 
 _Model = TypeVar("_Model", bound=BaseModel)
+
+
+class Table(BaseModel):
+    """A table of a TOML file: read-only, and without unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def read_toml(file: Path) -> dict[str, Any]:

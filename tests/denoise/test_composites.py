@@ -17,9 +17,9 @@ from glsim.compare.frames import frame_set
 from glsim.compare.silhouettes import find_edges
 from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, composed, load
 from glsim.denoise.composites import measured_surfaces
+from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.loading import as_method
 from glsim.denoise.network import NetworkDenoiser
-from glsim.denoise.protocol import Denoised, Depth
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glsim.denoise import compose, load, load_denoiser, protocol
+from glsim.denoise import compose, interface, load, load_denoiser
 from glsim.errors import ConfigError
 from tests.support import checkpoint_stand_in
 from tests.support.eval_scenes import dome, noisy
@@ -71,7 +71,7 @@ def test_what_is_no_depth_map_is_refused(depth: np.ndarray, words: str) -> None:
 def test_the_parameter_sure_is_an_alias_and_is_logged_once(
     checkpoint: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    protocol._log_renamed.cache_clear()
+    interface._log_renamed.cache_clear()
     depth = NOISY[None]
     with caplog.at_level(logging.WARNING):
         for probability in ("0.6", "0.75", "0.9"):

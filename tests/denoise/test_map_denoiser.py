@@ -10,8 +10,8 @@ import pytest
 import glsim
 from glsim.denoise import MapDenoiser, load, load_denoiser
 from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
+from glsim.denoise.interface import Depth
 from glsim.denoise.loading import as_method
-from glsim.denoise.protocol import Depth
 from glsim.errors import ConfigError
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.run import evaluate

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 import glsim
 from glsim.cli import main
 from glsim.denoise import checkpoint, load
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.onnx_file import Runtime, load_onnx
 from glsim.denoise.onnx_inputs import read_inputs
 from glsim.errors import DenoiserError
 from glsim.files.png import encode_png, read_depth_png
-from glsim.train.export import TOLERANCE_MM, export_onnx
 from glsim.train.models.registry import build_model
+from glsim.train.onnx_export import TOLERANCE_MM, export_onnx
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.networks import BACKBONES, frames
 
@@ -61,7 +61,7 @@ def sequence(height: int = 53, width: int = 67) -> tuple[NDArray[Any], NDArray[A
 
 @pytest.mark.parametrize("runtime", RUNTIMES)
 def test_both_runtimes_give_the_results_of_pytorch(network: Path, runtime: Runtime) -> None:
-    assert read_inputs((network / "net.onnx").read_bytes()) == Inputs(**INPUTS[network.name])
+    assert read_inputs((network / "net.onnx").read_bytes()) == NetworkInputs(**INPUTS[network.name])
     by_torch = load(str(network / "best.pt"))
     exported: Any = load_onnx(network / "net.onnx", runtime=runtime)
     for size in ((53, 67), (128, 144)):
@@ -76,7 +76,7 @@ def test_both_runtimes_give_the_results_of_pytorch(network: Path, runtime: Runti
 
 def test_every_input_has_an_effect_and_may_be_missing(network: Path) -> None:
     method = load(str(network / "net.onnx"))
-    inputs = Inputs(**INPUTS[network.name])
+    inputs = NetworkInputs(**INPUTS[network.name])
     assert (method.before, method.after, method.infrared) == (*inputs[1:], inputs.infrared)
     stack, infrared = sequence()
     whole = method(stack, 1, infrared).depth_mm

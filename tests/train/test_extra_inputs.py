@@ -13,7 +13,7 @@ from torch.utils.data import Subset
 
 from glsim.dataset import open_dataset
 from glsim.denoise import checkpoint
-from glsim.denoise.inputs import Inputs, stack_inputs
+from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.errors import ConfigError, DatasetError
 from glsim.settings.schema import load_settings
 from glsim.train import Augmentation, SimulatedPairs, StoredPairs, fit
@@ -40,14 +40,18 @@ def stack_of(depth_mm: Tensor) -> Tensor:
 
 
 def test_the_stack_has_the_nearest_neighbours_first_and_zeros_for_what_is_missing() -> None:
-    inputs = Inputs(infrared=True, before=2, after=1)
+    inputs = NetworkInputs(infrared=True, before=2, after=1)
     images = [np.full((3, 4), value, np.float32) for value in (900, 40, 899, 898, 897)]
     stack = stack_inputs(inputs, images[0], images[2:], (), images[1])
     assert stack[:, 0, 0].tolist() == [900, 40, 899, 898, 0]
     named = inputs.named(stack)
     assert {name: len(part) for name, part in named.items()} == inputs.names
     assert named["before_mm"][:, 0, 0].tolist() == [899, 898]
-    assert stack_inputs(Inputs(), images[0], images[1:], images[1:], images[1]).shape == (1, 3, 4)
+    assert stack_inputs(NetworkInputs(), images[0], images[1:], images[1:], images[1]).shape == (
+        1,
+        3,
+        4,
+    )
     assert inputs_of(FACE | ALL | {"backbone": BACKBONES["dncnn"]}) == inputs
     with pytest.raises(ConfigError, match=r"model.before = 5"):
         network(before=5)
@@ -143,7 +147,7 @@ def test_neighbours_are_of_the_same_sequence_and_not_too_far_in_time() -> None:
     words = [("a", "s")] * 4 + [("a", "t")] * 2 + [("b", "t")]
     numbers = [0, 1, 2, 6, 7, 8, 9]
     moments = [Moment(w, n) for w, n in zip(words, numbers, strict=True)]
-    neighbours = Neighbours(moments, Inputs(before=3, after=1))
+    neighbours = Neighbours(moments, NetworkInputs(before=3, after=1))
     assert neighbours.of(0) == ([], [1])
     assert neighbours.of(2) == ([1, 0], [])
     assert neighbours.of(3) == ([], [])  # four frames were lost
@@ -152,7 +156,7 @@ def test_neighbours_are_of_the_same_sequence_and_not_too_far_in_time() -> None:
 
 
 def test_training_sees_every_number_of_neighbours_and_every_gain() -> None:
-    inputs = Inputs(infrared=True, before=4)
+    inputs = NetworkInputs(infrared=True, before=4)
     stack = stack_inputs(inputs, np.ones((2, 2)), [np.full((2, 2), 9.0 - n) for n in range(4)], (),
                          np.full((2, 2), 100.0))  # fmt: skip
     drawn = [vary_inputs(stack, inputs, np.random.default_rng(n)) for n in range(300)]
@@ -179,7 +183,7 @@ def videos(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("cache_mb", [0, 1000])
 def test_stored_pairs_have_their_infrared_and_neighbours(videos: Path, cache_mb: float) -> None:
-    inputs = Inputs(infrared=True, before=2, after=1)
+    inputs = NetworkInputs(infrared=True, before=2, after=1)
     pairs = StoredPairs(videos, "train", inputs=inputs, cache_mb=cache_mb)
     stored = open_dataset(videos).split("train")
     for number, earlier, later in ((0, [], [1]), (4, [3, 2], [5]), (6, [], [7]), (11, [10, 9], [])):
@@ -193,7 +197,7 @@ def test_stored_pairs_have_their_infrared_and_neighbours(videos: Path, cache_mb:
 
 
 def test_augmentation_applies_to_all_inputs_alike(videos: Path) -> None:
-    inputs = Inputs(infrared=True, before=2)
+    inputs = NetworkInputs(infrared=True, before=2)
     plain = StoredPairs(videos, "train", inputs=inputs)
     bumpy = StoredPairs(
         videos, "train", inputs=inputs, augmentation=Augmentation(True, 5.0), seed=1
@@ -220,7 +224,7 @@ def test_augmentation_applies_to_all_inputs_alike(videos: Path) -> None:
 def test_a_set_without_infrared_is_refused(tmp_path: Path) -> None:
     make(tmp_path / "data", make_settings(), make_tasks(4, 2))
     with pytest.raises(DatasetError, match=r"no layer 'infrared'.*--layers clean,infrared,noisy"):
-        StoredPairs(tmp_path / "data", "train", inputs=Inputs(infrared=True))
+        StoredPairs(tmp_path / "data", "train", inputs=NetworkInputs(infrared=True))
 
 
 class Videos(Domes):
@@ -269,7 +273,7 @@ def test_simulated_pairs_have_neighbours_of_their_run() -> None:
             "output": {"crop": 32, "depth_unit_mm": 0.1},
         }
     )  # fmt: skip
-    inputs = Inputs(infrared=True, before=4)
+    inputs = NetworkInputs(infrared=True, before=4)
     batches = list(SimulatedPairs(settings, batch=4, inputs=inputs, length=4))
     stacks = torch.cat([noisy for noisy, _ in batches])
     assert stacks.shape[1:] == (6, 32, 32)

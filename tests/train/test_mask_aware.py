@@ -11,10 +11,10 @@ import torch
 from torch import Tensor
 
 from glsim.errors import ConfigError
-from glsim.train.models.calibration import calibrate, sigma_scale
 from glsim.train.models.features import CHANNELS, depth_features
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import build_model
+from glsim.train.models.sigma_scale import calibrate, sigma_scale
 from tests.support.networks import build, frames, parts
 
 BACKBONES = ("dncnn", "small_unet", "partial_conv", "normalized_conv")

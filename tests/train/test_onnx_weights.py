@@ -10,9 +10,9 @@ import torch
 from glsim.denoise.loading import shipped_file
 from glsim.denoise.onnx_file import OpenCvNetwork
 from glsim.errors import TrainError
-from glsim.train.export import onnx_bytes
 from glsim.train.models.registry import build_model, weight_shapes
 from glsim.train.models.warm_start import NOT_COPIED
+from glsim.train.onnx_export import onnx_bytes
 from glsim.train.onnx_weights import weights_of_onnx
 from glsim.train.recipe import load_recipe
 from glsim.train.run_setup import start_record, start_weights

@@ -13,12 +13,12 @@ import torch.nn.functional as F  # noqa: N812
 from glsim.denoise import checkpoint
 from glsim.denoise.inference import load_network
 from glsim.denoise.onnx_file import Runtime, load_onnx
-from glsim.train.export import TOLERANCE_MM, export_onnx
 from glsim.train.models.base import DepthModel
 from glsim.train.models.masked_depth import MaskedDepth
 from glsim.train.models.partial_autoencoder import PartialAutoencoder, PreactivatedBlock
 from glsim.train.models.partial_conv import PartialConv2d
 from glsim.train.models.registry import build_model
+from glsim.train.onnx_export import TOLERANCE_MM, export_onnx
 from tests.support.networks import build, frames
 
 SPEC = {"kind": "masked_depth", "backbone": {"kind": "partial_autoencoder", "width": 2}}

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from glsim.denoise.inputs import DEPTH_ALONE, Inputs
+from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
 from glsim.depth_protocol import DepthProtocol, stored_protocol
 from glsim.errors import ConfigError
 from glsim.frame import Frame, Skipped
@@ -73,7 +73,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         batch: int = 4,
         seed: int = 0,
         split: str = "train",
-        inputs: Inputs = DEPTH_ALONE,
+        inputs: NetworkInputs = DEPTH_ALONE,
         vary_inputs: bool = False,
         reuse: int = 1,
         start: int = 0,

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.utils.data import get_worker_info
 
 from glsim.dataset import open_dataset
-from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs, stack_inputs
+from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
 from glsim.depth_protocol import DepthProtocol
 from glsim.frame import to_mm
 from glsim.settings.seeds import stable_seed
@@ -72,7 +72,7 @@ class StoredPairs(PairDataset):
         crop: int | None = None,
         cut: Cut = "no",
         augmentation: Augmentation | None = None,
-        inputs: Inputs = DEPTH_ALONE,
+        inputs: NetworkInputs = DEPTH_ALONE,
         seed: int = 0,
         cache_mb: float = CACHE_MB,
         target: Target = "clean",

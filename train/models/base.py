@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeVar
 import torch
 from torch import Tensor, nn
 
-from glsim.denoise.inputs import DEPTH_ALONE, Inputs
+from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
 
 
 class Prediction(NamedTuple):
@@ -50,7 +50,7 @@ class DepthModel(nn.Module):
     model, so no caller can feed a wrong range.
     """
 
-    inputs: Inputs = DEPTH_ALONE
+    inputs: NetworkInputs = DEPTH_ALONE
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import torch
 from torch import Tensor
 
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import NetworkInputs
 from glsim.train.models.features import noise_around, tukey
 from glsim.train.models.gaussian import shrunk_mean
 from glsim.train.models.motion import predicted_change
@@ -40,7 +40,7 @@ _LOG_SCALE: Final = 8.0
 _INFRARED, _EACH_NEIGHBOUR, _ALL_NEIGHBOURS = 2, 2, 2
 
 
-def extra_channels(inputs: Inputs) -> int:
+def extra_channels(inputs: NetworkInputs) -> int:
     """Number of channels of the features of a network's inputs besides depth."""
     neighbours = inputs.before + inputs.after
     in_time = neighbours * _EACH_NEIGHBOUR + _ALL_NEIGHBOURS if neighbours else 0

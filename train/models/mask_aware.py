@@ -16,7 +16,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, Inputs
+from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
 from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.extra_features import (
@@ -77,7 +77,7 @@ class MaskAware(DepthModel):
 
     Parameters are those of the backbone, from 12 channels (14 with ``surfaces``) to 9 (1 more with
     ``uncertainty``, 4 more with ``surfaces``). ``sigma_scale`` (a buffer, 1 until
-    `calibration.calibrate`) multiplies sigma.
+    `sigma_scale.calibrate`) multiplies sigma.
     """
 
     sigma_scale: Tensor
@@ -92,7 +92,7 @@ class MaskAware(DepthModel):
         after: Neighbours = 0,
     ) -> None:
         super().__init__()
-        self.inputs = Inputs(infrared, before, after)
+        self.inputs = NetworkInputs(infrared, before, after)
         self.backbone = backbone
         self.uncertainty = uncertainty
         self.surfaces = surfaces
@@ -107,7 +107,7 @@ class MaskAware(DepthModel):
         after: int = 0,
     ) -> dict[str, Any]:
         """Arguments that the backbone must be built with."""
-        extra = extra_channels(Inputs(infrared, before, after))
+        extra = extra_channels(NetworkInputs(infrared, before, after))
         return {
             "in_channels": CHANNELS + 2 * surfaces + extra,
             "out_channels": 2 + FILTERS + uncertainty + 4 * surfaces,

@@ -10,7 +10,7 @@ import torch
 from pydantic import TypeAdapter, ValidationError
 from torch import nn
 
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import NetworkInputs
 from glsim.errors import ConfigError, did_you_mean
 from glsim.train.models.artifact_removal import ArtifactRemoval
 from glsim.train.models.backbone import Backbone
@@ -76,7 +76,7 @@ def weight_shapes(spec: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     return {name: tuple(value.shape) for name, value in model.state_dict().items()}
 
 
-def inputs_of(spec: Mapping[str, Any]) -> Inputs:
+def inputs_of(spec: Mapping[str, Any]) -> NetworkInputs:
     """Return what the network of a table sees besides depth. Raises ConfigError."""
     with torch.device("meta"):
         return _build(spec).inputs

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from glsim.compare.boards import board_corners
 from glsim.compare.frames import DepthFrame
 from glsim.denoise import compose, load
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.eval.real_frames.measures import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.recording import Recording
 from glsim.eval.real_frames.results import RealScores

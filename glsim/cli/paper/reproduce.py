@@ -34,13 +34,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from glsim.cli.common import console, options, print_message, run_command_line
 from glsim.depth_protocol import DepthProtocol, check_protocol
 from glsim.errors import ConfigError, DatasetError, GlsimError, did_you_mean
 from glsim.plan.paper_sources import PAPER_SOURCES, paper_mixture, set_text
-from glsim.settings.tables import parse_table, read_toml
+from glsim.settings.tables import Table, parse_table, read_toml
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -61,11 +61,7 @@ Repeat the same command to resume an interrupted one.
 _FOLDER = Path(__file__).parent / "plans"
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class TrainingGroup(_Table):
+class TrainingGroup(Table):
     """Recipes with the same options of glsim train."""
 
     recipes: tuple[str, ...] = Field(min_length=1)
@@ -74,7 +70,7 @@ class TrainingGroup(_Table):
     protocols: tuple[DepthProtocol, ...] = ()
 
 
-class FilterSets(_Table):
+class FilterSets(Table):
     """Data sets for table 1 alone: nothing is trained on them."""
 
     seeds: tuple[int, ...] = Field((1,), min_length=1)
@@ -87,7 +83,7 @@ class PhotographGroup(TrainingGroup):
     sigmas: tuple[float, ...] = Field((25.0,), min_length=1)
 
 
-class ReproductionPlan(_Table):
+class ReproductionPlan(Table):
     """Options of the commands; the module's docstring describes the keys."""
 
     title: str

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from glsim.denoise.filters.windows import around, fill
-from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 from glsim.errors import ConfigError
 
 #: Neighbours that an outlier is compared with; the default of the authors' tool.

@@ -13,7 +13,7 @@ import numpy as np
 
 from glsim.denoise.filters.polynomial import local_polynomial
 from glsim.denoise.filters.windows import around, clean_up, fill
-from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 from glsim.errors import ConfigError
 
 
@@ -20,7 +20,7 @@ def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:
 
 
 @dataclass(frozen=True)
-class Identity:
+class Unchanged:
     """the noisy input itself: the paper's baseline"""
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:

@@ -15,8 +15,8 @@ from glsim.denoise.inference import TorchNetwork, load_network
 from glsim.denoise.network import NetworkDenoiser
 from glsim.denoise.onnx_file import Runtime, load_onnx
 from glsim.errors import DenoiserError, TrainError
-from glsim.train.export import TOLERANCE_MM, export_onnx
 from glsim.train.models.base import DepthModel, Prediction
+from glsim.train.onnx_export import TOLERANCE_MM, export_onnx
 from tests.support.networks import BACKBONES, WRAPPERS, build, frames
 
 RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
@@ -132,7 +132,7 @@ def test_a_file_that_differs_from_pytorch_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_checkpoint(tmp_path / "best.pt", "masked", "dncnn")
-    monkeypatch.setattr("glsim.train.export.TOLERANCE_MM", -1.0)
+    monkeypatch.setattr("glsim.train.onnx_export.TOLERANCE_MM", -1.0)
     with pytest.raises(TrainError, match="not written"):
         export_onnx(tmp_path / "best.pt", tmp_path / "net.onnx")
     assert not (tmp_path / "net.onnx").exists()

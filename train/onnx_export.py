@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from glsim.denoise.inference import TorchNetwork, load_model, trained_protocol
-from glsim.denoise.inputs import Inputs, stack_inputs
+from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.denoise.onnx_check import check_onnx
 from glsim.denoise.onnx_file import OpenCvNetwork
 from glsim.denoise.onnx_inputs import protocol_entry
@@ -102,7 +102,7 @@ def _asinh(graph: Any, x: Any) -> Any:
     return graph.op("Asinh", x)
 
 
-def _test_stack(inputs: Inputs, height: int, width: int) -> NDArray[np.float32]:
+def _test_stack(inputs: NetworkInputs, height: int, width: int) -> NDArray[np.float32]:
     """Return the inputs of a frame, (C, height, width); its neighbours have other noise."""
     frames = [_test_frame(height, width, seed) for seed in range(1 + inputs.before + inputs.after)]
     infrared = np.where(frames[0] > 0, 2e9 / np.maximum(frames[0], 1) ** 2, 0)
