@@ -171,6 +171,7 @@ def _cut(depth_mm: Depth, clean_mm: Depth, ring: np.ndarray, noisy_mm: Depth) ->
     return float((right & (depth_mm == 0)).sum() / ring.sum())
 
 
+@pytest.mark.long
 def test_rims_of_simulated_heads_before_walls() -> None:
     overrides = {
         "sensor": "kinect-v2-fast", "seed": 77, "output": {"crop": 128},
@@ -196,6 +197,7 @@ def test_rims_of_simulated_heads_before_walls() -> None:
     assert stray["measured"] == 0
 
 
+@pytest.mark.long
 @needs_real_frames
 def test_real_frames_keep_their_silhouettes_and_shadows() -> None:
     network = load("face")

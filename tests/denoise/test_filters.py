@@ -59,7 +59,13 @@ def test_masked_filters_look_at_valid_pixels_only(spec: str) -> None:
     assert filtered[filtered > 0].min() > 400, "no zero was averaged in"
 
 
-@pytest.mark.parametrize("spec", [*denoiser_names(), *(f"{name}:cleanup=3" for name in MASKED)])
+@pytest.mark.parametrize(
+    "spec",
+    [
+        pytest.param(name, marks=pytest.mark.long if name in ("face-ir", "face-video") else ())
+        for name in (*denoiser_names(), *(f"{name}:cleanup=3" for name in MASKED))
+    ],
+)
 @pytest.mark.parametrize("kind", ["empty", "pixel", "full", "corner"])
 def test_hard_inputs(spec: str, kind: str) -> None:
     """Networks take seconds to load: each is loaded once."""

@@ -59,6 +59,7 @@ def sequence(height: int = 53, width: int = 67) -> tuple[NDArray[Any], NDArray[A
     return stack, np.where(stack[1] > 0, 2e9 / np.maximum(stack[1], 1) ** 2, 0).astype(np.float32)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("runtime", RUNTIMES)
 def test_both_runtimes_give_the_results_of_pytorch(network: Path, runtime: Runtime) -> None:
     assert read_inputs((network / "net.onnx").read_bytes()) == NetworkInputs(**INPUTS[network.name])
@@ -74,6 +75,7 @@ def test_both_runtimes_give_the_results_of_pytorch(network: Path, runtime: Runti
         np.testing.assert_allclose(found_sigma_mm, sigma_mm, rtol=1e-3)
 
 
+@pytest.mark.long
 def test_every_input_has_an_effect_and_may_be_missing(network: Path) -> None:
     method = load(str(network / "net.onnx"))
     inputs = NetworkInputs(**INPUTS[network.name])

@@ -63,6 +63,7 @@ def test_a_network_that_sees_farther_than_the_margin_differs() -> None:
     assert np.abs(tiled["depth_mm"] - Blur(40)(frame)["depth_mm"]).max() > 1
 
 
+@pytest.mark.long
 def test_the_shipped_network_gives_the_same_to_a_hundredth_of_a_millimetre() -> None:
     file = importlib.resources.files(shipped) / "face.onnx"
     network = OpenCvNetwork(file.read_bytes())
