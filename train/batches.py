@@ -52,19 +52,20 @@ _SEED_STRIDE: Final = 1_000_003
 
 
 class BatchSource(Protocol):
-    """Source of a training's batches: (noisy_mm, clean_mm), float32 on the device.
+    """Source of training batches (noisy_mm, clean_mm): float32 millimetres on the device.
 
-    noisy_mm: (B, C, H, W), see ``glsim.denoise.inputs``; C = 1 for depth alone. clean_mm:
-    (B, 1, H, W).
+    Attributes:
+        validation: pairs of the validation, without a batch axis.
+        fingerprint: plain values that identify the data.
 
-    validation: the validation frames. fingerprint: plain values that are equal for equal data.
+    Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.denoise.inputs`` as channels.
     """
 
     validation: Subset[Batch]
     fingerprint: dict[str, Any]
 
     def prepare(self, fabric: Fabric) -> int:
-        """Set up loading for one device; call it once. Returns the number of batches per epoch."""
+        """Set up loading for one device, once; return the number of batches per epoch."""
         ...
 
     def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
@@ -124,9 +125,17 @@ class SimulatedBatches:
     """Batches rendered on demand; see ``BatchSource``. Each epoch continues the same stream."""
 
     def __init__(self, settings: Settings, recipe: Recipe, ray: str | None = None) -> None:
-        """Render the validation frames. ray: as in SimulatedPairs.
+        """Render the validation frames.
 
-        Raises ConfigError, MeshError, DeviceError.
+        Args:
+            settings: what is simulated.
+            recipe: the training.
+            ray: address of a Ray cluster that renders, as in `SimulatedPairs`.
+
+        Raises:
+            ConfigError: for settings that cannot be simulated.
+            MeshError: for a source without a usable face.
+            DeviceError: without OpenGL.
         """
         self._settings, self._recipe, self._ray = settings, recipe, ray
         self.fingerprint = self._pairs(0, 0).fingerprint()
@@ -179,10 +188,13 @@ class SimulatedBatches:
 
 
 def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
-    """Open the splits train and val of one or several data sets on disk, and join them.
+    """Open and join the splits train and val of data sets on disk.
 
-    The loss of the recipe decides whether training pairs hold the clean frame or a second capture.
-    Raises DatasetError, ConfigError.
+    For a `SecondCaptureLoss`, training pairs hold a second capture in place of the clean frame.
+
+    Raises:
+        DatasetError: for a data set that is missing, damaged, or unfit for the recipe.
+        ConfigError: for a recipe that no data set can fit.
     """
     data = recipe.data
     loss = build_loss(recipe.loss)
@@ -237,7 +249,7 @@ class JoinedPairs(ConcatDataset[Batch], PairDataset):
         self._remote = any(getattr(part, "is_remote", False) for part in parts)
 
     def __getitems__(self, indices: list[int]) -> list[Batch]:
-        """Return the pairs of a batch; those in object storage are asked for at the same time."""
+        """Return the pairs of a batch; read those in object storage in parallel."""
         if not self._remote:
             return [self[index] for index in indices]
         with ThreadPoolExecutor(len(indices)) as pool:
@@ -250,10 +262,18 @@ class JoinedPairs(ConcatDataset[Batch], PairDataset):
 
 
 def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatches:
-    """Make the batches of a recipe's [simulate]: changes to `randomised` unless it sets sensor.
+    """Make the batches of a recipe's table [simulate].
 
-    ray: address of a cluster whose nodes render, as in SimulatedPairs.
-    Raises ConfigError, MeshError, DeviceError.
+    Its settings change those of `randomised`, or the defaults of glsim if it names a sensor.
+
+    Args:
+        recipe: the training.
+        ray: address of a Ray cluster that renders, as in `SimulatedPairs`.
+
+    Raises:
+        ConfigError: for a loss that needs sequences, or settings that cannot be simulated.
+        MeshError: for a source without a usable face.
+        DeviceError: without OpenGL.
     """
     if isinstance(build_loss(recipe.loss), SecondCaptureLoss):
         raise ConfigError(
@@ -275,7 +295,7 @@ def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Subset[Batch]
 
 
 class EpochSampler(Sampler[list[int]]):
-    """Yields lists of pair indices, one per batch, from any batch on; drops incomplete batches."""
+    """Sampler of whole batches of pair indices, which can start at any batch of an epoch."""
 
     def __init__(self, count: int, batch: int, seed: int, replicas: int = 1, rank: int = 0) -> None:
         """Raises ConfigError if a device would get no whole batch."""

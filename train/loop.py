@@ -43,10 +43,14 @@ _SAMPLES: Final = 4
 class StepStatus(NamedTuple):
     """Status of a training after a step, for a progress bar.
 
-    epoch, steps: epochs and steps done. total_steps: steps of the whole training, None if nothing
-    limits them. fraction_done: of the whole training; 0 if only patience limits it. seconds:
-    training time over all resumes. loss: loss of this step. validation: figures, if this step ended
-    with a validation.
+    Attributes:
+        epoch: whole epochs done.
+        steps: steps done.
+        total_steps: steps of the whole training; None without a limit.
+        fraction_done: fraction of the whole training; 0 if only patience limits it.
+        seconds: training time over all resumes.
+        loss: loss of this step.
+        validation: metrics, if this step ended with a validation.
     """
 
     epoch: int
@@ -67,14 +71,27 @@ def fit(
     on_step: Callable[[StepStatus], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Train until a limit, early stopping or ``should_stop()`` after a step ends it.
+    """Train a network until a limit, early stopping or ``should_stop`` ends the training.
 
-    Returns the content of FOLDER/run.json; its ``state`` is "finished" or "interrupted". On the CPU
-    and without a time limit, an interrupted and resumed training gives the same bits as one that
-    was not interrupted. resume: continue from the last checkpoint in ``folder``, if it has one.
+    On the CPU and without a time limit, a training that was interrupted and resumed gives the same
+    bits as one that was not.
 
-    Raises TrainError (nan, a folder in use, a checkpoint of another recipe or other data, a full
-    disk), ConfigError and DatasetError.
+    Args:
+        recipe: network, loss, optimiser and limits.
+        source: the training and validation pairs.
+        folder: the folder of the run: checkpoints, logs, sample pictures.
+        resume: continue from the last checkpoint in ``folder``, if there is one.
+        on_step: called after each step.
+        should_stop: called after each step; True interrupts the training.
+
+    Returns:
+        The content of FOLDER/run.json; its ``state`` is "finished" or "interrupted".
+
+    Raises:
+        TrainError: for a loss or weight that is not finite, a folder in use, a checkpoint of
+            another recipe or other data, a full disk.
+        ConfigError: for a recipe that cannot be trained.
+        DatasetError: for an unreadable frame.
     """
     fabric = make_fabric(recipe.training)
     fabric.launch()
@@ -184,9 +201,10 @@ class TrainingRun:
         return not (progress.step or progress.epoch % every)
 
     def validate(self, logs: RunLogs | None) -> None:
-        """Compute validation figures; save the weights if they are the best; log and draw samples.
+        """Compute the validation metrics; keep the best weights; log metrics and samples.
 
-        Raises TrainError if the monitored figure is not finite.
+        Raises:
+            TrainError: if the monitored metric is not finite.
         """
         progress, network = self.progress, self.state.evaluated
         network.eval()

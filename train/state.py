@@ -35,10 +35,16 @@ class WeightsOf(NamedTuple):
 class TrainingProgress:
     """Counters of a training.
 
-    epoch: whole epochs done. step: steps done of the current epoch. steps: steps done in all.
-    seconds: training and validation time, over all resumes. best, best_step: best value of the
-    monitored metric, and its step. stale: validations since that step. loss_sum, loss_count: sum
-    and number of the losses of the steps since the last validation.
+    Attributes:
+        epoch: whole epochs done.
+        step: steps done in the current epoch.
+        steps: steps done in total.
+        seconds: training and validation time over all resumes.
+        best: best value of the monitored metric.
+        best_step: step of the best value.
+        stale: validations since the best one.
+        loss_sum: sum of the losses since the last validation.
+        loss_count: number of steps since the last validation.
     """
 
     epoch: int = 0
@@ -55,14 +61,22 @@ class TrainingProgress:
 class TrainingState:
     """Network, its weight average, optimiser, loss and progress, built from a recipe and its seed.
 
-    network: the plain module. average: exponential average of its weights, or None.
+    Attributes:
+        network: the network, without the wrappers of devices and compilation.
+        average: exponential average of its weights, or None.
     """
 
     def __init__(self, recipe: Recipe, fabric: Fabric, weights: WeightsOf | None = None) -> None:
-        """weights: of another network, to start from, with their file for messages.
+        """Build the state before the first step.
 
-        Raises ConfigError for an unknown model or loss, a loss that cannot be monitored or that
-        cannot train this model, and weights that do not fit.
+        Args:
+            recipe: the training.
+            fabric: devices and precision.
+            weights: initial weights; None: random ones.
+
+        Raises:
+            ConfigError: for an unknown model or loss, a loss that cannot be monitored or cannot
+                train this model, and weights that do not fit.
         """
         torch.manual_seed(recipe.seed)
         self._fabric = fabric

@@ -29,11 +29,18 @@ class _FigureSums(NamedTuple):
 def validation_figures(
     model: Callable[[Tensor], Prediction], batches: Iterable[tuple[Tensor, Tensor]], loss: Loss
 ) -> dict[str, float]:
-    """Compute the validation metrics of a network in its present mode; lower is better.
+    """Compute the validation metrics of a network; lower is better, NaN is undefined.
 
-    loss: mean of the training's loss. mse_mm2: over all pixels, with a hard decision on validity.
-    interior_rmse_mm: where prediction and truth have depth, more than 3 px from an edge of the
-    truth. flips: pixels per frame whose validity is wrong. An undefined metric is NaN.
+    Args:
+        model: the network, in evaluation mode.
+        batches: (noisy_mm, clean_mm), (B, C, H, W) and (B, 1, H, W).
+        loss: the training loss.
+
+    Returns:
+        loss: mean of the training loss.
+        mse_mm2: mean squared error of all pixels; pixels predicted invalid count as 0.
+        interior_rmse_mm: RMSE where both have depth, more than 3 px from an edge of the truth.
+        flips: pixels per frame of wrong validity.
     """
     sums = []
     with torch.no_grad():

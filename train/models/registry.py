@@ -51,10 +51,14 @@ MAX_PARAMETERS: Final = 250_000_000
 def build_model(spec: Mapping[str, Any]) -> DepthModel:
     """Build a model from nested tables: ``{"kind": "mask_aware", "backbone": {"kind": "dncnn"}}``.
 
-    A table holds the kind, parameters of the kind's class by name, and the table of a backbone if
-    the class wraps one. Initial weights come from torch's global generator. Raises ConfigError for
-    an unknown kind or parameter, a value out of range, a parameter that the wrapping model sets,
-    and more than MAX_PARAMETERS weights; no memory is taken for those.
+    Initial weights come from torch's global generator.
+
+    Args:
+        spec: ``kind``, the parameters of its class, and the table of a backbone if it wraps one.
+
+    Raises:
+        ConfigError: for an unknown kind or parameter, a value out of range, a parameter that the
+            wrapping model sets, and for more than MAX_PARAMETERS weights, before they take memory.
     """
     weight_shapes(spec)
     return _build(spec)
