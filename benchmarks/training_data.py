@@ -21,6 +21,7 @@ from torch.utils.data import DataLoader
 
 from glsim import Settings, generate, load_settings
 from glsim.train import SimulatedPairs, StoredPairs, randomised
+from glsim.train.models.base import channels_last
 
 BATCH = 4
 LAYERS, WIDTH = 7, 64
@@ -48,7 +49,7 @@ class TimedLoop:
         self.fast = precision == "bf16"
         self.network = nn.Sequential(*layers, nn.Conv2d(WIDTH, 1, 3, padding=1))
         if self.fast:
-            self.network = self.network.to(memory_format=torch.channels_last)
+            self.network = channels_last(self.network)
         self.optimiser = torch.optim.Adam(self.network.parameters(), 1e-4)
 
     def step(self, noisy_mm: Tensor, clean_mm: Tensor) -> None:

@@ -17,7 +17,7 @@ from glsim import Corrupter, GlsimError, load_settings
 from glsim.errors import ConfigError
 from tests.support.scenes import Plane, face_mesh
 
-CAMERA = {"width": 96, "height": 72, "fx": 90.0, "fy": 91.0, "cx": 48.0, "cy": 36.0}
+CAMERA: dict[str, Any] = {"width": 96, "height": 72, "fx": 90.0, "fy": 91.0, "cx": 48.0, "cy": 36.0}
 #: A face at 0.9 m fills a sixth of its image: 150 x 200 mm are 33 x 45 pixels.
 PORTRAIT = {**CAMERA, "fx": 200.0, "fy": 202.0}
 

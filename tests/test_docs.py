@@ -9,6 +9,7 @@ import ast
 import importlib
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -87,7 +88,7 @@ def test_the_first_example_of_the_readme_runs(
     lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
     (tmp_path / "face.obj").write_text("\n".join(lines))
     monkeypatch.chdir(tmp_path)
-    variables: dict[str, object] = {}
+    variables: dict[str, Any] = {}
     exec(compile(snippets(PAGES[0])[0], "README.md", "exec"), variables)
     frame = variables["frame"]
     assert frame.noisy.shape == (128, 128)

@@ -44,8 +44,8 @@ def fingerprint(frame: Frame | Skipped) -> int:
     return zlib.crc32(json.dumps(record, sort_keys=True).encode(), total)
 
 
-def plan_of(settings: Settings) -> tuple[list[OneMesh], list[Task]]:
-    sources = [TwoSequences(COARSE)]
+def plan_of(settings: Settings) -> tuple[list[OneMesh], Sequence[Task]]:
+    sources: list[OneMesh] = [TwoSequences(COARSE)]
     return sources, make_tasks(settings, list(sources))
 
 
@@ -183,7 +183,7 @@ class Mixed(OneMesh):
     """Good faces, and one bad face of each kind."""
 
     _NAN = Mesh(np.full((3, 3), np.nan, np.float32), np.array([[0, 1, 2]], np.int32))
-    _AWAY = Mesh(plate().vertices_mm + np.float32([9000, 0, 0]), plate().faces)
+    _AWAY = Mesh(plate().vertices_mm + np.array([9000, 0, 0], np.float32), plate().faces)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:  # type: ignore[override]
         for key in keys:

@@ -10,12 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, cast
 
 import numpy as np
 import torch
 from lightning_fabric import Fabric
-from torch import Tensor
 from torch.utils.data import (
     BatchSampler,
     ConcatDataset,
@@ -36,6 +35,7 @@ from glsim.train.data.checks import (
     joint_protocol,
     protocol_entry,
 )
+from glsim.train.data.pairs import Batch, PairDataset
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
 from glsim.train.losses.registry import build_loss
@@ -50,44 +50,32 @@ _SIMULATED_VALIDATION_FRAMES: Final = 200
 #: Distance between the seeds of two devices or data sets, and of two recipe seeds.
 _SEED_STRIDE: Final = 1_000_003
 
-#: (noisy_mm, clean_mm); with further inputs noisy_mm is their stack, see glsim.denoise.inputs.
-Batch = tuple[Tensor, Tensor]
-
-
-class PairDataset(Protocol):
-    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
-
-    Training pairs for a `SecondCaptureLoss` are (noisy_mm, second_mm): see `StoredCaptures`.
-    """
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, index: int, /) -> Batch: ...
-
-    def set_epoch(self, epoch: int) -> None:
-        """Set the epoch of the random draws."""
-        ...
-
 
 class BatchSource(Protocol):
-    """Source of a training's batches: (noisy_mm, clean_mm), float32 on the device.
+    """Source of training batches (noisy_mm, clean_mm): float32 millimetres on the device.
 
-    noisy_mm: (B, C, H, W), see ``glsim.denoise.inputs``; C = 1 for depth alone. clean_mm:
-    (B, 1, H, W).
+    Attributes:
+        validation: pairs of the validation, without a batch axis.
+        fingerprint: plain values that identify the data.
 
-    validation: the validation frames. fingerprint: plain values that are equal for equal data.
+    Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.denoise.inputs`` as channels.
     """
 
-    validation: Dataset[Batch]
+    validation: Subset[Batch]
     fingerprint: dict[str, Any]
 
     def prepare(self, fabric: Fabric) -> int:
-        """Set up loading for one device; call it once. Returns the number of batches per epoch."""
+        """Set up loading for one device, once; return the number of batches per epoch."""
         ...
 
     def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
         """Yield the batches of an epoch without the first ``skip``."""
         ...
+
+
+def on_device(fabric: Fabric, loader: DataLoader[Batch]) -> DataLoader[Batch]:
+    """Return a loader whose batches lie on the device of ``fabric``."""
+    return cast(DataLoader[Batch], fabric.setup_dataloaders(loader, use_distributed_sampler=False))
 
 
 class StoredBatches:
@@ -96,7 +84,7 @@ class StoredBatches:
     def __init__(
         self,
         train: PairDataset,
-        validation: Dataset[Batch],
+        validation: Subset[Batch],
         fingerprint: dict[str, Any],
         recipe: Recipe,
     ) -> None:
@@ -123,7 +111,7 @@ class StoredBatches:
             pin_memory=torch.cuda.is_available(),
             generator=torch.Generator(),  # not the global one, whose state checkpoints hold
         )
-        self._loader = fabric.setup_dataloaders(loader, use_distributed_sampler=False)
+        self._loader = on_device(fabric, loader)
         return len(self._sampler)
 
     def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
@@ -137,9 +125,17 @@ class SimulatedBatches:
     """Batches rendered on demand; see ``BatchSource``. Each epoch continues the same stream."""
 
     def __init__(self, settings: Settings, recipe: Recipe, ray: str | None = None) -> None:
-        """Render the validation frames. ray: as in SimulatedPairs.
+        """Render the validation frames.
 
-        Raises ConfigError, MeshError, DeviceError.
+        Args:
+            settings: what is simulated.
+            recipe: the training.
+            ray: address of a Ray cluster that renders, as in `SimulatedPairs`.
+
+        Raises:
+            ConfigError: for settings that cannot be simulated.
+            MeshError: for a source without a usable face.
+            DeviceError: without OpenGL.
         """
         self._settings, self._recipe, self._ray = settings, recipe, ray
         self.fingerprint = self._pairs(0, 0).fingerprint()
@@ -155,8 +151,8 @@ class SimulatedBatches:
             protocol=recipe.data.protocol,
             ray=ray,
         )
-        rendered = ConcatDataset([TensorDataset(*batch) for batch in held_out])
-        self.validation: Dataset[Batch] = Subset(rendered, range(count))
+        rendered = [cast(Dataset[Batch], TensorDataset(*batch)) for batch in held_out]
+        self.validation: Subset[Batch] = Subset(ConcatDataset(rendered), range(count))
         self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
 
     def prepare(self, fabric: Fabric) -> int:
@@ -170,8 +166,7 @@ class SimulatedBatches:
         first, end = epoch * steps + skip, (epoch + 1) * steps
         if self._running is None or self._running[0] != first:
             loader = self._pairs(self._fabric.global_rank, first).loader(self._recipe.data.workers)
-            loader = self._fabric.setup_dataloaders(loader, use_distributed_sampler=False)
-            self._running = (first, iter(loader))
+            self._running = (first, iter(on_device(self._fabric, loader)))
         iterator = self._running[1]
         for number in range(first, end):
             self._running = (number + 1, iterator)
@@ -193,10 +188,13 @@ class SimulatedBatches:
 
 
 def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
-    """Open the splits train and val of one or several data sets on disk, and join them.
+    """Open and join the splits train and val of data sets on disk.
 
-    The loss of the recipe decides whether training pairs hold the clean frame or a second capture.
-    Raises DatasetError, ConfigError.
+    For a `SecondCaptureLoss`, training pairs hold a second capture in place of the clean frame.
+
+    Raises:
+        DatasetError: for a data set that is missing, damaged, or unfit for the recipe.
+        ConfigError: for a recipe that no data set can fit.
     """
     data = recipe.data
     loss = build_loss(recipe.loss)
@@ -242,7 +240,7 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     )
 
 
-class JoinedPairs(ConcatDataset[Batch]):
+class JoinedPairs(ConcatDataset[Batch], PairDataset):
     """Pairs of several data sets, one data set after the other."""
 
     def __init__(self, parts: Sequence[PairDataset]) -> None:
@@ -251,7 +249,7 @@ class JoinedPairs(ConcatDataset[Batch]):
         self._remote = any(getattr(part, "is_remote", False) for part in parts)
 
     def __getitems__(self, indices: list[int]) -> list[Batch]:
-        """Return the pairs of a batch; those in object storage are asked for at the same time."""
+        """Return the pairs of a batch; read those in object storage in parallel."""
         if not self._remote:
             return [self[index] for index in indices]
         with ThreadPoolExecutor(len(indices)) as pool:
@@ -264,10 +262,18 @@ class JoinedPairs(ConcatDataset[Batch]):
 
 
 def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatches:
-    """Make the batches of a recipe's [simulate]: changes to `randomised` unless it sets sensor.
+    """Make the batches of a recipe's table [simulate].
 
-    ray: address of a cluster whose nodes render, as in SimulatedPairs.
-    Raises ConfigError, MeshError, DeviceError.
+    Its settings change those of `randomised`, or the defaults of glsim if it names a sensor.
+
+    Args:
+        recipe: the training.
+        ray: address of a Ray cluster that renders, as in `SimulatedPairs`.
+
+    Raises:
+        ConfigError: for a loss that needs sequences, or settings that cannot be simulated.
+        MeshError: for a source without a usable face.
+        DeviceError: without OpenGL.
     """
     if isinstance(build_loss(recipe.loss), SecondCaptureLoss):
         raise ConfigError(
@@ -281,7 +287,7 @@ def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatche
     return SimulatedBatches(load(overrides=changes), recipe, ray)
 
 
-def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Dataset[Batch]:
+def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Subset[Batch]:
     """Select the recipe's number of frames, evenly spaced so that all subjects are included."""
     count = min(data.validation_frames or len(validation), len(validation))
     indices = np.linspace(0, len(validation) - 1, count).round().astype(int)
@@ -289,7 +295,7 @@ def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Dataset[Batch
 
 
 class EpochSampler(Sampler[list[int]]):
-    """Yields lists of pair indices, one per batch, from any batch on; drops incomplete batches."""
+    """Sampler of whole batches of pair indices, which can start at any batch of an epoch."""
 
     def __init__(self, count: int, batch: int, seed: int, replicas: int = 1, rank: int = 0) -> None:
         """Raises ConfigError if a device would get no whole batch."""
@@ -298,8 +304,13 @@ class EpochSampler(Sampler[list[int]]):
                 f"training.batch = {batch} on {replicas} device(s), but there are {count} pairs to "
                 "train on: set a smaller batch (--set training.batch=1), or generate more pairs"
             )
-        self._shuffled = DistributedSampler(
-            range(count), replicas, rank, shuffle=True, seed=seed * _SEED_STRIDE, drop_last=True
+        self._shuffled: DistributedSampler[int] = DistributedSampler(
+            range(count),  # type: ignore[arg-type]  # only its length is asked
+            replicas,
+            rank,
+            shuffle=True,
+            seed=seed * _SEED_STRIDE,
+            drop_last=True,
         )
         self._batches = BatchSampler(self._shuffled, batch, drop_last=True)
         self._skip = 0

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from lightning_fabric.loggers import TensorBoardLogger
+from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -30,8 +30,8 @@ _GAP_PX: Final = 4
 class RunLogs:
     """metrics.csv and TensorBoard's events in a folder.
 
-    Rows that a killed run logged after its checkpoint are dropped: the resumed run logs them again.
-    metrics.csv is written anew with each row, so that it is whole at any moment.
+    A resumed run drops the rows after its checkpoint and logs them again. Each row rewrites
+    metrics.csv, so that the file is whole at any moment.
     """
 
     def __init__(self, folder: Path, steps: int) -> None:
@@ -84,10 +84,12 @@ def _without_nan(value: Any) -> Any:
 
 
 def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -> None:
-    """Write a PNG with one row per frame: noisy, denoised and clean, shaded; then their difference.
+    """Write a picture with a row per frame: noisy, denoised and clean surface, and the error.
 
-    frames: (noisy_mm, denoised_mm, clean_mm), each (1, H, W), 0 = no depth. The difference is
-    denoised minus clean; blue is nearer.
+    Args:
+        path: the PNG file.
+        frames: (noisy_mm, denoised_mm, clean_mm) of each frame, (1, H, W), 0 = no depth. The error
+            is denoised minus clean; blue is nearer.
     """
     rows = [_sample_row(*(_metres(image) for image in frame)) for frame in frames]
     picture = np.vstack([np.pad(row, ((0, _GAP_PX), (0, 0), (0, 0))) for row in rows])
@@ -105,5 +107,4 @@ def _sample_row(
 
 
 def _metres(image_mm: Tensor) -> NDArray[np.float32]:
-    image: NDArray[np.float32] = image_mm[0].float().cpu().numpy() / np.float32(1000)
-    return image
+    return np.asarray(image_mm[0].float().cpu().numpy() / np.float32(1000), np.float32)

@@ -17,11 +17,11 @@ from torch.utils.data import DataLoader
 from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
 from glsim.settings.seeds import stable_seed
-from glsim.train.batches import VALIDATION_BATCH, BatchSource
+from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
-from glsim.train.models.calibration import calibrate
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import parameter_count
+from glsim.train.models.sigma_scale import calibrate
 from glsim.train.recipe import Recipe
 from glsim.train.run_setup import (
     RECIPE_FILE,
@@ -43,10 +43,14 @@ _SAMPLES: Final = 4
 class StepStatus(NamedTuple):
     """Status of a training after a step, for a progress bar.
 
-    epoch, steps: epochs and steps done. total_steps: steps of the whole training, None if nothing
-    limits them. fraction_done: of the whole training; 0 if only patience limits it. seconds:
-    training time over all resumes. loss: loss of this step. validation: figures, if this step ended
-    with a validation.
+    Attributes:
+        epoch: whole epochs done.
+        steps: steps done.
+        total_steps: steps of the whole training; None without a limit.
+        fraction_done: fraction of the whole training; 0 if only patience limits it.
+        seconds: training time over all resumes.
+        loss: loss of this step.
+        validation: metrics, if this step ended with a validation.
     """
 
     epoch: int
@@ -67,23 +71,36 @@ def fit(
     on_step: Callable[[StepStatus], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Train until a limit, early stopping or ``should_stop()`` after a step ends it.
+    """Train a network until a limit, early stopping or ``should_stop`` ends the training.
 
-    Returns the content of FOLDER/run.json; its ``state`` is "finished" or "interrupted". On the CPU
-    and without a time limit, an interrupted and resumed training gives the same bits as one that
-    was not interrupted. resume: continue from the last checkpoint in ``folder``, if it has one.
+    On the CPU and without a time limit, a training that was interrupted and resumed gives the same
+    bits as one that was not.
 
-    Raises TrainError (nan, a folder in use, a checkpoint of another recipe or other data, a full
-    disk), ConfigError and DatasetError.
+    Args:
+        recipe: network, loss, optimiser and limits.
+        source: the training and validation pairs.
+        folder: the folder of the run: checkpoints, logs, sample pictures.
+        resume: continue from the last checkpoint in ``folder``, if there is one.
+        on_step: called after each step.
+        should_stop: called after each step; True interrupts the training.
+
+    Returns:
+        The content of FOLDER/run.json; its ``state`` is "finished" or "interrupted".
+
+    Raises:
+        TrainError: for a loss or weight that is not finite, a folder in use, a checkpoint of
+            another recipe or other data, a full disk.
+        ConfigError: for a recipe that cannot be trained.
+        DatasetError: for an unreadable frame.
     """
     fabric = make_fabric(recipe.training)
     fabric.launch()
     with locked_run(folder) if fabric.is_global_zero else nullcontext():
-        return _fit(Training(recipe, source, folder, resume, fabric), on_step, should_stop)
+        return _fit(TrainingRun(recipe, source, folder, resume, fabric), on_step, should_stop)
 
 
 def _fit(
-    run: Training, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
+    run: TrainingRun, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
 ) -> dict[str, Any]:
     logs = run.open_logs() if run.fabric.is_global_zero else None
     ended_by, stopped, loss = run.ended_by(), False, math.nan
@@ -109,7 +126,7 @@ def _fit(
     return run.save("finished" if ended_by else "interrupted", ended_by)
 
 
-class Training:
+class TrainingRun:
     """One call of ``fit``: devices, state, data and run folder."""
 
     def __init__(
@@ -130,7 +147,7 @@ class Training:
         self.model, self.optimiser = self.state.set_up()
         self.epoch_steps = source.prepare(self.fabric)
         held_out = DataLoader(source.validation, VALIDATION_BATCH, generator=torch.Generator())
-        self.held_out = self.fabric.setup_dataloaders(held_out, use_distributed_sampler=False)
+        self.held_out = on_device(self.fabric, held_out)
         limits = recipe.training
         steps = [limits.max_steps, limits.max_epochs and limits.max_epochs * self.epoch_steps]
         self.total_steps = min((count for count in steps if count), default=None)
@@ -184,9 +201,10 @@ class Training:
         return not (progress.step or progress.epoch % every)
 
     def validate(self, logs: RunLogs | None) -> None:
-        """Compute validation figures; save the weights if they are the best; log and draw samples.
+        """Compute the validation metrics; keep the best weights; log metrics and samples.
 
-        Raises TrainError if the monitored figure is not finite.
+        Raises:
+            TrainError: if the monitored metric is not finite.
         """
         progress, network = self.progress, self.state.evaluated
         network.eval()
@@ -289,8 +307,7 @@ class Training:
     def _save_best(self) -> None:
         """Write best.pt, with sigma calibrated on the validation frames if it is predicted."""
         network = self.state.evaluated
-        uncertain = isinstance(network, MaskAware) and network.uncertainty
-        if uncertain:
+        if isinstance(network, MaskAware) and network.uncertainty:
             with suppress(ConfigError):  # early in training no pixel may have predicted depth
                 calibrate(network, self.held_out, "median")
         content = self._header() | {
@@ -298,12 +315,12 @@ class Training:
             "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},
         }
         checkpoint.save(self.folder / checkpoint.BEST, content)
-        if uncertain:
+        if isinstance(network, MaskAware) and network.uncertainty:
             network.sigma_scale.fill_(1.0)  # training continues uncalibrated
 
     def _draw_samples(self) -> None:
         """Write a picture of some validation frames, evenly spaced."""
-        progress, frames = self.progress, self.held_out.dataset
+        progress, frames = self.progress, self.source.validation
         indices = [len(frames) * n // _SAMPLES for n in range(min(_SAMPLES, len(frames)))]
         pairs = [frames[n] for n in indices]
         noisy_mm, clean_mm = (torch.stack(part) for part in zip(*pairs, strict=True))

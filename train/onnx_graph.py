@@ -1,4 +1,8 @@
-"""Shrink an exported ONNX graph without changing its results."""
+"""Shrink an exported ONNX graph without changing its results.
+
+onnxslim keeps the exporter's long names and equal constants: 3.0 MB for `face`, ours 1.8 MB;
+onnxscript's optimizer had no result for its 12,000 nodes within minutes.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,10 @@ from onnx import numpy_helper
 
 
 def compacted(data: bytes) -> bytes:
-    """Shorten the names in an ONNX file and store each constant once; return the new file.
+    """Return the ONNX file with short names, and with each constant stored once.
 
-    PyTorch's exporter writes the numbers of each Slice and Unsqueeze as nodes of their own, and the
-    path of the module into each name: a third of the file of a network of 217,000 parameters.
+    PyTorch's exporter stores the numbers of each Slice and Unsqueeze as nodes of their own, and
+    writes the path of the module into each name.
     """
     model = onnx.load_from_string(data)
     graph = model.graph

@@ -12,22 +12,27 @@ from torch import Tensor
 from glsim.denoise.onnx_file import read_onnx
 from glsim.denoise.onnx_inputs import read_inputs
 from glsim.errors import DenoiserError, TrainError
-from glsim.train.export import onnx_bytes
 from glsim.train.models.registry import build_model
 from glsim.train.models.warm_start import NOT_COPIED
+from glsim.train.onnx_export import onnx_bytes
 
 
 def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
     """Read the weights of a file of ``glsim export``, by their names in PyTorch.
 
-    spec: the [model] table of a recipe. The file may have fewer inputs than the table says; the
-    weights are then those of the table with the file's inputs. Buffers that no training starts from
-    are left out where the graph does not use them.
+    The file does not name its weights. A network of ``spec`` is therefore filled with random
+    numbers and exported: the tensor that holds the numbers of a weight shows its place in the file.
 
-    A file has no names of weights. So a network of the table is filled with random numbers and
-    exported: the tensor of that graph which holds the numbers of a weight is the weight's place in
-    the file. Raises TrainError for a damaged file or one of another architecture, and where the
-    exporter has merged weights with each other (batch normalisation).
+    Args:
+        path: the ONNX file. It may have fewer inputs than ``spec``: the result has those inputs.
+        spec: the [model] table of a recipe.
+
+    Returns:
+        Name -> weight; without the buffers of `NOT_COPIED` that the graph does not use.
+
+    Raises:
+        TrainError: for a damaged file, another architecture, or weights that the exporter merged
+            (batch normalisation).
     """
     try:
         data = read_onnx(path)
@@ -40,7 +45,7 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
     with torch.no_grad():
         for value in model.state_dict().values():
             if value.is_floating_point():
-                # In [0.5, 0.6]: no exporter takes one for a constant such as 0 or 1.
+                # In [0.5, 0.6]: the exporter folds constants such as 0 and 1.
                 value.copy_(0.5 + 0.1 * torch.rand(value.shape, generator=generator))
     example = _tensors(onnx_bytes(model, path))
     found = _tensors(data)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from torch.utils.data import Subset
 
 from glsim.errors import ConfigError
 from glsim.train.batches import StoredBatches, stored_batches
@@ -34,9 +35,16 @@ def photograph_batches(
 ) -> StoredBatches:
     """Open photographs as the training data of a recipe.
 
-    place: a folder, or ``scikit-image``. sigma_grey: see ``PhotographPairs``. datasets: grey levels
-    0 to 255 are spread over the depths of their clean training maps; an epoch has as many pairs as
-    they have. Nothing else of the data sets is used. Raises ConfigError, DatasetError.
+    Args:
+        place: a folder of photographs, or ``scikit-image`` for those of that package.
+        sigma_grey: standard deviation of the noise, grey levels of 255.
+        datasets: data sets that give the range of depths of the grey levels, and the number of
+            pairs per epoch.
+        recipe: the training.
+
+    Raises:
+        ConfigError: for a recipe without a crop or with further inputs; without photographs.
+        DatasetError: for a damaged data set or photograph.
     """
     crop = recipe.data.crop
     if not crop:
@@ -58,11 +66,11 @@ def photograph_batches(
     )
     marks = photograph_fingerprint(photographs, span, sigma_grey)
     marks["depths_of"] = [fingerprint(path)["manifest_crc32"] for path in datasets]
-    return StoredBatches(train, held_out, marks, recipe)
+    return StoredBatches(train, Subset(held_out, range(len(held_out))), marks, recipe)
 
 
 def _as_stored(recipe: Recipe) -> Recipe:
-    """Return the recipe without augmentation: all seeds then find the same range of depths, mm."""
+    """Return the recipe without augmentation and seed: the range of depths must not vary."""
     data = {"flip": False, "relief_mm": 0.0, "slope_mm_per_px": 0.0}
     stored = recipe.data.model_copy(update=data)
     return recipe.model_copy(update={"seed": 0, "data": stored})

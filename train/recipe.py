@@ -64,7 +64,7 @@ class ScheduleSettings(TomlTable):
     step_to: float = Field(0.2, ge=0, le=1, description="factor on lr after the step")
 
     def factor(self, steps: int, done: float) -> float:
-        """Factor on lr. steps: done so far. done: fraction of the whole training, 0 to 1."""
+        """Return the factor on lr after ``steps`` steps, at a fraction ``done`` of the training."""
         warmup = min(1.0, max((steps + 1) / (self.warmup_steps + 1), done / _WARMUP_SHARE))
         if self.kind == "cosine":
             return warmup * (self.final + (1 - self.final) * (1 + cos(pi * min(done, 1.0))) / 2)
@@ -197,10 +197,17 @@ def load_recipe(
     assignments: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
 ) -> Recipe:
-    """Load a recipe by name or TOML path; apply ``a.b=value`` texts, then a nested mapping.
+    """Load a recipe by its name or the path of its TOML file.
 
-    Raises ConfigError: no such recipe, a file that cannot be read, an unknown key or a bad value.
-    The tables [model] and [loss] are checked where they are built.
+    The tables [model] and [loss] are checked when they are built.
+
+    Args:
+        recipe: name of a shipped recipe, or a path.
+        assignments: changes as texts, ``table.key=value``.
+        overrides: changes as nested tables, after the assignments.
+
+    Raises:
+        ConfigError: for an unknown recipe, an unreadable file, an unknown key or a bad value.
     """
     file = _recipe_file(recipe, Path())
     tree = _read_tree(file, 0)

@@ -50,9 +50,10 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
 
 @contextmanager
 def start_file(start: str) -> Iterator[Path]:
-    """Yield the path of the weights that ``training.start`` names: a file or a shipped network.
+    """Yield the path of the initial weights: a file, or a shipped network by name.
 
-    Raises TrainError if there is neither.
+    Raises:
+        TrainError: if there is neither.
     """
     path = Path(start)
     if path.exists():
@@ -68,9 +69,10 @@ def start_file(start: str) -> Iterator[Path]:
 
 
 def start_weights(recipe: Recipe) -> WeightsOf | None:
-    """Read the weights that a recipe's training.start names; None without it.
+    """Read the initial weights that ``training.start`` names; None without it.
 
-    Raises TrainError for a file that is no whole checkpoint, and no ONNX file of this network.
+    Raises:
+        TrainError: for a damaged file, and for an ONNX file of another network.
     """
     if recipe.training.start is None:
         return None
@@ -118,7 +120,8 @@ def last_checkpoint(
 ) -> dict[str, Any] | None:
     """Load the checkpoint to resume from; None if the folder has none yet.
 
-    Raises TrainError if it is damaged, or of another recipe (limits may differ) or other data.
+    Raises:
+        TrainError: if it is damaged, of another recipe (limits may differ) or of other data.
     """
     path = folder / checkpoint.LAST
     if not path.exists():

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import torch
 from lightning_fabric import Fabric
@@ -16,10 +16,12 @@ from glsim.denoise.inputs import DEPTH_ALONE
 from glsim.errors import ConfigError, TrainError
 from glsim.train.losses.base import Loss
 from glsim.train.losses.registry import build_loss
-from glsim.train.models.base import DepthModel
+from glsim.train.models.base import DepthModel, channels_last
 from glsim.train.models.registry import build_model
 from glsim.train.models.warm_start import copy_weights
 from glsim.train.recipe import OptimiserSettings, Recipe
+
+_Tensors = list[Tensor] | tuple[Tensor, ...]
 
 
 class WeightsOf(NamedTuple):
@@ -33,10 +35,16 @@ class WeightsOf(NamedTuple):
 class TrainingProgress:
     """Counters of a training.
 
-    epoch: whole epochs done. step: steps done of the current epoch. steps: steps done in all.
-    seconds: training and validation time, over all resumes. best, best_step: best value of the
-    monitored metric, and its step. stale: validations since that step. loss_sum, loss_count: sum
-    and number of the losses of the steps since the last validation.
+    Attributes:
+        epoch: whole epochs done.
+        step: steps done in the current epoch.
+        steps: steps done in total.
+        seconds: training and validation time over all resumes.
+        best: best value of the monitored metric.
+        best_step: step of the best value.
+        stale: validations since the best one.
+        loss_sum: sum of the losses since the last validation.
+        loss_count: number of steps since the last validation.
     """
 
     epoch: int = 0
@@ -53,14 +61,22 @@ class TrainingProgress:
 class TrainingState:
     """Network, its weight average, optimiser, loss and progress, built from a recipe and its seed.
 
-    network: the plain module. average: exponential average of its weights, or None.
+    Attributes:
+        network: the network, without the wrappers of devices and compilation.
+        average: exponential average of its weights, or None.
     """
 
     def __init__(self, recipe: Recipe, fabric: Fabric, weights: WeightsOf | None = None) -> None:
-        """weights: of another network, to start from, with their file for messages.
+        """Build the state before the first step.
 
-        Raises ConfigError for an unknown model or loss, a loss that cannot be monitored or that
-        cannot train this model, and weights that do not fit.
+        Args:
+            recipe: the training.
+            fabric: devices and precision.
+            weights: initial weights; None: random ones.
+
+        Raises:
+            ConfigError: for an unknown model or loss, a loss that cannot be monitored or cannot
+                train this model, and weights that do not fit.
         """
         torch.manual_seed(recipe.seed)
         self._fabric = fabric
@@ -71,7 +87,7 @@ class TrainingState:
                 f"training.monitor = 'loss': {recipe.loss['kind']} compares with the noisy depth, "
                 "and returning that would be best: set training.monitor = 'interior_rmse_mm'"
             )
-        self.network: DepthModel = build_model(recipe.model).to(memory_format=torch.channels_last)
+        self.network: DepthModel = channels_last(build_model(recipe.model))
         if self.loss.depth_alone and self.network.inputs != DEPTH_ALONE:
             raise ConfigError(
                 f"loss.kind = {recipe.loss['kind']!r} changes the measured depth and leaves other "
@@ -85,13 +101,15 @@ class TrainingState:
         self._compile = recipe.training.compile
 
     @property
-    def evaluated(self) -> nn.Module:
+    def evaluated(self) -> DepthModel:
         """The network that is validated and kept: the average if there is one."""
-        return self.network if self.average is None else self.average.module
+        return self.network if self.average is None else cast(DepthModel, self.average.module)
 
     def set_up(self) -> tuple[nn.Module, Optimizer]:
         """Move model and optimiser to their device and precision. Call it after ``restore``."""
-        module = torch.compile(self.network) if self._compile else self.network
+        module: nn.Module = self.network
+        if self._compile:
+            module = cast(nn.Module, torch.compile(module))
         if self.average is not None:
             self.average.to(self._fabric.device)
         model, optimiser = self._fabric.setup(module, self._plain_optimiser)
@@ -139,7 +157,7 @@ class TrainingState:
 
 
 def _optimiser(network: nn.Module, settings: OptimiserSettings) -> Optimizer:
-    kind = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}[settings.kind]
+    kind = torch.optim.Adam if settings.kind == "adam" else torch.optim.AdamW
     return kind(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
 
 
@@ -148,7 +166,7 @@ def _weight_average(network: nn.Module, decay: float | None) -> AveragedModel | 
     if decay is None:
         return None
 
-    def update(averages: Sequence[Tensor], weights: Sequence[Tensor], count: Tensor) -> None:
+    def update(averages: _Tensors, weights: _Tensors, count: Tensor | int) -> None:
         # The decay grows to its value, so that the first weights do not dominate a short training.
         present_decay = min(decay, (1 + int(count)) / (10 + int(count)))
         torch._foreach_lerp_(averages, weights, 1 - present_decay)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from glsim.denoise.protocol import MIN_DEPTH_MM
+from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.train.interior_mask import interior_mask
 from glsim.train.losses.base import Loss, to_float32
 from glsim.train.models.base import Prediction
@@ -28,28 +27,33 @@ class _FigureSums(NamedTuple):
 
 
 def validation_figures(
-    model: Callable[[Tensor], Prediction], batches: Iterable[list[Tensor]], loss: Loss
+    model: Callable[[Tensor], Prediction], batches: Iterable[tuple[Tensor, Tensor]], loss: Loss
 ) -> dict[str, float]:
-    """Compute the validation metrics of a network in its present mode; lower is better.
+    """Compute the validation metrics of a network; lower is better, NaN is undefined.
 
-    loss: mean of the training's loss. mse_mm2: over all pixels, with a hard decision on validity.
-    interior_rmse_mm: where prediction and truth have depth, more than 3 px from an edge of the
-    truth. flips: pixels per frame whose validity is wrong. An undefined metric is NaN.
+    Args:
+        model: the network, in evaluation mode.
+        batches: (noisy_mm, clean_mm), (B, C, H, W) and (B, 1, H, W).
+        loss: the training loss.
+
+    Returns:
+        loss: mean of the training loss.
+        mse_mm2: mean squared error of all pixels; pixels predicted invalid count as 0.
+        interior_rmse_mm: RMSE where both have depth, more than 3 px from an edge of the truth.
+        flips: pixels per frame of wrong validity.
     """
     sums = []
     with torch.no_grad():
         for noisy_mm, clean_mm in batches:
             sums.append(_figure_sums(model(noisy_mm), noisy_mm[:, :1], clean_mm, loss))
-    total = _FigureSums(*(torch.stack(parts).sum().item() for parts in zip(*sums, strict=True)))
-    interior_mm2 = math.nan
-    if total.interior_pixels:
-        interior_mm2 = total.interior_square_mm2 / total.interior_pixels
-    return {
+    total = _FigureSums(*(torch.stack(parts).sum() for parts in zip(*sums, strict=True)))
+    figures = {
         "loss": total.loss / total.frames,
         "mse_mm2": total.square_mm2 / total.pixels,
-        "interior_rmse_mm": math.sqrt(interior_mm2),
+        "interior_rmse_mm": (total.interior_square_mm2 / total.interior_pixels).sqrt(),
         "flips": total.flips / total.frames,
     }
+    return {name: float(value) for name, value in figures.items()}
 
 
 def _figure_sums(

@@ -50,8 +50,8 @@ use = "mine.glsl"
 def onnx_bytes(folder: Path) -> bytes:
     """Return a small network as ``glsim export`` writes it."""
     from glsim.denoise import checkpoint
-    from glsim.train.export import export_onnx
     from glsim.train.models.registry import build_model
+    from glsim.train.onnx_export import export_onnx
 
     model = {"kind": "paper_input", "backbone": {"kind": "dncnn", "depth": 3, "width": 4}}
     content = {"recipe": {"model": model}, "model": build_model(model).state_dict()}

@@ -19,7 +19,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from glsim import load_sensor, load_settings, simulate
+from glsim import Frame, load_sensor, load_settings, simulate
 
 folder = Path(tempfile.mkdtemp())
 (folder / "bands.glsl").write_text("""\
@@ -61,7 +61,7 @@ settings = load_settings(
         "output": {"crop": 160},
     }
 )
-frames = list(simulate(settings))
+frames = [frame for frame in simulate(settings) if isinstance(frame, Frame)]
 for frame in frames:
     print({name: round(value, 2) for name, value in frame.parameters.items()})
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Mask
+from glsim.denoise.interface import Mask
 
 _Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth, Mask
+from glsim.denoise.interface import Depth, Mask
 from glsim.errors import DenoiserError
 from glsim.eval.metrics.angles import angles_deg, whole_windows
 from glsim.eval.metrics.regions import Regions

@@ -115,5 +115,4 @@ def window_statistics(first: Moments, second: Moments) -> WindowStatistics:
 
 
 def _window_mean(image: _Array) -> _Array:
-    mean: _Array = cv2.boxFilter(image, cv2.CV_64F, (WINDOW, WINDOW))
-    return mean
+    return np.asarray(cv2.boxFilter(image, cv2.CV_64F, (WINDOW, WINDOW)), np.float64)

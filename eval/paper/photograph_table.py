@@ -21,7 +21,7 @@ import numpy as np
 
 from glsim.denoise import DEFAULT_COMPOSITE, Method, composed, load
 from glsim.denoise.frames import Frames
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import ConfigError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.score import score

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from glsim.denoise import load
 from glsim.denoise.frames import Frames
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import ConfigError
 from glsim.eval.metrics.ssim import Moments, window_statistics
 
@@ -113,7 +113,9 @@ def scikit_image(
     window: dict[str, Any] = {"gaussian_weights": True, "sigma": 1.5} if gauss else {}
     if gauss:
         window["use_sample_covariance"] = False
-    value = structural_similarity(first, second, data_range=data_range, K1=k[0], K2=k[1], **window)
+    value = structural_similarity(  # type: ignore[no-untyped-call]  # it has no annotations
+        first, second, data_range=data_range, K1=k[0], K2=k[1], **window
+    )
     return float(value)
 
 

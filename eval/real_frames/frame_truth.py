@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth, Mask
+from glsim.denoise.interface import Depth, Mask
 from glsim.measures.boards import Board, plane_residual
 from glsim.measures.frame import DepthFrame
 from glsim.measures.silhouettes import STEP_MM, find_edges

@@ -9,7 +9,7 @@ from typing import Final
 
 from glsim.denoise import compose, load
 from glsim.denoise.frames import Frames, Stacks
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import DatasetError
 from glsim.eval.report.document import CaptionedPng, Document
 from glsim.eval.report.figures.bias_curves import bias_curves

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise.frames import Frames
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import DatasetError
 
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.eval.metrics.prediction import FLYING_MM, Truth
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from glsim.denoise import Method, compose, load
 from glsim.denoise.frames import Frames, Stacks
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DatasetError, DenoiserError
 from glsim.eval.metrics.prediction import Truth

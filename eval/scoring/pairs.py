@@ -21,7 +21,7 @@ from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.pair import no_clean, no_expected
 from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
 from glsim.denoise.frames import Frames, Key, MovedFrames, Sample, check_millimetres, is_moved
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX

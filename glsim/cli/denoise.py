@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from glsim.denoise import MapDenoiser, Method
-    from glsim.denoise.protocol import Depth, Mask
+    from glsim.denoise.interface import Depth, Mask
     from glsim.depth_protocol import DepthProtocol
 
 EXAMPLES = """

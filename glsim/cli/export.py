@@ -100,7 +100,7 @@ def _export_network(checkpoint: Path, out: Path) -> None:
         raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX} or .safetensors")
     try:
         from glsim.denoise.checkpoint import export_safetensors
-        from glsim.train.export import export_onnx
+        from glsim.train.onnx_export import export_onnx
     except ImportError as error:
         raise TrainError(f"export needs PyTorch: pip install 'glsim[export]' ({error})") from None
     if out.suffix != ONNX_SUFFIX:

@@ -17,6 +17,7 @@ from glsim.measures.silhouettes import Side
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.typing import RcKeyType
 
 #: Colours for grey printing and for colour-blind readers (Okabe and Ito).
 _COLOURS = ("#0072B2", "#D55E00")
@@ -30,7 +31,7 @@ def draw_comparison(comparison: Comparison) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    style = {
+    style: dict[RcKeyType, object] = {
         "font.size": 8, "axes.titlesize": 8, "axes.titleweight": "bold",
         "axes.titlelocation": "left", "axes.spines.top": False, "axes.spines.right": False,
         "legend.frameon": False, "lines.markersize": 3,

@@ -15,8 +15,8 @@ from glsim.denoise.composites import (
     compose,
     composed,
 )
+from glsim.denoise.interface import Denoised, Denoiser, Method, SequenceDenoiser
 from glsim.denoise.map_denoiser import DepthStream, MapDenoiser
-from glsim.denoise.protocol import Denoised, Denoiser, Method, SequenceDenoiser
 from glsim.denoise.registry import (
     GRIDS,
     PAPER_FILTERS,

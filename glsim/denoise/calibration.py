@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise.frames import ChangedFrames, Frames, Sample
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import ConfigError
 from glsim.geometry.camera import Intrinsics
 from glsim.sensors.pattern_map import remove_fixed_pattern

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import MIN_DEPTH_MM, Denoised, Depth, Mask, Probability
+from glsim.denoise.interface import MIN_DEPTH_MM, Denoised, Depth, Mask, Probability
 from glsim.errors import ConfigError, did_you_mean
 
 #: Ways to turn a soft validity into a depth map: name -> meaning.

@@ -16,7 +16,7 @@ from glsim.dataset.reader import open_dataset
 from glsim.dataset.record_schema import read_object
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import Key, Sample, check_millimetres
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, stored_protocol, subtract_offset
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import read_depth_png

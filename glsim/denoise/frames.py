@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import MIN_MEASURED_MM, Depth
+from glsim.denoise.interface import MIN_MEASURED_MM, Depth
 from glsim.depth_protocol import (
     NEAREST_MM,
     DepthProtocol,

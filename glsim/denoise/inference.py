@@ -14,7 +14,7 @@ from glsim.denoise import checkpoint
 from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
 from glsim.depth_protocol import DepthProtocol, check_protocol
 from glsim.errors import DenoiserError, GlsimError
-from glsim.train.models.base import DepthModel
+from glsim.train.models.base import DepthModel, channels_last
 from glsim.train.models.named_outputs import named_outputs
 from glsim.train.models.registry import build_model, weight_shapes
 
@@ -27,7 +27,7 @@ class TorchNetwork:
 
     def __init__(self, model: DepthModel) -> None:
         self._device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-        self._model = model.eval().to(self._device, memory_format=torch.channels_last)
+        self._model = channels_last(model.eval().to(self._device))
 
     def __call__(self, noisy_mm: Depth) -> dict[str, Depth]:
         """Run the model on (H, W) millimetres, or on the (C, H, W) stack of its inputs."""

@@ -25,7 +25,7 @@ MAX_NEIGHBOURS: Final = 4
 DEPTH, INFRARED, BEFORE, AFTER = "noisy_mm", "infrared", "before_mm", "after_mm"
 
 
-class Inputs(NamedTuple):
+class NetworkInputs(NamedTuple):
     """The inputs of a network besides the frame's depth: infrared, and numbers of neighbours."""
 
     infrared: bool = False
@@ -59,11 +59,11 @@ class Inputs(NamedTuple):
 
 
 #: The inputs of a network of single depth frames.
-DEPTH_ALONE: Final = Inputs()
+DEPTH_ALONE: Final = NetworkInputs()
 
 
 def stack_inputs(
-    inputs: Inputs,
+    inputs: NetworkInputs,
     depth_mm: NDArray[Any],
     before_mm: Sequence[NDArray[Any]] = (),
     after_mm: Sequence[NDArray[Any]] = (),

@@ -15,7 +15,7 @@ from typing import Any
 
 from glsim.denoise import shipped
 from glsim.denoise.inputs import MAX_NEIGHBOURS
-from glsim.denoise.protocol import Method, parameter
+from glsim.denoise.interface import Method, parameter
 from glsim.depth_protocol import check_protocol
 from glsim.errors import DenoiserError
 

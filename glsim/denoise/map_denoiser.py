@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.composites import DEFAULT_COMPOSITE, check_composite, composed
-from glsim.denoise.protocol import Denoised, Depth, Method
+from glsim.denoise.interface import Denoised, Depth, Method
 from glsim.errors import ConfigError
 from glsim.geometry.camera import Intrinsics
 
 
 class MapDenoiser:
-    """A denoiser as a function of one depth map: what ``glsim.load_denoiser`` returns.
-
-    method: the denoiser. device: its calibration, or None.
-    """
+    """A denoiser as a function of one depth map: what ``glsim.load_denoiser`` returns."""
 
     def __init__(
         self,
@@ -28,10 +25,16 @@ class MapDenoiser:
         device: Path | str | None = None,
         composite: str | None = DEFAULT_COMPOSITE,
     ) -> None:
-        """device: sensor file whose fixed pattern and wiggling are subtracted first.
+        """Prepare a denoiser for single maps.
 
-        composite: one of COMPOSITES, used for denoisers with a soft validity; None: return the
-        denoiser's own result. Raises ConfigError for an unknown composite or an unusable device.
+        Args:
+            method: the denoiser.
+            device: sensor file whose fixed pattern and wiggling are subtracted first.
+            composite: one of COMPOSITES, for denoisers with a probability of depth; None: return
+                the denoiser's own result.
+
+        Raises:
+            ConfigError: for an unknown composite or an unusable device.
         """
         if composite is not None:
             check_composite(composite, "composite")
@@ -46,20 +49,23 @@ class MapDenoiser:
         *,
         intrinsics: Intrinsics | None = None,
     ) -> Denoised:
-        """Denoise one depth map.
+        """Denoise one depth map; a temporal denoiser gets no neighbours, see ``stream``.
 
-        depth_mm: (H, W), float or integer millimetres, 0 = no return. infrared: (H, W) counts of
-        the same pixels, for denoisers that use them. intrinsics: of a crop of the device's image.
-        Returns depth in millimetres, 0 where there is none, and the (H, W) bool mask of depth.
-        Without a composite: the denoiser's own depth, and its mask or probability of depth in
-        [0, 1]. A temporal denoiser gets no neighbours: see ``stream``.
+        Args:
+            depth_mm: (H, W), float or integer millimetres, 0 = no return. A network of the protocol
+                paper (``method.protocol``) takes maps with their nearest point at 1 mm, see
+                ``glsim.depth_protocol``.
+            infrared: (H, W) counts of the same pixels, for denoisers that use them.
+            intrinsics: intrinsics of a crop of the device's image.
 
-        A network of the protocol paper (``method.protocol``) takes maps that are moved already,
-        with their nearest point at 1 mm: see ``glsim.depth_protocol``.
+        Returns:
+            (H, W) depth in millimetres, 0 = none, and the (H, W) bool mask of depth. Without a
+            composite: the denoiser's own depth, and its mask or probability of depth in [0, 1].
 
-        Raises ConfigError for an array that is no depth map, is not moved as the network needs it,
-        or is no image or crop of the device, DenoiserError if the denoiser returns something else
-        than two images.
+        Raises:
+            ConfigError: for an array that is no depth map, is not moved as the network needs it, or
+                is no image or crop of the device.
+            DenoiserError: if the denoiser does not return two images.
         """
         return self.stream(intrinsics=intrinsics).push(depth_mm, infrared)
 

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.inputs import DEPTH_ALONE, Inputs, stack_inputs
-from glsim.denoise.protocol import MIN_DEPTH_MM
+from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
+from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
 from glsim.denoise.tiles import run_tiled
 from glsim.depth_protocol import DepthProtocol
@@ -31,9 +31,10 @@ SIZE_MULTIPLE_PX: Final = 16
 class NetworkDenoiser:
     """Denoises single frames of any size.
 
-    uncertain: whether the network predicts its uncertainty (``with_uncertainty``). infrared:
-    whether it sees the infrared image, (H, W) counts; without one it denoises by depth alone.
-    protocol: where the depths of its training are counted from.
+    Attributes:
+        uncertain: whether the network predicts its uncertainty (``with_uncertainty``).
+        infrared: whether it uses the infrared image; without one it denoises by depth alone.
+        protocol: where the depths of its training are counted from.
     """
 
     protocol: DepthProtocol = "depth"
@@ -44,12 +45,17 @@ class NetworkDenoiser:
         name: str,
         uncertain: bool,
         min_probability: float = 0.0,
-        inputs: Inputs = DEPTH_ALONE,
+        inputs: NetworkInputs = DEPTH_ALONE,
     ) -> None:
-        """name: for messages, such as the path of the file.
+        """Wrap a network as a denoiser.
 
-        min_probability: keep a pixel if P(depth on the chosen surface) exceeds this; 0: return the
-        probability of depth instead of a mask. inputs: what the network sees besides depth.
+        Args:
+            network: runs the network on a padded frame.
+            name: for messages, such as the path of the file.
+            uncertain: whether the network predicts its uncertainty.
+            min_probability: keep a pixel if P(depth on the chosen surface) exceeds this; 0: return
+                the probability of depth instead of a mask.
+            inputs: what the network sees besides depth.
         """
         self._network = network
         self._name = name
@@ -61,13 +67,22 @@ class NetworkDenoiser:
     def __call__(
         self, noisy_mm: Depth, valid: NDArray[np.bool_], infrared: Depth | None = None
     ) -> tuple[Depth, Validity]:
-        """Denoise (H, W) float32 millimetres, 0 = no return, with their (H, W) bool mask.
+        """Denoise a frame.
 
-        Returns (H, W) float32 depth in millimetres and the probability of depth, float32; a bool
-        mask if ``min_probability`` is set or if the network codes "no depth" as 0. With a
-        probability, the safeguards apply: frames without noise are returned unchanged, and pixels
-        outside ``trusted_mask`` have probability 0. See ``glsim.denoise.safeguards``. Raises
-        DenoiserError if the network returns NaN or infinity.
+        With a probability of depth, ``glsim.denoise.safeguards`` apply: frames without noise are
+        returned unchanged, and pixels outside ``trusted_mask`` have probability 0.
+
+        Args:
+            noisy_mm: (H, W) float32 millimetres, 0 = no return.
+            valid: (H, W) bool mask of returns.
+            infrared: (H, W) counts, if the network uses them.
+
+        Returns:
+            (H, W) float32 depth in millimetres, and the probability of depth, float32; a bool mask
+            if ``min_probability`` is set or the network codes "no depth" as 0.
+
+        Raises:
+            DenoiserError: if the network returns NaN or infinity.
         """
         stack = stack_inputs(self._inputs, np.where(valid, noisy_mm, 0), infrared=infrared)
         return self._denoise(stack)[:2]
@@ -141,7 +156,7 @@ class VideoDenoiser(NetworkDenoiser):
         name: str,
         uncertain: bool,
         min_probability: float,
-        inputs: Inputs,
+        inputs: NetworkInputs,
     ) -> None:
         """Arguments as of ``NetworkDenoiser``."""
         super().__init__(network, name, uncertain, min_probability, inputs)
@@ -176,7 +191,7 @@ class VideoDenoiser(NetworkDenoiser):
 
 
 def network_denoiser(
-    network: Network, name: str, uncertain: bool, min_probability: float, inputs: Inputs
+    network: Network, name: str, uncertain: bool, min_probability: float, inputs: NetworkInputs
 ) -> NetworkDenoiser:
     """Make the denoiser of a network: a ``VideoDenoiser`` if it sees neighbours in time."""
     kind = VideoDenoiser if inputs.temporal else NetworkDenoiser

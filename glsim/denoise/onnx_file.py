@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 import cv2
 import numpy as np
 
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
 from glsim.denoise.onnx_check import check_onnx
 from glsim.denoise.onnx_inputs import read_inputs, read_protocol
@@ -67,7 +67,7 @@ class OnnxRuntimeNetwork:
         return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
 
 
-def _blobs(inputs: Inputs, noisy_mm: Depth) -> dict[str, Depth]:
+def _blobs(inputs: NetworkInputs, noisy_mm: Depth) -> dict[str, Depth]:
     """Return name -> (1, images, H, W) of each input of a graph."""
     stack = noisy_mm[None] if noisy_mm.ndim == 2 else noisy_mm
     return {name: np.ascontiguousarray(part[None]) for name, part in inputs.named(stack).items()}

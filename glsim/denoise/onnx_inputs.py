@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, Inputs
+from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
 from glsim.denoise.wire_format import fields
 from glsim.depth_protocol import DepthProtocol, check_protocol
 
@@ -23,7 +23,7 @@ _PROTOCOL_KEY: Final = b"glsim.protocol"
 _IMAGES_AXIS: Final = 1
 
 
-def read_inputs(data: bytes) -> Inputs:
+def read_inputs(data: bytes) -> NetworkInputs:
     """Return what a network of ``glsim export`` sees. Raises ValueError for anything else."""
     counts = {}
     for graph in _messages(memoryview(data), _GRAPH):
@@ -32,7 +32,7 @@ def read_inputs(data: bytes) -> Inputs:
             counts[name] = _images(value)
     if counts.get(DEPTH) != 1 or counts.keys() - {DEPTH, INFRARED, BEFORE, AFTER}:
         raise ValueError(f"its inputs are {', '.join(map(repr, counts)) or 'none'}")
-    return Inputs(INFRARED in counts, counts.get(BEFORE, 0), counts.get(AFTER, 0))
+    return NetworkInputs(INFRARED in counts, counts.get(BEFORE, 0), counts.get(AFTER, 0))
 
 
 def read_protocol(data: bytes) -> DepthProtocol:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from glsim.denoise.composites import DEFAULT_COMPOSITE
+from glsim.denoise.interface import Method, build
 from glsim.denoise.loading import (
     ONNX_SUFFIX,
     NetworkOptions,
@@ -22,7 +23,6 @@ from glsim.denoise.loading import (
     is_shipped,
 )
 from glsim.denoise.map_denoiser import MapDenoiser
-from glsim.denoise.protocol import Method, build
 from glsim.errors import ConfigError, did_you_mean
 from glsim.plugins import load_plugin, module_names, plugin_names, shipped_module
 

@@ -74,7 +74,7 @@ def _checksum(rest: Mapping[str, Any], weights: Mapping[str, torch.Tensor]) -> i
     for name in sorted(weights):
         value = weights[name]
         crc = zlib.crc32(f"{name} {value.dtype} {list(value.shape)}".encode(), crc)
-        crc = zlib.crc32(value.contiguous().reshape(-1).view(torch.uint8).numpy(), crc)
+        crc = zlib.crc32(value.contiguous().reshape(-1).view(torch.uint8).numpy().data, crc)
     return crc
 
 

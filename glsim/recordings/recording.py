@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset.disk_format import HEADER
+from glsim.dataset.header import is_dataset
 from glsim.dataset.pair import Pair
 from glsim.dataset.reader import Dataset, open_dataset
 from glsim.errors import ConfigError, DatasetError, MeshError
@@ -233,11 +233,6 @@ def read_frame_set(
     return frames.with_camera(camera)
 
 
-def is_dataset(path: Path) -> bool:
-    """Whether a folder is a data set of glsim, finished or not."""
-    return (path / HEADER).exists() or (path / ".glsim").exists()
-
-
 def _dataset_recording(path: Path) -> Recording:
     dataset = open_dataset(path)
     if len(dataset) == 0:
@@ -289,8 +284,8 @@ def _opencv_calibration(file: Path) -> tuple[Intrinsics, tuple[float, ...]]:
 
     try:
         storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_READ)
-        matrix = storage.getNode("cameraMatrix").mat()
-        lens = storage.getNode("distortionCoefficients").mat()
+        matrix: NDArray[Any] | None = storage.getNode("cameraMatrix").mat()
+        lens: NDArray[Any] | None = storage.getNode("distortionCoefficients").mat()
         storage.release()
     except (cv2.error, SystemError):
         matrix = lens = None

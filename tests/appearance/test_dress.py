@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -32,7 +33,7 @@ def settings_for(**overrides: object) -> Settings:
     return load_settings(overrides=tree)
 
 
-def drawn(settings: Settings, context: moderngl.Context, **options: object) -> list[Frame]:
+def drawn(settings: Settings, context: moderngl.Context, **options: Any) -> list[Frame]:
     made = simulate(settings, sources=[heads()], context=context, **options)
     return [frame for frame in made if isinstance(frame, Frame)]
 

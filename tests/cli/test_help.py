@@ -32,7 +32,7 @@ def commands(group: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any]]:
             yield from commands(command, *path, name)
 
 
-ROOT = typer.main.get_command(app)
+ROOT: Any = typer.main.get_command(app)
 COMMANDS = dict(commands(ROOT))
 
 
@@ -69,7 +69,7 @@ def parse(words: list[str]) -> None:
     raise LookupError(f"no command: {words}")
 
 
-EXAMPLES = [
+EXAMPLES: list[Any] = [
     pytest.param(words, id=shlex.join(words))
     for words in examples("\n".join(command.epilog or "" for command in COMMANDS.values()))
 ]

@@ -47,6 +47,7 @@ def tiny(tmp_path: Path, second: str = "mask-aware-small") -> list[str]:
     return ["paper", "reproduce", "-o", str(tmp_path / "o"), "--size", str(tmp_path / "tiny.toml")]
 
 
+@pytest.mark.long
 def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runs = tmp_path / "o" / "runs"
     assert main([*tiny(tmp_path, "no-such-recipe"), "-q"]) == 1

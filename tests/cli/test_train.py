@@ -166,6 +166,7 @@ def test_options_go_over_the_recipe(data: Path, here: Path) -> None:
     assert main([*command, "--steps", "1", "--epochs", "1", "-o", "one"]) == 0
 
 
+@pytest.mark.long
 def test_pairs_rendered_while_training(here: Path) -> None:
     command = ["train", "tiny.toml", "--simulate", "-q", "-o", "r", "--set", "data.epoch_steps=2"]
     command += ["--set", "data.validation_frames=4", "--set", "training.batch=1"]

@@ -94,6 +94,7 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert any("training led3d_all-faces: 4 steps (about" in line for line in lines)
 
 
+@pytest.mark.long
 def test_a_stopped_training_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from glsim.train import loop
 
@@ -118,6 +119,7 @@ def test_a_stopped_training_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert {row["sensor"] for row in table(tmp_path / "o")} == {"led3d"}
 
 
+@pytest.mark.long
 def test_given_networks_and_a_sensor_of_ones_own(tmp_path: Path) -> None:
     """Any denoiser can stand in for a network; the noisy input as one is no better than itself."""
     own = (SENSOR_FOLDER / "led3d.toml").read_text().replace("Mu et al", "Mine, after Mu et al")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -231,7 +232,7 @@ def test_the_lock_of_a_dead_run_is_taken_over(
 ) -> None:
     monkeypatch.setattr(object_lock, "EXPIRES_S", 0.2)
     folder = CloudFolder(memory)
-    words = {"host": host or object_lock.socket.gethostname(), "pid": pid, "token": "x", "beat": 3}
+    words = {"host": host or socket.gethostname(), "pid": pid, "token": "x", "beat": 3}
     folder.write("lock", json.dumps(words).encode())
     with object_lock.object_lock(folder, "lock", BUSY):
         assert b'"x"' not in folder.read("lock", 4096)

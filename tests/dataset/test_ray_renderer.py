@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -61,7 +62,8 @@ def make_on_ray(
 def test_a_cluster_makes_the_bytes_of_a_local_run(
     tmp_path: Path, nodes: Nodes, format: str
 ) -> None:
-    settings, seen = make_settings(format=format), []
+    settings = make_settings(format=format)
+    seen: list[GenerateProgress] = []
     make(tmp_path / "local", settings, TASKS, skip_every=7)
     summary = make_on_ray(tmp_path / "ray", nodes, seen.append, settings, skip_every=7)
     assert contents(tmp_path / "ray") == contents(tmp_path / "local")
@@ -74,7 +76,7 @@ def test_a_killed_node_costs_work_and_no_bytes(tmp_path: Path, nodes: Nodes) -> 
     """The node dies after the first chunk; the others arrive from those that are left."""
     make(tmp_path / "local", tasks=TASKS)
     second = nodes.add()
-    killed = []
+    killed: list[Any] = []
 
     def kill_one(progress: GenerateProgress) -> None:
         if progress.done and not killed:

@@ -71,7 +71,7 @@ def test_datasets_travel_to_other_processes(originals: dict[str, Path], format: 
 def test_both_formats_read_the_same(originals: dict[str, Path]) -> None:
     tree, shards = (Dataset(originals[format]) for format in FORMATS)
     for a, b in zip(tree, shards, strict=True):
-        assert a.record | {"files": 0} == b.record | {"files": 0}
+        assert {**a.record, "files": 0} == {**b.record, "files": 0}
         np.testing.assert_array_equal(a.noisy_mm, b.noisy_mm)
 
 

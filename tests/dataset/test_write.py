@@ -238,7 +238,8 @@ def test_write_frame(tmp_path: Path) -> None:
     paths = write_frame(frame, tmp_path / "new" / "folder", "face", ["noisy", "reason"])
     assert paths == [tmp_path / "new" / "folder" / f"face_{x}.png" for x in ("noisy", "reason")]
     assert sorted(paths[0].parent.iterdir()) == paths
-    for path, image in zip(paths, (frame.noisy, frame.reason), strict=True):
+    for path, layer in zip(paths, ("noisy", "reason"), strict=True):
+        image = frame.image(layer)
         read = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         assert read.dtype == image.dtype
         np.testing.assert_array_equal(read, image)

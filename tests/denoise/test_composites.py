@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,9 +15,9 @@ from glsim import Frame, load_settings, simulate
 from glsim.cli.denoise import denoise
 from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, composed, load
 from glsim.denoise.composites import measured_surfaces
+from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.loading import as_method
 from glsim.denoise.network import NetworkDenoiser
-from glsim.denoise.protocol import Denoised, Depth
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.frame import frame_set
@@ -158,7 +159,7 @@ def test_no_pixel_appears_in_a_shadow() -> None:
 
 def test_integers_bools_and_the_type_of_the_input() -> None:
     noisy = head_before_wall()
-    whole = noisy.astype(np.uint16)
+    whole: Any = noisy.astype(np.uint16)
     out = measured_surfaces(noisy.astype(np.float64), np.ones_like(noisy), whole)
     assert out.dtype == np.float64
     np.testing.assert_array_equal(out, np.where(whole > 0, noisy, 0))
@@ -170,6 +171,7 @@ def _cut(depth_mm: Depth, clean_mm: Depth, ring: np.ndarray, noisy_mm: Depth) ->
     return float((right & (depth_mm == 0)).sum() / ring.sum())
 
 
+@pytest.mark.long
 def test_rims_of_simulated_heads_before_walls() -> None:
     overrides = {
         "sensor": "kinect-v2-fast", "seed": 77, "output": {"crop": 128},
@@ -195,6 +197,7 @@ def test_rims_of_simulated_heads_before_walls() -> None:
     assert stray["measured"] == 0
 
 
+@pytest.mark.long
 @needs_real_frames
 def test_real_frames_keep_their_silhouettes_and_shadows() -> None:
     network = load("face")
@@ -227,4 +230,4 @@ def test_a_networks_probability_is_cut_to_0_and_1() -> None:
         return {"depth_mm": frame_mm, "probability": np.full_like(frame_mm, above)}
 
     method = as_method("net", NetworkDenoiser(network, "net", False))
-    assert method(noisy[None]).valid.max() == 1
+    assert method(noisy[None].astype(np.float32)).valid.max() == 1

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from glsim.dataset.record_schema import read_object
 from glsim.denoise import depth_files
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
@@ -19,7 +20,7 @@ def test_the_header_of_a_data_set_is_read_once_for_all_of_its_folders(
     files = sorted(tmp_path.rglob("*_noisy.png"))
     assert len({file.parent for file in files}) == 3
     read = []
-    original = depth_files.read_object
+    original = read_object
 
     def count(path: Path) -> object:
         read.append(path)

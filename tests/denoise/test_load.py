@@ -6,11 +6,12 @@ import json
 import logging
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from glsim.denoise import compose, load, load_denoiser, protocol
+from glsim.denoise import compose, interface, load, load_denoiser
 from glsim.errors import ConfigError
 from tests.support import checkpoint_stand_in
 from tests.support.eval_scenes import dome, noisy
@@ -39,10 +40,10 @@ def test_a_denoiser_of_one_map_is_the_method_on_a_stack_of_one(dtype: type) -> N
 
 
 def test_a_soft_validity_is_a_mask_by_a_composite_or_a_probability(checkpoint: Path) -> None:
-    noisy_mm = NOISY.astype(np.uint16)
+    noisy_mm: Any = NOISY.astype(np.uint16)
     raw = load_denoiser(str(checkpoint), composite=None)(noisy_mm)
     np.testing.assert_allclose(raw.valid, np.where(NOISY > 0, 0.75, 0.25))
-    for composite, expected in compose(raw, NOISY.astype(np.uint16)).items():
+    for composite, expected in compose(raw, noisy_mm).items():
         depth_mm, valid = load_denoiser(str(checkpoint), composite=composite)(noisy_mm)
         np.testing.assert_array_equal(depth_mm, expected)
         np.testing.assert_array_equal(valid, expected > 0)
@@ -70,7 +71,7 @@ def test_what_is_no_depth_map_is_refused(depth: np.ndarray, words: str) -> None:
 def test_the_parameter_sure_is_an_alias_and_is_logged_once(
     checkpoint: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    protocol._log_renamed.cache_clear()
+    interface._log_renamed.cache_clear()
     depth = NOISY[None]
     with caplog.at_level(logging.WARNING):
         for probability in ("0.6", "0.75", "0.9"):

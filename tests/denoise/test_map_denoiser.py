@@ -10,8 +10,8 @@ import pytest
 import glsim
 from glsim.denoise import MapDenoiser, load, load_denoiser
 from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
+from glsim.denoise.interface import Depth
 from glsim.denoise.loading import as_method
-from glsim.denoise.protocol import Depth
 from glsim.errors import ConfigError
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.run import evaluate
@@ -83,7 +83,7 @@ def test_a_stream_of_a_filter_with_later_frames_is_causal() -> None:
         stack = np.stack(FRAMES[max(0, number - 1) : number + 1])
         depth_mm, valid = load("temporal_median")(stack, len(stack) - 1)
         found = stream.push(frame)
-        np.testing.assert_array_equal(found.valid, valid & (depth_mm > 0))
+        np.testing.assert_array_equal(found.valid, np.logical_and(valid, depth_mm > 0))
         np.testing.assert_array_equal(found.depth_mm, np.where(valid, depth_mm, 0))
 
 

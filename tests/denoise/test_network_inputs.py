@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 import glsim
 from glsim.cli import main
 from glsim.denoise import checkpoint, load
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.onnx_file import Runtime, load_onnx
 from glsim.denoise.onnx_inputs import read_inputs
 from glsim.errors import DenoiserError
 from glsim.files.png import encode_png, read_depth_png
-from glsim.train.export import TOLERANCE_MM, export_onnx
 from glsim.train.models.registry import build_model
+from glsim.train.onnx_export import TOLERANCE_MM, export_onnx
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.networks import BACKBONES, frames
 
@@ -59,9 +59,10 @@ def sequence(height: int = 53, width: int = 67) -> tuple[NDArray[Any], NDArray[A
     return stack, np.where(stack[1] > 0, 2e9 / np.maximum(stack[1], 1) ** 2, 0).astype(np.float32)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("runtime", RUNTIMES)
 def test_both_runtimes_give_the_results_of_pytorch(network: Path, runtime: Runtime) -> None:
-    assert read_inputs((network / "net.onnx").read_bytes()) == Inputs(**INPUTS[network.name])
+    assert read_inputs((network / "net.onnx").read_bytes()) == NetworkInputs(**INPUTS[network.name])
     by_torch = load(str(network / "best.pt"))
     exported: Any = load_onnx(network / "net.onnx", runtime=runtime)
     for size in ((53, 67), (128, 144)):
@@ -74,9 +75,10 @@ def test_both_runtimes_give_the_results_of_pytorch(network: Path, runtime: Runti
         np.testing.assert_allclose(found_sigma_mm, sigma_mm, rtol=1e-3)
 
 
+@pytest.mark.long
 def test_every_input_has_an_effect_and_may_be_missing(network: Path) -> None:
     method = load(str(network / "net.onnx"))
-    inputs = Inputs(**INPUTS[network.name])
+    inputs = NetworkInputs(**INPUTS[network.name])
     assert (method.before, method.after, method.infrared) == (*inputs[1:], inputs.infrared)
     stack, infrared = sequence()
     whole = method(stack, 1, infrared).depth_mm
@@ -146,12 +148,14 @@ def test_the_command_finds_infrared_and_earlier_frames(
     assert main(["denoise", "maps", "-o", "given", "-d", "all.pt", "--infrared", "light"]) == 0
     method = load("all.pt")
     whole = np.round(stack).astype(np.uint16)
-    found = [read_depth_png(Path(folder) / "f1_noisy.png") for folder in ("beside", "given")]
-    np.testing.assert_array_equal(*found)
+    beside, given = (
+        read_depth_png(Path(folder) / "f1_noisy.png") for folder in ("beside", "given")
+    )
+    np.testing.assert_array_equal(beside, given)
     denoised = method(np.floor(stack), 1, np.floor(infrared)).depth_mm
-    kept = found[0] > 0
+    kept = beside > 0
     assert kept.mean() > 0.5
-    assert np.abs(found[0][kept].astype(float) - denoised[kept]).max() <= 0.51
+    assert np.abs(beside[kept].astype(float) - denoised[kept]).max() <= 0.51
     assert whole.shape == stack.shape
     Path("maps/f2_infrared.png").unlink()
     capsys.readouterr()
@@ -168,7 +172,7 @@ def test_eval_gives_networks_their_infrared_and_neighbours(tmp_path: Path) -> No
     from glsim.eval.scoring.blocks import FrameBlock, ScoringJob
 
     job = ScoringJob(tmp_path / "data", "test", (spec,))
-    result = job.start()(FrameBlock(0, 0, 5))
+    (result,) = job.run(iter([FrameBlock(0, 0, 5)]))
     assert not result.bad
     found = [row["both_rmse_mm"] for row in result.rows if row["method"] == "net [hard]"]
     pairs = open_dataset(tmp_path / "data").split("test")

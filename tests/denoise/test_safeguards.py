@@ -47,8 +47,7 @@ def test_rounding_to_millimetres_is_no_noise_and_little_depth_gives_no_estimate(
 
 
 def test_smooth_noise_shows_between_pixels_that_are_two_apart() -> None:
-    noise = np.random.default_rng(0).normal(0, 1, (96, 96))
-    noise = cv2.GaussianBlur(noise, (0, 0), 0.8)
+    noise = cv2.GaussianBlur(np.random.default_rng(0).normal(0, 1, (96, 96)), (0, 0), 0.8)
     depth = np.where(ball() > 0, ball() + noise / noise.std(), 0).astype(np.float32)
     near, far = (estimate_noise_mm(depth, step) for step in (1, 2))
     assert near is not None

@@ -108,12 +108,12 @@ def test_the_watched_folder_is_not_written_to(tmp_path: Path) -> None:
 
 
 def wait_for(true: Callable[[], bool]) -> None:
-    """Wait until something is true; a minute at most, on a machine that does much else."""
-    for _ in range(1200):
+    """Wait until something is true; ten minutes at most, for a machine that does much else."""
+    for _ in range(12_000):
         if true():
             return
         time.sleep(0.05)
-    raise AssertionError("it did not become true within a minute")
+    raise AssertionError("it did not become true within ten minutes")
 
 
 def start(folder: Path, out: Path) -> subprocess.Popen[str]:
@@ -131,7 +131,9 @@ def start(folder: Path, out: Path) -> subprocess.Popen[str]:
         signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
+)
 def test_ctrl_c_ends_with_a_count_and_the_latency(tmp_path: Path, number: signal.Signals) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     write(folder, 0)
@@ -148,6 +150,7 @@ def test_ctrl_c_ends_with_a_count_and_the_latency(tmp_path: Path, number: signal
     assert "Traceback" not in printed
 
 
+@pytest.mark.long
 def test_a_killed_watch_leaves_whole_maps_only_and_can_be_started_again(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     for number in range(3):

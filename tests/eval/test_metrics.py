@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.metrics import mean_squared_error, peak_signal_noise_ratio, structural_similarity
 
@@ -37,10 +38,8 @@ def pixel_by_pixel(p: Array, c: Array, i: Array) -> dict[str, list[float]]:
         return c[y, x] > 0 and any(o and abs(o - float(c[y, x])) > 30 for o in others)
 
     jumps = {(y, x) for y in range(height) for x in range(width) if jump(y, x)}
-    sets: dict[str, list[float]] = {
-        name: []
-        for name in ("both", "both_interior", "both_edge", "input", "input_interior", "input_edge")
-    } | {"filled": [], "angle": []}
+    names = ("both", "both_interior", "both_edge", "input", "input_interior", "input_edge")
+    sets: dict[str, list[float]] = {name: [] for name in (*names, "filled", "angle")}
     for y in range(height):
         for x in range(width):
             if c[y, x] <= 0:
@@ -70,7 +69,7 @@ def _angle(p: Array, c: Array, y: int, x: int) -> float:
         points = CAMERA.unproject(depth.astype(np.float64) / 1000) * 1000
         n = np.cross(points[y + 1, x] - points[y - 1, x], points[y, x + 1] - points[y, x - 1])
         normals.append(n / np.linalg.norm(n))
-    return math.degrees(2 * math.asin(min(1.0, np.linalg.norm(normals[0] - normals[1]) / 2)))
+    return math.degrees(2 * math.asin(min(1.0, float(np.linalg.norm(normals[0] - normals[1])) / 2)))
 
 
 def same(ours: float, theirs: float) -> bool:
@@ -137,7 +136,7 @@ def test_normals_in_double_precision() -> None:
     clean, other = dome(whole=False), noisy(dome(), 4)
     ours = scored(other, clean, clean)
 
-    def vectors(depth: Array) -> Array:
+    def vectors(depth: Array) -> NDArray[np.float64]:
         z = depth.astype(np.float64)
         p = np.stack([RAYS[..., 0] * z, RAYS[..., 1] * z, z], -1)
         return np.cross(np.roll(p, -1, 0) - np.roll(p, 1, 0), np.roll(p, -1, 1) - np.roll(p, 1, 1))

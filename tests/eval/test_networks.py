@@ -174,6 +174,7 @@ def test_runs_alone_are_scored_beside_the_filters(runs: Path, tmp_path: Path) ->
     assert not (out / "paper_table_2.md").exists()
 
 
+@pytest.mark.long
 def test_figures_are_of_the_methods_that_are_asked_for(runs: Path, tmp_path: Path) -> None:
     ours = f"ours@{runs / 'ours' / 'best.pt'}"
     job = ScoringJob(write_pairs(tmp_path / "pairs", 2, 2), "test", ("noisy", "median", ours))

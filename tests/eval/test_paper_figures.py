@@ -126,6 +126,7 @@ def test_rays_end_at_what_stops_them(data: Dataset) -> None:
     assert "projector, 75 mm beside; its rays" in labels
 
 
+@pytest.mark.long
 def test_networks_of_a_folder_and_what_is_missing(
     reproduction: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,7 +30,7 @@ def pairs(tmp_path: Path) -> Path:
     return write_pairs(tmp_path / "pairs")
 
 
-def run(pairs: Path, out: Path, *specs: str, workers: int = 1, **more: bool) -> Evaluation:
+def run(pairs: Path, out: Path, *specs: str, workers: int = 1, **more: Any) -> Evaluation:
     return evaluate(ScoringJob(pairs, "test", specs), out, workers=workers, **more)
 
 

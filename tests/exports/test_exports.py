@@ -92,7 +92,7 @@ def test_open3d_projects_our_camera_file_to_our_points(tmp_path: Path) -> None:
     (tmp_path / "camera.json").write_bytes(open3d_json(frame.camera))
     camera = o3d.io.read_pinhole_camera_parameters(str(tmp_path / "camera.json"))
     k = camera.intrinsic.intrinsic_matrix
-    np.testing.assert_allclose(k, [[60, 0, 30.7], [0, 61, 22.4], [0, 0, 1]])
+    np.testing.assert_allclose(k, np.array([[60, 0, 30.7], [0, 61, 22.4], [0, 0, 1]]))
     image = o3d.geometry.Image(frame.depth_m["clean"])
     theirs = o3d.geometry.PointCloud.create_from_depth_image(
         image, camera.intrinsic, camera.extrinsic, depth_scale=1.0, depth_trunc=10.0

@@ -9,6 +9,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +51,7 @@ def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def _faces(source: IctFaceKit, keys: list[FaceKey]) -> list[Face]:
+def _faces(source: IctFaceKit, keys: Sequence[FaceKey]) -> list[Face]:
     return [face for face in source.load(keys) if isinstance(face, Face)]
 
 

@@ -14,6 +14,7 @@ from glsim.appearance.dress import WORN_REGIONS
 from glsim.dataset import open_dataset, verify, write_dataset
 from glsim.dataset.reader import Dataset
 from glsim.errors import ConfigError, DatasetError
+from glsim.faces.base import FaceSource
 from glsim.faces.ict_facekit.topology import REGION_NAMES
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.people.regions import REGIONS as PEOPLE_REGIONS
@@ -121,7 +122,7 @@ def test_a_mesh_of_another_size_is_skipped(context: moderngl.Context) -> None:
 
 
 def write(out: Path, form: str, workers: int) -> Dataset:
-    sources = [Board(), ProceduralFaces()]
+    sources: list[FaceSource] = [Board(), ProceduralFaces()]
     given = load_settings(
         overrides={
             "sensor": "ideal",

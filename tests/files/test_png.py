@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from PIL import Image
 
 from glsim.errors import DatasetError
@@ -23,9 +25,11 @@ def decoded(data: bytes) -> np.ndarray:
     return image
 
 
-def make_image(dtype: type, height: int, width: int, top: int, bottom: int, seed: int):
+def make_image(
+    dtype: type, height: int, width: int, top: int, bottom: int, seed: int
+) -> NDArray[Any]:
     rng = np.random.default_rng(seed)
-    image = np.zeros((height, width), dtype)
+    image: NDArray[Any] = np.zeros((height, width), dtype)
     rows = image[top : height - bottom]
     rows[...] = rng.integers(0, np.iinfo(dtype).max, rows.shape, dtype, endpoint=True)
     rows[rng.random(rows.shape) < 0.3] = 0
@@ -56,7 +60,7 @@ def test_any_image_survives(dtype, height, width, top, bottom, seed) -> None:
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("shape", [(424, 512), (1, 1), (1080, 1920)])
 def test_empty_full_and_strided_images(dtype, shape) -> None:
-    full = make_image(dtype, *shape, 0, 0, 1)
+    full = make_image(dtype, shape[0], shape[1], 0, 0, 1)
     for image in (np.zeros(shape, dtype), full, full[::-1], np.full(shape, 255, dtype)):
         np.testing.assert_array_equal(decoded(encode_png(image)), image)
 

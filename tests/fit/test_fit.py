@@ -324,7 +324,7 @@ def test_pattern_and_its_map(smooth: bool) -> None:
     rng = np.random.default_rng(8)
     shape = (IMAGE.height, IMAGE.width)
     own = rng.normal(0, 1, shape)
-    own = 3.0 * cv2.blur(own, (3, 3)) if smooth else own
+    own = np.asarray(3.0 * cv2.blur(own, (3, 3)), np.float64) if smooth else own
     y = np.arange(IMAGE.height)[:, None]
     truth = 0.25 * own + 0.3 * rng.normal(0, 1, (len(y), 1)) + 0.15 * rng.normal(0, 1, shape[1:])
     alternation = np.where(y < len(y) // 2, 0.65, -0.65) - 0.1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -82,7 +83,7 @@ def test_frames_do_not_depend_on_who_used_the_context_before() -> None:
 
     first = frames("kinect-v1")
     frames("kinect-v2-fast")
-    unfinished = simulate(settings("ideal"))
+    unfinished: Any = simulate(settings("ideal"))
     next(unfinished)
     for before, after in zip(first, frames("kinect-v1"), strict=True):
         np.testing.assert_array_equal(before, after)
@@ -90,7 +91,7 @@ def test_frames_do_not_depend_on_who_used_the_context_before() -> None:
 
 
 def test_a_simulation_may_be_closed_by_another_thread() -> None:
-    generators = []
+    generators: list[Any] = []
 
     def begin() -> None:
         generators.append(simulate(settings()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import pytest
@@ -215,12 +216,12 @@ def test_the_parser_agrees_with_the_driver_for_shipped_stages(
     """Every declared parameter is a uniform of this type and default, and there are no others."""
     source = shipped_stages()[name].source
     assert source is not None
-    program = link(context, source)
+    program: Any = link(context, source)
     types = {0x1406: "float", 0x1404: "int", 0x8B56: "bool"}
     seen = {
-        key: (types.get(member.gl_type), float(member.value))
+        key: (types.get(program[key].gl_type), float(program[key].value))
         for key in program
-        if isinstance(member := program[key], moderngl.Uniform) and not key.startswith("u_")
+        if isinstance(program[key], moderngl.Uniform) and not key.startswith("u_")
     }
     assert set(seen) == set(source.parameters), "declared but unused, or used but not declared"
     for key, parameter in source.parameters.items():

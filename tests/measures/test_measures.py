@@ -60,7 +60,7 @@ def test_large_noise_is_static_and_a_small_shift_is_not() -> None:
 def test_noise_that_grows_over_the_radius_grows_in_the_table() -> None:
     clean = plane(1000.0)
     radius = _frames(clean)[0].radius_px
-    sigma = 1.0 + (radius / 200.0) ** 2
+    sigma = np.asarray(1.0 + (radius / 200.0) ** 2, np.float64)
     frames = _frames(noisy(clean, sigma, 1), noisy(clean, sigma, 2))
     cells = {c.radius_px: c.value for c in measure_temporal(frames, [(0, 1)]).cells}
     for (inner, outer), value in cells.items():

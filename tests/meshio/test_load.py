@@ -7,6 +7,7 @@ import json
 import logging
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,14 +26,14 @@ from tests.support.face_models import analytic_face
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)
 
 
-def _export(mesh: trimesh.Trimesh | trimesh.Scene, path: Path, **options: object) -> Path:
+def _export(mesh: trimesh.Trimesh | trimesh.Scene, path: Path, **options: Any) -> Path:
     if path.suffix == ".gltf":
         for name, data in mesh.export(file_type="gltf", **options).items():
             (path.parent / name).write_bytes(data)
         (path.parent / "model.gltf").rename(path)
     else:
         data = mesh.export(file_type=path.suffix[1:], **options)
-        path.write_bytes(data.encode() if isinstance(data, str) else data)
+        path.write_bytes(data.encode() if isinstance(data, str) else data)  # type: ignore[arg-type]
     return path
 
 
@@ -72,7 +73,7 @@ def test_every_format_comes_back(tmp_path: Path, extension: str) -> None:
 def test_ascii_variants_come_back(tmp_path: Path, extension: str, options: dict[str, str]) -> None:
     path = tmp_path / f"face{extension}"
     data = _face().export(**{"file_type": extension[1:], **options})
-    path.write_bytes(data.encode() if isinstance(data, str) else data)
+    path.write_bytes(data.encode() if isinstance(data, str) else data)  # type: ignore[arg-type]
     assert load_mesh(path).mesh.faces.shape == TRIANGLES.shape
 
 

@@ -89,10 +89,10 @@ def test_neighbours_are_alike_over_the_drawn_length(spacing: float) -> None:
         for n in range(15)
     ]
     for axis, length in ((1, spacing), (0, 1.5 * spacing)):
-        lags = np.arange(1, 25)
+        lags = range(1, 25)
         size = WIDTH if axis else HEIGHT
         measured = [np.mean([_shifted_product(f, axis, lag, size) for f in fields]) for lag in lags]
-        half = np.interp(0.5, measured[::-1], lags[::-1]) if measured[0] > 0.5 else 1.0
+        half = np.interp(0.5, measured[::-1], list(lags)[::-1]) if measured[0] > 0.5 else 1.0
         if length >= 2:
             assert half == pytest.approx(0.87 * length, rel=0.05)
         assert abs(measured[int(np.ceil(3 * length)) - 1]) < 0.1  # splines are 3 nodes wide

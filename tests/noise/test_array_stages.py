@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -102,7 +103,7 @@ def test_functions_of_modules_are_found() -> None:
 
 def test_declarations_carry_file_and_line() -> None:
     @array_stage(a=("int", 1, 0, 2, "px", "what"))
-    def stage(view: object, layers: object, p: object) -> dict[str, object]:
+    def stage(view: Any, layers: Any, p: Any) -> dict[str, Any]:
         return {}
 
     parameter = stage.stage_parameters["a"]  # type: ignore[attr-defined]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
 import numpy as np
 import pytest
@@ -119,7 +121,7 @@ def test_fixed_pattern_belongs_to_the_device(context: moderngl.Context) -> None:
 
 
 #: One part of the fixed pattern at a time.
-NO_PATTERN = dict.fromkeys(
+NO_PATTERN: dict[str, Any] = dict.fromkeys(
     ("pixel_sigma_mm", "column_sigma_mm", "row_sigma_mm", "row_alternation_mm", "row_step_mm"), 0.0
 )
 

@@ -35,7 +35,8 @@ def counts(layers: dict[str, Image], near: float, far: float) -> tuple[float, fl
     depth = 1000 * layers["depth"][ROWS, 230:280]
     between = (depth > near + 20) & (depth < far - 20)
     outside = ((depth > far + 20) | (depth < near - 20)) & (depth > 0)
-    return tuple(float(part.sum() / len(depth)) for part in (between, outside, depth == 0))
+    one, two, three = (float(part.sum() / len(depth)) for part in (between, outside, depth == 0))
+    return one, two, three
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from glsim.cli import main
 from glsim.dataset import open_dataset, verify
@@ -102,7 +104,7 @@ def _stack(folder: Path, depth: np.ndarray, light: np.ndarray | None = None) -> 
     ("dtype", "factor"), [(np.uint16, 1.0), (np.float32, 1.0), (np.float64, 0.001)]
 )
 def test_stacks_of_millimetres_and_metres(tmp_path: Path, dtype: type, factor: float) -> None:
-    stack = (np.stack([DEPTH, DEPTH + 5]) * factor).astype(dtype)
+    stack: NDArray[Any] = (np.stack([DEPTH, DEPTH + 5]) * factor).astype(dtype)
     stack[0, 0, 0] = 0 if dtype is np.uint16 else np.nan
     found = open_recording(_stack(tmp_path / "s", stack, np.stack([LIGHT, LIGHT])))
     assert found.kind == "npy"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import moderngl
 import numpy as np
@@ -100,7 +102,7 @@ def test_shadows_are_as_wide_as_without_the_lens(context: moderngl.Context, side
 def test_a_crop_is_cut_from_the_same_image(context: moderngl.Context) -> None:
     renderer = Renderer(context, RAW)
     pose = {"distance_mm": 900.0, "x_mm": 400.0, "y_mm": 250.0}
-    scene = [(face_mesh(60), pose), rectangle((-3, 3), (-3, 3), 1.2)]
+    scene: list[Any] = [(face_mesh(60), pose), rectangle((-3, 3), (-3, 3), 1.2)]
     whole = layers_of(context, renderer, scene)
     crop = Rect(360, 260, 100, 100)
     part = layers_of(context, renderer, scene, crop)

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -45,7 +46,7 @@ def test_depth_and_normals_are_those_of_open3d(
 ) -> None:
     import open3d
 
-    tensor = open3d.core.Tensor
+    tensor: Any = open3d.core.Tensor
     scene = open3d.t.geometry.RaycastingScene(nthreads=1)
     points = camera_points(face, pose).astype(np.float32)
     scene.add_triangles(tensor(points), tensor(face.faces.astype(np.uint32)))
@@ -77,7 +78,7 @@ def test_shadows_are_those_of_open3d(context: moderngl.Context, face: Mesh, asid
     rays = np.zeros((int(seen.sum()), 6), np.float32)
     rays[:, :3] = (points + 0.0003 * normal)[seen]
     rays[:, 3:] = emitter - points[seen]
-    tensor = open3d.core.Tensor
+    tensor: Any = open3d.core.Tensor
     scene = open3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(
         tensor(camera_points(face, pose).astype(np.float32)), tensor(face.faces.astype(np.uint32))

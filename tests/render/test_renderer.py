@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -142,7 +143,7 @@ def test_albedo_is_interpolated_between_vertices_or_that_of_skin(
 def test_new_vertices_of_a_known_topology_are_drawn(context: moderngl.Context) -> None:
     renderer = Renderer(context, rig())
     near = rectangle((-0.1, 0.1), (-0.1, 0.1), 0.8)
-    far = Mesh(near.vertices_mm * [1, 1, 1.5], near.faces)
+    far = Mesh(near.vertices_mm * np.array([1, 1, 1.5], np.float32), near.faces)
     deep = [layers_of(context, renderer, [mesh])["clean"].max() for mesh in (near, far, near)]
     np.testing.assert_allclose(deep, [0.8, 1.2, 0.8], atol=1e-6)
 
@@ -170,7 +171,7 @@ def test_a_crop_is_cut_from_the_same_image(
     renderer = Renderer(context, rig((0.045, 0, 0)))
     x, y = offset_m
     pose = {"distance_mm": 900, "x_mm": 1000 * x, "y_mm": 1000 * y}
-    scene = [(face_mesh(60), pose), rectangle((-3, 3), (-3, 3), 1.2)]
+    scene: list[Any] = [(face_mesh(60), pose), rectangle((-3, 3), (-3, 3), 1.2)]
     whole = layers_of(context, renderer, scene)
     centre = V2.project(np.array([[x, y, 0.9]]))[0].astype(int)
     crop = Rect(int(np.clip(centre[0] - 40, 0, 432)), int(np.clip(centre[1] - 40, 0, 344)), 80, 80)

@@ -72,7 +72,9 @@ def test_its_edge_is_a_pixel_outside(context: moderngl.Context) -> None:
     layers = cam.shoot([quad(900.0, (-40, 40), (-40, 40))])
     rows, columns = np.nonzero(layers["phasor_b"][..., 2] > 0)
     seen = np.nonzero(layers["clean"] > 0)
-    box = Rect(columns.min(), rows.min(), np.ptp(columns) + 1, np.ptp(rows) + 1)
-    inner = Rect(seen[1].min(), seen[0].min(), np.ptp(seen[1]) + 1, np.ptp(seen[0]) + 1)
+    box, inner = (
+        Rect(int(x.min()), int(y.min()), int(np.ptp(x)) + 1, int(np.ptp(y)) + 1)
+        for y, x in ((rows, columns), seen)
+    )
     assert box.contains(inner)
     assert 1 <= box.width - inner.width <= 4

@@ -92,7 +92,7 @@ def test_frames_of_rooms_are_the_same_in_any_order(context: moderngl.Context) ->
     settings = load_settings(overrides={"sensor": "ideal", "source": source} | tables)
     sources: list[FaceSource] = [Figures()]
     tasks = make_tasks(settings, sources)
-    found = {}
+    found: dict[Any, Any] = {}
     for order in (tasks, tasks[::-1]):
         frames = simulate(settings, order, sources=[Figures()], context=context)
         for task, frame in zip(order, frames, strict=True):

@@ -86,8 +86,8 @@ def test_the_same_seed_makes_the_same_thing_and_another_one_another() -> None:
         assert all(
             (a.vertices_mm == b.vertices_mm).all() for a, b in zip(first, again, strict=True)
         )
-        sizes = [np.subtract(*bounds_mm(shapes)) for shapes in (first, other)]
-        assert not np.allclose(*sizes)
+        one, two = (np.subtract(*bounds_mm(shapes)) for shapes in (first, other))
+        assert not np.allclose(one, two)
 
 
 def test_albedos_are_ranges_and_screens_and_panes_return_nothing() -> None:

@@ -45,7 +45,7 @@ def on_plane(
 
 def moved(mesh: Mesh, z_m: float) -> Mesh:
     """Move a mesh along z to the canonical frame of a face at ``z_m``."""
-    return replace(mesh, vertices_mm=mesh.vertices_mm + np.float32([0, 0, 1000 * z_m]))
+    return replace(mesh, vertices_mm=mesh.vertices_mm + np.array([0, 0, 1000 * z_m], np.float32))
 
 
 def at_distance(settings: Settings, z_m: float) -> Settings:
@@ -53,7 +53,7 @@ def at_distance(settings: Settings, z_m: float) -> Settings:
     return settings.model_copy(update={"pose": pose})
 
 
-def error_mm(frame: Frame) -> NDArray[np.float64]:
+def error_mm(frame: Frame) -> NDArray[np.floating]:
     both = (frame.clean_m > 0) & (frame.noisy_m > 0)
     return 1000 * (frame.noisy_m[both].astype(float) - frame.clean_m[both])
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.stress import kinds, mutate
-from benchmarks.stress.kinds import KINDS, Kind
+from benchmarks.stress.damage import Kind
+from benchmarks.stress.kinds import KINDS
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -42,7 +42,7 @@ centre_px = [24, 20]
 """
 FORMATS = ["png", "webdataset"]
 #: Faults of `fake_frames`: every seventh face is a bad one.
-SKIP = {"skip_every": 7}
+SKIP: dict[str, Any] = {"skip_every": 7}
 
 
 def make_settings(**output: Any) -> Settings:
@@ -165,7 +165,7 @@ def fake_frame(task: Task, unit_mm: float = 1.0, offset_mm: float = 0.0) -> Fram
 
 
 def make(
-    out: Path,
+    out: Path | str,
     settings: Settings | None = None,
     tasks: list[Task] | None = None,
     *,

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
+from torch.utils.data import Subset
 
 from glsim.settings.tables import parse_table
 from glsim.train.batches import StoredBatches
+from glsim.train.data.pairs import PairDataset
 from glsim.train.recipe import Recipe
 from tests.support.eval_scenes import dome, noisy
 
@@ -17,24 +19,21 @@ SIZE = (24, 24)
 torch.set_num_threads(1)  # more threads are slower on images this small
 
 
-class Domes:
+class Domes(PairDataset):
     """Pairs in memory; mirrored in odd epochs, to show the effect of the epoch."""
 
     def __init__(self, count: int, first: int = 0) -> None:
+        super().__init__()
         clean = dome(SIZE)
         self.noisy = [torch.from_numpy(noisy(clean, first + n))[None] for n in range(count)]
         self.clean = torch.from_numpy(np.ascontiguousarray(clean))[None]
-        self.epoch = 0
-
-    def set_epoch(self, epoch: int) -> None:
-        self.epoch = epoch
 
     def __len__(self) -> int:
         return len(self.noisy)
 
     def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:
         pair = self.noisy[index], self.clean
-        return (pair[0].flip(-1), pair[1].flip(-1)) if self.epoch % 2 else pair
+        return (pair[0].flip(-1), pair[1].flip(-1)) if self._epoch % 2 else pair
 
 
 def recipe(**tables: Any) -> Recipe:
@@ -52,5 +51,5 @@ def recipe(**tables: Any) -> Recipe:
 
 
 def batch_source(recipe: Recipe, count: int = 10, name: str = "domes") -> StoredBatches:
-    held_out: Any = Domes(3, first=100)
+    held_out = Subset(Domes(3, first=100), range(3))
     return StoredBatches(Domes(count), held_out, {"name": name}, recipe)

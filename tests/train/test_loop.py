@@ -212,12 +212,12 @@ def test_batches_are_a_function_of_seed_and_epoch() -> None:
 @pytest.mark.parametrize("case", ADVERSARIAL)
 def test_figures_are_the_evaluations(case: str) -> None:
     prediction, clean, given = (np.abs(image) for image in ADVERSARIAL[case])
-    batch = [torch.from_numpy(image)[None, None] for image in (given, clean)]
+    noisy_mm, clean_mm = (torch.from_numpy(image)[None, None] for image in (given, clean))
     model = lambda _: Prediction(torch.from_numpy(prediction)[None, None])  # noqa: E731
-    ours = validation_figures(model, [batch], AllPixels())
+    ours = validation_figures(model, [(noisy_mm, clean_mm)], AllPixels())
     truth = Truth(clean, given, CAMERA.rays())
     theirs = score(np.where(prediction >= 0.5, prediction, 0), truth)
-    np.testing.assert_array_equal(interior_mask(batch[1])[0, 0].numpy(), truth.parts["interior"])
+    np.testing.assert_array_equal(interior_mask(clean_mm)[0, 0].numpy(), truth.parts["interior"])
     assert ours["mse_mm2"] == pytest.approx(theirs["mse_mm2"])
     assert ours["flips"] == theirs["flips_px"]
     assert ours["interior_rmse_mm"] == pytest.approx(theirs["both_interior_rmse_mm"], nan_ok=True)
@@ -226,8 +226,9 @@ def test_figures_are_the_evaluations(case: str) -> None:
 def test_figures_do_not_depend_on_batches() -> None:
     pairs = Domes(5)
     model = lambda noisy_mm: Prediction(noisy_mm)  # noqa: E731
-    loaders = [DataLoader(pairs, size) for size in (1, 2, 5)]  # type: ignore[arg-type]
-    all_figures = [validation_figures(model, loader, AllPixels()) for loader in loaders]
+    all_figures = [
+        validation_figures(model, DataLoader(pairs, size), AllPixels()) for size in (1, 2, 5)
+    ]
     for figures in all_figures[1:]:
         assert figures == pytest.approx(all_figures[0])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import pytest
@@ -10,10 +11,10 @@ import torch
 from torch import Tensor
 
 from glsim.errors import ConfigError
-from glsim.train.models.calibration import calibrate, sigma_scale
 from glsim.train.models.features import CHANNELS, depth_features
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import build_model
+from glsim.train.models.sigma_scale import calibrate, sigma_scale
 from tests.support.networks import build, frames, parts
 
 BACKBONES = ("dncnn", "small_unet", "partial_conv", "normalized_conv")
@@ -221,7 +222,7 @@ def test_what_is_in_a_hole_is_not_looked_at(wrapper: str, backbone: str) -> None
 def test_partial_convolutions_do_not_read_the_fill() -> None:
     """They replace it: channels in holes may hold anything."""
     for backbone in ("partial_conv", "normalized_conv"):
-        network = build("masked", backbone).eval().backbone
+        network: Any = build("masked", backbone).eval().backbone
         channels = depth_features(frames()).channels
         valid = channels[:, -1:]
         with torch.no_grad():

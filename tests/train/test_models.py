@@ -124,11 +124,11 @@ def test_artifact_removal_is_its_backbone() -> None:
 def test_dncnn_is_the_stack_of_its_paper() -> None:
     torch.manual_seed(0)
     model = DnCNN(2, 2, depth=3, width=5)
-    layers = [layer for layer in model.modules() if isinstance(layer, nn.Conv2d)]
+    layers: list[Any] = [layer for layer in model.modules() if isinstance(layer, nn.Conv2d)]
     x = torch.randn(1, 2, 8, 9)
     expected = x + layers[2](layers[1](layers[0](x).relu()).relu())
     torch.testing.assert_close(model(x), expected)
-    wide = DnCNN(64, 64, depth=2)
+    wide: Any = DnCNN(64, 64, depth=2)
     assert wide.layers[0].weight.detach().std().item() == pytest.approx(
         (2 / (9 * 64)) ** 0.5, rel=0.02
     )

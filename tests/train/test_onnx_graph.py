@@ -37,11 +37,11 @@ class _Slices(nn.Module):
 def exported() -> bytes:
     buffer = io.BytesIO()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the newer exporter, see glsim.train.export
+        warnings.simplefilter("ignore")  # of the newer exporter, see glsim.train.onnx_export
         torch.onnx.export(
             _Slices(),
             (torch.rand(1, 1, 32, 32),),
-            buffer,
+            buffer,  # type: ignore[arg-type]  # as in glsim.train.onnx_export
             input_names=["noisy_mm"],
             output_names=["depth_mm"],
             dynamic_axes={name: {2: "rows", 3: "columns"} for name in ("noisy_mm", "depth_mm")},

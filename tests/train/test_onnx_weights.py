@@ -10,20 +10,18 @@ import torch
 from glsim.denoise.loading import shipped_file
 from glsim.denoise.onnx_file import OpenCvNetwork
 from glsim.errors import TrainError
-from glsim.train.export import onnx_bytes
 from glsim.train.models.registry import build_model, weight_shapes
 from glsim.train.models.warm_start import NOT_COPIED
+from glsim.train.onnx_export import onnx_bytes
 from glsim.train.onnx_weights import weights_of_onnx
 from glsim.train.recipe import load_recipe
 from glsim.train.run_setup import start_record, start_weights
 from tests.support.networks import BACKBONES, frames
 
-SMALL = {"kind": "mask_aware", "uncertainty": True, "surfaces": True} | {
-    "backbone": BACKBONES["small_unet"]
-}
 
-
-@pytest.mark.parametrize("kind", ["paper_input", "masked_depth", "mask_aware"])
+@pytest.mark.parametrize(
+    "kind", ["paper_input", "masked_depth", pytest.param("mask_aware", marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize("backbone", sorted(BACKBONES.keys() - {"unet", "restormer"}))
 def test_a_network_is_its_onnx_file_again(kind: str, backbone: str, tmp_path: Path) -> None:
     torch.manual_seed(3)
@@ -36,11 +34,14 @@ def test_a_network_is_its_onnx_file_again(kind: str, backbone: str, tmp_path: Pa
     file.write_bytes(onnx_bytes(model, file))
     found = weights_of_onnx(file, spec)
     assert model.state_dict().keys() - found.keys() <= set(NOT_COPIED)
-    for name, value in found.items():
-        torch.testing.assert_close(value, model.state_dict()[name], rtol=0, atol=0, msg=name)
+    for name, weight in found.items():
+        torch.testing.assert_close(weight, model.state_dict()[name], rtol=0, atol=0, msg=name)
 
 
-@pytest.mark.parametrize("name", ["face", "face-ir", "face-video"])
+@pytest.mark.parametrize(
+    "name",
+    ["face", *(pytest.param(name, marks=pytest.mark.long) for name in ("face-ir", "face-video"))],
+)
 def test_each_shipped_network_can_be_trained_further(name: str) -> None:
     chosen = load_recipe(name, (), {"training": {"start": name}})
     weights = start_weights(chosen)
@@ -62,6 +63,7 @@ def test_each_shipped_network_can_be_trained_further(name: str) -> None:
     assert len(record["crc32"]) == 8
 
 
+@pytest.mark.long
 def test_a_network_with_more_inputs_starts_from_the_shipped_one_of_single_frames() -> None:
     spec = load_recipe("face-video").model
     with shipped_file("face") as path:
@@ -78,7 +80,7 @@ def test_neither_a_file_nor_a_shipped_network() -> None:
 
 def test_a_file_of_another_architecture_is_refused() -> None:
     with shipped_file("face") as path, pytest.raises(TrainError, match="another architecture"):
-        weights_of_onnx(path, SMALL)
+        weights_of_onnx(path, {"kind": "paper_input", "backbone": BACKBONES["dncnn"]})
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:

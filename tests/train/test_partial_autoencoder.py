@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +13,12 @@ import torch.nn.functional as F  # noqa: N812
 from glsim.denoise import checkpoint
 from glsim.denoise.inference import load_network
 from glsim.denoise.onnx_file import Runtime, load_onnx
-from glsim.train.export import TOLERANCE_MM, export_onnx
 from glsim.train.models.base import DepthModel
 from glsim.train.models.masked_depth import MaskedDepth
 from glsim.train.models.partial_autoencoder import PartialAutoencoder, PreactivatedBlock
 from glsim.train.models.partial_conv import PartialConv2d
 from glsim.train.models.registry import build_model
+from glsim.train.onnx_export import TOLERANCE_MM, export_onnx
 from tests.support.networks import build, frames
 
 SPEC = {"kind": "masked_depth", "backbone": {"kind": "partial_autoencoder", "width": 2}}
@@ -26,7 +27,7 @@ SPEC = {"kind": "masked_depth", "backbone": {"kind": "partial_autoencoder", "wid
 def trained() -> DepthModel:
     """The whole model with a last layer that is not 0: corrections of some millimetres."""
     torch.manual_seed(3)
-    model = build_model(SPEC)
+    model: Any = build_model(SPEC)
     with torch.no_grad():
         model.backbone.last.weight.normal_(std=0.01)
     return model.eval()

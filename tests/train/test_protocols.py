@@ -12,14 +12,14 @@ from glsim.cli import main
 from glsim.dataset import open_dataset
 from glsim.denoise import checkpoint, load
 from glsim.denoise.inference import load_network
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.onnx_file import load_onnx
 from glsim.errors import ConfigError, DenoiserError
 from glsim.files.atomic import read_json
 from glsim.train import StoredPairs, stored_batches
 from glsim.train.data.checks import moved_pair
 from glsim.train.data.simulated import SimulatedPairs
-from glsim.train.export import export_onnx
+from glsim.train.onnx_export import export_onnx
 from tests.support.moved_sets import write_domes
 from tests.support.networks import BACKBONES, WRAPPERS, build
 from tests.support.train_fakes import recipe
@@ -63,13 +63,13 @@ def test_neighbours_move_with_the_frame_and_infrared_stays() -> None:
     depth = np.full((4, 2, 2), 900, np.float32) + np.arange(4, dtype=np.float32)[:, None, None]
     depth[1] = 5000  # infrared, counts
     depth[2, 0, 0] = 0
-    moved = moved_pair(depth, Inputs(infrared=True, before=1))
+    moved = moved_pair(depth, NetworkInputs(infrared=True, before=1))
     np.testing.assert_array_equal(moved[0], 1)  # 900 is before the target's 903
     np.testing.assert_array_equal(moved[1], 5000)
     np.testing.assert_array_equal(moved[2], [[0, 1], [1, 1]])
     np.testing.assert_array_equal(moved[3], 1)
     further = depth + np.array([[[10]], [[0]], [[20]], [[0]]], np.float32)
-    np.testing.assert_array_equal(moved_pair(further, Inputs(True, 1))[0], 8)
+    np.testing.assert_array_equal(moved_pair(further, NetworkInputs(True, 1))[0], 8)
 
 
 def test_the_fingerprint_of_the_data_has_the_protocol(sets: dict[str, Path]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import torch
@@ -66,7 +67,7 @@ def test_nodes_do_not_run_far_ahead(nodes: Nodes, monkeypatch: pytest.MonkeyPatc
         submit(self)
 
     monkeypatch.setattr(ray_blocks.RayBlocks, "_submit_next", counted)
-    pairs = iter(SimulatedPairs(small(), batch=2, seed=5, ray=nodes.address))
+    pairs: Any = iter(SimulatedPairs(small(), batch=2, seed=5, ray=nodes.address))
     next(pairs)
     assert len(submitted) == 12 + 1  # LANES ahead, and the one in use
     pairs.close()

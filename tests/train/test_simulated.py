@@ -49,6 +49,7 @@ def equal(one: Batches, other: Batches) -> bool:
     )
 
 
+@pytest.mark.long
 def test_the_sequence_is_one_for_any_number_of_workers_and_start() -> None:
     """14 batches are more than one round through the lanes."""
     pairs = SimulatedPairs(small(), batch=1, reuse=2, length=LANES + 2)

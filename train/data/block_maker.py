@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.inputs import Inputs, stack_inputs
+from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import MeshError
 from glsim.frame import Frame, Skipped, to_mm
@@ -27,7 +27,7 @@ class BlockMaker:
 
     stream: BatchStream
     target: Target
-    inputs: Inputs
+    inputs: NetworkInputs
     vary: bool
     backend: str | None
     protocol: DepthProtocol

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from glsim.dataset import Dataset, Split
 from glsim.dataset.disk_format import MANIFEST
 from glsim.dataset.pair import no_clean, no_expected
-from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs
+from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum
@@ -25,7 +25,7 @@ Cut = Literal["no", "centre", "random"]
 Target = Literal["clean", "expected"]
 
 
-def pair_layers(target: Target, inputs: Inputs = DEPTH_ALONE) -> tuple[str, ...]:
+def pair_layers(target: Target, inputs: NetworkInputs = DEPTH_ALONE) -> tuple[str, ...]:
     """Return the layers of a pair: the network's depth, its target, and infrared if it sees it."""
     return ("noisy", target, "infrared") if inputs.infrared else ("noisy", target)
 
@@ -50,7 +50,7 @@ def joint_protocol(protocols: Sequence[DepthProtocol]) -> DepthProtocol:
     return protocols[0]
 
 
-def moved_pair(images: NDArray[np.float32], inputs: Inputs) -> NDArray[np.float32]:
+def moved_pair(images: NDArray[np.float32], inputs: NetworkInputs) -> NDArray[np.float32]:
     """Return a pair under the protocol paper: the nearest point of its target at 1 mm.
 
     Args:

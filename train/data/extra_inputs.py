@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.inputs import AFTER, BEFORE, INFRARED, Inputs
+from glsim.denoise.inputs import AFTER, BEFORE, INFRARED, NetworkInputs
 
 #: Infrared is multiplied by a factor within 1/4 and 4, log-uniform: light per distance and albedo
 #: differs by a factor of 5 between a real Kinect V2 and our model of it.
@@ -33,7 +33,7 @@ class Neighbours:
     ``inputs.after`` later by its number: frames may be missing.
     """
 
-    def __init__(self, moments: Sequence[Moment], inputs: Inputs) -> None:
+    def __init__(self, moments: Sequence[Moment], inputs: NetworkInputs) -> None:
         """Take the moments of all frames; those of a sequence are consecutive, in order of time."""
         self._inputs = inputs
         words = dict.fromkeys(moment.sequence for moment in moments)
@@ -62,7 +62,7 @@ class Neighbours:
 
 
 def vary_inputs(
-    stack: NDArray[np.float32], inputs: Inputs, rng: np.random.Generator
+    stack: NDArray[np.float32], inputs: NetworkInputs, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """Return the stack of a frame, (C, H, W), with inputs changed as cameras and sequences differ.
 

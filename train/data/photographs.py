@@ -9,10 +9,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import Dataset
 
 from glsim.errors import DatasetError
 from glsim.settings.seeds import pcg_rng
+from glsim.train.data.pairs import PairDataset
 from glsim.train.data.photograph_files import Photograph
 
 #: Largest grey level.
@@ -60,7 +60,7 @@ def photograph_fingerprint(
     }
 
 
-class PhotographPairs(Dataset[tuple[Tensor, Tensor]]):
+class PhotographPairs(PairDataset):
     """``pairs[n]`` is (noisy_mm, clean_mm), (1, side, side) float32, without holes.
 
     A random part of a random photograph, mirrored with probability 1/2, with Gaussian noise. The
@@ -78,14 +78,9 @@ class PhotographPairs(Dataset[tuple[Tensor, Tensor]]):
         seed: int,
     ) -> None:
         """Take the noise's standard deviation, grey levels of 255, and the number of pairs."""
+        super().__init__()
         self._photographs, self._span, self._sigma = list(photographs), span, sigma_grey
         self._side, self._length, self._seed = side, length, seed
-        # In shared memory, so that persistent workers see the new epoch.
-        self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
-
-    def set_epoch(self, epoch: int) -> None:
-        """Set the epoch of the random draws."""
-        self._epoch.fill_(epoch)
 
     def __len__(self) -> int:
         return self._length

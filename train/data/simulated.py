@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from glsim.denoise.inputs import DEPTH_ALONE, Inputs
+from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
 from glsim.depth_protocol import DepthProtocol, stored_protocol
 from glsim.errors import ConfigError
 from glsim.frame import Frame, Skipped
@@ -73,7 +73,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         batch: int = 4,
         seed: int = 0,
         split: str = "train",
-        inputs: Inputs = DEPTH_ALONE,
+        inputs: NetworkInputs = DEPTH_ALONE,
         vary_inputs: bool = False,
         reuse: int = 1,
         start: int = 0,
@@ -156,14 +156,14 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         _check_workers(workers)
         if self._ray is not None:
             workers = 0  # the nodes are the workers
-        of_workers = {"multiprocessing_context": "forkserver", "prefetch_factor": _PREFETCH}
         return DataLoader(
             self,
             batch_size=None,
             num_workers=workers,
             pin_memory=torch.cuda.is_available(),
             generator=torch.Generator(),  # not the global one, whose state checkpoints hold
-            **(of_workers if workers else {}),
+            multiprocessing_context="forkserver" if workers else None,
+            prefetch_factor=_PREFETCH if workers else None,
         )
 
     def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:

@@ -10,15 +10,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.utils.data import Dataset, get_worker_info
+from torch.utils.data import get_worker_info
 
 from glsim.dataset import open_dataset
-from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, Inputs, stack_inputs
+from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
 from glsim.depth_protocol import DepthProtocol
 from glsim.frame import to_mm
 from glsim.settings.seeds import pcg_rng
 from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
+from glsim.train.data.pairs import PairDataset
 from glsim.train.data.surface_bumps import draw_slope, draw_surface_bumps
 
 __all__ = ["CACHE_MB", "Augmentation", "StoredPairs"]
@@ -56,7 +57,7 @@ class Augmentation:
     vary_inputs: bool = False
 
 
-class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
+class StoredPairs(PairDataset):
     """``pairs[n]`` is (noisy_mm, target_mm), each (1, H, W) float32 millimetres, 0 = no return.
 
     With further ``inputs``, noisy_mm is the stack of all, (C, H, W): see ``glsim.denoise.inputs``.
@@ -71,7 +72,7 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
         crop: int | None = None,
         cut: Cut = "no",
         augmentation: Augmentation | None = None,
-        inputs: Inputs = DEPTH_ALONE,
+        inputs: NetworkInputs = DEPTH_ALONE,
         seed: int = 0,
         cache_mb: float = CACHE_MB,
         target: Target = "clean",
@@ -92,6 +93,7 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
                 files in every epoch. Only the process that made this object has a cache: the
                 workers of a DataLoader always read, because each would hold a copy.
         """
+        super().__init__()
         self.dataset = open_dataset(dataset)
         self.protocol: DepthProtocol = protocol or self.dataset.protocol
         self._layers = pair_layers(target, inputs)
@@ -103,14 +105,8 @@ class StoredPairs(Dataset[tuple[Tensor, Tensor]]):
             self._neighbours = Neighbours(moments, inputs)
         self._crop, self._cut, self._seed = crop, cut, seed
         self._augmentation = augmentation or Augmentation()
-        # In shared memory, so that persistent workers see the new epoch.
-        self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
         self._cache_bytes = cache_mb * 1e6
         self._cache: _Cache | None = None
-
-    def set_epoch(self, epoch: int) -> None:
-        """Set the epoch of the random draws. Call it before iterating a loader."""
-        self._epoch.fill_(epoch)
 
     @property
     def is_remote(self) -> bool:

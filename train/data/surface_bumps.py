@@ -79,5 +79,5 @@ def _smooth_noise(
 ) -> NDArray[np.float32]:
     """Gaussian noise, blurred and scaled to variance 1."""
     white = rng.standard_normal(shape, dtype=np.float32)
-    smooth: NDArray[np.float32] = cv2.GaussianBlur(white, (0, 0), sigma_px)
+    smooth = np.asarray(cv2.GaussianBlur(white, (0, 0), sigma_px), np.float32)
     return smooth / max(float(smooth.std()), 1e-6)

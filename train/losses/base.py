@@ -40,17 +40,26 @@ class Loss(BaseModel):
         clean_mm: Tensor,
         generator: Generator,
     ) -> tuple[Tensor, LossParts]:
-        """Run the network on a batch and return its loss. Losses that change the input override it.
+        """Run the network on a batch and return its loss; losses that change the input override it.
 
-        noisy_mm: (B, C, H, W), all inputs of the network.
-        generator: source of this step's random numbers, on the CPU.
+        Args:
+            model: the network.
+            noisy_mm: (B, C, H, W) all inputs of the network.
+            clean_mm: (B, 1, H, W) target.
+            generator: random numbers of this step, on the CPU.
+
+        Returns:
+            The total, a scalar, and its parts.
         """
         return self(to_float32(model(noisy_mm)), noisy_mm[:, :1], clean_mm)
 
 
 def to_float32(prediction: Prediction) -> Prediction:
     """Convert a prediction made in mixed precision to float32."""
-    return Prediction(*(None if part is None else part.float() for part in prediction))
+    depth_mm, *others = prediction
+    return Prediction(
+        depth_mm.float(), *(None if part is None else part.float() for part in others)
+    )
 
 
 def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:

@@ -1,8 +1,8 @@
 """Losses whose target is a second noisy capture: no clean frame is seen. See docs/rivals.md.
 
 J. Lehtinen et al., "Noise2Noise: Learning Image Restoration without Clean Data", ICML 2018: the
-noise of a second capture cannot be predicted from the first, so that the best answer is what both
-share. Depth cameras deliver such captures at 30 Hz; what moved between them is left out here.
+noise of a second capture cannot be predicted from the first, so the best prediction is the surface
+that both share. Consecutive frames are such captures; pixels that moved are left out.
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ from glsim.train.losses.self_supervised import NoisyTargetLoss
 from glsim.train.losses.surface_priors import inverse_huber, normal_smoothness
 from glsim.train.models.base import Prediction
 
-#: Half side of the window in which two captures are compared, px: the mean of 49 differences of
-#: 2.3 mm (kinect-v2 at 0.9 m, two frames) has 0.3 mm if pixels are independent.
+#: Half side of the window that compares two captures, px. Derived: the mean of 49 differences of
+#: 2.3 mm (kinect-v2 at 0.9 m) has a standard deviation of 0.3 mm.
 _WINDOW_PX: Final = 3
-#: A single difference counts at most this many times ``moved_mm``: one flying pixel in a window
-#: must not look like motion.
+#: Clipping of a difference, in units of ``moved_mm``: one flying pixel must not look like motion.
 _LARGEST_DIFFERENCE: Final = 4.0
 
 
@@ -62,9 +61,8 @@ class SecondCaptureLoss(NoisyTargetLoss):
 class Noise2Noise(SecondCaptureLoss):
     """The measured depth of a second capture, for networks with or without a validity.
 
-    Holes of the input near measured pixels have a target too, where the second capture fills them.
-    With ``valid_weight``, a predicted validity learns how likely the sensor measures a pixel:
-    random holes close and single islands go, while holes that every frame has stay.
+    Holes near measured pixels have a target where the second capture has depth. With
+    ``valid_weight``, a predicted validity learns the probability that the sensor measures a pixel.
     """
 
     kind: Literal["noise2noise"] = "noise2noise"
@@ -135,8 +133,12 @@ def still_pixels(first_mm: Tensor, second_mm: Tensor, moved_mm: float) -> Tensor
     """Mark where two (B, 1, H, W) captures differ by no more than noise does; bool.
 
     The difference is averaged over the pixels of 7 x 7 that both measured: noise averages out,
-    motion does not. A window that neither measured is still; one that only one of them measured is
-    not. moved_mm: largest mean difference; 0 marks every pixel.
+    motion does not. A window without depth in both is still; in one of them, it is not.
+
+    Args:
+        first_mm: (B, 1, H, W), 0 = no return.
+        second_mm: (B, 1, H, W) of the same camera.
+        moved_mm: largest mean difference of a still pixel; 0 marks every pixel.
     """
     if not moved_mm:
         return torch.ones_like(first_mm, dtype=torch.bool)

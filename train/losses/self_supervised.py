@@ -18,8 +18,8 @@ from torch.nn import functional
 from glsim.train.losses.base import Loss, LossParts, to_float32, weighted_mean
 from glsim.train.models.base import Prediction
 
-#: Number of neighbours drawn before a pixel keeps its depth. At a straight silhouette, where half
-#: of the neighbours are holes, one pixel in a thousand keeps it.
+#: Number of neighbours drawn before a pixel keeps its depth. Chosen: at a straight silhouette one
+#: pixel in a thousand keeps it.
 _TRIES: Final = 10
 
 
@@ -55,9 +55,8 @@ class NoisyTargetLoss(Loss):
 class Noise2Void(NoisyTargetLoss):
     """The blind spot of Krull, Buchholz, Jug, "Noise2Void", CVPR 2019, for maps with holes.
 
-    Some measured pixels are replaced by a measured neighbour; the target is their measured depth.
-    It can be predicted only from the surroundings, so noise that is independent from pixel to
-    pixel cannot be learned.
+    Some measured pixels are replaced by a measured neighbour; the target is their measured depth,
+    whose noise, if independent from pixel to pixel, cannot be predicted from the surroundings.
     """
 
     kind: Literal["noise2void"] = "noise2void"

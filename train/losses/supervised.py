@@ -16,16 +16,14 @@ from glsim.train.interior_mask import dilated, interior_mask
 from glsim.train.losses.base import Loss, LossParts, weighted_mean
 from glsim.train.models.base import Prediction
 
-#: Another candidate than the first becomes the target if it is nearer to the truth by this, mm:
-#: several times the noise, and half of a flying pixel's least error.
+#: Advantage, mm, by which another candidate than the first becomes the target. Chosen: several
+#: times the noise, half of a flying pixel's least error.
 _SWITCH_MM: Final = 25.0
-#: A pixel none of whose candidates is nearer to the truth than this, mm, shows a surface that was
-#: not measured around it, such as a wall out of range: no network can know its depth. Such pixels
-#: would rule the gradient: in frames of rooms they are a quarter, with errors of half a metre.
+#: Pixels whose best candidate is farther from the truth than this, mm, have no depth target: their
+#: surface was not measured nearby (a wall out of range), and their errors would dominate.
 _KNOWABLE_MM: Final = 50.0
-#: With ``relative``, errors count as if every frame had this much noise, mm; frames with less than
-#: the least or more than the largest noise count as those. Between 0.5 and 10 mm lies what cameras
-#: add to a face at 0.9 m (docs/any_camera.md).
+#: With ``relative``, errors are scaled to this noise, mm; and bounds of a frame's noise, mm: what
+#: depth cameras add to a face at 0.9 m (docs/any_camera.md).
 _NOISE_MM, _LEAST_NOISE_MM, _LARGEST_NOISE_MM = 4.0, 0.5, 10.0
 
 
@@ -48,10 +46,8 @@ class AllPixels(Loss):
 class Masked(Loss):
     """Error of depth where clean has depth and the input has depth nearby; of validity everywhere.
 
-    The weights were found by experiment with `small_unet` on procedural faces under kinect-v2.
-    Without the slope term the surface stays rough (normals 11 degrees off after 1,000 steps of 8
-    frames, 6 with it). With full weight, rims take most of the gradient, although no network can
-    predict their errors.
+    The weights were chosen by experiment with `small_unet` on procedural faces under kinect-v2: the
+    slope term smooths the surface, and rims, whose errors are unpredictable, have less weight.
     """
 
     kind: Literal["masked"] = "masked"
@@ -172,8 +168,8 @@ def _noise_mm(noisy_mm: Tensor, clean_mm: Tensor, inside: Tensor) -> Tensor:
 def target_surface(errors_mm: Tensor) -> Tensor:
     """Index of each pixel's target among candidates: (B, K, H, W) errors to (B, 1, H, W).
 
-    It is the first one unless another is nearer to the truth by `_SWITCH_MM`, so that three
-    candidates on the same surface have one target.
+    Another than the first must be nearer to the truth by `_SWITCH_MM`: candidates on one surface
+    have one target.
     """
     size = errors_mm.abs()
     size = torch.cat([size[:, :1] - _SWITCH_MM, size[:, 1:]], dim=1)

@@ -20,8 +20,11 @@ _NEIGHBOURS: Final = ((0, 1), (1, 0), (1, 1), (1, -1))
 def inverse_huber(error: Tensor, mask: Tensor) -> Tensor:
     """Mean inverse Huber distance (berHu) over the pixels of a mask, in units of the error.
 
-    Linear up to a fifth of the largest error in the mask, squared above: large departures cost
-    more than in L1, small ones are pulled to 0 more than in L2. error, mask: (B, 1, H, W).
+    Linear up to a fifth of the largest error in the mask, quadratic above.
+
+    Args:
+        error: (B, 1, H, W).
+        mask: (B, 1, H, W) bool, pixels that count.
     """
     size = torch.where(mask, error, 0.0).abs()
     limit = (_LINEAR_SHARE * size.detach().max()).clamp_min(torch.finfo(size.dtype).tiny)
@@ -32,9 +35,10 @@ def inverse_huber(error: Tensor, mask: Tensor) -> Tensor:
 def normal_smoothness(depth_mm: Tensor, mask: Tensor, focal_px: float) -> Tensor:
     """Mean of 1 - |cosine| between the normals of neighbouring pixels, 0 on planes.
 
-    depth_mm: (B, 1, H, W). mask: bool, pixels that count; a normal needs four neighbours in it.
-    focal_px: a pixel is depth / focal_px wide on a surface across the axis. Within a window of
-    3 x 3 px the camera's rays are taken as parallel.
+    Args:
+        depth_mm: (B, 1, H, W).
+        mask: (B, 1, H, W) bool, pixels that count; a normal needs four neighbours in it.
+        focal_px: focal length. Rays within 3 x 3 px are taken as parallel.
     """
     normal, known = _normals(depth_mm, mask, focal_px)
     losses, weights = [], []
@@ -60,13 +64,13 @@ def _normals(depth_mm: Tensor, mask: Tensor, focal_px: float) -> tuple[Tensor, T
 
 
 def _base(image: Tensor, rows: int, columns: int) -> Tensor:
-    """The pixels of an image that have a neighbour at this distance."""
+    """Cut an image to the pixels that have a neighbour at this distance."""
     height, width = image.shape[-2:]
     first = max(0, -columns)
     return image[..., : height - rows, first : width - max(0, columns)]
 
 
 def _shifted(image: Tensor, rows: int, columns: int) -> Tensor:
-    """The neighbours at this distance of the pixels of `_base`; rows is at least 0."""
+    """Cut an image to the neighbours of the pixels of `_base`; ``rows`` is at least 0."""
     first = max(0, columns)
     return image[..., rows:, first : image.shape[-1] + min(0, columns)]

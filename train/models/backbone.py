@@ -51,6 +51,13 @@ def pad_to_multiple(x: Tensor, multiple: int) -> Tensor:
     return F.pad(x, (0, right, 0, below), mode="replicate") if below or right else x
 
 
+def init_he(layer: nn.Conv2d) -> None:
+    """Draw the weights of a convolution after He et al., ICCV 2015; set its bias to 0."""
+    nn.init.kaiming_normal_(layer.weight, mode="fan_in")
+    if layer.bias is not None:
+        nn.init.zeros_(layer.bias)
+
+
 def init_zero(layer: nn.Conv2d) -> None:
     """Set weights and bias of a convolution to 0, so that it outputs 0 before training."""
     nn.init.zeros_(layer.weight)

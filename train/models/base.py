@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import torch
 from torch import Tensor, nn
 
-from glsim.denoise.inputs import DEPTH_ALONE, Inputs
+from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
 
 
 class Prediction(NamedTuple):
-    """A network's output for a batch of depth maps; each (B, 1, H, W) float32.
+    """Output of a network for a batch of depth maps, float32.
 
-    depth_mm: millimetres along the axis, meaningful where the network predicts depth.
-    valid_logit: log odds that a pixel has depth; None if the network codes "no depth" as 0 in
-        ``depth_mm``, as the networks of the paper do.
-    log_sigma: natural logarithm of the standard deviation of ``depth_mm`` in millimetres, or None.
-    candidates_mm, choice_logits: (B, K, H, W), from networks that choose between surfaces: depth of
-        each surface, and log odds up to a common term. ``depth_mm`` is the likeliest one.
+    Attributes:
+        depth_mm: (B, 1, H, W) millimetres along the axis, defined where the pixel is valid.
+        valid_logit: (B, 1, H, W) log odds of depth; None if the network codes "no depth" as 0 in
+            ``depth_mm``, as those of the paper do.
+        log_sigma: (B, 1, H, W) natural logarithm of the standard deviation of ``depth_mm``, mm.
+        candidates_mm: (B, K, H, W) depth of each surface, from networks that choose between
+            surfaces; ``depth_mm`` is the likeliest one.
+        choice_logits: (B, K, H, W) logits of that choice.
     """
 
     depth_mm: Tensor
@@ -28,21 +30,28 @@ class Prediction(NamedTuple):
     choice_logits: Tensor | None = None
 
     def hard_mm(self) -> Tensor:
-        """Depth, with 0 where no depth is the likelier."""
+        """Return the depth, with 0 where the pixel is predicted invalid."""
         if self.valid_logit is None:
             return self.depth_mm
         return torch.where(self.valid_logit > 0, self.depth_mm, torch.zeros_like(self.depth_mm))
 
 
+_Module = TypeVar("_Module", bound=nn.Module)
+
+
+def channels_last(module: _Module) -> _Module:
+    """Store the weights of a network as (N, H, W, C), the faster order for convolutions."""
+    return module.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]  # torch's overloads lack it
+
+
 class DepthModel(nn.Module):
     """A denoiser of depth frames of any size: ``model(noisy_mm) -> Prediction``.
 
-    noisy_mm: (B, C, H, W) float32: the depth to denoise in millimetres, 0 = no return, and, if the
-    model has further ``inputs``, those; see ``glsim.denoise.inputs``. Scaling happens inside the
-    model, so no caller can feed a wrong range.
+    The input is (B, C, H, W) float32: depth in millimetres, 0 = no return, and the model's further
+    ``inputs`` (see ``glsim.denoise.inputs``). The model scales them.
     """
 
-    inputs: Inputs = DEPTH_ALONE
+    inputs: NetworkInputs = DEPTH_ALONE
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""

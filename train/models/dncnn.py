@@ -31,13 +31,12 @@ class DnCNN(Backbone):
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
         ends = [in_channels, *[width] * (depth - 1), out_channels]
-        self.layers = nn.ModuleList(
-            nn.Conv2d(ends[i], ends[i + 1], 3, padding=1) for i in range(depth)
-        )
-        for layer in self.layers:
+        layers = [nn.Conv2d(ends[i], ends[i + 1], 3, padding=1) for i in range(depth)]
+        for layer in layers:
             nn.init.kaiming_normal_(layer.weight, mode="fan_in")
         if zero_last:
-            init_zero(self.layers[-1])
+            init_zero(layers[-1])
+        self.layers = nn.ModuleList(layers)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
         """Denoise."""

@@ -7,31 +7,27 @@ from typing import Final, NamedTuple
 import torch
 from torch import Tensor
 
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import NetworkInputs
 from glsim.train.models.features import noise_around, tukey
 from glsim.train.models.gaussian import shrunk_mean
 from glsim.train.models.motion import predicted_change
 
-#: A neighbour whose depth differs by more shows another surface, mm: the limit between surfaces
-#: in `features`. A head moves by at most 10 mm from frame to frame at 30 Hz (0.3 m/s).
+#: Neighbours farther away than this, mm, show another surface; as in `features`.
 _SURFACE_MM: Final = 50.0
 #: Differences enter as asinh(mm / this): linear for noise and motion, compressed beyond.
 _DIFFERENCE_MM: Final = 10.0
-#: A neighbour in time is not averaged where it differs, without its motion, by more than so many
-#: times the noise around: the mean of a patch, which shows motion that was not predicted, and the
-#: pixel itself. With larger limits, heads that turn fast are smeared; with smaller ones, smooth
-#: noise counts as motion. By the error of `face` on means of five frames: 0.83 to 0.92 of that on
-#: one frame for slow heads, 0.94 to 1.04 for heads six times as fast (20 mm and 10 degrees in four
-#: frames); with the limit of the pixel alone 1.04 and 1.26.
+#: Limits of the motion-compensated difference of a neighbour, of a patch's mean and of the pixel,
+#: in units of the local noise: beyond, it is not averaged. Chosen by the error of `face` on slow
+#: and fast heads: larger limits smear, smaller ones take noise for motion.
 _PATCH_LIMIT, _PIXEL_LIMIT = 3.0, 8.0
 #: Radius and sigma of a patch, px.
 _PATCH_RADIUS, _PATCH_SIGMA = 3, 1.5
-#: The noise is that of pixels so far apart, where noise that a filter made smooth shows too, and at
-#: least this, mm: half of the rounding to whole millimetres.
+#: Distance of the pixels that estimate the noise, px, where smooth noise shows too; and the least
+#: noise, mm: half of a step of whole millimetres.
 _NOISE_STEP_PX, _LEAST_NOISE_MM = 3, 0.15
 #: Scale of the robust mean, mm: the correction that a network output of 1 makes.
 _RELATIVE_MM: Final = 10.0
-#: Largest difference of log infrared from its surface's: a factor of 20.
+#: Largest difference of log infrared from its surface's mean: a factor of 20.
 _LARGEST_LOG: Final = 3.0
 #: Scale of log infrared: log of 65,535 counts is 11.
 _LOG_SCALE: Final = 8.0
@@ -40,7 +36,7 @@ _LOG_SCALE: Final = 8.0
 _INFRARED, _EACH_NEIGHBOUR, _ALL_NEIGHBOURS = 2, 2, 2
 
 
-def extra_channels(inputs: Inputs) -> int:
+def extra_channels(inputs: NetworkInputs) -> int:
     """Number of channels of the features of a network's inputs besides depth."""
     neighbours = inputs.before + inputs.after
     in_time = neighbours * _EACH_NEIGHBOUR + _ALL_NEIGHBOURS if neighbours else 0
@@ -48,10 +44,15 @@ def extra_channels(inputs: Inputs) -> int:
 
 
 def infrared_features(infrared: Tensor, surface_log: Tensor) -> Tensor:
-    """Features of infrared counts: (B, 1, H, W) to (B, 2, H, W); 0 where there are no counts.
+    """Compute the features of infrared images; 0 where there are no counts.
 
-    surface_log: mean of log(1 + counts) on each pixel's own surface. Channels: log infrared
-    relative to that mean, which no gain changes; log(1 + counts) / 8, on which noise depends.
+    Args:
+        infrared: (B, 1, H, W) counts.
+        surface_log: (B, 1, H, W) mean of log(1 + counts) over each pixel's surface.
+
+    Returns:
+        (B, 2, H, W): log infrared relative to that mean (independent of the gain), and
+        log(1 + counts) / 8 (on which noise depends).
     """
     measured = (infrared > 0).to(infrared.dtype)
     log = log_counts(infrared)
@@ -65,12 +66,12 @@ def log_counts(infrared: Tensor) -> Tensor:
 
 
 class MeanOverTime(NamedTuple):
-    """What averaging a frame with its N neighbours in time adds to it.
+    """Result of averaging a frame with its N neighbours in time.
 
-    offset_mm: (B, 1, H, W) what it adds to the frame's depth, mm; 0 where the frame or all
-        neighbours have none.
-    weight: (B, 1, H, W) sum of the neighbours' weights, divided by N: 0 to 1.
-    motion_mm: (B, N, H, W) what motion added to the depth of each neighbour, mm.
+    Attributes:
+        offset_mm: (B, 1, H, W) mean minus the frame's depth; 0 where either is unknown.
+        weight: (B, 1, H, W) mean weight of the neighbours, 0 to 1.
+        motion_mm: (B, N, H, W) change of depth by motion in each neighbour.
     """
 
     offset_mm: Tensor
@@ -100,13 +101,18 @@ def mean_over_time(neighbours_mm: Tensor, depth_mm: Tensor) -> MeanOverTime:
 
 
 def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTime) -> Tensor:
-    """Features of N neighbouring frames, (B, N, H, W) mm, 0 = no return, to (B, 2 N + 2, H, W).
+    """Compute the features of N neighbouring frames.
 
-    fill_mm: (B, 1, H, W) depth without holes, of the mean over time. Channels:
-        N differences to it without motion, asinh(mm / 10)
-        N closeness of the neighbours: 1 for equal depth, 0 beyond 50 mm
-        2 of the mean over time: what it added to the frame, in 10 mm, and its weight
-    A neighbour that is missing, invalid or more than 50 mm away adds nothing to any channel.
+    Missing and invalid neighbours, and those more than 50 mm away, are 0 in every channel.
+
+    Args:
+        neighbours_mm: (B, N, H, W), 0 = no return.
+        fill_mm: (B, 1, H, W) mean over time, without holes.
+        mean: the result of `mean_over_time`.
+
+    Returns:
+        (B, 2 N + 2, H, W): N motion-compensated differences, asinh(mm / 10); N similarities, 1 for
+        equal depth, 0 beyond 50 mm; offset (in 10 mm) and weight of the mean over time.
     """
     difference, near = _differences(neighbours_mm, fill_mm)
     still = (difference - mean.motion_mm) * near
@@ -121,7 +127,7 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTim
 
 
 def _differences(neighbours_mm: Tensor, depth_mm: Tensor) -> tuple[Tensor, Tensor]:
-    """Differences of neighbours to a frame, mm, and where they are on its surface, 0 or 1."""
+    """Return differences of neighbours to a frame, mm, and a mask (0 or 1) of the same surface."""
     difference = neighbours_mm - depth_mm
     is_near = (neighbours_mm > 0) & (depth_mm > 0) & (difference.abs() < _SURFACE_MM)
     return torch.where(is_near, difference, 0.0), is_near.to(depth_mm.dtype)

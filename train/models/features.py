@@ -1,7 +1,6 @@
-"""Input features of the mask-aware networks: local, in a network's range, without codes for holes.
+"""Input features of the mask-aware networks: depth differences, smoothed depth, noise, validity.
 
-Each feature depends on a neighbourhood of its pixel only: a crop has the same features as within
-its frame, and a wall behind a face does not change those of the face.
+Each feature depends only on a neighbourhood of its pixel: a crop has the features of its frame.
 """
 
 from __future__ import annotations
@@ -17,74 +16,67 @@ from torch import Tensor
 
 from glsim.train.models.gaussian import TINY, blurred, shrunk_mean, weighted_mean
 
-#: Filters of `depth_features`: a robust mean, four guided filters and two that keep curves.
+#: Filters of `depth_features`: a robust mean, four guided filters, two curve-preserving Gaussians.
 FILTERS: Final = 7
 #: Channels of `depth_features`; the last one is validity.
 CHANNELS: Final = FILTERS + 5
 
-#: Hole filling from the rim: number of rounds, radius and sigma of the Gaussian, px. Three rounds
-#: of 9x9 close holes 24 px wide, more than any speckle of drop-outs.
+#: Hole filling: number of rounds, radius and sigma of the Gaussian, px. Chosen: closes holes of up
+#: to 24 px, wider than any drop-out.
 _FILL_ROUNDS, _FILL_RADIUS, _FILL_SIGMA = 3, 4, 1.5
-#: Radius and sigma of the neighbourhood that a pixel's depth is compared with, px: wider than a
-#: nose at 0.9 m (35 mm are 14 px at a focal length of 365 px).
+#: Radius and sigma of the surrounding mean, px. Chosen: wider than a nose at 0.9 m (14 px).
 _AROUND_RADIUS, _AROUND_SIGMA = 24, 12.0
-#: Depths that differ by more than this are two surfaces: a flying pixel's error in the evaluation.
+#: Depths farther apart than this, mm, belong to two surfaces; as in the evaluation.
 _SURFACE_MM: Final = 50.0
-#: 5x5 samples 3 px apart, 6 px to each side, show the surfaces around a pixel.
+#: Samples to each side, and the distance between them, px.
 _TAPS, _TAP_STEP = 2, 3
-#: Radii, px, and epsilon, mm, of the guided filters: epsilon is that of the filter which removes
-#: most of the noise of real Kinect V2 frames (docs/real_frames_tables.md).
+#: Radii, px, and epsilon, mm, of the guided filters. Epsilon: the best on real Kinect V2 frames
+#: (docs/real_frames_tables.md).
 _GUIDED_RADII, _GUIDED_MM = (1, 2, 4), 15.0
-#: Standard deviations, px, of the Gaussians of `_curved`: under white noise they have the least
-#: error on training frames of 640 and 1024 px; under correlated noise narrower filters have.
+#: Standard deviations, px, of the Gaussians of `_curved`. Chosen: least error under white noise.
 _CURVED_SIGMAS: Final = (3.0, 5.0)
-#: Radius of these Gaussians in standard deviations: 10 px at most, while pixels of two surfaces
-#: that are away from the step between them are 11 px apart.
+#: Radius of these Gaussians in standard deviations: at most 10 px, so that none crosses a step.
 _CURVED_REACH: Final = 2.0
-#: Number of means in a row: each one brings back what the means before it took from the surface.
+#: Number of means: the first one, and those of the residuals.
 _CURVED_ROUNDS: Final = 3
 #: Subtracted from depth before it is squared, mm: keeps float32 exact to 1 mm2 up to 4.5 m.
 _MIDDLE_MM: Final = 1000.0
-#: 3x3 samples this far apart, px, tell how much of the neighbourhood is the own surface.
+#: Distance between the 3x3 samples of `_support`, px.
 _SUPPORT_STEP: Final = 6
-#: Share of them beyond which a pixel is away from steps and holes: a straight rim up to 5 px away
-#: leaves 2 / 3.
+#: Support beyond which a pixel is away from steps and holes; a straight edge within 5 px gives 2/3.
 _EVEN_SUPPORT: Final = 0.75
-#: Noise is the difference of a pixel to the mean of four others at these distances, px. White noise
-#: has the same at both; noise that a filter made smooth over 3x3 pixels has more at the second.
+#: Distances of the pixels that estimate the noise, px: smooth noise shows at the second one only.
 _NOISE_STEPS_PX: Final = (1, 3)
-#: Radius and sigma of the neighbourhood over which it is averaged, px.
+#: Radius and sigma of the Gaussian that averages the noise, px.
 _NOISE_RADIUS, _NOISE_SIGMA = 12, 6.0
-#: Added to it before the logarithm, mm: less than rounding to whole millimetres gives.
+#: Added to the noise before the logarithm, mm: below the noise of rounding to whole millimetres.
 _LEAST_NOISE_MM: Final = 0.1
-#: Scales of what filters add and of the surrounding depth. On the interior of training frames, the
-#: bands have standard deviations of 0.4 to 1.8 mm (median over frames).
+#: Scales of the bands and of the surrounding depth, mm. Measured: bands of training frames have
+#: standard deviations of 0.4 to 1.8 mm.
 _BAND_MM, _AROUND_MM = 2.0, 20.0
 
 
 class Features(NamedTuple):
-    """Features of a batch of frames; each float32 with H and W of the frames.
+    """Features of a batch of frames, float32, all of the frames' size.
 
-    fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
-    bands_mm: (B, FILTERS, H, W) what filters that keep steps would add, at most 50 mm, each less
-        the one before, so that their sum is what the last one adds. In order:
-        guided filter with a radius of 1 px, robust mean of 5x5 px, guided filter of 2 px, Gaussian
-        of 3 px that keeps curves, guided filter of 4 px, Gaussian of 5 px that keeps curves,
-        guided filter of 4 px of the depth relative to all depth around (it smooths slopes as well)
-    even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
-    channels: (B, CHANNELS, H, W), about -5 to 5, 0 where nothing is known:
-        0 to 6 asinh(bands_mm / 2 mm): small at a step of any height
-        7 share of the neighbourhood on the own surface, 0-1: near 0 for a flying pixel
-        8 depth relative to all depth around, asinh(mm / 20): which side of a step is in front
-        9, 10 log of the size of the noise around, in mm, of pixels 1 and 3 px apart
-        11 validity, 0 or 1
+    Attributes:
+        fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
+        bands_mm: (B, FILTERS, H, W) differences between successive edge-preserving filters of
+            increasing strength, so that their sum is the correction of the last one, at most 50 mm:
+            guided filter of radius 1 px, robust mean of 5x5 px, guided filter of 2 px,
+            curve-preserving Gaussian of 3 px, guided filter of 4 px, curve-preserving Gaussian of
+            5 px, guided filter of 4 px relative to the surrounding mean (it also smooths slopes).
+            Differences are less correlated than the filtered maps.
+        channels: (B, CHANNELS, H, W), about -5 to 5, 0 where undefined:
+            0-6 asinh(bands_mm / 2 mm)
+            7 share of the neighbourhood on the pixel's surface, 0 to 1; near 0 for a flying pixel
+            8 depth relative to the surrounding mean, asinh(mm / 20)
+            9, 10 log of the local noise, mm, between pixels 1 and 3 px apart
+            11 validity, 0 or 1
+        even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
 
-    Bands, unlike the filters themselves, are little correlated (condition number of 80 in place of
-    1,000 on training frames). With five filters as features, not as bands, 2,600 steps left their
-    weights where the first 100 had brought them; a fixed sum of the same filters had a lower error.
-
-    Depth enters by differences only. A network that sees the distance learns the noise and the
-    wiggling over distance of the cameras in its training, and bends the depth of any other one.
+    No feature holds the distance: given distance, a network learns the training cameras' bias and
+    distorts others'.
     """
 
     fill_mm: Tensor
@@ -125,10 +117,9 @@ def depth_features(noisy_mm: Tensor) -> Features:
 
 
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
-    """(B, 2, H, W): depth of the nearest and of the farthest surface measured within 6 px, mm.
+    """Return the depth of the nearest and the farthest surface within 6 px, (B, 2, H, W) mm.
 
-    Each is a mean of samples: those less than 50 mm behind the nearest one, and those less than
-    50 mm before the farthest. Without samples, both are ``fill_mm``.
+    Each is the mean of the samples within 50 mm of the extreme one; ``fill_mm`` without samples.
     """
     measured = noisy_mm > 0
     depth_mm = torch.where(measured, noisy_mm, torch.inf)
@@ -147,9 +138,9 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
 
 
 def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: Tensor) -> Tensor:
-    """Mean of known values on each pixel's own surface, (B, 1, H, W); 0 where there is none.
+    """Average known values over each pixel's surface, (B, 1, H, W); 0 without any.
 
-    The samples are 5x5, 3 px apart, measured within 50 mm of ``fill_mm``; weights are Tukey's.
+    The 5x5 samples are 3 px apart, within 50 mm of ``fill_mm``, with Tukey's weights.
     """
     total, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
     depths = torch.where((noisy_mm > 0) & known, noisy_mm, torch.inf)
@@ -163,10 +154,7 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
 def _taps(
     image: Tensor, outside: float, step_px: int = _TAP_STEP, taps: int = _TAPS
 ) -> Iterator[Tensor]:
-    """Yield the image shifted to each sample of a grid around a pixel, ``taps`` to each side.
-
-    outside: the value beyond the image.
-    """
+    """Yield the image shifted to each sample of a grid; pixels beyond the image are ``outside``."""
     height, width = image.shape[-2:]
     reach = taps * step_px
     around = F.pad(image, (reach,) * 4, value=outside)
@@ -179,7 +167,7 @@ def _taps(
 def _extreme(
     smaller_or_larger: Callable[[Tensor, Tensor], Tensor], image: Tensor, outside: float
 ) -> Tensor:
-    """Least or largest of the samples of `_taps`, by rows and then by columns."""
+    """Return the minimum or maximum of the samples of `_taps`, separably by rows and columns."""
     reach = _TAPS * _TAP_STEP
     for axis in (-2, -1):
         border = (0, 0, reach, reach) if axis == -2 else (reach, reach)
@@ -191,7 +179,7 @@ def _extreme(
 
 
 def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
-    """Fill holes by rounds of normalised convolution; 0 where they do not reach."""
+    """Fill holes by rounds of normalised convolution; holes out of reach become 0."""
     for _ in range(_FILL_ROUNDS):
         grown_mm, reached = weighted_mean(depth_mm, known, _FILL_RADIUS, _FILL_SIGMA)
         depth_mm = torch.where(known > 0, depth_mm, grown_mm)
@@ -205,10 +193,10 @@ def _log_noise(depth_mm: Tensor, valid: Tensor, step_px: int) -> Tensor:
 
 
 def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor, Tensor]:
-    """Estimate the noise around each pixel, mm, and where it is known (0 or 1); (B, 1, H, W) each.
+    """Estimate the local noise, mm, and the mask (0 or 1) of known values, (B, 1, H, W) each.
 
-    It is the mean difference of pixels to the mean of four neighbours ``step_px`` away. Only
-    pixels count whose neighbours are measured and within 50 mm.
+    The estimate is the mean absolute difference between a pixel and the mean of its four neighbours
+    at ``step_px``, over pixels whose neighbours are measured and within 50 mm.
     """
     around = F.pad(torch.where(valid > 0, depth_mm, torch.inf), (step_px,) * 4, value=torch.inf)
     height, width = depth_mm.shape[-2:]
@@ -223,15 +211,12 @@ def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor,
 
 
 def local_mean(values: Tensor, known: Tensor) -> Tensor:
-    """Mean of the known values around each pixel, Gaussian with a sigma of 12 px; 0 if none."""
+    """Return the Gaussian mean of known values with a sigma of 12 px; 0 without any."""
     return shrunk_mean(values, known, _AROUND_RADIUS, _AROUND_SIGMA)
 
 
 def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
-    """Mean of the 5x5 measured depths around that are close to ``near_mm``.
-
-    Weights are Tukey's, smooth at the limit: one step of a mean shift.
-    """
+    """Average 5x5 measured depths with Tukey's weights around ``near_mm``: one mean-shift step."""
     offset_sum, weight_sum = torch.zeros_like(near_mm), torch.zeros_like(near_mm)
     for sample in _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, 1):
         offset = (sample - near_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
@@ -242,7 +227,7 @@ def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
 
 
 def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
-    """Share, 0-1, of 3x3 samples 6 px apart whose measured depth is close to ``near_mm``."""
+    """Return the share (0 to 1) of 3x3 samples, 6 px apart, on the surface of ``near_mm``."""
     weight_sum = torch.zeros_like(near_mm)
     samples = torch.where(valid > 0, depth_mm, torch.inf)
     for sample in _taps(samples, torch.inf, _SUPPORT_STEP, 1):
@@ -251,18 +236,17 @@ def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
 
 
 def tukey(ratio: Tensor) -> Tensor:
-    """Return Tukey's biweight of ratios from -1 to 1: 1 at a ratio of 0, 0 at both ends."""
+    """Return Tukey's biweight of a ratio in [-1, 1]: 1 at 0, and 0 at both ends."""
     return (1.0 - ratio.square()).square()
 
 
 def _guided(
     depth_mm: Tensor, valid: Tensor, fill_mm: Tensor, base_mm: Tensor, radius: int
 ) -> Tensor:
-    """Smooth depth, mm, by a guided filter whose guide is depth itself; holes have no weight.
+    """Smooth depth by a self-guided filter that ignores holes.
 
-    He, Sun and Tang, "Guided Image Filtering", TPAMI 2013. Depth is taken relative to ``base_mm``.
-    A constant leaves the filter as it is; with a smooth surface slopes do not count as variance,
-    but pixels near a step do, because that surface bends there.
+    He, Sun and Tang, "Guided Image Filtering", TPAMI 2013, on depth relative to ``base_mm``: with a
+    smooth surface as the base, slopes do not count as variance.
     """
     offset = (depth_mm - base_mm) * valid
     share, mean, square = _box_means([valid, offset, offset.square()], radius)
@@ -275,11 +259,10 @@ def _guided(
 
 
 def _curved(depth_mm: Tensor, even: Tensor, otherwise_mm: Tensor, sigma: float) -> Tensor:
-    """Smooth depth, mm, by a Gaussian of ``sigma`` px without flattening curved surfaces.
+    """Smooth depth by a Gaussian of ``sigma`` px without flattening curved surfaces.
 
-    A Gaussian mean flattens a curve. The mean of the residual brings back what it took (Tukey's
-    twicing, here twice). Pixels near steps and holes are left out, so that no other surface
-    enters the mean; they get ``otherwise_mm``.
+    The means of the residuals are added (Tukey's twicing). Pixels near steps and holes are excluded
+    and get ``otherwise_mm``.
     """
     radius = math.ceil(_CURVED_REACH * sigma)
     weight = blurred(even, radius, sigma).clamp_min(TINY)
@@ -291,9 +274,9 @@ def _curved(depth_mm: Tensor, even: Tensor, otherwise_mm: Tensor, sigma: float) 
 
 
 def _box_means(images: list[Tensor], radius: int) -> tuple[Tensor, ...]:
-    """Mean of each image over a square of half side ``radius``, a power of 2; outside is 0.
+    """Average each image over squares of half side ``radius``, a power of 2; 0 outside.
 
-    Sums of 2, 4, 8 ... pixels in turn: convolution and average pooling take many times as long.
+    Sums of 2, 4, 8 ... pixels in turn are much faster than average pooling.
     """
     side = 2 * radius + 1
     sums = F.pad(torch.cat(images), (radius,) * 4)

@@ -11,16 +11,23 @@ from torch import Tensor
 
 #: Sums of weights below this are rounding, not neighbours.
 TINY: Final = 1e-6
-#: Share of a neighbourhood that must be known for more than half of its mean to be believed.
+#: Share of zeros that `shrunk_mean` adds to a neighbourhood.
 _LEAST_SHARE: Final = 0.02
 
 
 def weighted_mean(
     depth_mm: Tensor, known: Tensor, radius: int, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """Return the Gaussian mean of the known pixels, 0 if none, and the mask (0 or 1) of any.
+    """Compute the Gaussian mean of the known pixels.
 
-    depth_mm, known: (B, C, H, W); radius and sigma in px. Both results have the same shape.
+    Args:
+        depth_mm: (B, C, H, W) values.
+        known: (B, C, H, W) mask, 0 or 1.
+        radius: of the window, px.
+        sigma: of the Gaussian, px.
+
+    Returns:
+        The mean, 0 without known pixels, and the mask (0 or 1) of windows with known pixels.
     """
     total, weight = _weighted_sums(depth_mm, known, radius, sigma)
     reached = weight > TINY
@@ -37,19 +44,15 @@ def _weighted_sums(
 
 
 def shrunk_mean(values: Tensor, known: Tensor, radius: int, sigma: float) -> Tensor:
-    """Return the Gaussian mean of the known values, smaller where few are known; 0 if none.
-
-    It is as if 2 % of the neighbourhood were zeros. Arguments as of `weighted_mean`.
-    """
+    """Compute `weighted_mean` with 2 % zeros added, so that it shrinks where few are known."""
     total, weight = _weighted_sums(values, known, radius, sigma)
     return total / (weight + _LEAST_SHARE)
 
 
 def blurred(images: Tensor, radius: int, sigma: float) -> Tensor:
-    """Blur images, (B, C, H, W), by a Gaussian of ``sigma`` px; pixels outside are 0.
+    """Blur (B, C, H, W) images by a Gaussian of ``sigma`` px; pixels outside are 0.
 
-    Sums of shifted images, first along rows: OpenCV takes ten times as long for a convolution of
-    one channel with a high kernel: a quarter of the time of the shipped network.
+    Sums of shifted images: OpenCV takes ten times as long for a convolution with a tall kernel.
     """
     tap = [math.exp(-0.5 * (x / sigma) ** 2) for x in range(radius + 1)]
     total = tap[0] + 2.0 * sum(tap[1:])

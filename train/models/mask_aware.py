@@ -1,10 +1,10 @@
 """Networks with the mask of measured pixels as an input and a mask as an output.
 
-The paper's networks read "no return" as a depth of 0 mm; all-pixel error then rewards points in
-mid-air. Here validity is a separate input and output, depth is relative to its surroundings, and
-the network corrects a frame whose holes are filled by normalised convolution (Knutsson and
-Westin 1993). The uncertainty is that of Kendall and Gal, "What Uncertainties Do We Need in Bayesian
-Deep Learning for Computer Vision?", NeurIPS 2017 (heteroscedastic aleatoric).
+The paper's networks read "no return" as a depth of 0 mm, which rewards flying pixels. Here
+validity is a separate input and output, and the network corrects relative depth with holes filled
+by normalised convolution (Knutsson and Westin 1993). The uncertainty is the heteroscedastic
+aleatoric one of Kendall and Gal, "What Uncertainties Do We Need in Bayesian Deep Learning for
+Computer Vision?", NeurIPS 2017.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, Inputs
+from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
 from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.extra_features import (
@@ -37,47 +37,41 @@ from glsim.train.models.features import (
 
 #: A number of neighbours in time, earlier or later.
 Neighbours = Annotated[int, Field(ge=0, le=MAX_NEIGHBOURS)]
-#: Depth correction for a network output of 1, mm: that of a band's gain of 1 is about 1 mm, and
-#: what is learnt at the same rate should move the depth about as much.
+#: Depth correction of a network output of 1, mm. Chosen: about that of a band's gain of 1.
 _CORRECTION_MM: Final = 3.0
 #: Log odds of depth before training: +3 for measured pixels, -3 for holes, i.e. 95 %.
 _PRIOR_LOGIT: Final = 6.0
 #: Log odds of a pixel's own surface over another before training: 95 %.
 _PRIOR_CHOICE: Final = 3.0
-#: Distance of other surfaces enters as asinh(mm / this): linear for small steps, then logarithmic.
+#: Distances of other surfaces enter as asinh(mm / this).
 _OFFSET_MM: Final = 20.0
 #: Standard deviation before training, mm: Kinect v2's noise at 0.9 m.
 _PRIOR_SIGMA_MM: Final = 1.65
-#: Limits of sigma: wider than any depth camera's, and exp() does not overflow.
+#: Limits of log sigma: wider than any depth camera's, and safe for exp().
 _LEAST_SIGMA_MM, _LARGEST_SIGMA_MM = 0.02, 500.0
 
 
 class MaskAware(DepthModel):
     """A backbone between `depth_features` and corrected depth, validity and uncertainty.
 
-    noisy_mm: (B, C, H, W) float32: depth, and the further inputs that ``infrared``, ``before`` and
-    ``after`` ask for (see ``glsim.denoise.inputs``); pixels of depth and infrared that are not
-    above 0 are holes, whatever their value.
-    Features and sums in millimetres are float32 under autocast too. The last layer starts at zero:
-    training starts from the measured depth, the measured mask and a sigma of 1.65 mm. With
-    neighbours in time, the measured depth is first averaged with them (`mean_over_time`): the
-    weights of a network of single frames then serve as they are.
+    Input: (B, C, H, W) float32, depth and the inputs that ``infrared``, ``before`` and ``after``
+    add (see ``glsim.denoise.inputs``). Values of depth and infrared that are not above 0 are holes.
 
-    With ``surfaces`` a pixel may also move to the surface in front of it or behind it. At a step in
-    depth, a network with one depth per pixel learns the mean of both surfaces, which is in mid-air.
-    Choosing a mode instead is the idea of Tosi et al., "SMD-Nets: Stereo Mixture Density Networks",
-    CVPR 2021.
+    The correction is the sum of the filters' bands (`features.Features.bands_mm`), each times a
+    predicted gain, and of a predicted residual. Its mean over the surrounding surface (24 px) is
+    subtracted, so that a network cannot learn the bias of its training cameras. With neighbours in
+    time, the measured depth is first averaged with them (`mean_over_time`).
 
-    The correction is a sum of what filters would correct (`features.Features.bands_mm`), each band
-    times a gain that the network predicts, and of a part of its own.
+    With ``surfaces`` a pixel may move to the surface in front or behind: a single depth would be
+    the mean of both, a flying pixel. Choosing a mode is the idea of Tosi et al., "SMD-Nets: Stereo
+    Mixture Density Networks", CVPR 2021.
 
-    The correction of a surface has no mean: that of all measured pixels around (24 px), but those
-    near steps and holes, is subtracted. So the network cannot move a surface as a whole, which
-    would be right for the camera that it was trained on and wrong for others.
+    The last layer starts at zero: an untrained network returns the measured depth and mask, and a
+    sigma of 1.65 mm. Features and sums in millimetres stay float32 under autocast.
 
-    Parameters are those of the backbone, from 12 channels (14 with ``surfaces``) to 9 (1 more with
-    ``uncertainty``, 4 more with ``surfaces``). ``sigma_scale`` (a buffer, 1 until
-    `calibration.calibrate`) multiplies sigma.
+    The backbone maps 12 channels (2 more with ``surfaces``) to 9 (1 more with ``uncertainty``, 4
+    more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma, see
+    `sigma_scale.calibrate`.
     """
 
     sigma_scale: Tensor
@@ -92,7 +86,7 @@ class MaskAware(DepthModel):
         after: Neighbours = 0,
     ) -> None:
         super().__init__()
-        self.inputs = Inputs(infrared, before, after)
+        self.inputs = NetworkInputs(infrared, before, after)
         self.backbone = backbone
         self.uncertainty = uncertainty
         self.surfaces = surfaces
@@ -107,7 +101,7 @@ class MaskAware(DepthModel):
         after: int = 0,
     ) -> dict[str, Any]:
         """Arguments that the backbone must be built with."""
-        extra = extra_channels(Inputs(infrared, before, after))
+        extra = extra_channels(NetworkInputs(infrared, before, after))
         return {
             "in_channels": CHANNELS + 2 * surfaces + extra,
             "out_channels": 2 + FILTERS + uncertainty + 4 * surfaces,

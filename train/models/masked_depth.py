@@ -22,11 +22,10 @@ _LARGEST: Final = 10.0
 class MaskedDepth(DepthModel):
     """A backbone of one channel that corrects the measured pixels and keeps their mask.
 
-    noisy_mm: (B, 1, H, W) float32; a pixel that is not above 0 is a hole and stays one: the
-    prediction has 0 there and no ``valid_logit``. The only input is depth relative to the mean of
-    the measured pixels within 13 x 13, in units of 10 mm; the output is a correction in the same
-    units, 0 before training. Meant for networks that take the mask themselves, such as
-    `PartialAutoencoder`; one that ignores it sees holes at the depth of their surroundings.
+    Holes (values not above 0) stay holes: 0 in the prediction, which has no ``valid_logit``. The
+    backbone sees depth relative to the mean of the measured pixels within 13 x 13 px, in units of
+    10 mm, and returns a correction in the same units, 0 before training. Meant for networks that
+    take the mask, such as `PartialAutoencoder`; others see holes at their surroundings' depth.
     """
 
     def __init__(self, backbone: Backbone) -> None:

@@ -30,8 +30,11 @@ class NormalizedConv2d(nn.Conv2d):
     def __init__(self, before: int, after: int) -> None:
         super().__init__(before, after, 3, padding=1)
 
-    def forward(self, x: Tensor, confidence: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(  # type: ignore[override]  # the confidence goes along
+        self, x: Tensor, confidence: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Convolve."""
+        assert self.bias is not None
         confidence = confidence.expand_as(x)
         applicability = self.weight.abs()
         total = applicability.sum(dim=(1, 2, 3)).view(1, -1, 1, 1) + _TINY

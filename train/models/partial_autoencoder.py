@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, Width, init_zero, pad_to_multiple
+from glsim.train.models.backbone import Backbone, Width, init_he, init_zero, pad_to_multiple
 from glsim.train.models.partial_conv import PartialConv2d
 
 #: Channels of the four scales in multiples of ``width``, finest first, as published.
@@ -62,8 +62,7 @@ class PartialAutoencoder(Backbone):
         self.last = PartialConv2d(width, out_channels)
         for layer in self.modules():
             if isinstance(layer, nn.Conv2d):
-                nn.init.kaiming_normal_(layer.weight, mode="fan_in")
-                nn.init.zeros_(layer.bias)
+                init_he(layer)
         if zero_last:
             init_zero(self.last)
 

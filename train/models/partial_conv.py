@@ -24,9 +24,12 @@ class PartialConv2d(nn.Conv2d):
     def __init__(self, before: int, after: int, size: int = 3, stride: int = 1) -> None:
         super().__init__(before, after, size, stride=stride, padding=size // 2)
 
-    def forward(self, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(  # type: ignore[override]  # the mask goes along
+        self, x: Tensor, mask: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Convolve."""
-        share = F.avg_pool2d(mask, self.kernel_size, self.stride, self.padding)
+        assert self.bias is not None
+        share = F.avg_pool2d(mask, self.kernel_size, self.stride, self.kernel_size[0] // 2)
         seen = share > 0
         known = torch.where(mask > 0, x, 0.0)
         summed = F.conv2d(known, self.weight, stride=self.stride, padding=self.padding)

@@ -10,7 +10,7 @@ import torch
 from pydantic import TypeAdapter, ValidationError
 from torch import nn
 
-from glsim.denoise.inputs import Inputs
+from glsim.denoise.inputs import NetworkInputs
 from glsim.errors import ConfigError, did_you_mean
 from glsim.train.models.artifact_removal import ArtifactRemoval
 from glsim.train.models.backbone import Backbone
@@ -51,10 +51,14 @@ MAX_PARAMETERS: Final = 250_000_000
 def build_model(spec: Mapping[str, Any]) -> DepthModel:
     """Build a model from nested tables: ``{"kind": "mask_aware", "backbone": {"kind": "dncnn"}}``.
 
-    A table holds the kind, parameters of the kind's class by name, and the table of a backbone if
-    the class wraps one. Initial weights come from torch's global generator. Raises ConfigError for
-    an unknown kind or parameter, a value out of range, a parameter that the wrapping model sets,
-    and more than MAX_PARAMETERS weights; no memory is taken for those.
+    Initial weights come from torch's global generator.
+
+    Args:
+        spec: ``kind``, the parameters of its class, and the table of a backbone if it wraps one.
+
+    Raises:
+        ConfigError: for an unknown kind or parameter, a value out of range, a parameter that the
+            wrapping model sets, and for more than MAX_PARAMETERS weights, before they take memory.
     """
     weight_shapes(spec)
     return _build(spec)
@@ -76,7 +80,7 @@ def weight_shapes(spec: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     return {name: tuple(value.shape) for name, value in model.state_dict().items()}
 
 
-def inputs_of(spec: Mapping[str, Any]) -> Inputs:
+def inputs_of(spec: Mapping[str, Any]) -> NetworkInputs:
     """Return what the network of a table sees besides depth. Raises ConfigError."""
     with torch.device("meta"):
         return _build(spec).inputs

@@ -84,8 +84,7 @@ class Restormer(Backbone):
             features = encoder(down(features))
         for up, reduce, decoder in zip(self.up, self.reduce, self.decoder, strict=True):
             features = decoder(reduce(torch.cat([up(features), skips.pop()], dim=1)))
-        correction: Tensor = self.last(self.refinement(features))
-        correction = correction[..., : x.shape[-2], : x.shape[-1]]
+        correction: Tensor = self.last(self.refinement(features))[..., : x.shape[-2], : x.shape[-1]]
         return x + correction if self.residual else correction
 
 
@@ -101,8 +100,9 @@ class TransformerBlock(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Map (B, C, H, W) to the same shape."""
-        x = x + self.attention(self.norm_attention(x))
-        return x + self.feed(self.norm_feed(x))
+        attended: Tensor = x + self.attention(self.norm_attention(x))
+        fed: Tensor = attended + self.feed(self.norm_feed(attended))
+        return fed
 
 
 class BiasFreeNorm(nn.Module):

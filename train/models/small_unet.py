@@ -10,7 +10,15 @@ import torch.nn.functional as F  # noqa: N812
 from pydantic import Field
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, Blocks, Scales, Width, init_zero, pad_to_multiple
+from glsim.train.models.backbone import (
+    Backbone,
+    Blocks,
+    Scales,
+    Width,
+    init_he,
+    init_zero,
+    pad_to_multiple,
+)
 
 _ACTIVATIONS = {"relu": nn.ReLU, "silu": nn.SiLU}
 
@@ -19,9 +27,8 @@ class SmallUNet(Backbone):
     """``blocks`` residual blocks per scale on the way down and up; skips are added.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
-    padded inside. Scale s has (1 + growth * s) * ``width`` channels: coarse scales cost little
-    time, but doubled widths would make the weights too large to ship. 2x2 means go down, linear
-    interpolation goes up: the untrained network causes no aliasing and no blocks.
+    padded inside. Scale s has (1 + growth * s) * ``width`` channels, fewer than twice those of the
+    scale before, which keeps the file small. 2x2 means go down, linear interpolation goes up.
 
     Parameters at 14 -> 14, as `MaskAware` builds it with ``surfaces`` and ``uncertainty``: 411,102
     with width 32, 4 scales and a growth of 0.5 (1.6 MB). Widths of 16 and multiples are fastest.
@@ -83,8 +90,7 @@ class ResidualBlock(nn.Module):
         self.two = nn.Conv2d(channels, channels, 3, padding=1)
         self.activation = _ACTIVATIONS[activation]()
         for layer in (self.one, self.two):
-            nn.init.kaiming_normal_(layer.weight, mode="fan_in")
-            nn.init.zeros_(layer.bias)
+            init_he(layer)
         with torch.no_grad():
             self.two.weight.mul_(gain)
 

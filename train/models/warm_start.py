@@ -15,10 +15,15 @@ NOT_COPIED = ("sigma_scale",)
 def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) -> None:
     """Copy weights, by name and shape, into a network with further inputs.
 
-    Further inputs come last: where a layer of ``network`` has more input channels (dimension 1)
-    than ``weights``, those in front are copied and the others become 0, so that the network gives
-    the same depth as the other one until it is trained. where: the file, for messages. Raises
-    ConfigError if the networks differ in more.
+    The weights of further input channels become 0, so that both networks give the same depth.
+
+    Args:
+        weights: weights of a network with fewer inputs, by name.
+        network: the network to fill.
+        where: the file of the weights, for messages.
+
+    Raises:
+        ConfigError: if the networks differ in more than their inputs.
     """
     own = network.state_dict()  # detached, and in the same memory as the parameters
     if odd := sorted((own.keys() ^ weights.keys()) - set(NOT_COPIED)):
@@ -50,7 +55,7 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
 
 
 def _has_more_inputs(target: Size, given: Size) -> bool:
-    """Return whether ``target`` is ``given`` with more input channels (dimension 1)."""
+    """Return whether ``target`` has the shape ``given`` with more input channels."""
     return (
         len(target) == len(given) > 1
         and target[1] > given[1]

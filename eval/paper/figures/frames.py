@@ -10,7 +10,7 @@ import numpy as np
 
 from glsim.dataset import Dataset, Pair
 from glsim.denoise import DEFAULT_COMPOSITE, composed, load
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import DatasetError
 from glsim.eval.paper.runs import SeedGroup
 from glsim.geometry.camera import SensorRig

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.errors import DeviceError
 from glsim.eval.paper.figures.frames import FigureFrame
 from glsim.eval.report.figures.map_pictures import (

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.eval.paper.figures.frames import FigureFrame
 from glsim.eval.paper.figures.solids import (
     Points,

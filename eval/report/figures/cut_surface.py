@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.depth_map import surface
 from glsim.geometry.mesh import Mesh

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.depth_protocol import add_offset
 from glsim.errors import DeviceError
 from glsim.eval.report.figures.map_pictures import (

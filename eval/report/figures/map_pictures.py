@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.eval.report.figures.style import matplotlib
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.depth_map import normals

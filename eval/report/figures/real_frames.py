@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise import compose, load
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.results import RealScores
 from glsim.eval.real_frames.split import SplitRecording

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth
+from glsim.denoise.interface import Depth
 from glsim.eval.metrics.prediction import FLYING_MM
 from glsim.eval.report.figures.cut_surface import cut_surface
 from glsim.eval.report.figures.map_pictures import FLYING

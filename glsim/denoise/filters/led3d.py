@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from glsim.denoise.filters.windows import around, fill
-from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 from glsim.errors import ConfigError
 
 #: Neighbours that an outlier is compared with; the default of the authors' tool.
@@ -119,10 +119,9 @@ def _with_filled_holes(depth: Depth, holes: Mask) -> Depth:
     """Fill each enclosed hole with the farthest depth on its rim, as a flooded basin."""
     _, labels = cv2.connectedComponents(holes.astype(np.uint8), connectivity=4)
     farthest = np.zeros(int(labels.max()) + 1, np.float32)
-    rows, columns = np.nonzero(
-        cv2.dilate(holes.astype(np.uint8), np.ones((3, 3), np.uint8)) & ~holes
-    )
-    padded = np.pad(labels, 1)
+    grown = cv2.dilate(holes.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    rows, columns = np.nonzero(grown & ~holes)
+    padded = np.pad(np.asarray(labels, np.intp), 1)
     for down in range(3):
         for right in range(3):
             touched = padded[rows + down, columns + right]

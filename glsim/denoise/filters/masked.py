@@ -13,7 +13,7 @@ import numpy as np
 
 from glsim.denoise.filters.polynomial import local_polynomial
 from glsim.denoise.filters.windows import around, clean_up, fill
-from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 
 
 @dataclass(frozen=True)
@@ -153,8 +153,7 @@ class RollingGuidance(_Masked):
         smooth = cv2.ximgproc.rollingGuidanceFilter(
             fill(noisy_mm, support), None, -1, self.sigma_mm, self.sigma_px, self.iterations
         )
-        estimate: Depth = smooth[wanted]
-        return estimate
+        return np.asarray(smooth[wanted], np.float32)
 
 
 def _ratio(total: Depth, weight: Depth) -> Depth:

@@ -10,16 +10,17 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 from glsim.errors import ConfigError
 
 
-def _with_depth(depth_mm: Depth) -> Denoised:
+def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:
+    depth_mm = np.asarray(image_mm, np.float32)
     return Denoised(depth_mm, depth_mm > 0)
 
 
 @dataclass(frozen=True)
-class Identity:
+class Unchanged:
     """the noisy input itself: the paper's baseline"""
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
@@ -75,12 +76,12 @@ class NonLocalMeans:
         cleaned = cv2.fastNlMeansDenoising(
             whole, [self.strength], None, self.template, self.search, cv2.NORM_L1
         )
-        return _with_depth(cleaned.astype(np.float32))
+        return _with_depth(cleaned)
 
 
 #: Name on the command line -> filter.
 FILTERS = {
-    "noisy": Identity,
+    "noisy": Unchanged,
     "median": Median,
     "bilateral": Bilateral,
     "nlm": NonLocalMeans,

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth, Mask
+from glsim.denoise.interface import Depth, Mask
 
 _Array = NDArray[np.float64]
 
@@ -46,8 +46,7 @@ def local_polynomial(
     def moment(image: _Array, p: int, q: int) -> _Array:
         row, column = bell * offset**p, bell * offset**q
         full = cv2.sepFilter2D(image, cv2.CV_64F, row, column, borderType=cv2.BORDER_CONSTANT)
-        values: _Array = full[wanted]
-        return values
+        return np.asarray(full[wanted], np.float64)
 
     needed = {(a + c, b + d) for a, b in powers for c, d in powers}
     weights = {power: moment(mask, *power) for power in needed}

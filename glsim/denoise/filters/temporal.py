@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.denoise.protocol import Denoised, Depth, Mask, parameter
+from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.protocol import Depth, Mask
+from glsim.denoise.interface import Depth, Mask
 
 _T = TypeVar("_T", bound=np.generic)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import pickle
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def people() -> People:
     return People(seed=3)
 
 
-def faces(source: People, keys: list[FaceKey]) -> list[Face]:
+def faces(source: People, keys: Sequence[FaceKey]) -> list[Face]:
     return [face for face in source.load(keys) if isinstance(face, Face)]
 
 

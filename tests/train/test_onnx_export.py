@@ -15,8 +15,8 @@ from glsim.denoise.inference import TorchNetwork, load_network
 from glsim.denoise.network import NetworkDenoiser
 from glsim.denoise.onnx_file import Runtime, load_onnx
 from glsim.errors import DenoiserError, TrainError
-from glsim.train.export import TOLERANCE_MM, export_onnx
 from glsim.train.models.base import DepthModel, Prediction
+from glsim.train.onnx_export import TOLERANCE_MM, export_onnx
 from tests.support.networks import BACKBONES, WRAPPERS, build, frames
 
 RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
@@ -34,9 +34,11 @@ def write_checkpoint(path: Path, wrapper: str, backbone: str) -> DepthModel:
     ("wrapper", "backbone"),
     [
         *(("paper", name) for name in ("dncnn", "unet", "artifact_removal")),
-        *(("masked", name) for name in ("unet-plain", "partial_conv", "normalized_conv")),
         ("uncertain", "small_unet"),
-        ("surfaces", "small_unet-silu"),
+        pytest.param("masked", "unet-plain", marks=pytest.mark.long),
+        pytest.param("masked", "partial_conv", marks=pytest.mark.long),
+        pytest.param("masked", "normalized_conv", marks=pytest.mark.long),
+        pytest.param("surfaces", "small_unet-silu", marks=pytest.mark.long),
     ],
 )
 def test_both_runtimes_give_the_results_of_pytorch(
@@ -73,11 +75,22 @@ def test_the_shipped_network_needs_no_pytorch(monkeypatch: pytest.MonkeyPatch) -
     assert probability[inner].min() > 0.5
 
 
+@pytest.mark.parametrize(
+    ("wrapper", "backbone"),
+    [
+        ("paper", "dncnn"),
+        pytest.param("surfaces", "small_unet", marks=pytest.mark.long),
+    ],
+)
 def test_the_command_writes_a_file_that_denoise_reads(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    wrapper: str,
+    backbone: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write_checkpoint(Path("best.pt"), "surfaces", "small_unet")
+    write_checkpoint(Path("best.pt"), wrapper, backbone)
     assert main(["export", "best.pt", "-o", "out/net.onnx"]) == 0
     assert "OpenCV gives PyTorch's depth within" in capsys.readouterr().err.replace("\n", " ")
     frame = frames(1, 40, 50)[0, 0].numpy()
@@ -95,7 +108,7 @@ def test_files_that_are_no_networks_are_refused(
     path = tmp_path / "net.onnx"
     with pytest.raises(DenoiserError, match="cannot be read"):
         load_onnx(path)
-    write_checkpoint(tmp_path / "best.pt", "masked", "dncnn")
+    write_checkpoint(tmp_path / "best.pt", "paper", "dncnn")
     export_onnx(tmp_path / "best.pt", path)
     whole = path.read_bytes()
     for content in (b"", b"no graph", whole[: len(whole) // 2]):
@@ -131,8 +144,8 @@ def test_an_architecture_that_opencv_cannot_run_is_refused(tmp_path: Path) -> No
 def test_a_file_that_differs_from_pytorch_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write_checkpoint(tmp_path / "best.pt", "masked", "dncnn")
-    monkeypatch.setattr("glsim.train.export.TOLERANCE_MM", -1.0)
+    write_checkpoint(tmp_path / "best.pt", "paper", "dncnn")
+    monkeypatch.setattr("glsim.train.onnx_export.TOLERANCE_MM", -1.0)
     with pytest.raises(TrainError, match="not written"):
         export_onnx(tmp_path / "best.pt", tmp_path / "net.onnx")
     assert not (tmp_path / "net.onnx").exists()

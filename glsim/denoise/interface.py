@@ -1,4 +1,4 @@
-"""The protocol of denoisers, their parameters, and depth maps from a soft validity."""
+"""The interface of denoisers and their parameters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ Probability = NDArray[np.floating]
 class Denoised(NamedTuple):
     """The result of a denoiser; a denoiser may return a plain pair instead.
 
-    depth_mm: (H, W) millimetres. valid: (H, W) bool, or the probability of depth in [0, 1].
+    Attributes:
+        depth_mm: (H, W) millimetres.
+        valid: (H, W) bool, or the probability of depth in [0, 1].
     """
 
     depth_mm: Depth
@@ -70,17 +72,22 @@ def parameter(
 ) -> Any:
     """Declare a dataclass field as a command-line parameter in [low, high].
 
-    former_names: deprecated names that still set it.
+    ``former_names`` are deprecated names that still set it.
     """
     metadata = {"range": (low, high), "help": help, "former_names": former_names}
     return dataclasses.field(default=default, metadata=metadata)
 
 
 def build(kind: type, text: dict[str, str], where: str) -> Any:
-    """Make a dataclass of ``parameter`` fields from name -> text.
+    """Make a dataclass of ``parameter`` fields.
 
-    where: the denoiser as the user wrote it, for messages. Raises ConfigError for an unknown name,
-    a name given twice, or a value that is no number in its range.
+    Args:
+        kind: the dataclass.
+        text: parameter name -> value as text.
+        where: the denoiser as it was given, for messages.
+
+    Raises:
+        ConfigError: for an unknown name, a name given twice, or a value that is no number in range.
     """
     fields = {field.name: field for field in dataclasses.fields(kind)}
     former = {old: field for field in fields.values() for old in field.metadata["former_names"]}
@@ -118,9 +125,15 @@ def _log_renamed(old: str, new: str) -> None:
 class Method:
     """A loaded denoiser with its name in tables and the neighbours in time that it needs.
 
-    temporal: whether ``function`` is a SequenceDenoiser. infrared: whether it uses infrared.
-    version: changes when the source file of the denoiser changes. protocol: where the depths of
-    its training are counted from; None for denoisers that take both.
+    Attributes:
+        label: its name.
+        function: the `Denoiser` or `SequenceDenoiser`.
+        before: earlier frames that it uses.
+        after: later frames that it uses.
+        temporal: whether ``function`` is a `SequenceDenoiser`.
+        version: identifies the source file of the denoiser.
+        infrared: whether it uses infrared.
+        protocol: where the depths of its training are counted from; None for both.
     """
 
     label: str
@@ -144,11 +157,15 @@ class Method:
     def __call__(
         self, noisy_mm: Depth, now: int = 0, infrared: NDArray[Any] | None = None
     ) -> Denoised:
-        """Denoise frame ``now`` of a (T, H, W) stack in millimetres, 0 = no return.
+        """Denoise a frame of a sequence; the denoiser gets copies, so it may work in place.
 
-        infrared: (H, W) counts of that frame; ignored by denoisers that do not use it. Raises
-        DenoiserError if the result is not two images of the frame's size. The denoiser gets copies
-        of the arrays, so it may work in place.
+        Args:
+            noisy_mm: (T, H, W) millimetres, 0 = no return.
+            now: index of the frame.
+            infrared: (H, W) counts of the frame, for denoisers that use them.
+
+        Raises:
+            DenoiserError: if the result is not two images of the frame's size.
         """
         result = self._run(self.function, noisy_mm, now, infrared)
         return self._checked(result, noisy_mm.shape[1:])
@@ -209,9 +226,17 @@ class Method:
     ) -> tuple[Denoised, Depth]:
         """Denoise as a call does; also return the standard deviation, (H, W) float32 mm.
 
-        noisy_mm: a (T, H, W) stack, or one (H, W) map. Needs a function with ``uncertain`` and
-        ``with_uncertainty``, which takes what a call takes and returns (depth_mm, valid, sigma_mm).
-        Raises ConfigError without them, DenoiserError as a call does.
+        Needs a ``function`` with the attribute ``uncertain`` and the method ``with_uncertainty``,
+        which takes what a call takes and returns (depth_mm, valid, sigma_mm).
+
+        Args:
+            noisy_mm: (T, H, W), or one map (H, W).
+            now: index of the frame.
+            infrared: (H, W) counts of the frame.
+
+        Raises:
+            ConfigError: for a denoiser that does not predict its uncertainty.
+            DenoiserError: as a call does.
         """
         if not self.uncertain:
             raise ConfigError(f"{self.label}: this denoiser does not predict its uncertainty")

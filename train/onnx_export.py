@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from glsim.denoise.inference import TorchNetwork, load_model, trained_protocol
-from glsim.denoise.inputs import Inputs, stack_inputs
+from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.denoise.onnx_check import check_onnx
 from glsim.denoise.onnx_file import OpenCvNetwork
 from glsim.denoise.onnx_inputs import protocol_entry
@@ -23,8 +23,8 @@ from glsim.files.atomic import write_atomic
 from glsim.train.models.base import DepthModel
 from glsim.train.models.named_outputs import NamedOutputs, named_outputs
 
-#: The largest difference between an exported network and PyTorch that is accepted, mm: far below a
-#: step of a depth file. The shipped network differs by 0.004 mm at 900 mm.
+#: Largest accepted difference between an exported network and PyTorch, mm. Chosen: a hundredth of
+#: the step of a depth file.
 TOLERANCE_MM: Final = 0.01
 
 #: Version of the ONNX operators: OpenCV 5, onnxruntime and onnxruntime-web read it.
@@ -32,16 +32,24 @@ _OPSET: Final = 17
 
 
 def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
-    """Write the network of a checkpoint (best.pt, last.pt) to an ONNX file.
+    """Write the network of a checkpoint to an ONNX file, if OpenCV gives PyTorch's results.
 
     The graph maps ``noisy_mm``, (1, 1, H, W) float32 millimetres with 0 = no return, to the
     outputs of ``glsim.train.models.named_outputs``, of the same shape. Further inputs are named as
-    in ``glsim.denoise.inputs``: (1, images, H, W), zeros for what is missing. H and W are multiples
-    of 16: pad with zeros. The file is written after OpenCV gave PyTorch's results on two frames.
+    in ``glsim.denoise.inputs``: (1, images, H, W), zeros for what is missing. H and W must be
+    multiples of 16 (pad with zeros).
 
-    Returns the largest difference of each output from PyTorch's. Raises DenoiserError for a bad
-    checkpoint, TrainError if the network cannot be exported, OpenCV cannot run it
-    (Restormer), or its results differ.
+    Args:
+        checkpoint: best.pt or last.pt of a training.
+        out: the file to write.
+
+    Returns:
+        Output name -> largest difference between OpenCV and PyTorch on two test frames.
+
+    Raises:
+        DenoiserError: for a damaged or foreign checkpoint.
+        TrainError: if the network cannot be exported, OpenCV cannot run it (Restormer), or its
+            results differ.
     """
     model = load_model(checkpoint).cpu().eval()
     data = onnx_bytes(model, checkpoint)
@@ -59,10 +67,9 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
 
 
 def onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
-    """Return the ONNX file of a model, without a check. checkpoint: for messages.
+    """Return the ONNX file of a model, unchecked; error messages name ``checkpoint``.
 
-    PyTorch's TorchScript exporter needs 1.5 s; its newer one, 60 s for the features of the
-    mask-aware networks.
+    Uses PyTorch's TorchScript exporter: the newer one is forty times slower for `MaskAware`.
     """
     example = torch.from_numpy(_test_stack(model.inputs, 80, 96))[None]
     inputs = model.inputs.named(example)
@@ -70,13 +77,15 @@ def onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
         names = list(named_outputs(model(example)))
     buffer = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
-        warnings.simplefilter("ignore")  # the sizes of the example that a graph would keep: none
-        torch.onnx.register_custom_op_symbolic("aten::asinh", _asinh, _OPSET)
+        warnings.simplefilter("ignore")  # the tracer warns of sizes that dynamic_axes frees
+        torch.onnx.register_custom_op_symbolic(  # type: ignore[attr-defined]  # it is documented
+            "aten::asinh", _asinh, _OPSET
+        )
         try:
             torch.onnx.export(
                 NamedOutputs(model),
                 tuple(inputs.values()),
-                buffer,
+                buffer,  # type: ignore[arg-type]  # dynamo=False takes a file, too
                 input_names=[*inputs],
                 output_names=names,
                 dynamic_axes={name: {2: "rows", 3: "columns"} for name in (*inputs, *names)},
@@ -100,7 +109,7 @@ def _asinh(graph: Any, x: Any) -> Any:
     return graph.op("Asinh", x)
 
 
-def _test_stack(inputs: Inputs, height: int, width: int) -> NDArray[np.float32]:
+def _test_stack(inputs: NetworkInputs, height: int, width: int) -> NDArray[np.float32]:
     """Return the inputs of a frame, (C, height, width); its neighbours have other noise."""
     frames = [_test_frame(height, width, seed) for seed in range(1 + inputs.before + inputs.after)]
     infrared = np.where(frames[0] > 0, 2e9 / np.maximum(frames[0], 1) ** 2, 0)
