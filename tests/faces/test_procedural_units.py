@@ -9,7 +9,7 @@ from glsim.faces.procedural import sample_identity
 from glsim.faces.procedural.actions import ACTION_UNITS
 from glsim.faces.procedural.parameters import mean_identity
 from glsim.faces.procedural.subject import (
-    Subject,
+    HeadSubject,
     head_model,
     make_subject,
     neutral_head,
@@ -21,7 +21,7 @@ from tests.support.head_points import slit_vertex, triangle_areas
 
 
 @pytest.fixture(scope="module")
-def mean() -> Subject:
+def mean() -> HeadSubject:
     neutral = neutral_head(mean_identity())  # without a person's asymmetry
     return subject_of(neutral, np.full(len(neutral), 0.6, np.float32))
 
@@ -36,7 +36,7 @@ def test_there_are_enough_units() -> None:
 
 
 @pytest.mark.parametrize("unit", [unit.name for unit in ACTION_UNITS])
-def test_units_act_where_they_should(unit: str, mean: Subject) -> None:
+def test_units_act_where_they_should(unit: str, mean: HeadSubject) -> None:
     rest, acted, left = mean.frames([{}, {unit: 1.0}, {f"{unit}_L": 1.0}])
     moved = np.linalg.norm(acted - rest, axis=1)
     assert 1.5 <= moved.max() <= 46.0
@@ -52,7 +52,7 @@ def test_units_act_where_they_should(unit: str, mean: Subject) -> None:
 
 
 @pytest.mark.parametrize("unit", [unit.name for unit in ACTION_UNITS])
-def test_units_are_symmetric_and_keep_triangles(unit: str, mean: Subject) -> None:
+def test_units_are_symmetric_and_keep_triangles(unit: str, mean: HeadSubject) -> None:
     (acted,) = mean.frames([{unit: 1.0}])
     head = head_model().template
     assert triangle_areas(acted).min() > 1e-5
@@ -68,7 +68,7 @@ def test_units_are_symmetric_and_keep_triangles(unit: str, mean: Subject) -> Non
     assert np.abs(difference).max() < 1e-3
 
 
-def test_jaw_drop_opens_the_mouth(mean: Subject) -> None:
+def test_jaw_drop_opens_the_mouth(mean: HeadSubject) -> None:
     top, bottom = slit_vertex(SLIT_MOUTH, 1, False), slit_vertex(SLIT_MOUTH, 1, True)
     rest, drop, stretch = mean.frames([{}, {"AU26": 1.0}, {"AU27": 1.0}])
     gap = [float(f[top, 1] - f[bottom, 1]) for f in (rest, drop, stretch)]
@@ -91,7 +91,7 @@ def test_lids_close_over_the_globe(subject: str) -> None:
     assert np.array_equal(rest[ball], shut[ball])
 
 
-def test_smile_lifts_and_widens(mean: Subject) -> None:
+def test_smile_lifts_and_widens(mean: HeadSubject) -> None:
     corner = slit_vertex(SLIT_MOUTH, MOUTH_COLUMN, False)
     rest, smile = mean.frames([{}, {"AU12": 1.0}])
     assert smile[corner, 0] - rest[corner, 0] > 3.0
