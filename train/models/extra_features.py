@@ -17,8 +17,8 @@ _SURFACE_MM: Final = 50.0
 #: Differences enter as asinh(mm / this): linear for noise and motion, compressed beyond.
 _DIFFERENCE_MM: Final = 10.0
 #: Limits of the motion-compensated difference of a neighbour, of a patch's mean and of the pixel,
-#: in units of the local noise: beyond, it is not averaged. Chosen by the error of `face` on slow and
-#: fast heads: larger limits smear, smaller ones take noise for motion.
+#: in units of the local noise: beyond, it is not averaged. Chosen by the error of `face` on slow
+#: and fast heads: larger limits smear, smaller ones take noise for motion.
 _PATCH_LIMIT, _PIXEL_LIMIT = 3.0, 8.0
 #: Radius and sigma of a patch, px.
 _PATCH_RADIUS, _PATCH_SIGMA = 3, 1.5
