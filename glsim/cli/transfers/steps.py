@@ -47,9 +47,14 @@ _TUNED: Final = 2 * len(GRIDS) + 1
 
 @dataclass(frozen=True)
 class Step:
-    """A step of the study. amount: its units of work. run: returns the units that it did now.
+    """A step of the study.
 
-    complete: whether its results are there, as far as a glance at the folder tells.
+    Attributes:
+        kind: kind of work.
+        title: name for the progress bar.
+        amount: units of work in total.
+        complete: quick check of the folder for the step's results.
+        run: do the step; return the units of work done.
     """
 
     kind: Kind
@@ -68,7 +73,7 @@ class Pace:
     _units: dict[Kind, int] = field(default_factory=dict)
 
     def note(self, kind: Kind, units: int, seconds: float) -> None:
-        """Count work that was done."""
+        """Record work that was done."""
         if units:
             self._seconds[kind] = self._seconds.get(kind, 0.0) + seconds
             self._units[kind] = self._units.get(kind, 0) + units
@@ -85,9 +90,13 @@ class Pace:
 
 @dataclass(frozen=True)
 class Network:
-    """A network to score. name: in tables and folders. case: the cells that test it.
+    """A network to score.
 
-    composite: its map, if its validity is soft.
+    Attributes:
+        name: name in tables and folders.
+        file: its checkpoint or ONNX file.
+        case: the test sets.
+        composite: composite of a network with a probability of depth.
     """
 
     name: str
