@@ -89,7 +89,7 @@ class Pace:
 
 
 @dataclass(frozen=True)
-class Network:
+class StudyNetwork:
     """A network to score.
 
     Attributes:
@@ -133,7 +133,7 @@ class StudyRun:
         yield from map(self._generate, sets)
         yield self._train(training, sets, recipe)
 
-    def network_steps(self, network: Network) -> Iterator[Step]:
+    def network_steps(self, network: StudyNetwork) -> Iterator[Step]:
         """Yield the steps that score a network on the cells of its case."""
         return (self._score_network(data, network) for data in self._tests(network.case))
 
@@ -141,7 +141,7 @@ class StudyRun:
         """Return the file of a trained network."""
         return self.out / "runs" / training.name / "best.pt"
 
-    def results(self, networks: Sequence[Network]) -> list[CellResult]:
+    def results(self, networks: Sequence[StudyNetwork]) -> list[CellResult]:
         """Return what has been scored, in the order of the networks and their cells."""
         found: dict[tuple[str, str, Path], CellResult] = {}
         for network in networks:
@@ -197,7 +197,7 @@ class StudyRun:
         title = f"filters, tuned and scored: {data.cell}"
         return Step("filters", title, amount, (out / "rows.csv").exists, run)
 
-    def _score_network(self, data: DataSet, network: Network) -> Step:
+    def _score_network(self, data: DataSet, network: StudyNetwork) -> Step:
         out = self._scores(data, network.name)
         frames = data.people[2] * data.frames_per_person
 
