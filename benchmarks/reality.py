@@ -19,14 +19,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare import compare, draw_comparison, read_frame_set
-from glsim.compare.boards import read_corners
-from glsim.compare.frames import DepthFrame
-from glsim.compare.temporal import static_pairs
+from glsim.compare.figure import draw_comparison
+from glsim.compare.run import compare_sets
 from glsim.files.atomic import write_atomic
 from glsim.files.png import encode_png
 from glsim.geometry.mesh import Mesh
 from glsim.gl.context import open_context
+from glsim.measures.frame import DepthFrame
+from glsim.measures.static import static_pairs
+from glsim.recordings.board_corners import read_corners
+from glsim.recordings.recording import read_frame_set
 from glsim.validate.scenes import merge_meshes, quad
 from glsim.validate.virtual_camera import VirtualCamera
 
@@ -149,7 +151,8 @@ def chair(pose: BoardPose) -> Mesh:
 def room(pose: BoardPose) -> Mesh:
     """A door behind the chair's left half, a wall on the right, a far wall and a floor.
 
-    pose: upright. The wall stays 250 mm to the right of the camera at least.
+    Args:
+        pose: upright. The wall stays 250 mm to the right of the camera at least.
     """
     wall = max(330.0, 250.0 - float(pose.centre_mm @ pose.axes[0]))
     parts = [
@@ -250,7 +253,7 @@ def main() -> None:
     frames = arguments.out / "frames"
     simulate_counterparts(arguments.real, frames, arguments.sensor, arguments.seed)
     rendered = time.perf_counter()
-    result = compare(read_frame_set(arguments.real), read_frame_set(frames), progress=print)
+    result = compare_sets(read_frame_set(arguments.real), read_frame_set(frames), progress=print)
     write_atomic(result.as_markdown().encode(), arguments.out / "table.md")
     text = json.dumps(result.as_json(), indent=1) + "\n"
     write_atomic(text.encode(), arguments.out / "table.json")

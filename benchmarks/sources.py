@@ -23,7 +23,8 @@ from rich.table import Table
 
 from glsim.faces import open_source
 from glsim.faces.base import Face, FaceKey, FaceSource
-from glsim.settings.schema import Settings, SourceSettings, load_settings
+from glsim.settings.schema import Settings, load_settings
+from glsim.settings.source_settings import SourceSettings, parse_source
 
 SENSOR = "kinect-v2-paper"
 
@@ -139,7 +140,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for number, (name, make) in enumerate(MAKERS.items()):
             root = Path(folder) / str(number)
-            settings = SourceSettings.model_validate(make(root, arguments.frames))
+            settings = parse_source(make(root, arguments.frames))
             reading.add_row(name, *_reading(settings))
             if name in RENDERED and not arguments.no_render:
                 rates.add_row(name, *_rendering(settings, Path(folder), arguments.workers))

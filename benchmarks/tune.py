@@ -78,10 +78,14 @@ def main() -> None:
 
 @contextmanager
 def chromium_page(*, webgl: bool = False, **options: Any) -> Iterator[Any]:
-    """Yield an empty page of 1280x800 in Chromium. options: of the browser's context.
+    """Yield an empty page of 1280x800 in Chromium.
 
-    webgl: draw with WebGL2, on the CPU if there is no GPU; composing pages then takes longer too.
     Raises GlsimError if Chromium or Playwright is missing.
+
+    Args:
+        options: of the browser's context.
+        webgl: draw with WebGL2, on the CPU if there is no GPU; composing pages then takes longer
+            too.
     """
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:

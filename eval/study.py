@@ -13,8 +13,8 @@ from glsim.denoise import PAPER_FILTERS
 from glsim.errors import ConfigError
 from glsim.eval.report.tables import ResultTable, format_number
 from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.grid_search import tune_filters
 from glsim.eval.scoring.run import Evaluation, ScoringProgress, evaluate
-from glsim.eval.scoring.tune import tune
 from glsim.files.markdown import markdown_table
 from glsim.sensors.sensor import sensor_names
 from glsim.settings.schema import load_settings
@@ -96,7 +96,7 @@ def run_study(
                  progress=generating(sensor))  # fmt: skip
         val = ScoringJob(data, "val", ())
         names = {name: name for name in PAPER_FILTERS}
-        for rival in tune(val, RIVALS, scores, workers=workers):
+        for rival in tune_filters(val, RIVALS, scores, workers=workers):
             names[f"{rival.name}, tuned"] = rival.plain
             names[f"{rival.name}, tuned, mask cleaned"] = rival.cleaned
         job = ScoringJob(data, "test", tuple(names.values()))

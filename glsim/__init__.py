@@ -1,6 +1,5 @@
 """glsim: simulate paired clean and noisy 16-bit depth frames of 3D faces, without a display.
 
-    from glsim import load_settings, simulate
     for frame in simulate(load_settings(overrides={"sensor": "kinect-v2", ...})):
         frame.clean, frame.noisy, frame.infrared, frame.reason
 
@@ -18,9 +17,12 @@ if TYPE_CHECKING:
     from glsim.dataset import generate, open_dataset, verify, webdataset_decoder
     from glsim.denoise import load_denoiser
     from glsim.errors import GlsimError
+    from glsim.eval.metrics.metric import Metric
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.run import evaluate
     from glsim.exports import export_dataset
+    from glsim.exports.export import Export
+    from glsim.faces.base import Face, FaceKey, FaceSettings
     from glsim.faces.one_mesh import OneMesh
     from glsim.frame import Frame, Skipped
     from glsim.geometry.camera import Intrinsics, SensorRig
@@ -34,13 +36,22 @@ if TYPE_CHECKING:
     from glsim.sensors.pattern_map import remove_fixed_pattern
     from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
     from glsim.settings.schema import Settings, load_settings
+    from glsim.validate.report import Band, Check, Measurement, validation_check
 
 _HOME = {
+    "Band": "glsim.validate.report",
+    "Check": "glsim.validate.report",
     "Corrupter": "glsim.corrupt",
+    "Export": "glsim.exports.export",
+    "Face": "glsim.faces.base",
+    "FaceKey": "glsim.faces.base",
+    "FaceSettings": "glsim.faces.base",
     "Frame": "glsim.frame",
     "GlsimError": "glsim.errors",
     "Intrinsics": "glsim.geometry.camera",
+    "Measurement": "glsim.validate.report",
     "Mesh": "glsim.geometry.mesh",
+    "Metric": "glsim.eval.metrics.metric",
     "OneMesh": "glsim.faces.one_mesh",
     "Reason": "glsim.reason",
     "ScoringJob": "glsim.eval.scoring.blocks",
@@ -64,16 +75,25 @@ _HOME = {
     "remove_fixed_pattern": "glsim.sensors.pattern_map",
     "sensor_names": "glsim.sensors.sensor",
     "simulate": "glsim.pipeline",
+    "validation_check": "glsim.validate.report",
     "verify": "glsim.dataset",
     "webdataset_decoder": "glsim.dataset",
 }
 
 __all__ = [
+    "Band",
+    "Check",
     "Corrupter",
+    "Export",
+    "Face",
+    "FaceKey",
+    "FaceSettings",
     "Frame",
     "GlsimError",
     "Intrinsics",
+    "Measurement",
     "Mesh",
+    "Metric",
     "OneMesh",
     "Reason",
     "ScoringJob",
@@ -97,6 +117,7 @@ __all__ = [
     "remove_fixed_pattern",
     "sensor_names",
     "simulate",
+    "validation_check",
     "verify",
     "webdataset_decoder",
 ]

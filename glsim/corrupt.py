@@ -1,4 +1,4 @@
-"""Add sensor noise to the user's own clean depth maps."""
+"""Add sensor noise to given clean depth maps."""
 
 from __future__ import annotations
 
@@ -120,7 +120,10 @@ class Corrupter:
     def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
         """Return a Frame with noise for (H, W) uint16 depth in steps of depth_unit_mm, 0 = none.
 
-        name: of the map; the noise is a function of it and the settings' seed. Raises ConfigError.
+        Raises ConfigError.
+
+        Args:
+            name: of the map; the noise is a function of it and the settings' seed.
         """
         image = self.rig.intrinsics
         if clean.dtype != np.uint16 or clean.ndim != 2:

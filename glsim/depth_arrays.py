@@ -19,9 +19,9 @@ _FLOATS = ("float16", "float32", "float64")
 
 @dataclass(frozen=True, eq=False)
 class DepthBatch:
-    """Depth maps in an array of a user's, and a new array of the same kind for the results.
+    """Depth maps in a given array, and a new array of the same kind for the results.
 
-    maps: (B, H, W) view of the user's memory; a copy only of a tensor on a GPU and of an array
+    maps: (B, H, W) view of the given array; a copy only of a tensor on a GPU and of an array
         whose rows are not contiguous. results: (B, H, W) view of the array to return, unset.
     """
 
@@ -31,15 +31,17 @@ class DepthBatch:
     _device: Any = None
 
     def answer(self) -> Any:
-        """Return the results as what the user gave: type, shape, number type and device."""
+        """Return the results in the form of the input: type, shape, number type and device."""
         return self._answer if self._device is None else self._answer.to(self._device)
 
 
 def depth_batch(depth: Any, shape: tuple[int, int]) -> DepthBatch:
     """View an array or tensor of floating depth as maps of ``shape`` (height, width).
 
-    depth: (H, W), (B, H, W), more leading axes, and any of them with a last axis of length 1.
     Raises ConfigError for whole numbers, for another size and for what is no array.
+
+    Args:
+        depth: (H, W), (B, H, W), more leading axes, and any of them with a last axis of length 1.
     """
     kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")
     if kind not in _FLOATS or not hasattr(depth, "shape"):

@@ -41,14 +41,19 @@ def check_protocol(text: str | None, option: str = "--protocol") -> DepthProtoco
 
 
 def stored_protocol(nearest_to_mm: float | None) -> DepthProtocol:
-    """Return the protocol of a data set's files. nearest_to_mm: its setting of that name."""
+    """Return the protocol of a data set's files.
+
+    Args:
+        nearest_to_mm: its setting of that name.
+    """
     return "paper" if nearest_to_mm == NEAREST_MM else "depth"
 
 
 def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEAREST_MM) -> float:
     """Return the millimetres to subtract so that the nearest depth is ``nearest_mm``.
 
-    depth_mm: the true depth, any shape, 0 = none. 0 without any depth.
+    Args:
+        depth_mm: the true depth, any shape, 0 = none. 0 without any depth.
     """
     valid = depth_mm[depth_mm > 0]
     return float(valid.min()) - nearest_mm if valid.size else 0.0
@@ -57,8 +62,9 @@ def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEARES
 def subtract_offset(depth: _Array, offset: float, least: float = NEAREST_MM) -> _Array:
     """Subtract an offset where there is depth; a pixel with depth keeps at least ``least``.
 
-    depth: float32, 0 = none; offset and least in its unit. Noise before the nearest point of the
-    surface is cut off at ``least``, because a depth of 0 would be a hole.
+    Args:
+        depth: float32, 0 = none; offset and least in its unit. Noise before the nearest point of
+            the surface is cut off at ``least``, because a depth of 0 would be a hole.
     """
     moved = np.maximum(depth - np.float32(offset), np.float32(least))
     return np.where(depth > 0, moved, np.float32(0.0))

@@ -17,6 +17,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
+from importlib.util import find_spec
 
 #: Longest message, characters: a driver's, cut to 2,000, with its file and advice.
 _LONGEST = 2500
@@ -82,3 +83,11 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     if near:
         return f"did you mean {' or '.join(repr(n) for n in near)}?"
     return f"known: {', '.join(names)}" if names else "there are none"
+
+
+def require_package(name: str, what: str, extra: str) -> None:
+    """Raise ConfigError if a package that ``what`` needs is not installed, before long work."""
+    if find_spec(name) is None:
+        raise ConfigError(
+            f"{what} needs {name}, which is not installed: pip install 'glsim[{extra}]'"
+        )

@@ -61,9 +61,11 @@ def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.f
 class Landmarks:
     """The 68 landmarks of a face in the order of Multi-PIE (and iBUG), in the delivered frame.
 
-    points_m: (68, 3) float64, camera frame, metres. pixels: (68, 2) float64, x and y in glsim's
-    convention (first centre at 0.5), also outside the image. visible: (68,) whether the clean
-    depth at the pixel is that of the point.
+    Attributes:
+        points_m: (68, 3) float64, camera frame, metres.
+        pixels: (68, 2) float64, x and y in glsim's convention (first centre at 0.5), also outside
+            the image.
+        visible: (68,) whether the clean depth at the pixel is that of the point.
     """
 
     points_m: NDArray[np.float64]
@@ -200,7 +202,11 @@ class Frame:
 
 @dataclass(frozen=True)
 class Skipped:
-    """A frame that could not be made. why: the reason, one line."""
+    """A frame that could not be made.
+
+    Attributes:
+        why: the reason, one line.
+    """
 
     key: FaceKey
     source: str

@@ -106,7 +106,9 @@ def reconcile_reasons(
 ) -> NDArray[np.uint8]:
     """Return uint8 Reason codes that agree with the depth, also where a stage set no reason.
 
-    clean_m, noisy_m: metres, 0 = none. reason: codes. All of one shape, which is returned.
+    Args:
+        clean_m, noisy_m: metres, 0 = none.
+        reason: codes. All of one shape, which is returned.
     """
     codes = np.rint(reason).astype(np.uint8)
     codes[codes >= len(_HAS_DEPTH)] = Reason.DROPPED

@@ -24,18 +24,21 @@ from glsim.plan.tasks import Task
 from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
-from glsim.settings.schema import GENERATORS, Settings
+from glsim.settings.schema import Settings
 
 
 @dataclass(frozen=True, eq=False)
 class FrameScene:
     """What a frame shows.
 
-    meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
-    labels: per mesh the (V,) region numbers of its vertices, or None; empty without regions.
-    crop: the delivered part of the image. pose: its values, with motion. drawn: values that were
-    drawn for the face, what it wears and the room, by their names.
-    head_to_camera_m: (4, 4), both in metres. landmarks_m: (68, 3) camera-frame metres, or None.
+    Attributes:
+        meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
+        labels: per mesh the (V,) region numbers of its vertices, or None; empty without regions.
+        crop: the delivered part of the image.
+        pose: its values, with motion.
+        drawn: values that were drawn for the face, what it wears and the room, by their names.
+        head_to_camera_m: (4, 4), both in metres.
+        landmarks_m: (68, 3) camera-frame metres, or None.
     """
 
     face: Face
@@ -49,10 +52,7 @@ class FrameScene:
 
 
 class FrameScenes:
-    """Loads faces and builds scenes for one rig. The last scene is kept, for it may be asked again.
-
-    region_numbers: name -> number of the regions that the labels have; empty without regions.
-    """
+    """Loads faces and builds scenes for one rig. It keeps the last scene, which may come again."""
 
     def __init__(
         self,
@@ -64,9 +64,12 @@ class FrameScenes:
         dressers: Sequence[Dresser] | None = None,
         others: OtherPeople | None = None,
     ) -> None:
-        """regions: whether scenes have labels. dressers (one per source), others: to share them.
+        """Prepare the labels and what is worn. Raises ConfigError for regions of other faces.
 
-        Raises ConfigError if regions are asked of faces that have none.
+        Args:
+            regions: whether scenes have labels.
+            dressers: one per source, to share them; default: new ones.
+            others: to share them; default: new ones.
         """
         self._settings, self._sources, self._rig, self._regions = settings, sources, rig, regions
         further = [*scene_regions(settings.scene), *worn_regions(settings.appearance, sources)]
@@ -76,24 +79,27 @@ class FrameScenes:
         self._loaded: tuple[Task, Face, Face] | None = None  # as loaded, and as changed
         self._last: tuple[Task, FrameScene] | None = None
 
+    def builds(self, settings: Settings, rig: SensorRig, *, regions: bool) -> bool:
+        """Return whether the scenes of other settings are these."""
+        same = rig == self._rig and regions == self._regions
+        return same and self._changed_settings(settings) <= {"stage"}
+
     def like(self, settings: Settings, rig: SensorRig, *, regions: bool) -> FrameScenes:
-        """Return scenes of the same sources for other settings; these, if they build the same."""
-        changed = {
-            name
-            for name in type(settings).model_fields
-            if getattr(settings, name) != getattr(self._settings, name)
-        }
-        same_rig = rig == self._rig
-        if same_rig and regions == self._regions and changed <= {"stage"}:
-            return self
+        """Return scenes of the same sources for other settings."""
+        changed = self._changed_settings(settings)
+        same_others = rig == self._rig and changed <= {"stage", "pose"}
         return FrameScenes(
             settings,
             self._sources,
             rig,
             regions=regions,
             dressers=None if "appearance" in changed else self._dressers,
-            others=self._others if same_rig and changed <= {"stage", "pose"} else None,
+            others=self._others if same_others else None,
         )
+
+    def _changed_settings(self, settings: Settings) -> set[str]:
+        names = type(settings).model_fields
+        return {n for n in names if getattr(settings, n) != getattr(self._settings, n)}
 
     @property
     def region_numbers(self) -> Mapping[str, int]:
@@ -134,7 +140,9 @@ class FrameScenes:
     def _changed(self, task: Task, face: Face, *, keep: bool) -> Face:
         """Vary a face, then dress it: what is worn follows the varied mesh.
 
-        keep: for a task that comes alone, which may come again: the same face is not changed anew.
+        Args:
+            keep: for a task that comes alone, which may come again: the same face is not changed
+                anew.
         """
         if self._loaded is not None and self._loaded[0] == task and _alike(self._loaded[1], face):
             return self._loaded[2]
@@ -163,7 +171,9 @@ class FrameScenes:
             for name in type(settings.pose).model_fields
         }
         still, motion = pose, pose.pop("motion")
-        if self._sources[task.source].name in GENERATORS:  # recorded faces move by themselves
+        wanted = settings.source[task.source]
+        if wanted.endless and self._sources[task.source].name == wanted.kind:
+            # Recorded faces move by themselves.
             offsets = head_motion(task.seeds.sequence, task.key.time_s)
             offsets = {name: motion * offset for name, offset in offsets.items()}
             pose = move_pose(pose, offsets, face.neck)
@@ -232,7 +242,8 @@ def unusable(task: Task, error: Exception) -> MeshError:
 def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) -> Rect:
     """Return the delivered square, centred on the face and shifted into the image.
 
-    side: pixels; None delivers the whole image.
+    Args:
+        side: pixels; None delivers the whole image.
     """
     if side is None:
         return Rect(0, 0, image.width, image.height)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
 from glsim.dataset.disk_format import HEADER
 from glsim.errors import ConfigError, GlsimError
 from glsim.faces import open_source
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSettings, FaceSource
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.scans.file_tree import check_root, list_names
 from glsim.frame import Frame
@@ -21,12 +21,12 @@ from glsim.pipeline import simulate
 from glsim.plan.tasks import Task
 from glsim.preview import PreviewFrame
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import GENERATORS, SourceSettings, load_settings
+from glsim.settings.schema import load_settings
+from glsim.settings.source_settings import source_kinds, source_table
 
 #: The default number of frames to read: enough for every person of most sets.
 SAMPLE_FRAMES: Final = 40
 
-_FACS_SEQUENCE: Final = re.compile(r"\d+[LR]?(\+\d+[LR]?)*", re.ASCII)
 _MAX_DEPTH: Final = 4  # levels of folders searched to recognise a format
 _MAX_FOLDERS: Final = 200  # folders searched to recognise a format
 
@@ -35,10 +35,14 @@ _MAX_FOLDERS: Final = 200  # folders searched to recognise a format
 class FaceSetReport:
     """The contents of a face set.
 
-    kind: name of the source that reads it, or "mesh". people: subject -> (sequences, frames).
-    checked: number of frames that were read. vertices, triangles: their (least, most) numbers.
-    placements: description of unit and axes -> frames. problems: description -> number.
-    usable: frames that can be drawn.
+    Args:
+        kind: name of the source that reads it, or "mesh".
+        people: subject -> (sequences, frames).
+        checked: number of frames that were read.
+        vertices, triangles: their (least, most) numbers.
+        placements: description of unit and axes -> frames.
+        problems: description -> number.
+        usable: frames that can be drawn.
     """
 
     kind: str
@@ -62,19 +66,12 @@ def recognise(path: Path) -> str:
     root = check_root(path)
     if (root / HEADER).is_file():
         raise ConfigError(f"{root}: is a data set of glsim: look at it with glsim preview")
-    if (root / "generic_neutral_mesh.obj").is_file():
-        return "ict-facekit"
-    registrations = 0
-    for number, folder in enumerate(_folders(root, _MAX_DEPTH)):
-        if re.fullmatch(r"Tester_\d+", folder.name):
-            return "facewarehouse"
-        if re.fullmatch(r"\d\d", folder.name) and any(folder.glob("frame_*_pose.txt")):
-            return "biwi"
-        if _FACS_SEQUENCE.fullmatch(folder.name) and any(folder.glob("*.[op][bl][jy]")):
-            registrations += 1
-        if number > _MAX_FOLDERS:
-            break
-    return "d3dfacs" if registrations else "folder"
+    folders = list(islice(_folders(root, _MAX_DEPTH), _MAX_FOLDERS))
+    tables = {kind: source_table(kind) for kind in source_kinds()}
+    return max(
+        (kind for kind, table in tables.items() if issubclass(table, FaceSettings)),
+        key=lambda kind: tables[kind].likeness(root, folders),  # type: ignore[attr-defined]
+    )
 
 
 def open_faces(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str, FaceSource]:
@@ -83,10 +80,10 @@ def open_faces(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str,
         loaded = load_mesh(path, unit=unit, axes=axes)
         return "mesh", OneMesh(loaded.mesh, path.stem, loaded.notes)
     kind = recognise(path)
-    options: dict[str, object] = {"kind": kind, "root": path}
-    if kind not in GENERATORS:
-        options |= {"unit": unit, "axes": axes}
-    return kind, open_source(SourceSettings.model_validate(options), 0)
+    given = {"kind": kind, "root": path, "unit": unit, "axes": axes}
+    own = {"kind", "root"} | source_table(kind).model_fields.keys()
+    table = source_table(kind).model_validate({n: v for n, v in given.items() if n in own})
+    return kind, open_source(table, 0)
 
 
 def inspect(
@@ -94,7 +91,7 @@ def inspect(
 ) -> FaceSetReport:
     """List all frames, and read ``sample`` of them, evenly spread (0: all). Raises ConfigError."""
     report = FaceSetReport(kind, path)
-    people, frames_each = (3, 4) if kind in GENERATORS else (None, None)
+    people, frames_each = (3, 4) if _is_endless(kind) else (None, None)
     keys: list[FaceKey] = []
     for subject in source.subjects(people):
         frames = source.frames(subject, frames_each)
@@ -131,6 +128,10 @@ def preview_faces(
             key = result.key
             caption = f"{key.subject} {key.sequence} {key.frame}"
             yield PreviewFrame.of_frame(result, caption)
+
+
+def _is_endless(kind: str) -> bool:
+    return kind in source_kinds() and source_table(kind).endless
 
 
 def _add_notes(report: FaceSetReport, face: Face) -> None:

@@ -17,7 +17,7 @@ import itertools
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,17 +29,17 @@ from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource
 from glsim.frame import LAYERS, Frame, Skipped
 from glsim.frame_assembly import assemble_frame, seen_landmarks
-from glsim.frame_scene import FrameScene, FrameScenes, unusable
+from glsim.frame_scene import FrameScene, unusable
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
-from glsim.noise.chain import LinkedStages, ShaderChain, array_reach_px, run_array_stages
+from glsim.noise.chain import ShaderChain, array_reach_px, run_array_stages
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
-from glsim.noise.stage_layers import KeptLayers
 from glsim.plan.tasks import Task, make_tasks
-from glsim.render.regions import REGION
-from glsim.render.renderer import NORMAL, Rendered, Renderer
+from glsim.render.region_pass import REGION
+from glsim.render.renderer import NORMAL
+from glsim.render_cache import RenderCache
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
 from glsim.settings.schema import Settings, with_assignments
 from glsim.settings.seeds import stable_seed
@@ -55,7 +55,11 @@ _RING_ON_GPU = 4
 
 @dataclass(eq=False)
 class _InFlight:
-    """A frame between drawing and readback. drawn: the drawn values of the stages."""
+    """A frame between drawing and readback.
+
+    Attributes:
+        drawn: the drawn values of the stages.
+    """
 
     readback: Readback
     task: Task
@@ -63,37 +67,6 @@ class _InFlight:
     frame: FrameContext
     values: dict[str, dict[str, float]]
     drawn: dict[str, float]
-
-
-class _LastFrame:
-    """The layers of the last frame, kept until another scene is rendered.
-
-    Another noise over the same scene then runs the stages alone, from the first changed one on.
-    """
-
-    def __init__(self) -> None:
-        self._last: tuple[tuple[FrameScene, int], Rendered] | None = None
-        self._rendering = ExitStack()
-        self._stages = KeptLayers()
-
-    def of(
-        self, renderer: Renderer, scene: FrameScene, reach_px: int
-    ) -> tuple[Rendered, KeptLayers | None]:
-        """Return a scene's clean layers and the owner of what its stages draw.
-
-        The owner is None for a scene that is new: few are asked for again. The layers are valid
-        until another scene is asked for. Raises MeshError.
-        """
-        asked = scene, reach_px
-        if self._last is not None and self._last[0] == asked:
-            return self._last[1], self._stages
-        self._stages.clear()
-        self._last = None
-        self._rendering.close()  # its targets are used again
-        drawing = renderer.render(scene.meshes, scene.crop, scene.labels, reach_px)
-        rendered = self._rendering.enter_context(drawing)
-        self._last = asked, rendered
-        return rendered, None
 
 
 def simulate(
@@ -108,13 +81,16 @@ def simulate(
 ) -> Iterator[Frame | Skipped]:
     """Make the frames of ``tasks`` (default: the whole plan), in order, one result per task.
 
-    sources: the open face sources, any FaceSource (default: those of ``settings.source``).
-    backend: "egl" or "osmesa". context: draws the frames; by default one of this thread is used.
-    layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads it;
-    "regions", the parts of the face, and "expected" are drawn on request only.
-    extra_layers: layers of the stages to copy to ``Frame.extra``.
     A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
     and MeshError for a bad face if ``settings.strict``.
+
+    Args:
+        sources: the open face sources, any FaceSource (default: those of ``settings.source``).
+        backend: "egl" or "osmesa".
+        context: draws the frames; by default one of this thread is used.
+        layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads
+            it; "regions", the parts of the face, and "expected" are drawn on request only.
+        extra_layers: layers of the stages to copy to ``Frame.extra``.
     """
     opened = list(sources) if sources is not None else open_sources(settings)
     planned = make_tasks(settings, opened) if tasks is None else tasks
@@ -148,22 +124,25 @@ class Simulator:
         layers: Collection[str] = LAYERS,
         changes: Sequence[StageChange] = (),
         *,
-        like: Simulator | None = None,
+        cache: RenderCache | None = None,
     ) -> None:
-        """Compile the shaders. Arguments as in ``simulate``. Raises ConfigError or ShaderError.
+        """Compile the shaders. Raises ConfigError or ShaderError.
 
-        changes: stages with other code than the sensor's file says. like: a simulator of the same
-        sources and context, whose programs are used.
+        Args:
+            settings: of the frames.
+            sources: the open face sources.
+            context: draws the frames.
+            extra_layers: layers of the stages to copy to ``Frame.extra``.
+            layers: the images that are needed.
+            changes: stages with other code than the sensor's file says.
+            cache: of another simulator of the same sources and context; default: a new one.
         """
         self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
         self._context, self._layers, self._changes = context, layers, tuple(changes)
         self.sensor: Sensor = sensor_of(settings, changes)
         make_current(context)
-        same_rig = like is not None and like.sensor.rig == self.sensor.rig
-        self._renderer: Renderer = (
-            like._renderer if like and same_rig else Renderer(context, self.sensor.rig)
-        )
-        self._linked: LinkedStages = like._linked if like else LinkedStages(context)
+        self._cache = cache or RenderCache(context)
+        self._renderer = self._cache.renderer(self.sensor.rig)
         read_back = (
             *self._extra,
             *((REGION.name,) if "regions" in layers else ()),
@@ -177,16 +156,10 @@ class Simulator:
             infrared="infrared" in layers,
             expected="expected" in layers,
             pattern_mm=None if own is None else own.error_mm,
-            linked=self._linked,
+            linked=self._cache.linked,
         )
-        regions = "regions" in layers
-        self._scenes: FrameScenes = (
-            like._scenes.like(settings, self.sensor.rig, regions=regions)
-            if like is not None
-            else FrameScenes(settings, sources, self.sensor.rig, regions=regions)
-        )
-        self._last: _LastFrame = (
-            like._last if like is not None and like._scenes is self._scenes else _LastFrame()
+        self._scenes = self._cache.scenes(
+            settings, sources, self.sensor.rig, regions="regions" in layers
         )
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._readbacks = [Readback(context) for _ in range(ring)]
@@ -205,9 +178,11 @@ class Simulator:
     def with_values(self, values: Mapping[str, Any]) -> Simulator:
         """Return a simulator with other values, by the names of ``--set``.
 
-        values: {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
         Raises ConfigError for an unknown name or a value out of range, and for a change of the
         source, which needs another Simulator.
+
+        Args:
+            values: {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
         """
         return self._like(settings=with_assignments(self._settings, values))
 
@@ -216,10 +191,14 @@ class Simulator:
     ) -> Simulator:
         """Return a simulator whose stage ``name`` runs other GLSL; that program alone is linked.
 
-        code: the text, or the path of a file. file: of a text, for messages and includes; default:
-        the file of the stage, or NAME.glsl. before: inserts a new stage before another; a name that
-        the chain does not have is otherwise put after the last shader stage.
         Raises ShaderError with file and line; ConfigError if the stage does not fit the chain.
+
+        Args:
+            code: the text, or the path of a file.
+            file: of a text, for messages and includes; default: the file of the stage, or
+                NAME.glsl.
+            before: inserts a new stage before another; a name that the chain does not have is
+                otherwise put after the last shader stage.
         """
         known = {stage.name: stage for stage in self.sensor.stages}
         if isinstance(code, Path):
@@ -259,7 +238,7 @@ class Simulator:
             self._extra if extra_layers is None else extra_layers,
             self._layers if layers is None else layers,
             self._changes if changes is None else changes,
-            like=self,
+            cache=self._cache,
         )
 
     def frames(self, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
@@ -310,7 +289,7 @@ class Simulator:
         scene = self._scenes.build(task, face)
         drawn, values = draw_values(stages, self._scenes.held(task).seeds)
         reach_px = array_reach_px(stages, values)
-        rendered, owner = self._last.of(self._renderer, scene, reach_px)
+        rendered, owner = self._cache.rendered(self._renderer, scene, reach_px)
         frame = FrameContext.for_frame(
             rig=rig,
             window=rendered.window,

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset.reader import Pair
+from glsim.dataset.pair import Pair
 from glsim.frame import Frame
 from glsim.frame_assembly import reconcile_reasons
 from glsim.geometry import depth_map
@@ -81,9 +81,10 @@ def reasons(codes: NDArray[np.uint8]) -> Picture:
 class PreviewFrame:
     """A frame to draw: (H, W) clean and noisy depth in metres, reason codes, and a caption.
 
-    has_reasons: False if the codes are inferred: why a pixel is lost is then unknown.
-    has_clean: False for recorded frames, whose clean_m is 0. infrared: (H, W) counts, or None; it
-    is drawn where there is no clean map.
+    Attributes:
+        has_reasons: False if the codes are inferred: why a pixel is lost is then unknown.
+        has_clean: False for recorded frames, whose clean_m is 0.
+        infrared: (H, W) counts, or None; it is drawn where there is no clean map.
     """
 
     clean_m: NDArray[np.float32]
@@ -125,7 +126,10 @@ class PreviewFrame:
 def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
     """Draw four cells, cropped to the face: shaded clean, shaded noisy, difference, reasons.
 
-    Without a clean map two: shaded noisy, infrared. side: width and height of a cell, pixels.
+    Without a clean map two: shaded noisy, infrared.
+
+    Args:
+        side: width and height of a cell, pixels.
     """
     if not frame.has_clean:
         light = brightness(frame.infrared, frame.noisy_m.shape)
@@ -183,7 +187,11 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
 
 
 def legend_text(code: Reason, known: bool) -> str:
-    """Return the meaning of a reason's colour. known: whether the frames have a reason layer."""
+    """Return the meaning of a reason's colour.
+
+    Args:
+        known: whether the frames have a reason layer.
+    """
     if code is Reason.DROPPED and not known:
         return "lost, reason unknown: the data set has no layer reason"
     return f"{int(code)} {code.name.lower()}: {code.help}"
@@ -244,5 +252,10 @@ def _fit(picture: Picture, side: int) -> Picture:
 
 
 def _write(picture: Picture, text: str, at: tuple[int, int], size: float) -> None:
-    """Draw text. at: (x, y) of its lower left corner, pixels. size: scale of the font."""
+    """Draw text.
+
+    Args:
+        at: (x, y) of its lower left corner, pixels.
+        size: scale of the font.
+    """
     cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _TEXT, 1, cv2.LINE_AA)

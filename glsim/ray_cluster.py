@@ -31,9 +31,11 @@ _CORES_EVERY_S = 2.0
 def ray_cluster(address: str) -> Iterator[Any]:
     """Connect to a cluster, and yield the module ray. A connection that is there is used.
 
-    address: "auto" (the cluster of this machine), "host:6379", "ray://host:10001", or "local" for
-    one that starts here and ends with this process. Raises ConfigError if there is none, or Ray is
-    not installed.
+    Raises ConfigError if there is none, or Ray is not installed.
+
+    Args:
+        address: "auto" (the cluster of this machine), "host:6379", "ray://host:10001", or "local"
+            for one that starts here and ends with this process.
     """
     try:
         import ray
@@ -80,10 +82,13 @@ def run_tasks(
 ) -> Generator[tuple[_T, Any], None, None]:
     """Call a function on the cluster; yield (name, result) as results arrive, in any order.
 
-    function: of a module, which every node has. calls: name and arguments of each call; they are
-    taken when there is a core for them. A call whose result is lost with its node is made again.
-    environment: variables for the processes of the nodes. Raises the error of a call, which it
-    returns as a ``WorkerFailure``.
+    Raises the error of a call, which it returns as a ``WorkerFailure``.
+
+    Args:
+        function: of a module, which every node has.
+        calls: name and arguments of each call; they are taken when there is a core for them. A call
+            whose result is lost with its node is made again.
+        environment: variables for the processes of the nodes.
     """
     task = remote_task(ray, function, environment)
     source = iter(calls)

@@ -33,7 +33,8 @@ from glsim import Frame, load_settings, simulate
 from glsim.dataset import available_workers
 from glsim.denoise import DEFAULT_COMPOSITE, Method, compose, load
 from glsim.errors import GlsimError
-from glsim.eval.metrics import Truth, score
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.score import score
 from glsim.eval.report.document import Document, TextTable
 from glsim.eval.report.tables import format_number
 from glsim.files.atomic import write_atomic

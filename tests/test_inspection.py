@@ -8,8 +8,8 @@ import cv2
 import pytest
 
 from glsim.cli import main
-from glsim.dataset.estimate import estimate_dataset
-from glsim.errors import ConfigError, DeviceError
+from glsim.dataset.estimate import DatasetEstimate, estimate_dataset
+from glsim.errors import ConfigError
 from glsim.inspection import inspect, open_faces, recognise
 from glsim.pipeline import open_sources
 from glsim.plan.tasks import make_tasks
@@ -105,30 +105,26 @@ def test_a_plan_writes_nothing_and_counts_everything(
     printed = capsys.readouterr().out
     assert not (tmp_path / "out").exists()
     assert "192 images" in printed
-    assert "measured on 12 frames" in printed
+    assert "nothing was rendered or written" in " ".join(printed.split())
     assert "32029" in printed
     assert main(["generate", *root]) == 2
     assert "give -o DIR" in capsys.readouterr().err
 
 
-def test_an_estimate_without_opengl_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_estimate_is_of_the_plan_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GLSIM_BACKEND", "none")
     write_tester(tmp_path, 1, poses=0)
-    put(tmp_path / "Tester_1/Blendshape/shape.bs", b"")
-    source = {"kind": "facewarehouse", "root": tmp_path}
-    settings = load_settings(overrides={"sensor": "ideal", "source": source})
-    sources = open_sources(settings)
-    tasks = make_tasks(settings, sources)
-    estimate = estimate_dataset(settings, sources, tasks, sample=3)
-    assert (estimate.measured_frames, len(estimate.skipped), estimate.frames) == (0, 3, 47)
+    put(tmp_path / "Tester_1/Blendshape/shape.bs", b"")  # a damaged one
+    given = {"sensor": "ideal", "source": {"kind": "facewarehouse", "root": tmp_path}}
 
-    def missing(*_: object, **__: object) -> None:
-        raise DeviceError("none")
+    def estimate(**scene: object) -> DatasetEstimate:
+        settings = load_settings(overrides=given | {"scene": scene})
+        sources = open_sources(settings)
+        return estimate_dataset(settings, sources, make_tasks(settings, sources))
 
-    monkeypatch.setattr("glsim.dataset.estimate.simulate", missing)
-    estimate = estimate_dataset(settings, sources, tasks, workers=2)
-    assert estimate.measured_frames == 0
-    assert estimate.bytes > 0
-    assert estimate.by_split == {"train": (1, 47), "val": (0, 0), "test": (0, 0)}
-    assert estimate.by_source == {"0 facewarehouse": (1, 47)}
+    face = estimate()
+    assert face.by_split == {"train": (1, 47), "val": (0, 0), "test": (0, 0)}
+    assert face.by_source == {"0 facewarehouse": (1, 47)}
+    wall = estimate(wall_mm=1500)
+    assert (wall.frames, wall.bytes > face.bytes) == (47, True)
+    assert wall.core_seconds > face.core_seconds > 0

@@ -20,7 +20,8 @@ from glsim.noise.chain import StagePass
 from glsim.pipeline import Simulator, simulate
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.renderer import Renderer
-from glsim.settings.schema import Settings, SourceSettings, load_settings, with_assignments
+from glsim.settings.schema import Settings, load_settings, with_assignments
+from glsim.settings.source_settings import parse_source
 from tests.support.scenes import face_mesh
 
 SENSOR = """
@@ -58,7 +59,7 @@ def settings(tmp_path: Path) -> Settings:
     file = tmp_path / "small.toml"
     file.write_text(SENSOR)
     loaded = load_settings(overrides={"sensor": str(file)})
-    single = SourceSettings(subjects=1, frames_per_subject=1)
+    single = parse_source({"subjects": 1, "frames_per_subject": 1})
     return loaded.model_copy(update={"source": (single,)})
 
 
@@ -203,7 +204,7 @@ def test_a_stage_that_was_off_is_drawn_from_what_is_there_now(
 
 def test_any_changes_in_turn_give_the_frames_of_new_simulators(context: moderngl.Context) -> None:
     settings = load_settings(overrides={"sensor": "kinect-v2", "output": {"crop": 64}})
-    single = SourceSettings(subjects=1, frames_per_subject=1)
+    single = parse_source({"subjects": 1, "frames_per_subject": 1})
     settings = settings.model_copy(update={"source": (single,)})
     sources, tasks = planned(settings)
     simulator = Simulator(settings, sources, context)

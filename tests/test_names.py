@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from glsim.plugins import GROUPS
 from tests.support.imports import ROOT, all_modules
 
 MODULES = all_modules()
@@ -19,7 +20,7 @@ _PATH = re.compile(rf"(?<![\w./~-])(?:{TOP})/[\w./*-]*[\w*]")
 _DOTTED = re.compile(r"(?<![\w./-])(?:glsim|benchmarks|scripts)(?:\.[A-Za-z_]\w*)+")
 #: Folders that commands make, and words that are no modules.
 _MADE = ("docs/_build", "docs/generated")
-_NO_MODULES = {"NAME", "__file__", "def", "sif", "toml"}
+_NO_MODULES = {"NAME", "__file__", "def", "sif", "toml", *GROUPS}  # glsim.stages: entry points
 
 
 def sources() -> list[Path]:

@@ -12,8 +12,8 @@ from glsim.geometry.edges import BAND_PX, JUMP_MM
 def interior_mask(clean_mm: Tensor) -> Tensor:
     """Mark pixels with depth more than BAND_PX from holes and from jumps: (B, 1, H, W) bool.
 
-    Equals the interior of ``eval/metrics/score.py``, which training may not import; a test compares
-    the two.
+    Equals the interior of ``eval/metrics/prediction.py``, which training may not import; a test
+    compares the two.
     """
     valid = clean_mm > 0
     jump = torch.zeros_like(valid)

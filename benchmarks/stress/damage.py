@@ -28,9 +28,12 @@ _WORDS = (
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of input. change: makes a damaged copy; read: reads it; None if there was no error.
+    """A kind of input.
 
     read raises GlsimErrors for what it refuses, or returns the reason.
+
+    Attributes:
+        change: makes a damaged copy; read: reads it; None if there was no error.
     """
 
     change: Callable[[np.random.Generator], None]

@@ -22,7 +22,7 @@ def read_dataset(root: Path) -> None:
     Raises AssertionError if verify raises or a problem takes more than a line.
     """
     from glsim.dataset import open_dataset, verify
-    from glsim.dataset.noise_statistics import measure_noise
+    from glsim.measures.depth_errors import measure_errors
     from glsim.preview import PreviewFrame
     from glsim.train.data.checks import checked_split, fingerprint
 
@@ -32,13 +32,17 @@ def read_dataset(root: Path) -> None:
     pairs = list(dataset)
     for pair in pairs:
         PreviewFrame.of_pair(pair)
-    measure_noise(pairs)
+    measure_errors(pairs)
     fingerprint(root)
     checked_split(dataset, "train", None, "no")
 
 
 def _dataset(folder: Path, file: str, format: str = "png", *, signed: bool) -> Kind:
-    """A data set with one damaged file. signed: with checksums that fit, as an attacker's."""
+    """A data set with one damaged file.
+
+    Args:
+        signed: with checksums that fit, as an attacker's.
+    """
     root = folder / "data"
     layers = ["clean", "noisy", "infrared", "reason"]
     make(root, make_settings(format=format, layers=layers), make_tasks(4, 2))

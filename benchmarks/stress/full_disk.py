@@ -29,7 +29,12 @@ _ROOM_BYTES = 256_000_000
 
 @dataclass(frozen=True)
 class Trial:
-    """A command's run on a disk of ``kilobytes``. said: its last line. problem: "" if none."""
+    """A command's run on a disk of ``kilobytes``.
+
+    Attributes:
+        said: its last line.
+        problem: "" if none.
+    """
 
     case: str
     kilobytes: int

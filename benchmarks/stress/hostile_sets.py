@@ -143,8 +143,9 @@ def _text_bomb() -> bytes:
 def _tiff(sides: list[tuple[int, int, int]], pixels: int) -> bytes:
     """Return a compressed 16-bit TIFF of zeros.
 
-    sides: entries (tag, type, value) of the width (tag 256) and the height (257), in pixels.
-    pixels: number of pixels in its data.
+    Args:
+        sides: entries (tag, type, value) of the width (tag 256) and the height (257), in pixels.
+        pixels: number of pixels in its data.
     """
     data = zlib.compress(bytes(2 * pixels), 9)
     tags = [(258, 3, 16), (259, 3, 8), (262, 3, 1), (273, 4, 8), (277, 3, 1)]

@@ -49,14 +49,24 @@ def _mesh(folder: Path, suffix: str) -> Kind:
     return Kind(change, damaged_bytes.read)
 
 
+#: Files of the published face sets, by their names in ``tests.support.mutations.formats``.
+_FACE_SET_FILES = (
+    "d3dfacs.ply", "d3dfacs-ascii.ply", "d3dfacs.obj", "shape.bs", "shape_0.obj", "pose_1.obj",
+    "biwi.obj", "pose.txt", "depth.bin", "depth.cal",
+)  # fmt: skip
+
+
 def _face_set(folder: Path, name: str) -> Kind:
-    """A file of FaceWarehouse's or Biwi's layout, read through its source."""
+    """A file of a face set, read through its source; a tenth of them by a new source."""
     format_ = mutations.formats(folder)[name]
+    afresh = False
 
     def change(rng: np.random.Generator) -> None:
+        nonlocal afresh
         format_.target.write_bytes(mutations.mutate(format_.data, rng))
+        afresh = bool(rng.random() < 0.1)
 
-    return Kind(change, partial(format_.read, False))
+    return Kind(change, lambda: format_.read(afresh))
 
 
 def _image(folder: Path) -> Kind:
@@ -152,9 +162,7 @@ KINDS: dict[str, Callable[[Path], Kind]] = {
     "glb": partial(_mesh, suffix="glb"),
     "gltf": partial(_mesh, suffix="gltf"),
     "off": partial(_mesh, suffix="off"),
-    "shape.bs": partial(_face_set, name="shape.bs"),
-    "biwi-depth": partial(_face_set, name="depth.bin"),
-    "biwi-pose": partial(_face_set, name="pose.txt"),
+    **{name: partial(_face_set, name=name) for name in _FACE_SET_FILES},
     "png": _image,
     **TEXT_KINDS,
     **DATASET_KINDS,

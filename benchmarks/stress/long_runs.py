@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import gc
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -19,8 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from benchmarks.memory import resident_mb
 
 _PERCENT = 2.0
 #: What a heap may keep of one frame; a twentieth of a per cent of a long run.
@@ -78,6 +77,12 @@ def measure(steps: Iterator[bool]) -> dict[str, float]:
             early = resident_mb()
     gc.collect()
     return {"steps": count, "early_mb": early, "end_mb": resident_mb()}
+
+
+def resident_mb() -> float:
+    """Resident memory of this process, from /proc (Linux)."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def frames(count: int) -> Iterator[bool]:

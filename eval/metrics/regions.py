@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-
-from glsim.eval.metrics.catalogue import METRICS, Metric
 
 #: Region column without its "@nose" -> the whole-frame metric in ``METRICS`` that it refines.
 REGION_METRICS: Final = {
@@ -25,17 +23,6 @@ def region_column(name: str, region: str) -> str:
     return f"{name}@{region}"
 
 
-def metrics_with_regions(regions: Iterable[str]) -> dict[str, Metric]:
-    """Return METRICS and the metrics of each region."""
-    per_region = [
-        Metric(region_column(name, region), whole.unit, whole.better, "regions",
-               f"{whole.help}; the part of the face called {region} alone")
-        for region in regions
-        for name, whole in ((name, METRICS[base]) for name, base in REGION_METRICS.items())
-    ]  # fmt: skip
-    return METRICS | {metric.name: metric for metric in per_region}
-
-
 class Regions:
     """The face regions of a frame. labels: (H, W) uint8; numbers: region name -> label."""
 
@@ -45,7 +32,9 @@ class Regions:
     def errors(self, error: _Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
         """Return RMSE and bias of each region by column name; NaN for a region without pixels.
 
-        error: (N,) mm. pixels: (H, W) bool, the N pixels of the errors.
+        Args:
+            error: (N,) mm.
+            pixels: (H, W) bool, the N pixels of the errors.
         """
         labels = self.labels[pixels]
         square, mean = _means(error * error, labels), _means(error, labels)

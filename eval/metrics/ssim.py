@@ -72,9 +72,13 @@ def ssim(first: Moments, second: Moments) -> dict[str, float]:
 
 
 class WindowStatistics(NamedTuple):
-    """Of two images, per window, (H - 6, W - 6) float64 each.
+    """Statistics of two images per window, (H - 6, W - 6) float64 each.
 
-    product: of the means. squares: of the means, their sum. covariance. variances: their sum.
+    Args:
+        product: product of the two means.
+        squares: sum of the squares of the means.
+        covariance: sample covariance of the images.
+        variances: sum of the two sample variances.
     """
 
     product: _Array
@@ -85,8 +89,9 @@ class WindowStatistics(NamedTuple):
     def similarity(self, c1: float, c2: float, c3: float) -> float:
         """Return the mean SSIM over all windows.
 
-        c1, c2: the constants of Wang et al. 2004. c3: the constant beside the variances in the
-        denominator; theirs is c2 again.
+        Args:
+            c1, c2: the constants of Wang et al. 2004.
+            c3: the constant beside the variances in the denominator; theirs is c2 again.
         """
         upper = (2 * self.product + c1) * (2 * self.covariance + c2)
         return float((upper / ((self.squares + c1) * (self.variances + c3))).mean())

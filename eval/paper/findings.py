@@ -22,7 +22,7 @@ from glsim.eval.paper.protocol_page import (
     relation_table,
 )
 from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network
-from glsim.eval.report.document import Document, Heading, Picture, TextTable
+from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable
 from glsim.eval.report.page import html_page
 from glsim.eval.report.tables import format_number
 from glsim.files.atomic import wrap_read_errors, write_atomic
@@ -240,14 +240,14 @@ def _photographs(path: Path) -> Iterator[str]:
         )
 
 
-def _pictures(folder: Path) -> list[Picture]:
+def _pictures(folder: Path) -> list[CaptionedPng]:
     """Return the figures of ``glsim paper figures`` with their captions."""
     captions = folder / "captions.md"
     if not captions.is_file():
         return []
     found = re.findall(r"^- \*\*(\w+)\.png\*\*: (.+)$", captions.read_text(), re.MULTILINE)
     return [
-        Picture(name, caption, (folder / f"{name}.png").read_bytes())
+        CaptionedPng(name, caption, (folder / f"{name}.png").read_bytes())
         for name, caption in found
         if (folder / f"{name}.png").is_file()
     ]

@@ -23,7 +23,8 @@ from glsim.denoise import DEFAULT_COMPOSITE, Method, composed, load
 from glsim.denoise.frames import Frames
 from glsim.denoise.interface import Depth
 from glsim.errors import ConfigError
-from glsim.eval.metrics import Truth, score
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.score import score
 from glsim.eval.paper.runs import TrainedRun, find_trained_runs
 from glsim.eval.report.document import Document, TextTable
 from glsim.eval.report.tables import TABLE_METRICS, format_number

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from glsim.dataset.noise_statistics import PAPER_BASELINE_MSE
+from glsim.measures.depth_errors import PAPER_BASELINE_MSE
 
 
 class PrintedRow(NamedTuple):

@@ -18,7 +18,7 @@ from typing import Final
 from glsim.denoise import PAPER_FILTERS
 from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.errors import DatasetError
-from glsim.eval.metrics import METRICS
+from glsim.eval.metrics.score import METRICS
 from glsim.eval.paper.filter_table import yes_or_no
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PrintedRow
 from glsim.eval.report.document import Document, Heading, TextTable

@@ -12,27 +12,29 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.eval.real_frames.measures import (
+from glsim.eval.real_frames.frame_truth import (
     BINS_M,
     EDGE_SUMS,
     SHIFT_BIN_MM,
     ScoredFrame,
     Tally,
 )
-from glsim.validate.measure import ratio
+from glsim.eval.scoring.statistics import resampled
+from glsim.files.atomic import without_nan
+from glsim.measures.stacks import ratio
 
 if TYPE_CHECKING:
-    from glsim.eval.real_frames.recording import Recording
+    from glsim.eval.real_frames.split import SplitRecording
 
 _Array = NDArray[np.float64]
 
-#: Version of the measures; to be increased by a change that alters a number.
+#: Version of the measures; increase it with a change that alters a number.
 VERSION: Final = 1
-#: A bin of the static pairs or of the shift needs this many pixels: its mean is then known to
-#: about 0.1 mm under noise of 2 mm that is alike in some ten neighbours.
+#: Least pixels of a bin. Derived: its mean is then known to 0.1 mm under noise of 2 mm that is
+#: alike in ten neighbours.
 _LEAST_PIXELS: Final = 1000
-#: Bootstrap repetitions, their seed, and the least number of units or boards to resample.
-_DRAWS, _SEED, _LEAST_UNITS = 2000, 5, 5
+#: Least number of units or boards to resample.
+_LEAST_UNITS = 5
 
 
 @dataclass(frozen=True)
@@ -45,15 +47,21 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class MethodScores:
-    """All measures of one method; NaN where the recording does not hold one.
+class RealMeasures:
+    """All measures of one method, by BINS_M of distance; NaN where the recording lacks one.
 
-    pair_rmse_mm: static pairs by BINS_M. pair_change: mean over these bins of the logarithm of
-    RMSE over that of the raw frames, as a change in %. paper_rmse_mm, board_rmse_mm: residual of
-    the board from its plane by BINS_M, its white paper alone, and paper and print. paper_change:
-    as pair_change. board_shift_mm: mean of denoised - raw on the paper, by BINS_M. shift_mm: the
-    same over all smooth surfaces, by BINS_M; shift_by_100mm: (from mm, shift mm). edges: see
-    ``EDGES``.
+    Attributes:
+        pair_rmse_mm: error on static pairs.
+        pair_change: geometric mean over the bins of RMSE over that of the raw frames, as a change
+            in %.
+        paper_rmse_mm: residual of the board's white paper from its plane.
+        paper_change: as pair_change.
+        board_rmse_mm: residual of paper and print.
+        board_shift_mm: mean of denoised - raw on the paper.
+        shift_mm: the same over all smooth surfaces.
+        shift_by_100mm: (from mm, shift mm) of bins of 100 mm.
+        edges: numbers of EDGES.
+
     """
 
     pair_rmse_mm: tuple[float, ...]
@@ -72,10 +80,9 @@ class MethodScores:
         return max((s for _, s in self.shift_by_100mm), key=abs, default=math.nan)
 
 
-#: Numbers of ``MethodScores.edges``: shares of the first and second ring of foregrounds that are
-#: lost, share of smooth surfaces that is, share of holes beside foregrounds that are filled, and
-#: per frame: pixels with depth and at most two neighbours with depth; those of them that the input
-#: did not have; dropped pixels with at least six neighbours with depth.
+#: Lost shares of the first and second ring of foregrounds and of smooth surfaces, filled share of
+#: holes beside foregrounds; per frame: pixels with depth and at most two neighbours with depth,
+#: those of them without depth in the input, and dropped pixels with at least six neighbours.
 EDGES: Final = (
     "ring_1_lost", "ring_2_lost", "surface_lost", "shadow_filled",
     "alone", "alone_filled", "pinholes",
@@ -86,13 +93,22 @@ EDGES: Final = (
 class RealScores:
     """The result of ``score_recording``.
 
-    methods: name -> scores, the raw frames first. versions: label -> version of the denoiser's
-    file. checksums: frame -> checksum. own_ring_losses: shares of the first and second ring that
-    another raw frame of the same view has lost. pixels: of the static pairs, by BINS_M.
+    Attributes:
+        title: name of the recording.
+        methods: name -> measures, the raw frames first.
+        versions: label -> version of the denoiser's file.
+        checksums: frame -> checksum.
+        static_frames: number of frames with a static partner.
+        scenes: number of static scenes.
+        boards: number of frames with a board.
+        by_scene: whether units are scenes, else tiles.
+        own_ring_losses: shares of both rings that another raw frame of the view has lost.
+        pixels: of the static pairs, by BINS_M.
+
     """
 
     title: str
-    methods: dict[str, MethodScores]
+    methods: dict[str, RealMeasures]
     versions: dict[str, str]
     checksums: dict[str, str]
     static_frames: int
@@ -104,23 +120,22 @@ class RealScores:
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON values; None for NaN."""
-        tree: dict[str, Any] = _plain(asdict(self))
-        return {"version": VERSION, "bins_m": list(BINS_M)} | tree
+        return {"version": VERSION, "bins_m": list(BINS_M), **without_nan(asdict(self))}
 
     @property
     def identity(self) -> str:
-        """A short text that changes with the frames, the denoisers' files and the measures."""
+        """A hash of the frames, the files of the denoisers and the measures."""
         parts = [VERSION, self.checksums, self.versions]
         return hashlib.blake2b(json.dumps(parts).encode(), digest_size=8).hexdigest()
 
 
 def add_up(
-    recording: Recording,
+    recording: SplitRecording,
     scored: Sequence[ScoredFrame],
     versions: Mapping[str, str],
     chosen: Callable[[int], bool] | None = None,
 ) -> RealScores:
-    """Add up the frames. chosen: which units of static pairs count; default: all."""
+    """Add up the frames. chosen: selects units of static pairs; default: all."""
     names = list(scored[0].tallies)
     raw = names[0]
     by_name = {name: [frame.tallies[name] for frame in scored] for name in names}
@@ -128,7 +143,7 @@ def add_up(
     pairs = {name: _pair_sums(by_name[name], chosen) for name in names}
     papers = {name: _by_frame(by_name[name], "paper") for name in names}
     methods = {
-        name: MethodScores(
+        name: RealMeasures(
             pair_rmse_mm=_roots(pairs[name]),
             pair_change=_change(pairs[name], pairs[raw]),
             paper_rmse_mm=_roots(papers[name], least=0),
@@ -188,7 +203,7 @@ def _means(sums: _Array, least: float = 1) -> tuple[float, ...]:
 
 
 def _roots(sums: _Array, least: int = _LEAST_PIXELS) -> tuple[float, ...]:
-    """Return the root mean square by bin; 0 for a mean that the subtraction made negative."""
+    """Return the root mean square by bin; 0 for a negative mean."""
     return tuple(math.sqrt(max(mean, 0.0)) for mean in _means(sums, least))
 
 
@@ -200,8 +215,7 @@ def _change(sums: _Array, raw: _Array, least: int = _LEAST_PIXELS) -> Interval:
     units = len(raw)
     weights = np.ones((1, units))
     if units >= _LEAST_UNITS:
-        draws = np.random.default_rng(_SEED).multinomial(units, np.full(units, 1 / units), _DRAWS)
-        weights = np.concatenate([weights, draws])
+        weights = np.concatenate([weights, resampled(units)])
     ours, theirs = (np.tensordot(weights, s[:, used, 1], 1) for s in (sums, raw))
     with np.errstate(divide="ignore", invalid="ignore"):
         # Both have the same pixels, so sums have the ratio of means. A draw without a bin is NaN.
@@ -253,11 +267,3 @@ def _edges(tallies: Sequence[Tally]) -> dict[str, float]:
     of = {name: name.rpartition("_")[0] for name in EDGES[:4]}  # ring_1_lost is of ring_1
     shares = {name: ratio(total[name], total[whole]) for name, whole in of.items()}
     return shares | {name: total[name] / total["frames"] for name in EDGES[4:]}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return None if isinstance(value, float) and math.isnan(value) else value

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.compare.boards import board_corners, find_board
-from glsim.dataset import available_workers
 from glsim.denoise import Method, compose, load
 from glsim.errors import ConfigError, DenoiserError
-from glsim.eval.real_frames.measures import FrameTruth, ScoredFrame
-from glsim.eval.real_frames.recording import Recording, Source, open_recording
+from glsim.eval.real_frames.frame_truth import FrameTruth, ScoredFrame
 from glsim.eval.real_frames.results import RealScores, add_up
+from glsim.eval.real_frames.split import Source, SplitRecording, split_recording
+from glsim.eval.scoring.blocks import warned_already
 from glsim.eval.scoring.run import ScoringProgress
-from glsim.eval.scoring.workers import run_tasks
+from glsim.measures.boards import find_board
+from glsim.recordings.board_corners import board_corners
+from glsim.worker_processes import available_workers, run_tasks
 
 #: Label of the first row, the raw frames.
 RAW = "raw"
@@ -23,21 +24,27 @@ RAW = "raw"
 
 @dataclass(frozen=True)
 class RealJob:
-    """The task of a worker. denoisers: see ``glsim.denoise.load``."""
+    """The task of a worker; ``denoisers`` are specs of ``glsim.denoise.load``."""
 
     source: Source
     denoisers: tuple[str, ...]
     pairs_only: bool = False
 
-    def start(self) -> Callable[[int], ScoredFrame]:
-        """Read the recording and load the denoisers, in the worker."""
-        recording = open_recording(self.source)
-        methods = [load(spec) for spec in self.denoisers]
-        return lambda number: score_frame(recording, number, methods, self.pairs_only)
+    def run(self, numbers: Iterator[int]) -> Iterator[ScoredFrame]:
+        """Score the frames ``numbers``: the job of a worker."""
+        with warned_already():
+            recording = split_recording(self.source)
+            methods = [load(spec) for spec in self.denoisers]
+            for number in numbers:
+                yield score_frame(recording, number, methods, self.pairs_only)
+
+    def doing(self, number: int) -> str:
+        """Name a frame by its number."""
+        return f"scoring frame {number}"
 
 
 def score_frame(
-    recording: Recording, number: int, methods: Sequence[Method], pairs_only: bool = False
+    recording: SplitRecording, number: int, methods: Sequence[Method], pairs_only: bool = False
 ) -> ScoredFrame:
     """Denoise one frame by every method and measure the maps.
 
@@ -62,7 +69,7 @@ def score_frame(
     for method in methods:
         try:
             parts = compose(method(raw[None]), raw)
-        except Exception as error:  # any error of a user's denoiser
+        except Exception as error:  # any error of a denoiser
             raise DenoiserError(f"{method.label}: frame {frame.name}: {error}") from error
         for part, depth in parts.items():
             name = f"{method.label} [{part}]" if part else method.label
@@ -73,18 +80,26 @@ def score_frame(
 
 
 def score_recording(
-    recording: Recording,
+    recording: SplitRecording,
     denoisers: Sequence[str],
     *,
     scoring_half: bool = False,
     workers: int | None = None,
     progress: Callable[[ScoringProgress], None] | None = None,
 ) -> RealScores:
-    """Score denoisers (specs of ``glsim.denoise.load``) beside the raw frames.
+    """Score denoisers beside the raw frames.
 
-    scoring_half: static pairs without the half that ``tune_on_pairs`` has seen. workers: number of
-    processes; default: one per core. Raises ConfigError for a wrong denoiser or one given twice,
-    DenoiserError if one fails on a frame.
+    Args:
+        recording: to score on.
+        denoisers: specs of ``glsim.denoise.load``.
+        scoring_half: use the half of the static pairs that ``tune_on_pairs`` has not seen.
+        workers: number of processes; default: one per core.
+        progress: called after each frame.
+
+    Raises:
+        ConfigError: a denoiser is wrong or given twice.
+        DenoiserError: a denoiser fails on a frame.
+
     """
     methods = [load(spec) for spec in denoisers]  # reports wrong ones before scoring starts
     labels = [RAW, *(method.label for method in methods)]

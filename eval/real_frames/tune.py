@@ -8,27 +8,36 @@ from collections.abc import Callable, Sequence
 from glsim.denoise import GRIDS
 from glsim.denoise.registry import tuning_specs
 from glsim.errors import ConfigError
-from glsim.eval.real_frames.recording import Recording
 from glsim.eval.real_frames.results import RealScores, add_up
 from glsim.eval.real_frames.run import RealJob, run_frames
+from glsim.eval.real_frames.split import SplitRecording
 from glsim.eval.scoring.run import ScoringProgress
 
-#: Most frames that tuning denoises by every setting, evenly spread over those of static pairs.
+#: Most frames of static pairs that tuning denoises; chosen.
 _TUNING_FRAMES = 12
 
 
 def tune_on_pairs(
-    recording: Recording,
+    recording: SplitRecording,
     names: Sequence[str] | None = None,
     *,
     workers: int | None = None,
     progress: Callable[[ScoringProgress], None] | None = None,
 ) -> tuple[list[str], RealScores]:
-    """Return the best setting of each filter, as on the command line, and the scores of all.
+    """Choose settings of filters by ``pair_change`` on the half for tuning.
 
-    names: filters of ``GRIDS``; default: all. The mean over distances of the static pairs' RMSE
-    relative to the raw frames decides, on the half for tuning. Raises ConfigError without static
-    pairs: there is nothing to tune on.
+    Args:
+        recording: with static pairs.
+        names: filters of ``GRIDS``; default: all.
+        workers: number of processes; default: one per core.
+        progress: called after each frame.
+
+    Returns:
+        The best setting of each filter, as on the command line, and the scores of all.
+
+    Raises:
+        ConfigError: there are no static pairs.
+
     """
     numbers = sorted(recording.partner)
     if not numbers:

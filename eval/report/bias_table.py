@@ -1,11 +1,12 @@
-"""The bias of methods over distance: a table for people, and all bins as CSV."""
+"""The bias of methods over distance: a table, and all bins as CSV."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Final
 
-from glsim.eval.metrics.catalogue import FLYING_MM
+from glsim.eval.metrics.prediction import FLYING_MM
+from glsim.eval.report.document import Document, TextTable
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias
 from glsim.eval.scoring.run import write_csv
@@ -19,18 +20,15 @@ BIAS_NOTE: Final = (
 )
 
 
-def bias_table(summary: ScoreSummary) -> tuple[list[str], list[list[str]]]:
-    """Return head and rows: per method the largest |bias| and the bias per bin of distance.
-
-    There are no rows if no bin has enough pixels.
-    """
+def bias_document(summary: ScoreSummary) -> Document | None:
+    """Return the table of the bias of each method by distance; None without large enough bins."""
     by_method = {
         method: {b.from_mm: b for b in summary.bias_by_distance(method) if b.is_enough}
         for method in summary.methods
     }
     edges = sorted({edge for bins in by_method.values() for edge in bins})
     if not edges:
-        return [], []
+        return None
     head = ["method", "largest ↓", *(f"{edge / 1000:.1f}" for edge in edges)]
     largest = {method: largest_bias(bins.values()) for method, bins in by_method.items()}
     sizes = {m: f"{abs(one.mean_mm):.2f}" for m, one in largest.items() if one is not None}
@@ -40,7 +38,7 @@ def bias_table(summary: ScoreSummary) -> tuple[list[str], list[list[str]]]:
         size = sizes.get(method, "n/a")
         means = [f"{bins[edge].mean_mm:+.2f}" if edge in bins else "n/a" for edge in edges]
         rows.append([f"`{method}`", f"**{size}**" if size == best else size, *means])
-    return head, rows
+    return Document(BIAS_TITLE, [BIAS_NOTE, TextTable(head, rows)])
 
 
 def write_bias_csv(path: Path, summary: ScoreSummary) -> None:

@@ -28,8 +28,8 @@ class Heading:
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A PNG picture, which reports keep in ``figures/NAME.png`` too."""
+class CaptionedPng:
+    """A PNG picture with a caption; reports also write it as ``figures/NAME.png``."""
 
     name: str
     caption: str
@@ -43,14 +43,14 @@ class Document:
     title: str
     parts: list[str | list[str] | Heading | TextTable] = field(default_factory=list)
 
-    def markdown(self) -> str:
-        """Return the text of a Markdown file."""
-        blocks = [f"# {self.title}"]
+    def markdown(self, level: int = 1) -> str:
+        """Return Markdown; ``level`` is that of the title."""
+        blocks = [f"{'#' * level} {self.title}"]
         for part in self.parts:
             if isinstance(part, TextTable):
                 blocks.append(part.markdown())
             elif isinstance(part, Heading):
-                blocks.append(f"## {part.text}")
+                blocks.append(f"{'#' * (level + 1)} {part.text}")
             else:
                 blocks.append(part if isinstance(part, str) else "\n".join(f"- {x}" for x in part))
         return "\n\n".join(blocks) + "\n"

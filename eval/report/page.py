@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from glsim.errors import GlsimError
-from glsim.eval.report.document import Document, Picture
+from glsim.eval.report.document import CaptionedPng, Document
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 def html_page(
     title: str,
     documents: Iterable[Document],
-    pictures: Sequence[Picture] = (),
+    pictures: Sequence[CaptionedPng] = (),
     notes: Iterable[Document] = (),
 ) -> str:
     """Return a whole HTML page: documents, pictures with their captions, and notes after them.
 
-    All text is escaped; **bold** and `code` become HTML. What follows a line break in a cell of a
-    table is small. Raises GlsimError without Jinja2.
+    All text is escaped; **bold** and `code` become HTML. Brackets at the end of a cell of a table,
+    which hold an interval, are small. Raises GlsimError without Jinja2.
     """
     return _template().render(title=title, documents=documents, pictures=pictures, notes=notes)
 
@@ -41,8 +41,10 @@ def _template() -> Template:
 
     def inline(text: str) -> Markup:
         text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", str(escape(text)))
-        text = re.sub(r"`(.+?)`", r"<code>\1</code>", text)
-        return Markup(re.sub(r"\n(.+)", r"<small>\1</small>", text))
+        return Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", text))
+
+    def cell(text: str) -> Markup:
+        return Markup(re.sub(r" (\[[-+\d., ]+\])$", r"<small>\1</small>", str(inline(text))))
 
     environment = Environment(
         loader=PackageLoader("glsim.eval.report", "."),
@@ -51,6 +53,6 @@ def _template() -> Template:
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.filters["inline"] = inline
+    environment.filters |= {"inline": inline, "cell": cell}
     environment.filters["base64"] = lambda data: base64.b64encode(data).decode()
     return environment.get_template("page.html.jinja")

@@ -9,9 +9,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
-from glsim.eval.real_frames.measures import BINS_M
-from glsim.eval.real_frames.results import EDGES, Interval, MethodScores, RealScores
-from glsim.eval.report.document import Document, Heading, Picture, TextTable
+from glsim.eval.real_frames.frame_truth import BINS_M
+from glsim.eval.real_frames.results import EDGES, Interval, RealMeasures, RealScores
+from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable
 from glsim.eval.report.page import html_page
 from glsim.eval.report.tables import format_number
 from glsim.eval.scoring.run import write_csv
@@ -100,8 +100,8 @@ def _own_losses(scores: RealScores) -> str:
 def _table(
     scores: RealScores,
     heads: Sequence[str],
-    values: Callable[[MethodScores], tuple[float, ...]],
-    change: Callable[[MethodScores], Interval] | None = None,
+    values: Callable[[RealMeasures], tuple[float, ...]],
+    change: Callable[[RealMeasures], Interval] | None = None,
     *,
     zero_is_best: bool = False,
     bold: bool = True,
@@ -145,7 +145,10 @@ def _interval(change: Interval) -> str:
 
 
 def write_real_frames(
-    scores: RealScores, out: Path, pictures: Sequence[Picture] = (), remarks: Sequence[str] = ()
+    scores: RealScores,
+    out: Path,
+    pictures: Sequence[CaptionedPng] = (),
+    remarks: Sequence[str] = (),
 ) -> list[Path]:
     """Write table.md, table.csv and scores.json; with pictures, report.html and figures/*.png.
 

@@ -1,46 +1,30 @@
-"""Result tables: Markdown and LaTeX for people, CSV with all values."""
+"""Result tables: documents, Markdown, LaTeX, and CSV with all values."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 from glsim.depth_protocol import MEANING
-from glsim.eval.metrics import METRICS, REGION_METRICS, Metric
-from glsim.eval.report.bias_table import BIAS_NOTE, BIAS_TITLE, bias_table
+from glsim.eval.metrics.metric import GROUPS, Metric
+from glsim.eval.metrics.regions import REGION_METRICS
+from glsim.eval.metrics.score import METRICS
+from glsim.eval.report.bias_table import bias_document
+from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean
 from glsim.eval.scoring.run import Evaluation, write_csv
-from glsim.files.markdown import markdown_table
 
 #: Method -> metric -> mean over the set.
 ResultTable = dict[str, dict[str, MetricMean]]
 
-#: Sections of table.md: title -> metrics; table.csv has all metrics.
-TABLE_SECTIONS: Final[dict[str, tuple[str, ...]]] = {
-    "The paper's block: all pixels, holes are depth 0": (
-        "mse_mm2",
-        "psnr_db",
-        "psnr_of_mean_db",
-        "mse_flips_pct",
-        "ssim_paper",
-        "ssim_standard",
-        "ssim_16bit",
-    ),
-    "Validity": ("iou", "precision", "recall", "flips_px", "flying_px"),
-    "Depth and surface": (
-        "both_rmse_mm",
-        "input_rmse_mm",
-        "both_interior_rmse_mm",
-        "both_edge_rmse_mm",
-        "filled_rmse_mm",
-        "input_bias_mm",
-        "normal_mean_deg",
-        "normal_good_pct",
-        "time_ms",
-    ),
-}
 TABLE_METRICS: Final = {**METRICS, PSNR_OF_MEAN.name: PSNR_OF_MEAN}
+#: Sections of table.md: title -> metrics; table.csv has all metrics.
+TABLE_SECTIONS: Final[dict[str, list[str]]] = {
+    title: [m.name for m in TABLE_METRICS.values() if m.in_table and GROUPS[m.group] == title]
+    for title in dict.fromkeys(GROUPS.values())
+}
 
 
 def format_number(value: float, unit: str = "mm") -> str:
@@ -68,91 +52,78 @@ def best_methods(table: ResultTable, metric: Metric) -> set[str]:
 
 
 def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> str:
-    """Return table.md: means with intervals, trivial baselines, definitions, remarks."""
-    summary = evaluation.summary
-    lines = [
-        f"# {heading}",
-        "",
-        f"{evaluation.frames} frames of {len(summary.subjects)} subjects. In brackets the 95 % "
-        "interval over subjects (bootstrap). Bold: the best mean. Arrows: which way is better.",
-        "",
-        f"Protocol {evaluation.protocol}: {MEANING[evaluation.protocol]}.",
-        "",
-    ]
+    """Return table.md: all documents of the result."""
+    protocol = f"Protocol {evaluation.protocol}: {MEANING[evaluation.protocol]}."
+    head = Document(heading, [protocol])
+    documents = [*result_documents(evaluation, table), *note_documents(evaluation, table)]
+    return "\n".join([head.markdown(), *(document.markdown(level=2) for document in documents)])
+
+
+def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
+    """Return the tables: scores, and where there are any: parts of the face, bias, baselines."""
+    scores = Document(
+        "Scores",
+        [
+            f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. In "
+            "brackets the 95 % interval over subjects (bootstrap). Bold: the best mean. Arrows: "
+            "which way is better."
+        ],
+    )
     for title, names in TABLE_SECTIONS.items():
         metrics = [TABLE_METRICS[name] for name in names]
-        head = ["method", *(f"{m.heading} {m.arrow}".strip() for m in metrics)]
-        tops = {m.name: best_methods(table, m) for m in metrics}
-        rows = [
-            [f"`{method}`", *(_cell(entries[m.name], method in tops[m.name]) for m in metrics)]
-            for method, entries in table.items()
-        ]
-        lines += [f"## {title}", "", *markdown_table(head, rows), ""]
-    regions = region_tables(table)
-    if regions:
-        lines += [f"## {REGION_TITLE}", "", REGION_NOTE, ""]
-        for title, head, rows in regions:
-            lines += [f"**{title}**", "", *markdown_table(head, rows), ""]
-    head, rows = bias_table(summary)
-    if rows:
-        lines += [f"## {BIAS_TITLE}", "", BIAS_NOTE, "", *markdown_table(head, rows), ""]
-    if evaluation.baselines.methods:
-        lines += [
-            "## Trivial predictions: a scale for the above",
-            "",
-            *_baseline_table(evaluation),
-            "",
-        ]
-    lines += ["## Definitions", ""]
-    shown = [name for names in TABLE_SECTIONS.values() for name in names]
-    lines += [f"- **{TABLE_METRICS[name].heading}**: {TABLE_METRICS[name].help}." for name in shown]
-    notes = [f"- {note}" for note in remarks(evaluation, table)]
-    lines += ["", "## Remarks", "", *notes] if notes else []
-    return "\n".join(lines).rstrip() + "\n"
+        heads = [f"{m.heading} {m.arrow}".strip() for m in metrics]
+        scores.parts += [Heading(title), _table(table, metrics, heads, intervals=True)]
+    others = (region_document(table), bias_document(evaluation.summary), _baselines(evaluation))
+    return [scores, *(document for document in others if document is not None)]
 
 
-REGION_TITLE: Final = "Parts of the face"
-REGION_NOTE: Final = (
-    "RMSE and bias are over the pixels of input_interior_* (input and clean valid, no edge), "
-    "normals over those of normal_mean_deg. Parts without such pixels in any frame are left out; "
-    "table.csv has all parts."
-)
+def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
+    """Return the definitions of the metrics, and remarks if there are any."""
+    shown = [TABLE_METRICS[name] for names in TABLE_SECTIONS.values() for name in names]
+    documents = [Document("Definitions", [[f"**{m.heading}**: {m.help}." for m in shown]])]
+    notes = _remarks(evaluation, table)
+    return [*documents, Document("Remarks", [notes])] if notes else documents
 
 
-def region_tables(table: ResultTable) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Return (title, head, rows) of each region metric with values, none without regions.
-
-    A row is a method and its mean per region; the best mean of a region is bold.
-    """
+def region_document(table: ResultTable) -> Document | None:
+    """Return a table per region metric, with a column per part of the face; None without parts."""
     first = next(iter(table.values()))
-    tables = []
+    document = Document(
+        "Parts of the face",
+        [
+            "RMSE and bias are over the pixels of input_interior_* (input and clean valid, no "
+            "edge), normals over those of normal_mean_deg. Parts without such pixels in any frame "
+            "are left out; table.csv has all parts."
+        ],
+    )
     for name in REGION_METRICS:
-        metrics = [
-            m for m in (entry.metric for entry in first.values()) if m.name.startswith(f"{name}@")
-        ]
+        metrics = [entry.metric for entry in first.values()]
+        metrics = [m for m in metrics if m.name.startswith(f"{name}@")]
         metrics = [m for m in metrics if any(entries[m.name].frames for entries in table.values())]
-        if not metrics:
-            continue
-        tops = {m.name: best_methods(table, m) for m in metrics}
-        rows = []
-        for method, entries in table.items():
-            means = [
-                (format_number(entries[m.name].mean, m.unit), method in tops[m.name])
-                for m in metrics
-            ]
-            rows.append([f"`{method}`", *(f"**{text}**" if top else text for text, top in means)])
-        title = f"{name} [{metrics[0].unit}] {metrics[0].arrow}".strip()
-        tables.append((title, ["method", *(m.name.partition("@")[2] for m in metrics)], rows))
-    return tables
+        if metrics:
+            title = f"{name} [{metrics[0].unit}] {metrics[0].arrow}".strip()
+            parts = [m.name.partition("@")[2] for m in metrics]
+            document.parts += [Heading(title), _table(table, metrics, parts)]
+    return document if len(document.parts) > 1 else None
 
 
-def _cell(entry: MetricMean, top: bool) -> str:
-    unit = entry.metric.unit
-    mean = format_number(entry.mean, unit)
-    text = f"**{mean}**" if top else mean
-    if math.isnan(entry.low):
-        return text
-    return f"{text} [{format_number(entry.low, unit)}, {format_number(entry.high, unit)}]"
+def _table(
+    table: ResultTable, metrics: Sequence[Metric], heads: Sequence[str], *, intervals: bool = False
+) -> TextTable:
+    """Return a table with a row per method and a column per metric; the best means are bold."""
+    tops = {m.name: best_methods(table, m) for m in metrics}
+    rows = []
+    for method, entries in table.items():
+        cells = [f"`{method}`"]
+        for m in metrics:
+            entry = entries[m.name]
+            numbers = (entry.mean, entry.low, entry.high)
+            mean, low, high = (format_number(number, m.unit) for number in numbers)
+            text = f"**{mean}**" if method in tops[m.name] else mean
+            known = intervals and not math.isnan(entry.low)
+            cells.append(f"{text} [{low}, {high}]" if known else text)
+        rows.append(cells)
+    return TextTable(["method", *heads], rows)
 
 
 #: The metrics of trivial baselines in tables.
@@ -168,18 +139,21 @@ BASELINE_METRICS: Final = (
 )
 
 
-def _baseline_table(evaluation: Evaluation) -> list[str]:
+def _baselines(evaluation: Evaluation) -> Document | None:
     baselines = evaluation.baselines
+    if not baselines.methods:
+        return None
     metrics = [METRICS[name] for name in BASELINE_METRICS]
     rows = [
         [name, *(format_number(baselines.mean(name, m.name), m.unit) for m in metrics)]
         for name in baselines.methods
     ]
-    return markdown_table(["prediction", *(f"{m.heading} {m.arrow}" for m in metrics)], rows)
+    head = ["prediction", *(f"{m.heading} {m.arrow}" for m in metrics)]
+    return Document("Trivial predictions: a scale for the above", [TextTable(head, rows)])
 
 
-def remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
-    """Return remarks: frames that a mean leaves out, and frames that could not be scored."""
+def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
+    """List frames that a mean leaves out, and frames that could not be scored."""
     undefined: dict[str, list[str]] = {}
     for method, entries in table.items():
         for name in (name for names in TABLE_SECTIONS.values() for name in names):

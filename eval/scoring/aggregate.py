@@ -9,8 +9,9 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.eval.metrics import METRICS, Metric
-from glsim.eval.metrics.score import psnr_db
+from glsim.eval.metrics.metric import Metric
+from glsim.eval.metrics.prediction import psnr_db
+from glsim.eval.metrics.score import METRICS
 from glsim.eval.scoring.bias import BiasBin, BiasSums, add_bias, bias_by_distance
 from glsim.eval.scoring.blocks import BINS, Row
 from glsim.eval.scoring.statistics import (
@@ -24,7 +25,12 @@ _T = TypeVar("_T")
 
 #: The only metric that is computed over the whole set and not per frame.
 PSNR_OF_MEAN: Final = Metric(
-    "psnr_of_mean_db", "dB", "higher", "paper", "PSNR of the mean MSE over all frames"
+    "psnr_of_mean_db",
+    "dB",
+    "higher",
+    "paper",
+    "PSNR of the mean MSE over all frames",
+    in_table=True,
 )
 #: Target number of frames per method for figures, and the metrics kept for them.
 _SAMPLED_FRAMES: Final = 1000

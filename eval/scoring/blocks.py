@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -16,7 +18,9 @@ from glsim.denoise.frames import Frames, Stacks
 from glsim.denoise.interface import Depth
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DatasetError, DenoiserError
-from glsim.eval.metrics import Regions, Truth, score
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.regions import Regions
+from glsim.eval.metrics.score import score
 from glsim.eval.scoring.baselines import TRIVIAL_BASELINES
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
 from glsim.eval.scoring.pairs import TruthLayer, open_frames
@@ -40,10 +44,12 @@ class FrameBlock(NamedTuple):
 class ScoredBlock:
     """The scores of a block, JSON-compatible, with None for NaN.
 
-    rows: one per frame and method. baselines: one per frame and trivial baseline.
-    histograms: method -> counts of |error| on pixels where input and clean are valid.
-    bias: method -> subject -> see ``glsim.eval.scoring.bias``.
-    bad: frames, with the reason why they (or a method on them) could not be scored.
+    Attributes:
+        rows: one per frame and method.
+        baselines: one per frame and trivial baseline.
+        histograms: method -> counts of |error| on pixels where input and clean are valid.
+        bias: method -> subject -> see ``glsim.eval.scoring.bias``.
+        bad: frames, with the reason why they (or a method on them) could not be scored.
     """
 
     number: int
@@ -57,13 +63,17 @@ class ScoredBlock:
 
 @dataclass(frozen=True, eq=False)
 class ScoringJob:
-    """The task of an evaluation, sent to each worker. denoisers: see ``glsim.denoise.load``.
+    """The task of an evaluation, sent to each worker.
 
-    truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
-    baseline_every: score trivial baselines on every n-th frame; 0 is never.
-    stride: score only every n-th frame. device: sensor file whose fixed pattern and wiggling are
-    subtracted from the input of all denoisers. protocol: where depths are counted from, see
-    ``glsim.depth_protocol``; default: as the files are stored.
+    Attributes:
+        denoisers: see ``glsim.denoise.load``.
+        truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
+        baseline_every: score trivial baselines on every n-th frame; 0 is never.
+        stride: score only every n-th frame.
+        device: sensor file whose fixed pattern and wiggling are subtracted from the input of all
+            denoisers.
+        protocol: where depths are counted from, see ``glsim.depth_protocol``; default: as the files
+            are stored.
     """
 
     dataset: Path
@@ -83,10 +93,27 @@ class ScoringJob:
             self.dataset, self.split, self.focal_px, self.truth, self.device, self.protocol
         )
 
-    def start(self) -> Callable[[FrameBlock], ScoredBlock]:
-        """Open the data set and load the denoisers, in the worker."""
-        methods = [load(spec) for spec in self.denoisers]
-        return _BlockScorer(self, self.frames(), methods)
+    def run(self, blocks: Iterator[FrameBlock]) -> Iterator[ScoredBlock]:
+        """Score blocks: the job of a worker."""
+        with warned_already():
+            methods = [load(spec) for spec in self.denoisers]
+            yield from map(_BlockScorer(self, self.frames(), methods), blocks)
+
+    def doing(self, block: FrameBlock) -> str:
+        """Name a block by its frames."""
+        return f"scoring frames {block.first} to {block.first + block.frames - 1}"
+
+
+@contextmanager
+def warned_already() -> Iterator[None]:
+    """Log no warnings of denoisers: whoever starts the scoring has loaded them before."""
+    logger = logging.getLogger("glsim.denoise")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 class _BlockScorer:
@@ -127,7 +154,7 @@ class _BlockScorer:
             except DenoiserError as error:
                 result.bad.append({"frame": str(key), "why": f"{method.label}: {error}"})
                 continue
-            except Exception as error:  # any error of a user's denoiser
+            except Exception as error:  # any error of a third-party denoiser
                 why = f"{method.label}: {type(error).__name__}: {error}"
                 result.bad.append({"frame": str(key), "why": why})
                 continue

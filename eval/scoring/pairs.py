@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from glsim.dataset import Split, open_dataset
 from glsim.dataset.disk_format import HEADER
+from glsim.dataset.header import is_dataset
 from glsim.dataset.layer_images import decode_layer
-from glsim.dataset.reader import no_clean, no_expected
+from glsim.dataset.pair import no_clean, no_expected
 from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
 from glsim.denoise.frames import Frames, Key, MovedFrames, Sample, check_millimetres, is_moved
 from glsim.denoise.interface import Depth
 from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.cloud import cloud_url
 from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX
 from glsim.files.regular import read_regular
 from glsim.geometry.camera import Intrinsics
@@ -212,11 +212,9 @@ def open_frames(
 def _open(
     path: Path, split: str, focal_px: float | None, truth: TruthLayer
 ) -> DatasetFrames | FolderFrames:
-    if cloud_url(path) is not None:
+    if is_dataset(path):
         return DatasetFrames(path, split, truth)
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder")
-    if (path / HEADER).exists() or (path / ".glsim").exists():
-        return DatasetFrames(path, split, truth)
     part = path / split
     return FolderFrames(part if part.is_dir() else path, focal_px, truth)

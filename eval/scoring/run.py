@@ -18,16 +18,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.dataset import available_workers
 from glsim.denoise import load
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
-from glsim.eval.metrics import Metric, metrics_with_regions
+from glsim.eval.metrics.metric import Metric
+from glsim.eval.metrics.score import metrics_with_regions
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.baselines import BASELINE_FRAMES, mean_face
 from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
-from glsim.eval.scoring.workers import run_tasks
 from glsim.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
+from glsim.worker_processes import available_workers, run_tasks
 
 #: Frames in a block: few enough that a crash costs little and all cores end together.
 _BLOCK: Final = 25
@@ -47,10 +47,13 @@ class ScoringProgress:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The result of ``evaluate``. baselines: scores of trivial predictions.
+    """The result of ``evaluate``.
 
-    bad: number of frames, or pairs of frame and method, that could not be scored; first_bad: the
-    first of them with reasons. protocol: where depths are counted from.
+    Attributes:
+        baselines: scores of trivial predictions.
+        bad: number of frames, or pairs of frame and method, that could not be scored.
+        first_bad: the first of them with reasons.
+        protocol: where depths are counted from.
     """
 
     summary: ScoreSummary
@@ -71,9 +74,12 @@ def evaluate(
 ) -> Evaluation:
     """Score every frame of a set by every denoiser; write rows.csv and bad.csv to ``out``.
 
-    workers: number of processes; default: one per core. baselines: also score trivial predictions.
     Raises ConfigError for a wrong denoiser, one that was trained under another protocol, or an
     empty set, DatasetError if no frame can be scored.
+
+    Args:
+        workers: number of processes; default: one per core.
+        baselines: also score trivial predictions.
     """
     methods = [load(spec) for spec in job.denoisers]  # reports wrong ones before scoring starts
     labels = [method.label for method in methods]

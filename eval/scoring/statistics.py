@@ -1,8 +1,9 @@
 """Means over frames, their confidence intervals, and tests of differences between methods.
 
 Frames of one subject are alike, so the bootstrap (Efron 1979) resamples subjects and the sign-flip
-test (Fisher 1935) swaps subjects; p values are corrected for the number of compared methods (Holm
-1979).
+test (Fisher 1935) swaps subjects; p values are corrected for the number of methods (Holm 1979).
+scipy.stats.bootstrap returns NaN if one draw lacks all frames of a metric, and scoring needs no
+extra.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
-#: Bootstrap repetitions; intervals vary by less than a tenth of their width.
+#: Bootstrap repetitions; chosen, intervals vary by less than a tenth of their width.
 _DRAWS: Final = 2000
-#: Up to this many subjects the test tries all sign flips; beyond, _FLIPS random ones.
+#: Most subjects of which the test tries all sign flips; beyond, it tries _FLIPS random ones.
 _EXACT: Final = 14
 _FLIPS: Final = 20_000
 _SEED: Final = 5
@@ -30,9 +31,13 @@ _SEED: Final = 5
 
 @dataclass(frozen=True, eq=False)
 class SubjectSums:
-    """One metric of one method for S subjects: (S,) sums over the frames where it is defined.
+    """One metric of one method for S subjects.
 
-    counts: (S,) numbers of these frames. frames: (S,) numbers of all frames.
+    Attributes:
+        sums: (S,) sums over the frames where the metric is defined.
+        counts: (S,) numbers of these frames.
+        frames: (S,) numbers of all frames.
+
     """
 
     sums: _Array
@@ -51,11 +56,10 @@ class SubjectSums:
 
 
 def bootstrap_interval(values: SubjectSums, level: float = 0.95) -> tuple[float, float]:
-    """Compute the percentile bootstrap interval of the mean over subjects; NaN for fewer than 2."""
-    subjects = len(values.sums)
+    """Return the percentile bootstrap interval of the mean; NaN for fewer than 2 subjects."""
     if np.count_nonzero(values.counts) < 2:
         return float("nan"), float("nan")
-    times = _resampled(subjects)
+    times = resampled(len(values.sums))
     sums, counts = times @ values.sums, times @ values.counts
     means = sums[counts > 0] / counts[counts > 0]
     low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2])
@@ -65,15 +69,15 @@ def bootstrap_interval(values: SubjectSums, level: float = 0.95) -> tuple[float,
 def ratio_interval(
     first: SubjectSums, second: SubjectSums, level: float = 0.95
 ) -> tuple[float, float, float]:
-    """Compute the ratio of two means over the same S subjects, and its bootstrap interval.
+    """Return the ratio of two means over the same S subjects, and its bootstrap interval.
 
-    Both means of a draw are over the same resampled subjects. Returns ratio, low, high; NaN where a
-    mean is undefined or the second is 0, and for the interval of fewer than 2 subjects.
+    Both means of a draw are over the same subjects. NaN where a mean is undefined or the second is
+    0, and for the interval of fewer than 2 subjects.
     """
     ratio = first.mean / second.mean if second.mean else float("nan")
     if min(np.count_nonzero(first.counts), np.count_nonzero(second.counts)) < 2:
         return ratio, float("nan"), float("nan")
-    times = _resampled(len(first.sums))
+    times = resampled(len(first.sums))
     # (a / b) / (c / d) as a d / (b c): the zeros of a draw are found before it divides.
     above = (times @ first.sums) * (times @ second.counts)
     below = (times @ second.sums) * (times @ first.counts)
@@ -84,16 +88,16 @@ def ratio_interval(
     return ratio, float(low), float(high)
 
 
-def _resampled(subjects: int) -> _Array:
-    """Return (_DRAWS, S) numbers of times that each draw takes each of S subjects."""
+def resampled(subjects: int) -> _Array:
+    """Return the (_DRAWS, S) counts of S subjects in each draw of a bootstrap."""
     rng = np.random.default_rng(_SEED)
     return rng.multinomial(subjects, np.full(subjects, 1 / subjects), _DRAWS).astype(np.float64)
 
 
 def sign_flip_test(first: SubjectSums, second: SubjectSums) -> float:
-    """Compute the two-sided p of "no difference" between two methods; NaN for under 2 subjects.
+    """Return the two-sided p of equal means of two methods; NaN for fewer than 2 subjects.
 
-    The test compares the subjects' means. With n subjects p is at least 2 / 2^n.
+    With n subjects p is at least 2 / 2^n.
     """
     both = (first.counts > 0) & (second.counts > 0)
     if np.count_nonzero(both) < 2:
@@ -111,7 +115,7 @@ def sign_flip_test(first: SubjectSums, second: SubjectSums) -> float:
 
 @lru_cache(maxsize=4)
 def _signs(n: int) -> _Array:
-    """Return (R, n) signs +1 and -1: all combinations, or _FLIPS random ones, always the same."""
+    """Return (R, n) signs: all combinations, or _FLIPS random ones, always the same."""
     if n <= _EXACT:
         return np.array(list(itertools.product((1.0, -1.0), repeat=n)))
     return np.where(np.random.default_rng(_SEED).integers(0, 2, (_FLIPS, n)) > 0, 1.0, -1.0)
@@ -128,10 +132,10 @@ def holm_correction(p_values: _Array) -> _Array:
 
 
 def student_t_test(first: Sequence[float], second: Sequence[float]) -> tuple[float, float]:
-    """Return Student's t of two groups with a common variance, and its p (two-sided).
+    """Return Student's t of two groups with a common variance, and its two-sided p.
 
-    Both are NaN if there are fewer than three values or a group is empty. Without any variance t is
-    0 for equal means and infinite otherwise. Needs the extra ``eval`` (SciPy).
+    NaN for fewer than three values or an empty group; t is 0 for equal groups without variance, and
+    infinite for unequal ones. Needs the extra ``eval`` (SciPy).
     """
     if not first or not second or len(first) + len(second) < 3:
         return math.nan, math.nan

@@ -15,9 +15,9 @@ from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.errors import DatasetError
 from glsim.eval.scoring.bias import BiasSums, BinSums, add_bias
 from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.grid_search import SURFACE, tune_filters
 from glsim.eval.scoring.run import Evaluation, ScoringProgress, evaluate
 from glsim.eval.scoring.statistics import SubjectSums
-from glsim.eval.scoring.tune import SURFACE, tune
 
 #: The input, as a method.
 NOISY: Final = "noisy"
@@ -78,7 +78,9 @@ def score_filters(job: ScoringJob, out: Path, *, workers: int, watch: Watch = No
 
     job: the test split; its denoisers are replaced. Raises what ``evaluate`` raises.
     """
-    tuned = tune(replace(job, split="val"), list(GRIDS), out, workers=workers, progress=watch)
+    tuned = tune_filters(
+        replace(job, split="val"), list(GRIDS), out, workers=workers, progress=watch
+    )
     specs = {NOISY: NOISY}
     for item in tuned:
         specs[item.name] = item.plain

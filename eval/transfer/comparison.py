@@ -1,4 +1,4 @@
-"""Compare a network with the input and the best filter, cell by cell, and with the goals."""
+"""Compare networks with the input, the best filter and the goals, cell by cell."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from glsim.eval.scoring.bias import BiasBin, bias_by_distance, largest_bias
+from glsim.eval.scoring.grid_search import SURFACE
 from glsim.eval.scoring.statistics import ratio_interval
-from glsim.eval.scoring.tune import SURFACE
 from glsim.eval.transfer.cells import NOISY, CellScores, pool
 from glsim.eval.transfer.study import Goals, SensorFamily
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the tables. against: what its goal compares the network with."""
+    """A figure of the tables; ``against`` is the other side of its goal."""
 
     metric: str
     title: str
@@ -34,9 +34,9 @@ FIGURES: Final = (
 
 @dataclass(frozen=True, eq=False)
 class CellResult:
-    """The scores of a cell in one scene. left_out: what the network was not trained on.
+    """The scores of a cell in one scene: of the input, the filters and the network.
 
-    scores: holds the input, the filters, and the network under its name.
+    ``left_out`` names what the network was not trained on.
     """
 
     network: str
@@ -57,12 +57,26 @@ class Ratio:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """One figure of a network on a cell or on several: means, ratios, and the verdict.
+class NetworkComparison:
+    """One figure of a network on a cell, or on several pooled cells.
 
-    source, scene: "" if pooled. filter: the best one by this figure. settings: as it was tuned, one
-    per data set. verdict: whether the goal is met; None if the ratio is undefined. sure: the
-    interval of the ratio does not hold the goal.
+    Attributes:
+        network: its name.
+        left_out: what it was not trained on.
+        sensor: name of the sensor.
+        source: of faces; "" if pooled.
+        scene: its name; "" if pooled.
+        figure: what is compared.
+        noisy: mean of the input.
+        filter: the best filter by this figure.
+        settings: of the filter, one per data set.
+        filter_mean: mean of the filter.
+        network_mean: mean of the network.
+        to_filter: network over filter.
+        to_input: network over input.
+        goal: largest ratio that meets the goal.
+        people: number of scored people.
+
     """
 
     network: str
@@ -88,7 +102,7 @@ class Comparison:
 
     @property
     def verdict(self) -> bool | None:
-        """Whether the goal is met, also where the other mean is 0; None for an undefined mean."""
+        """Whether the goal is met; None for an undefined mean."""
         other = self.filter_mean if self.figure.against == "filter" else self.noisy
         if math.isnan(self.network_mean) or math.isnan(other):
             return None
@@ -96,13 +110,13 @@ class Comparison:
 
     @property
     def sure(self) -> bool:
-        """Whether the whole interval is on the side of the verdict."""
+        """Whether the interval of the ratio does not hold the goal."""
         judged = self.judged
         return not judged.low <= self.goal <= judged.high
 
     @property
     def verdict_text(self) -> str:
-        """Text of the verdict: pass or fail, with a question mark unless it is sure."""
+        """The verdict, pass or fail, with a question mark unless it is sure."""
         if self.verdict is None:
             return "n/a"
         text = "pass" if self.verdict else "fail"
@@ -112,9 +126,9 @@ class Comparison:
 
 @dataclass(frozen=True)
 class BiasComparison:
-    """Bias over distance of a network, the input and a filter, over all faces and scenes.
+    """Bias over distance, over all faces and scenes, of a network, the input and the best filter.
 
-    filter: the best one by SURFACE. bins: role ("noisy", "filter", "network") -> bins.
+    ``bins`` maps the roles "noisy", "filter" and "network" to bins.
     """
 
     network: str
@@ -130,7 +144,7 @@ class BiasComparison:
 
     @property
     def input_there_mm(self) -> float:
-        """The input's |bias| in the bin of ``largest_mm``: what the network did not add itself."""
+        """The input's |bias| in the bin of ``largest_mm``."""
         place = None if self._largest is None else self._largest.from_mm
         there = [b for b in self.bins[NOISY] if b.from_mm == place]
         return abs(there[0].mean_mm) if there else math.nan
@@ -140,13 +154,9 @@ class BiasComparison:
         return largest_bias(self.bins["network"])
 
 
-def compare(results: Sequence[CellResult], goals: Goals) -> list[Comparison]:
-    """Compare the network of each result by each figure."""
-    return [
-        _comparison(result, result.scores, figure, goals)
-        for figure in FIGURES
-        for result in results
-    ]
+def compare(results: Sequence[CellResult], goals: Goals) -> list[NetworkComparison]:
+    """Compare the network of each result by each of FIGURES."""
+    return [_comparison(result, figure, goals) for figure in FIGURES for result in results]
 
 
 def pool_by_sensor(results: Sequence[CellResult]) -> list[CellResult]:
@@ -190,11 +200,11 @@ def goal_of(figure: Figure, sensor: SensorFamily, goals: Goals) -> float:
     return goals.tof_ratio if sensor.tof else goals.other_ratio
 
 
-def _comparison(result: CellResult, scores: CellScores, figure: Figure, goals: Goals) -> Comparison:
-    metric = figure.metric
+def _comparison(result: CellResult, figure: Figure, goals: Goals) -> NetworkComparison:
+    metric, scores = figure.metric, result.scores
     best, noisy = scores.best_filter(metric), scores.methods[NOISY]
     network = scores.methods[result.network].values(metric)
-    return Comparison(
+    return NetworkComparison(
         network=result.network,
         left_out=result.left_out,
         sensor=result.sensor.name,

@@ -18,15 +18,15 @@ from glsim.eval.transfer.comparison import (
     FIGURES,
     BiasComparison,
     CellResult,
-    Comparison,
     Figure,
+    NetworkComparison,
     Ratio,
     compare,
     compare_bias,
     pool_by_sensor,
 )
 from glsim.eval.transfer.study import Goals, TransferStudy
-from glsim.files.atomic import to_json, write_atomic
+from glsim.files.atomic import to_json, without_nan, write_atomic
 
 _EXPLANATION: Final = (
     "A cell is one sensor with one source of faces; nobody in a test set was in training. *Best "
@@ -50,7 +50,10 @@ def write_results(
     Raises DatasetError if a file cannot be written, GlsimError for a figure without Matplotlib.
     """
     pooled_results = pool_by_sensor(results)
-    cells, pooled = compare(results, study.goals), compare(pooled_results, study.goals)
+    cells, pooled = (
+        compare(results, study.goals),
+        compare(pooled_results, study.goals),
+    )
     bias = compare_bias(pooled_results)
     paths = [out / f"transfer.{suffix}" for suffix in ("md", "csv", "json")]
     write_atomic(
@@ -64,7 +67,7 @@ def write_results(
         "cells": [_flat(row) for row in cells],
         "bias_by_distance": [asdict(row) for row in bias],
     }
-    write_atomic((to_json(_finite(tree), str(paths[2])) + "\n").encode(), paths[2])
+    write_atomic((to_json(without_nan(tree), str(paths[2])) + "\n").encode(), paths[2])
     if figure:
         paths.append(out / "transfer.png")
         write_atomic(to_png(_figure(cells)), paths[-1])
@@ -74,8 +77,8 @@ def write_results(
 def _document(
     study: TransferStudy,
     results: Sequence[CellResult],
-    cells: Sequence[Comparison],
-    pooled: Sequence[Comparison],
+    cells: Sequence[NetworkComparison],
+    pooled: Sequence[NetworkComparison],
     bias: Sequence[BiasComparison],
     notes: Sequence[str],
 ) -> Document:
@@ -116,7 +119,7 @@ def _document(
 
 def _summary_table(
     results: Sequence[CellResult],
-    pooled: Sequence[Comparison],
+    pooled: Sequence[NetworkComparison],
     bias: Sequence[BiasComparison],
     goals: Goals,
 ) -> TextTable:
@@ -140,7 +143,7 @@ def _summary_table(
     return _compact(head, list(rows.values()))
 
 
-def _place(row: Comparison | BiasComparison) -> list[str]:
+def _place(row: NetworkComparison | BiasComparison) -> list[str]:
     return [row.network, row.left_out, f"`{row.sensor}`"]
 
 
@@ -150,7 +153,7 @@ def _compact(head: list[str], rows: list[list[str]]) -> TextTable:
     return TextTable([head[n] for n in kept], [[row[n] for n in kept] for row in rows])
 
 
-def _figure_table(figure: Figure, rows: Sequence[Comparison]) -> TextTable:
+def _figure_table(figure: Figure, rows: Sequence[NetworkComparison]) -> TextTable:
     head = ["network", "left out", "sensor", "faces", "scene", "noisy", "best filter",
             "the filter's", "the network's", "ratio"]  # fmt: skip
     if figure.against == "input":
@@ -190,7 +193,7 @@ def _ratio(ratio: Ratio) -> str:
     return text if math.isnan(ratio.low) else f"{text} [{ratio.low:.2f}, {ratio.high:.2f}]"
 
 
-def _flat(row: Comparison) -> dict[str, Any]:
+def _flat(row: NetworkComparison) -> dict[str, Any]:
     """Return a comparison as one level of names and values."""
     flat: dict[str, Any] = {}
     for name, value in asdict(row).items():
@@ -203,16 +206,7 @@ def _flat(row: Comparison) -> dict[str, Any]:
     return flat | {"goal_is_about": f"to_{row.figure.against}", "verdict": row.verdict}
 
 
-def _finite(value: Any) -> Any:
-    """Replace NaN, which JSON lacks, by None."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _figure(cells: Sequence[Comparison]) -> Any:
+def _figure(cells: Sequence[NetworkComparison]) -> Any:
     """Draw the ratio of each cell and goal: rows are sensors, colours faces, circles scenes."""
     scenes = list(dict.fromkeys(row.scene for row in cells))
     panels = []
@@ -235,7 +229,7 @@ def _figure(cells: Sequence[Comparison]) -> Any:
     return ratio_dots(panels, (scenes[0], " or ".join(scenes[1:])))
 
 
-def _kind(row: Comparison, cells: Sequence[Comparison]) -> str:
+def _kind(row: NetworkComparison, cells: Sequence[NetworkComparison]) -> str:
     """Return what the colour of a dot shows: the faces, and what else differs between the rows."""
     parts = [row.source]
     if len({other.left_out.split()[0] for other in cells}) > 1:

@@ -106,7 +106,7 @@ class TestData(_DataTable):
     seed: int = Field(2000, ge=0, lt=2**63)
 
 
-class Training(_DataTable):
+class TrainingPlan(_DataTable):
     """The training of each network, and its part of data of each cell and scene."""
 
     people: int = Field(100, ge=1)
@@ -156,7 +156,7 @@ class TransferStudy(Table):
     source: tuple[FaceFamily, ...] = Field(min_length=1)
     scene: tuple[SceneFamily, ...] = (SceneFamily(name="alone"),)
     test: TestData = TestData()
-    train: Training = Training()
+    train: TrainingPlan = TrainingPlan()
 
     @model_validator(mode="after")
     def _check(self) -> TransferStudy:

@@ -38,7 +38,10 @@ _LINE_Y: Final = (-70.0, -66.0, -52.0, -18.0, -8.0, -2.0, 18.0, 36.0, 48.0, 57.0
 class Anatomy:
     """A reference head and what its vertices are.
 
-    vertices_mm: (V, 3) of the reference. faces: (F, 3). regions: (V,) indices into names.
+    Args:
+        vertices_mm: (V, 3) of the reference.
+        faces: (F, 3).
+        regions: (V,) indices into names.
     """
 
     source: str

@@ -103,8 +103,10 @@ def make_beard(
 ) -> tuple[Shell, NDArray[np.int32]]:
     """Return the shell and the triangles of a subject's beard.
 
-    rest_mm: (V, 3) the subject at rest.
-    length_mm: of the hair, along the normals. seed: of the relief and the ragged rim.
+    Args:
+        rest_mm: (V, 3) the subject at rest.
+        length_mm: of the hair, along the normals.
+        seed: of the relief and the ragged rim.
     """
     inside = beard.inside.copy()
     if not style.cheeks:
@@ -164,7 +166,8 @@ def make_brows(
 ) -> tuple[Shell, NDArray[np.int32]]:
     """Return the shell and the triangles of a subject's brows, height_mm high.
 
-    rest_mm: (V, 3) the subject at rest.
+    Args:
+        rest_mm: (V, 3) the subject at rest.
     """
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)

@@ -28,8 +28,13 @@ _NECK_BASE_MM: Final = 92.0
 class Garment:
     """One garment for the upper body.
 
-    ease: mm between skin and cloth. fold: height of the folds, mm. sleeve: covered share of the
-    arm. collar: its kind. neckline: mm over the base of the neck. rise: height of the collar, mm.
+    Args:
+        ease: mm between skin and cloth.
+        fold: height of the folds, mm.
+        sleeve: covered share of the arm.
+        collar: its kind.
+        neckline: mm over the base of the neck.
+        rise: height of the collar, mm.
     """
 
     name: str
@@ -61,10 +66,13 @@ GARMENTS: Final = (
 class ClothGrid:
     """Where cloth can be on a source or a subject. points: (N, 3) mm on the reference.
 
-    above_neck: (N,) mm over the base of the neck along the collar's plane. arm, leg: (N,) share of
-    the limb from its root, NaN elsewhere. foot: (N,). front: (N,) in [-1, 1], 1 in front.
-    rest_mm: (V, 3) vertices of the reference or the subject. Of a subject with a body: hollow: (N,)
-    mm that cloth spans over hollows, normal: (N, 3).
+    Args:
+        above_neck: (N,) mm over the base of the neck along the collar's plane.
+        arm, leg: (N,) share of the limb from its root, NaN elsewhere.
+        foot: (N,).
+        front: (N,) in [-1, 1], 1 in front.
+        rest_mm: (V, 3) vertices of the reference or the subject. Of a subject with a body: hollow:
+            (N,) mm that cloth spans over hollows, normal: (N, 3).
     """
 
     grid: SkinGrid

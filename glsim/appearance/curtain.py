@@ -31,7 +31,9 @@ def hanging_hair(
 ) -> Locks:
     """Return the sheet of a style with ``hang``; it is seen from both sides.
 
-    base: (N, 3) the scalp's points. thickness: (N,) mm.
+    Args:
+        base: (N, 3) the scalp's points.
+        thickness: (N,) mm.
     """
     scale = anatomy.scale
     # From the left temple over the back to the right one; the face stays open.

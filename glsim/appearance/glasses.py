@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array
+from glsim.settings.seeds import keyed_rng
 
 _SIDES: Final = 28  # corners of a rim
 #: Distance from the cornea to the back of a lens: opticians fit 12 to 14 mm.
@@ -54,10 +55,11 @@ def make_glasses(
 ) -> Glasses:
     """Fit glasses to a subject.
 
-    skin_mm: (V, 3) reference head. lens: "clear" has no surface, "dark" fills the rims, "glint" is
-    a bright spot in each.
+    Args:
+        skin_mm: (V, 3) reference head.
+        lens: "clear" has no surface, "dark" fills the rims, "glint" is a bright spot in each.
     """
-    rng = np.random.Generator(np.random.Philox(key=np.array([seed, 0x61A5], np.uint64)))
+    rng = keyed_rng(seed, 0x61A5)
     scale = anatomy.scale
     skin = skin_mm[anatomy.outside & ~anatomy.body & ~anatomy.is_in("ear")].astype(np.float64)
     skin = skin[np.abs(skin[:, 1] - anatomy.eye[1]) < 60 * scale]

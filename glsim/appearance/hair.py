@@ -16,6 +16,7 @@ from glsim.appearance.noise import ridges, smooth_noise
 from glsim.appearance.scalp import Scalp
 from glsim.appearance.styles import HairStyle
 from glsim.appearance.tied import tied_locks
+from glsim.settings.seeds import keyed_rng
 
 #: Wavelengths of the relief across strands: locks of hair are 5 to 15 mm wide; chosen.
 _RIDGE_MM, _FINE_MM, _CLUMP_MM = 15.0, 8.0, 45.0
@@ -36,9 +37,11 @@ def make_hair(
 ) -> Hair:
     """Make the hair of a subject.
 
-    skin_mm: (V, 3) the subject's reference head. seed: of everything that is random.
+    Args:
+        skin_mm: (V, 3) the subject's reference head.
+        seed: of everything that is random.
     """
-    rng = np.random.Generator(np.random.Philox(key=np.array([seed, 0x4A1], np.uint64)))
+    rng = keyed_rng(seed, 0x4A1)
     base = scalp.anchors.place(skin_mm)
     comb = Comb(style.comb, anatomy, style.parting)
     thickness = thickness_mm(anatomy, scalp, style, base, seed)

@@ -80,7 +80,10 @@ def grow_locks(
 ) -> Locks:
     """Grow the locks of a style.
 
-    base: (N, 3) the scalp's points. thickness: (N,) mm. ragged: (N,) mm inside the rim.
+    Args:
+        base: (N, 3) the scalp's points.
+        thickness: (N,) mm.
+        ragged: (N,) mm inside the rim.
     """
     candidates = np.flatnonzero(ragged > 1.0)
     if style.locks == 0 or len(candidates) == 0:
@@ -176,7 +179,9 @@ def make_ribbons(
 ) -> Locks:
     """Make ribbons with a ridge along (rings, N, 3) lines; closed ones can be seen from inside.
 
-    width: (N,) mm. root: (N,) index of the scalp's point that carries each lock.
+    Args:
+        width: (N,) mm.
+        root: (N,) index of the scalp's point that carries each lock.
     """
     rings, count = lines.shape[:2]
     along = np.gradient(lines, axis=0)

@@ -16,8 +16,11 @@ _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
 def smooth_noise(points: Array, seed: int) -> NDArray[np.float32]:
     """Return (N,) float32 noise in [-1, 1] at (N, 3) points, with about one bump per unit length.
 
-    Values at the whole numbers are random, quintic interpolation makes it smooth between them.
-    A pure function of its arguments. seed: the low 32 bits count.
+    Values at the whole numbers are random, quintic interpolation makes it smooth between them. A
+    pure function of its arguments.
+
+    Args:
+        seed: the low 32 bits count.
     """
     low = np.floor(points)
     part = (points - low).astype(np.float32)

@@ -12,9 +12,9 @@ from glsim.appearance.beard import BEARDS, BeardStyle
 from glsim.appearance.cloth import GARMENTS, Garment
 from glsim.appearance.glasses import GLASSES, GlassesStyle
 from glsim.appearance.styles import STYLES, HairStyle
-from glsim.faces.performance import rng_for
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
+from glsim.settings.seeds import rng_for
 
 # Diffuse reflectivity at 860 nm relative to a white wall (0.87 absolute). Melanin absorbs less and
 # less towards the infrared, as the power -3.5 of the wavelength (S. L. Jacques, Phys. Med. Biol.
@@ -55,7 +55,8 @@ _Style = TypeVar("_Style", bound=_Weighted)
 class Outfit:
     """What a subject wears; None or 0 for nothing.
 
-    words, numbers: for the manifest, by "appearance.name".
+    Args:
+        words, numbers: for the manifest, by "appearance.name".
     """
 
     hair: HairStyle | None = None
@@ -82,8 +83,11 @@ def draw_outfit(
 ) -> Outfit:
     """Draw the outfit of a subject; a pure function of the arguments.
 
-    notes: of a face; "age_years" and "woman" decide on beards, bald heads and grey hair where they
-    are known. Each choice has its own generator: switching one thing off changes no other.
+    Each choice has its own generator: switching one thing off changes no other.
+
+    Args:
+        notes: of a face; "age_years" and "woman" decide on beards, bald heads and grey hair where
+            they are known.
     """
     age, woman = _person(notes or {})
     words: dict[str, str] = {}

@@ -18,8 +18,11 @@ from glsim.appearance.scalp import Anchors
 class SkinGrid:
     """A part of a source's triangles, divided where they are large.
 
-    base: (B,) vertices of the source that are used. triangles: (T, 3) of them, for the normals.
-    anchors: (N, 3) corners, as indices into ``base``. faces: (F, 3) of the N points.
+    Args:
+        base: (B,) vertices of the source that are used.
+        triangles: (T, 3) of them, for the normals.
+        anchors: (N, 3) corners, as indices into ``base``.
+        faces: (F, 3) of the N points.
     """
 
     base: NDArray[np.int64]
@@ -44,7 +47,10 @@ class SkinGrid:
 def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: float) -> SkinGrid:
     """Return the grid of the chosen triangles, halved until their mean edge is at most edge_mm.
 
-    faces: (T, 3) of the source. chosen: (T,). points: (V, 3) mm of its reference head.
+    Args:
+        faces: (T, 3) of the source.
+        chosen: (T,).
+        points: (V, 3) mm of its reference head.
     """
     base, inverse = np.unique(faces[chosen], return_inverse=True)
     triangles = inverse.reshape(-1, 3).astype(np.int64)
@@ -178,9 +184,11 @@ def uncovered(
 ) -> NDArray[np.int32]:
     """Return the triangles of a mesh that shells leave visible: ``faces`` itself if all are.
 
-    faces: (F, 3). may_hide: (V,) vertices whose triangles may be left out. rings: of triangles that
-    stay along the rims of each shell, where one can look under it; the base of a shell is one ring
-    wider than the shell.
+    Args:
+        faces: (F, 3).
+        may_hide: (V,) vertices whose triangles may be left out.
+        rings: of triangles that stay along the rims of each shell, where one can look under it; the
+            base of a shell is one ring wider than the shell.
     """
     covered = np.zeros(len(faces), bool)
     for shell in shells:

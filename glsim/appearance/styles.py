@@ -12,17 +12,25 @@ Comb = Literal["crown", "back", "parting", "curls"]
 class HairStyle:
     """One style; lengths in mm on a mean adult head.
 
-    women, men: relative frequencies.
-    comb: which way strands lie: away from the crown, backwards, away from a parting, or curled.
-    top, side, back: thickness of the hair over the skull.
-    lock: (shortest, longest) length of the locks that lie on it. locks: their number.
-    width: of a lock. lift: 0 lies flat, 1 stands out. fall: 0 holds its direction, 1 hangs down.
-    wave: amplitude of waves in a lock. relief: height of the ridges between strands.
-    parting: side of the parting, mm from the middle. fringe: length of hair over the forehead.
-    recede: how far the corners of the forehead are bare. bald: radius of a bald crown.
-    hang: length of the hair that hangs from the sides and the back; 0 for none. flare: how far it
-    stands off, mm per mm. open_deg: angle from straight ahead to where it begins.
-    extra: hair that is tied.
+    Args:
+        women, men: relative frequencies.
+        comb: which way strands lie: away from the crown, backwards, away from a parting, or curled.
+        top, side, back: thickness of the hair over the skull.
+        lock: (shortest, longest) length of the locks that lie on it.
+        locks: their number.
+        width: of a lock.
+        lift: 0 lies flat, 1 stands out.
+        fall: 0 holds its direction, 1 hangs down.
+        wave: amplitude of waves in a lock.
+        relief: height of the ridges between strands.
+        parting: side of the parting, mm from the middle.
+        fringe: length of hair over the forehead.
+        recede: how far the corners of the forehead are bare.
+        bald: radius of a bald crown.
+        hang: length of the hair that hangs from the sides and the back; 0 for none.
+        flare: how far it stands off, mm per mm.
+        open_deg: angle from straight ahead to where it begins.
+        extra: hair that is tied.
     """
 
     name: str

@@ -57,21 +57,22 @@ def compare(
 ) -> None:
     """Measure two sets of depth frames and tell them apart.
 
-    Noise over distance, radius and infrared, correlation, fixed pattern, silhouettes, light, and
-    the AUC of a classifier of patches. The table goes to stdout unless -o is given.
+    The table has noise over distance, radius and infrared, correlation, fixed pattern, silhouettes,
+    light, and the AUC of a classifier of patches (which needs the extra eval). It goes to stdout
+    unless -o is given.
     """
-    from glsim.compare import compare as run
-    from glsim.compare import draw_comparison, read_frame_set
-    from glsim.errors import ConfigError
+    from glsim.compare.figure import draw_comparison
+    from glsim.compare.run import compare_sets
+    from glsim.errors import ConfigError, require_package
     from glsim.files.atomic import write_atomic
-    from glsim.validate.figure import check_matplotlib
+    from glsim.recordings.recording import read_frame_set
 
     if figure_file is not None and figure_file.suffix.lower() != ".png":
         raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
     if figure_file is not None:
-        check_matplotlib()
+        require_package("matplotlib", "--figure", "eval")
     sets = [read_frame_set(path, depth_unit_mm, focal_px, frames) for path in (first, second)]
-    comparison = run(sets[0], sets[1], progress=print_message)
+    comparison = compare_sets(sets[0], sets[1], progress=print_message)
     table = comparison.as_markdown()
     written = []
     if json_file is not None:

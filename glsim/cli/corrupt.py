@@ -62,8 +62,8 @@ def corrupt(
     """
     from glsim.corrupt import Corrupter
     from glsim.files.atomic import flush_outputs, write_atomic
-    from glsim.files.depth_folders import left_out, left_out_text
     from glsim.files.png import encode_png, read_depth_png
+    from glsim.recordings.names import left_out, left_out_text
     from glsim.settings.schema import load_settings
 
     settings = load_settings(
@@ -103,7 +103,7 @@ def corrupt(
 
 def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path, str]]:
     """List (input, output, name that decides the noise) of a file or of a folder's clean maps."""
-    from glsim.files.depth_folders import depth_pngs
+    from glsim.recordings.names import depth_pngs
 
     if not clean.exists():
         raise ConfigError(f"{clean}: no such file or folder")

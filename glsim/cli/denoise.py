@@ -151,9 +151,9 @@ def _denoise_files(
     from glsim.denoise.depth_files import MapFrames, find_maps, infrared_files, unit_mm
     from glsim.denoise.frames import Stacks
     from glsim.files.atomic import flush_outputs, write_atomic
-    from glsim.files.depth_folders import left_out, left_out_text
     from glsim.files.png import encode_png
     from glsim.frame import encode_depth
+    from glsim.recordings.names import left_out, left_out_text
 
     method = denoiser.method
     pairs = find_maps(noisy, out)

@@ -260,7 +260,7 @@ def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
     from dataclasses import replace
 
     from glsim.denoise import GRIDS
-    from glsim.eval.scoring.tune import tune
+    from glsim.eval.scoring.grid_search import tune_filters
 
     if job.split == "val":
         raise ConfigError("--tune-filters: settings tuned on val must be scored on another split")
@@ -270,7 +270,7 @@ def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
             f"--tune-filters: {job.dataset} has no splits: there is no validation split"
         )
     with scoring_progress("tuning") as progress:
-        tuned = tune(held_out, list(GRIDS), out, workers=count, progress=progress)
+        tuned = tune_filters(held_out, list(GRIDS), out, workers=count, progress=progress)
     specs = [spec for item in tuned for spec in (item.plain, item.cleaned)]
     for item in tuned:
         print_message(f"tuned {item.plain} and {item.cleaned.split(',')[-1]}")

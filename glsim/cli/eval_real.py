@@ -52,13 +52,13 @@ def evaluate_real(
     Measures static pairs, a chessboard's plane, the shift of surfaces, losses and fills at edges.
     Without --denoiser the shipped network is scored.
     """
-    from glsim.eval.real_frames import open_recording, score_recording, tune_on_pairs
-    from glsim.eval.real_frames.recording import Source
+    from glsim.eval.real_frames import score_recording, split_recording, tune_on_pairs
+    from glsim.eval.real_frames.split import Source
     from glsim.eval.report.real_frames_page import real_frames_document, write_real_frames
     from glsim.files.atomic import write_atomic
     from glsim.worker_processes import worker_count
 
-    opened = open_recording(Source(recording, focal_px, pattern=_pattern(board)))
+    opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
     specs = list(denoiser or _DEFAULT)
     count = worker_count(workers)
     remarks: list[str] = []
@@ -80,13 +80,15 @@ def evaluate_real(
         )
     pictures = []
     if figures:
-        from glsim.eval.report.document import Picture
+        from glsim.eval.report.document import CaptionedPng
         from glsim.eval.report.figures.real_frames import crops_figure, measures_figure
         from glsim.eval.report.figures.style import to_png
 
         pictures = [
-            Picture("measures", "All measures; edges: shares.", to_png(measures_figure(scores))),
-            Picture(
+            CaptionedPng(
+                "measures", "All measures; edges: shares.", to_png(measures_figure(scores))
+            ),
+            CaptionedPng(
                 "crops",
                 "A part of one frame by every method: shaded, and its difference from the raw "
                 "frame.",

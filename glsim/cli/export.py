@@ -42,8 +42,8 @@ def export(
     to: Annotated[
         str | None,
         typer.Option(
-            help="Formats of a data set's frames: ply, pcd, npy, npz, exr, open3d, ros, hdf5, "
-            "rosbag, rosbag2; several with commas. Default: npz."
+            help="Formats of a data set's frames, several with commas: npz (default), ply, exr, "
+            "hdf5, rosbag, ... A wrong name lists them all."
         ),
     ] = None,
     layers: Annotated[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -18,7 +18,9 @@ from glsim.cli.common import (
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.fit import InfraredLaw, NoiseModel, RecordingStatistics, Wiggling
+    from glsim.fit.noise_model import InfraredLaw, NoiseModel
+    from glsim.fit.recording_statistics import RecordingStatistics
+    from glsim.fit.wiggling import Wiggling
     from glsim.geometry.camera import Intrinsics
 
 EXAMPLES = """
@@ -35,22 +37,23 @@ glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --centre-px 320,240
 def fit(
     frames: Annotated[
         list[Path],
-        typer.Argument(help="A folder of 16-bit depth PNGs (or NNNN_depth.png, NNNN_ir.png)."),
+        typer.Argument(help="A recording as glsim import kinect2 reads it, a data set, or files."),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="The sensor file to write.")] = Path(
         "sensor.toml"
     ),
     infrared: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="The infrared PNGs of the same frames, 16 bits."),
+        typer.Option(metavar="FOLDER", help="Infrared images of the frames. Default: beside them."),
     ] = None,
     focal_px: Annotated[
-        float | None, typer.Option(min=1, help="Focal length, pixels. Default: the base sensor's.")
+        float | None,
+        typer.Option(min=1, help="Focal length, pixels. Default: stated, or the base sensor's."),
     ] = None,
     centre_px: Annotated[
         str | None,
         typer.Option(
-            help="Principal point x,y, pixels. Default: the base sensor's, or the image centre."
+            help="Principal point x,y, pixels. Default: as the focal length, or the image centre."
         ),
     ] = None,
     albedo: Annotated[
@@ -76,36 +79,35 @@ def fit(
     import numpy as np
 
     from glsim.files.atomic import write_atomic
-    from glsim.fit import (
+    from glsim.fit.noise_model import fit_infrared, fit_noise_model
+    from glsim.fit.recording_statistics import measure_recording
+    from glsim.fit.sensor_file import (
         base_profile,
         base_sensor,
         base_taps,
-        fit_infrared,
-        fit_noise_model,
-        fit_wiggling,
         fitted_values,
         knows_pattern,
-        measure_recording,
-        read_recording,
         sensor_toml,
         unplaced_parameters,
     )
+    from glsim.fit.wiggling import fit_wiggling
+    from glsim.recordings.recording import open_recording
     from glsim.sensors.sensor import load_sensor
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
     name, tree = base_sensor(base)
-    recording = read_recording(frames, depth_unit_mm, infrared)
-    shape = (recording.depth.shape[1], recording.depth.shape[2])
-    image = _camera(tree["rig"], shape, focal_px, centre_px)
-    statistics = measure_recording(recording, image)
+    recording = open_recording(frames, depth_unit_mm, infrared=infrared)
+    recorded = recording.read_static()
+    image = _camera(tree["rig"], recording.camera, recorded.camera, focal_px, centre_px)
+    recorded = recorded.with_camera(image)
+    statistics = measure_recording(recorded)
     emitter, taps = load_sensor(name).rig.emitter_m, base_taps(tree)
-    model = fit_noise_model(
-        statistics, image, albedo, depth_unit_mm, base_profile(tree), emitter, taps
-    )
+    unit_mm = recorded.frames[0].quantum_mm
+    model = fit_noise_model(statistics, image, albedo, unit_mm, base_profile(tree), emitter, taps)
     law = None
-    if recording.infrared is not None:
-        law = fit_infrared(statistics, recording, image, albedo, taps)
+    if recorded.frames[0].infrared is not None:
+        law = fit_infrared(statistics, recorded, albedo, taps)
     wiggling = fit_wiggling(statistics, image, emitter)
     values = fitted_values(statistics, model, law, taps, wiggling)
     lines = _result_lines(statistics, model, law, wiggling)
@@ -113,8 +115,8 @@ def fit(
     missing = unplaced_parameters(tree, values)
     usable_map = knows_pattern(statistics)
     comments = [
-        f"Fitted by glsim fit to {len(recording.depth)} frames of {shape[1]}x{shape[0]}: "
-        f"{recording.where}",
+        f"Fitted by glsim fit to {statistics.frames} frames of {image.width}x{image.height}: "
+        f"{recording.path}",
         *(f"{title}: {text}" for title, text in lines),
         f"Map of this device's own fixed pattern: {map_file.name} (float32 mm, NaN = unknown"
         + (")." if usable_map else "); too noisy to add to frames."),
@@ -135,25 +137,33 @@ def fit(
 
 
 def _camera(
-    rig: dict[str, object], shape: tuple[int, int], focal_px: float | None, centre_px: str | None
+    rig: dict[str, Any],
+    stated: Intrinsics | None,
+    frames: Intrinsics,
+    focal_px: float | None,
+    centre_px: str | None,
 ) -> Intrinsics:
-    """Choose the intrinsics: from options, else the base sensor's if the frames have its size."""
+    """Choose the intrinsics: of options, the recording, or the base sensor, in this order."""
     from glsim.cli.common import two_numbers
     from glsim.geometry.camera import Intrinsics
 
-    height, width = shape
-    same = (width, height) == (rig["width"], rig["height"])
-    if focal_px is None and not same:
+    width, height = frames.width, frames.height
+    size = width, height
+    focal, centre = rig["focal_px"], rig["centre_px"]
+    same = size == (rig["width"], rig["height"])
+    if stated is not None and (stated.width, stated.height) == size:
+        focal, centre, same = (stated.fx, stated.fy), (stated.cx, stated.cy), True
+    if focal_px is not None:
+        focal = focal_px, focal_px
+    elif not same:
         raise ConfigError(
             f"the frames are {width}x{height}, the base sensor's {rig['width']}x{rig['height']}: "
             "give --focal-px"
         )
-    focal: list[float] = [focal_px, focal_px] if focal_px is not None else rig["focal_px"]  # type: ignore[assignment]
-    centre: list[float] | tuple[float, float]
     if centre_px is not None:
         centre = two_numbers("--centre-px", centre_px)
-    else:
-        centre = rig["centre_px"] if same else [width / 2, height / 2]  # type: ignore[assignment]
+    elif not same:
+        centre = width / 2, height / 2
     return Intrinsics(width, height, *focal, *centre)
 
 
@@ -210,7 +220,7 @@ def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> list[tuple[str, 
 
 
 def _map_text(statistics: RecordingStatistics) -> str:
-    from glsim.fit import LEAST_PATTERN_FRAMES, knows_pattern
+    from glsim.fit.sensor_file import LEAST_PATTERN_FRAMES, knows_pattern
 
     text = f"{100 * statistics.pattern.known_share:.0f} % of the pixels, those on flat surfaces"
     if not knows_pattern(statistics):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from glsim.cli.common import (
+    MORE,
     BackendOption,
     ConfigOption,
     PresetOption,
@@ -21,9 +22,7 @@ from glsim.cli.common import (
 from glsim.cli.generation_summary import print_summary
 from glsim.cli.progress import generation_progress
 from glsim.errors import ConfigError
-
-if TYPE_CHECKING:
-    pass
+from glsim.settings.source_settings import shipped_kinds
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -64,8 +63,7 @@ def generate(
     source: Annotated[
         str | None,
         typer.Option(
-            help="Source of faces: procedural, ict-facekit, people, folder, d3dfacs, "
-            "facewarehouse or biwi."
+            help=f"Source of faces: {', '.join(shipped_kinds())}, or one of an installed package."
         ),
     ] = None,
     root: Annotated[
@@ -78,46 +76,65 @@ def generate(
         int | None, typer.Option(help="Frames per person. Default: all of a folder, else 30.")
     ] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Unit of the mesh files; overrides detection.")
+        str | None,
+        typer.Option(help="Unit of the mesh files; overrides detection.", rich_help_panel=MORE),
     ] = None,
     axes: Annotated[
-        str | None, typer.Option(help="Axes of the mesh files; overrides detection.")
+        str | None,
+        typer.Option(help="Axes of the mesh files; overrides detection.", rich_help_panel=MORE),
     ] = None,
-    every: Annotated[int | None, typer.Option(help="Use every N-th frame (d3dfacs, biwi).")] = None,
+    every: Annotated[
+        int | None, typer.Option(help="Use every N-th frame (d3dfacs, biwi).", rich_help_panel=MORE)
+    ] = None,
     peak_only: Annotated[
         bool,
-        typer.Option("--peak-only", help="Use only the peak frame of each sequence (d3dfacs)."),
+        typer.Option(
+            "--peak-only",
+            help="Use only the peak frame of each sequence (d3dfacs).",
+            rich_help_panel=MORE,
+        ),
     ] = False,
     steps: Annotated[
-        int | None, typer.Option(help="Number of frames between two shapes (facewarehouse).")
+        int | None,
+        typer.Option(
+            help="Number of frames between two shapes (facewarehouse).", rich_help_panel=MORE
+        ),
     ] = None,
     framing: Annotated[
-        str | None, typer.Option(help="What the camera looks at: face, bust or body (people).")
+        str | None,
+        typer.Option(
+            help="What the camera looks at: face, bust or body (people).", rich_help_panel=MORE
+        ),
     ] = None,
     sensor: SensorOption = None,
     crop: Annotated[int | None, typer.Option(help="Side of the centre crop, pixels.")] = None,
-    format: Annotated[str | None, typer.Option(help="File format: png or webdataset.")] = None,
+    format: Annotated[
+        str | None, typer.Option(help="File format: png or webdataset.", rich_help_panel=MORE)
+    ] = None,
     layers: Annotated[
         str | None,
         typer.Option(
             help="Layers to write, of clean,noisy,infrared,reason,regions,expected (clean with the "
-            "sensor's systematic error),normals. Default: clean,noisy."
+            "sensor's systematic error),normals. Default: clean,noisy.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     depth_unit_mm: Annotated[
-        float | None, typer.Option(help="Step of the depth files, mm.")
+        float | None, typer.Option(help="Step of the depth files, mm.", rich_help_panel=MORE)
     ] = None,
     protocol: Annotated[
         str | None,
         typer.Option(
             help="Where the files count depth from: depth (as measured) or paper (the nearest "
-            "point of each frame at 1 mm; its record has the offset)."
+            "point of each frame at 1 mm; its record has the offset).",
+            rich_help_panel=MORE,
         ),
     ] = None,
     split: Annotated[
         str | None,
         typer.Option(
-            help="Shares of train,val,test, or paper for the paper's. Default: 0.70,0.12,0.18."
+            help="Shares of train,val,test, or paper for the paper's. Default: 0.70,0.12,0.18.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     workers: WorkersOption = "auto",
@@ -129,18 +146,22 @@ def generate(
         bool,
         typer.Option(
             "--plan",
-            help="Print the number of images, their size and the time, without writing anything.",
+            help="Print the number of images, and estimates of size and time; render nothing.",
         ),
     ] = False,
     price_per_core_hour: Annotated[
         float | None,
         typer.Option(
-            metavar="PRICE", help="With --plan: print the price of the run, in any currency."
+            metavar="PRICE",
+            help="With --plan: print the price of the run, in any currency.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     frames_per_second: Annotated[
         float | None,
-        typer.Option(help="With --plan: frames per second of one core, instead of a measurement."),
+        typer.Option(
+            help="With --plan: speed of one core. Default: 40, in rooms 8.", rich_help_panel=MORE
+        ),
     ] = None,
     part: Annotated[
         str | None,
@@ -149,15 +170,24 @@ def generate(
             help="Make only the chunks whose number modulo N is I (from 0, or from 1 to N); the "
             "last part to end merges. auto takes I and N from Slurm, AWS Batch or SkyPilot, auto/N "
             "takes I from Kubernetes.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     merge: Annotated[
         bool,
-        typer.Option("--merge", help="Complete a data set whose parts are made; needs no OpenGL."),
+        typer.Option(
+            "--merge",
+            help="Complete a data set whose parts are made; needs no OpenGL.",
+            rich_help_panel=MORE,
+        ),
     ] = False,
     slurm: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Submit N parts as an array of Slurm jobs, and wait."),
+        typer.Option(
+            metavar="N",
+            help="Submit N parts as an array of Slurm jobs, and wait.",
+            rich_help_panel=MORE,
+        ),
     ] = None,
     slurm_set: Annotated[
         list[str] | None,
@@ -165,6 +195,7 @@ def generate(
             metavar="NAME=VALUE",
             help="An option of the Slurm jobs in submitit's words, such as cpus_per_task=8, "
             "timeout_min=240, slurm_partition=cpu. Repeatable.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     ray: Annotated[
@@ -172,6 +203,7 @@ def generate(
         typer.Option(
             metavar="ADDRESS",
             help="Render on a cluster of Ray: auto, HOST:6379, or local. pip install 'glsim[ray]'",
+            rich_help_panel=MORE,
         ),
     ] = None,
     portable: Annotated[
@@ -179,6 +211,7 @@ def generate(
         typer.Option(
             "--portable",
             help="Compute alike on all x86-64 processors since 2013, for machines that differ.",
+            rich_help_panel=MORE,
         ),
     ] = False,
     leave: Annotated[
@@ -187,9 +220,12 @@ def generate(
             "--leave",
             help="With --part or --slurm: a machine that renders or computes differently leaves "
             "its chunks to parts that end later, instead of an error.",
+            rich_help_panel=MORE,
         ),
     ] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Stop at the first bad frame.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Stop at the first bad frame.", rich_help_panel=MORE)
+    ] = False,
     backend: BackendOption = None,
 ) -> None:
     """Generate a data set of clean and noisy depth frames, split by subject; resumable."""
@@ -226,8 +262,7 @@ def generate(
     if plan:
         from glsim.cli.generate_plan import print_plan
 
-        count = worker_count(workers)
-        print_plan(settings, count, backend, price_per_core_hour, frames_per_second)
+        print_plan(settings, worker_count(workers), price_per_core_hour, frames_per_second)
         return
     if out is None:
         raise ConfigError("give -o DIR, the folder of the data set (or --plan to print the plan)")

@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 
 def make_one_part(settings: Settings, out: Path, part: str, options: Mapping[str, Any]) -> None:
-    """Make the part that ``part`` names, and print what it did. options: of generate_part."""
+    """Make the part that ``part`` names, and print what it did.
+
+    Args:
+        options: of generate_part.
+    """
     from glsim.dataset import generate_part, parse_part
 
     chosen = parse_part(part, os.environ)

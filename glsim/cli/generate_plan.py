@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from glsim.cli.common import console, make_console, options
+from glsim.cli.common import make_console, options
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -19,39 +19,34 @@ if TYPE_CHECKING:
 def print_plan(
     settings: Settings,
     workers: int,
-    backend: str | None,
     price_per_core_hour: float | None = None,
     frames_per_second: float | None = None,
 ) -> None:
     """Print the number of images by source and split, their size, the time and the price.
 
-    With --verbose also those of each person. frames_per_second: of one core, instead of a sample's.
+    Args:
+        settings: of the data set.
+        workers: number of processes that share the work.
+        price_per_core_hour: None prints no price.
+        frames_per_second: speed of one core; default: a typical one.
     """
-    from glsim.dataset.estimate import SAMPLE_FRAMES, estimate_dataset
+    from glsim.dataset.estimate import estimate_dataset
     from glsim.pipeline import open_sources
     from glsim.plan.paper_split import PAPER_IMAGES
     from glsim.plan.tasks import make_tasks
-    from glsim.sensors.sensor import sensor_code
+    from glsim.sensors.sensor import sensor_of
 
     for name, value in (("price-per-core-hour", price_per_core_hour), ("frames-per-second",
                         frames_per_second)):  # fmt: skip
         if value is not None and not 0 < value < math.inf:
             raise ConfigError(f"--{name} {value:g}: give a number above 0")
+    sensor_of(settings)  # what is wrong in the settings of the sensor is said now
     sources = open_sources(settings)
-    tasks = make_tasks(settings, sources)
-    code = sensor_code(settings)  # a plan runs none of it, and so measures nothing
-    estimate = estimate_dataset(
-        settings,
-        sources,
-        tasks,
-        workers=workers,
-        backend=backend,
-        sample=0 if code else SAMPLE_FRAMES,
-        frames_per_second=frames_per_second,
-    )
+    plan = make_tasks(settings, sources)
+    estimate = estimate_dataset(settings, sources, plan, frames_per_second)
     out = make_console(width=120)
     if options.verbose:
-        for person in tasks.people():
+        for person in plan.people():
             source = f"{person.source} {sources[person.source].name}"
             out.print(f"{source}  {person.subject}  {person.split}  {person.frames} images")
     sums = Table("source", "people", "images", box=None)
@@ -66,27 +61,20 @@ def print_plan(
         splits.add_row(split, str(persons), str(images), share, str(paper))
     out.print(splits)
     out.print(scene_line(settings.scene))
-    basis = (
-        f"measured on {estimate.measured_frames} frames"
-        if estimate.measured_frames
-        else f"typical values; the code of {', '.join(code)} was not run"
-        if code
-        else "typical values"
+    speed = (
+        "typical" if frames_per_second is None else f"{frames_per_second:g}/s of a core as given"
     )
-    if estimate.given_speed:
-        basis = f"{frames_per_second:g} frames/s of a core as given; size: {basis}"
     out.print(
-        f"{estimate.frames} images, {_bytes(estimate.bytes)}, {_time(estimate.seconds)} with "
-        f"{estimate.workers} worker(s) ({basis}); nothing was written"
+        f"{estimate.frames} images, {_bytes(estimate.bytes)}, "
+        f"{_time(estimate.core_seconds / workers)} with {workers} worker(s) (size: typical; speed: "
+        f"{speed}); nothing was rendered or written"
     )
     if price_per_core_hour is not None:
-        hours = estimate.core_hours
+        hours = estimate.core_seconds / 3600
         out.print(
             f"{hours:.3g} core-hours: {hours * price_per_core_hour:.2f} at {price_per_core_hour:g} "
             "per core-hour; storage and traffic are not in it"
         )
-    for why in dict.fromkeys(estimate.skipped):
-        console.print(f"would be skipped: {why}", style="yellow")
 
 
 def scene_line(scene: SceneSettings) -> str:

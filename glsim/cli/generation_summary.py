@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from glsim.cli.common import console, print_message
 from glsim.errors import DatasetError
-from glsim.files.cloud import cloud_url
+from glsim.files.store import open_store
 
 if TYPE_CHECKING:
     from glsim.dataset import GenerateSummary
@@ -17,7 +17,7 @@ def print_summary(summary: GenerateSummary, out: Path) -> None:
     """Print a summary of a run. Raises DatasetError if it has no frame."""
     frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())
     people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
-    where = cloud_url(out) or str(out)
+    where = open_store(out)
     print_message(
         f"{where}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})"
     )

@@ -54,7 +54,7 @@ def biwi(
     """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps."""
     from glsim.cli.generation_summary import print_summary
     from glsim.cli.progress import generation_progress
-    from glsim.dataset.real_frames import import_biwi
+    from glsim.recordings.import_biwi import import_biwi
     from glsim.worker_processes import worker_count
 
     with generation_progress() as progress:
@@ -97,7 +97,7 @@ def kinect2(
     """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps."""
     from glsim.cli.generation_summary import print_summary
     from glsim.cli.progress import generation_progress
-    from glsim.dataset.recorded_frames import import_recordings
+    from glsim.recordings.import_kinect2 import import_recordings
     from glsim.worker_processes import worker_count
 
     with generation_progress() as progress:

@@ -69,5 +69,5 @@ def new_spelling(arguments: Sequence[str]) -> list[str]:
 def _split(word: str) -> list[str]:
     """Split an option that moved from its value: --real=folder."""
     name, equals, value = word.partition("=")
-    moved = {moved.flag for moved in _MOVED} | set(_RENAMED) | {"--out"}
+    moved = {moved.flag for moved in _MOVED if moved.flag} | set(_RENAMED) | {"--out"}
     return [name, value] if equals and name in moved else [word]

@@ -36,9 +36,9 @@ def preview(
     Of a data set without clean maps, such as a recording, it draws the noisy maps and the infrared.
     """
     from glsim.dataset import open_dataset
-    from glsim.dataset.noise_statistics import measure_noise, noise_table, recording_table
     from glsim.files.atomic import write_atomic
     from glsim.files.png import write_picture
+    from glsim.measures.depth_errors import measure_errors, noise_table, recording_table
     from glsim.preview import PreviewFrame, contact_sheet
 
     opened = open_dataset(dataset)
@@ -57,7 +57,7 @@ def preview(
     step = max(1, len(pairs) // _MEASURED_FRAMES)
     measured = (get(number) for number in range(0, len(pairs), step))
     if "clean" in opened.layers:
-        table = noise_table(measure_noise(measured), sensor)
+        table = noise_table(measure_errors(measured), sensor)
     else:
         table = recording_table(measured, sensor)
     write_atomic(table.encode(), summary)

@@ -74,7 +74,8 @@ def render(
     from glsim.preview import PreviewFrame, contact_sheet
     from glsim.sensors import kinect_packet
     from glsim.sensors.sensor import sensor_of
-    from glsim.settings.schema import SourceSettings, load_settings
+    from glsim.settings.schema import load_settings
+    from glsim.settings.source_settings import parse_source
 
     given = overrides(
         sensor=sensor, seed=seed, output__crop=crop, output__depth_unit_mm=depth_unit_mm
@@ -82,7 +83,7 @@ def render(
     settings = load_settings(config, assignments or [], {**given, "strict": True}, preset=preset)
     loaded = load_mesh(face, unit=unit, axes=axes)
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
-    single = SourceSettings(subjects=1, frames_per_subject=1)
+    single = parse_source({"subjects": 1, "frames_per_subject": 1})
     one_frame = settings.model_copy(update={"source": (single,)})
     used = sensor_of(settings)
     if raw:

@@ -1,4 +1,4 @@
-"""``glsim sensors``: list the shipped sensors."""
+"""``glsim sensors``: list the sensors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ glsim render face.obj --sensor my_sensor.toml
 
 
 def sensors() -> None:
-    """List the shipped sensors with their noise stages.
+    """List the sensors, shipped and of installed packages, with their noise stages.
 
     Stages in brackets are switched off.
     """

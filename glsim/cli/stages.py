@@ -22,15 +22,15 @@ glsim stages my_noise.glsl
 
 def stages(
     name: Annotated[
-        str | None, typer.Argument(help="A shipped stage, a .glsl file, or file.py:function.")
+        str | None, typer.Argument(help="The name of a stage, a .glsl file, or file.py:function.")
     ] = None,
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file."""
-    from glsim.noise.registry import describe_stage, shipped_stages
+    from glsim.noise.registry import describe_stage, find_stage, stage_names
 
     if name is None:
         table = Table("stage", "parameter", "type", "default", "range", "unit", box=None)
-        for spec in shipped_stages().values():
+        for spec in map(find_stage, stage_names()):
             for number, p in enumerate(spec.parameters.values()):
                 bounds = "" if p.type == "bool" else f"{p.low:g} to {p.high:g}"
                 first = spec.name if number == 0 else ""

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import (
+    MORE,
     BackendOption,
     ConfigOption,
     PresetOption,
@@ -52,20 +53,37 @@ def tune(
         typer.Option("--real", help="A recording, whose figures stand beside the frame's."),
     ] = None,
     link: Annotated[
-        str | None, typer.Option(help="A copied link: start with its settings.")
+        str | None,
+        typer.Option(help="A copied link: start with its settings.", rich_help_panel=MORE),
     ] = None,
     static: Annotated[
         Path | None,
-        typer.Option("--static", help="Write a page that needs no server into this folder."),
+        typer.Option(
+            "--static",
+            help="Write a page that needs no server into this folder.",
+            rich_help_panel=MORE,
+        ),
     ] = None,
     host: Annotated[
-        str, typer.Option(help="Address to listen on; others than loopback are reachable.")
+        str,
+        typer.Option(
+            help="Address to listen on; others than loopback are reachable.", rich_help_panel=MORE
+        ),
     ] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port; a free one is taken if it is in use.")
+        int,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Port; a free one is taken if it is in use.",
+            rich_help_panel=MORE,
+        ),
     ] = 8137,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address and open no browser.")
+        bool,
+        typer.Option(
+            "--no-browser", help="Print the address and open no browser.", rich_help_panel=MORE
+        ),
     ] = False,
     assignments: SetOption = None,
     seed: SeedOption = None,

@@ -63,21 +63,15 @@ def validate(
     that was measured on devices, is a data sheet's, or was derived. The exit status is 0 if every
     check passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
     """
-    from glsim.errors import ConfigError
+    from glsim.errors import ConfigError, require_package
     from glsim.files.atomic import write_atomic
     from glsim.gl.context import open_context
-    from glsim.validate import (
-        Captures,
-        VirtualCamera,
-        check_matplotlib,
-        draw_figure,
-        run_checks,
-    )
+    from glsim.validate import Captures, VirtualCamera, draw_figure, run_checks
 
     if figure_file is not None and figure_file.suffix.lower() != ".png":
         raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
     if figure_file is not None:
-        check_matplotlib()
+        require_package("matplotlib", "--figure", "eval")
     context = open_context(backend)
     try:
         captures = Captures(VirtualCamera(sensor, context, seed, frames))

@@ -71,7 +71,7 @@ def repair_command(dataset: Path) -> str:
     Raises DatasetError if neither dataset.json nor the plan in .glsim can be read.
     """
     from glsim.dataset.disk_format import HEADER, STATE
-    from glsim.dataset.schema import read_object
+    from glsim.dataset.record_schema import read_object
 
     failures = []
     for file in (dataset / HEADER, dataset / STATE / "plan.json"):

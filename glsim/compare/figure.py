@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from glsim.compare.report import Comparison, Measurements
-from glsim.compare.silhouettes import Side
-from glsim.compare.temporal import LAGS, Cell
-from glsim.validate.figure import check_matplotlib
+from glsim.errors import require_package
+from glsim.measures.cells import Cell
+from glsim.measures.correlation import LAGS
+from glsim.measures.silhouettes import Side
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +26,7 @@ _MARKS = ("o-", "s--")
 
 def draw_comparison(comparison: Comparison) -> bytes:
     """Draw nine panels as a PNG, 150 dpi. Raises ConfigError without matplotlib."""
-    check_matplotlib()
+    require_package("matplotlib", "--figure", "eval")
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,9 +1,8 @@
-"""Small patches of depth and fixed features of each: what the classifier looks at.
+"""Small patches of depth and fixed features of each, for the classifier.
 
-Three kinds of patches: planes and curved surfaces (16 x 16 px, complete, without steps) and
-silhouettes (13 rows x 24 px around the rim, mirrored so that the foreground is on the left).
-Features of surfaces are of the residual from a quadric, so that shape and pose do not count;
-features of silhouettes are shares and widths. All are of depth alone, in mm, px or shares.
+Planes and curved surfaces are 16 x 16 px, complete and without steps; their features are of the
+residual from a quadric, so that shape and pose do not count. Silhouettes are 13 rows x 24 px around
+the rim, mirrored so that the foreground is on the left. All features are of depth alone.
 """
 
 from __future__ import annotations
@@ -15,19 +14,20 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.frames import DepthFrame
-from glsim.compare.silhouettes import HEAD_SHIFTS, find_edges
+from glsim.measures.correlation import LAGS, lagged_sums
+from glsim.measures.frame import DepthFrame
+from glsim.measures.silhouettes import HEAD_SHIFTS, find_edges
 
 Array = NDArray[np.float64]
 
 KINDS = ("planes", "curved", "silhouettes, lit side", "silhouettes, shadow side")
 SIDE_PX = 16
 _ROWS, _FRONT_PX, _BACK_PX = 13, 8, 16
-#: Patches of a kind that one frame gives at most.
+#: Most patches of a kind from one frame.
 MOST_PER_FRAME = 120
-#: A 16 x 16 patch is curved if a quadric takes this share of the variance that a plane leaves.
+#: A patch is curved if a quadric explains this share of the variance about a plane.
 _CURVED = 0.5
-#: Rougher patches hold an edge, mm and mm per m.
+#: Largest residual of a patch without an edge, mm and mm per m of distance.
 _ROUGHEST_MM, _ROUGHEST_MM_PER_M = 3.0, 2.0
 
 SURFACE_FEATURES = (
@@ -59,9 +59,14 @@ EDGE_FEATURES = (
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Features (N, F) of patches, the frame of each (N,), and what is matched (N,): the log of
+    """Patches of one kind.
 
-    the distance in mm for surfaces, S in px per m of baseline for silhouettes.
+    Attributes:
+        names: of the F features.
+        features: (N, F).
+        frame: (N,) number of the frame of each.
+        matched: (N,) log of the distance in mm for surfaces, S in px per m for silhouettes.
+
     """
 
     names: tuple[str, ...]
@@ -87,14 +92,9 @@ def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
         share = 1.0 - (residual**2).sum(axis=1) / np.maximum((by_plane**2).sum(axis=1), 1e-9)
         good = (rms < _ROUGHEST_MM + _ROUGHEST_MM_PER_M * distance / 1000.0) & (rms > 0.05)
         for kind, chosen in (("planes", share < _CURVED), ("curved", share >= _CURVED)):
-            for k in _thinned(np.flatnonzero(good & chosen)):
-                found[kind].append(
-                    (
-                        number,
-                        float(np.log(distance[k])),
-                        _surface_features(residual[k].reshape(SIDE_PX, SIDE_PX)),
-                    )
-                )
+            kept = _thinned(np.flatnonzero(good & chosen))
+            features = _surface_features(residual[kept].reshape(-1, SIDE_PX, SIDE_PX))
+            found[kind] += zip([number] * len(kept), np.log(distance[kept]), features, strict=True)
     return {kind: _collected(SURFACE_FEATURES, rows) for kind, rows in found.items()}
 
 
@@ -160,25 +160,20 @@ def _whole_patches(frame: DepthFrame) -> Array:
 
 
 def _surface_features(e: Array) -> Array:
-    variance = max(float((e**2).mean()), 1e-9)
-    rms = variance**0.5
-
-    def lag(down: int, right: int) -> float:
-        h, w = e.shape
-        return float((e[: h - down, : w - right] * e[down:, right:]).mean()) / variance
-
-    diagonal = 0.5 * (lag(1, 1) + float((e[:-1, 1:] * e[1:, :-1]).mean()) / variance)
+    """Return the (N, F) features of (N, 16, 16) residuals."""
+    rms = np.sqrt(np.maximum((e**2).mean(axis=(1, 2)), 1e-9))
+    products, squares = np.moveaxis(lagged_sums(e, LAGS), -1, 0)
     sign = np.where(np.arange(SIDE_PX) % 2, 1.0, -1.0)[:, None]
-    return np.array(
+    return np.column_stack(
         [
             np.log(rms),
-            lag(0, 1), lag(0, 2), lag(0, 3), lag(1, 0), lag(2, 0), lag(3, 0), diagonal,
-            abs(float((sign * e).mean())),
-            float(e.mean(axis=1).std()),
-            float(e.mean(axis=0).std()),
-            float(np.abs(e).max()) / rms,
+            products / np.maximum(squares, 1e-9),
+            np.abs((sign * e).mean(axis=(1, 2))),
+            e.mean(axis=2).std(axis=1),
+            e.mean(axis=1).std(axis=1),
+            np.abs(e).max(axis=(1, 2)) / rms,
         ]
-    )  # fmt: skip
+    )
 
 
 def _edge_patch(depth_mm: NDArray[np.float32], row: int, column: int, side: int) -> Array | None:

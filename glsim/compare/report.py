@@ -9,24 +9,21 @@ from itertools import pairwise
 from typing import Any
 
 from glsim.compare.classifier import Verdict
-from glsim.compare.light import Light
-from glsim.compare.pattern import FixedPattern
-from glsim.compare.silhouettes import Side, Silhouettes
-from glsim.compare.spatial import SpatialNoise
-from glsim.compare.temporal import (
-    DISTANCES_M,
-    LAGS,
-    RADII_PX,
-    Cell,
-    TemporalNoise,
-)
+from glsim.files.atomic import without_nan
 from glsim.files.markdown import markdown_table
-from glsim.validate.measure import ratio
+from glsim.measures.cells import DISTANCES_M, RADII_PX, Cell
+from glsim.measures.correlation import LAGS
+from glsim.measures.light import Light
+from glsim.measures.pattern import FixedPattern
+from glsim.measures.silhouettes import Side, Silhouettes
+from glsim.measures.spatial import SpatialNoise
+from glsim.measures.stacks import ratio
+from glsim.measures.temporal import TemporalNoise
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """All measures of one set; light is None without infrared. size: width, height, px."""
+    """All measures of one set; size is (width, height), px, light is None without infrared."""
 
     title: str
     frames: int
@@ -41,7 +38,7 @@ class Measurements:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table. as_ratio: compare by second / first, else by second - first."""
+    """One line of the table, compared by second / first, or else by second - first."""
 
     group: str
     name: str
@@ -52,7 +49,7 @@ class Row:
 
     @property
     def change(self) -> float:
-        """The ratio or the difference; NaN if one of the two is not known."""
+        """The ratio or the difference; NaN if either is unknown."""
         if self.as_ratio:
             return ratio(self.second, self.first)
         return self.second - self.first
@@ -60,7 +57,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Two sets measured, and kind of patch -> how well a classifier tells them apart."""
+    """Two measured sets, and the verdict of the classifier on each kind of patches."""
 
     first: Measurements
     second: Measurements
@@ -68,12 +65,12 @@ class Comparison:
 
     @property
     def rows(self) -> list[Row]:
-        """The lines of the table, those that neither set has left out."""
+        """The lines of the table that at least one set has."""
         rows = list(_rows(self.first, self.second))
         return [r for r in rows if math.isfinite(r.first) or math.isfinite(r.second)]
 
     def as_markdown(self) -> str:
-        """Return two tables: the measures, and the classifier with the features that tell."""
+        """Return the table of measures, and that of the classifier if there is one."""
         a, b = self.first, self.second
         head = ["measure", "unit", f"first: {a.title}", f"second: {b.title}", "second / first"]
         lines = [
@@ -94,7 +91,6 @@ class Comparison:
                 [row.name, row.unit, _number(row.first), _number(row.second), _change(row)]
             )
         lines += markdown_table(head, table)
-        lines += ["", "AUC of a logistic regression on patches; 0.5 = indistinguishable.", ""]
         verdicts = []
         for kind, v in self.verdicts.items():
             tells = "; ".join(
@@ -103,21 +99,22 @@ class Comparison:
             )
             auc = f"{v.auc:.2f}" if math.isfinite(v.auc) else "too few patches"
             verdicts.append([kind, auc, str(v.patches), tells])
-        lines += markdown_table(
-            ["patches", "AUC", "of each", "what tells, first / second"], verdicts
-        )
+        if verdicts:
+            lines += ["", "AUC of a logistic regression on patches; 0.5 = indistinguishable.", ""]
+            lines += markdown_table(
+                ["patches", "AUC", "of each", "what tells, first / second"], verdicts
+            )
         return "\n".join(lines) + "\n"
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON values; None where a measure is not known."""
-        tree = {
+        tree: dict[str, Any] = {
             "first": asdict(self.first),
             "second": asdict(self.second),
             "rows": [asdict(row) | {"change": row.change} for row in self.rows],
             "classifier": {kind: asdict(v) for kind, v in self.verdicts.items()},
         }
-        cleaned: dict[str, Any] = _cleaned(tree)
-        return cleaned
+        return {key: without_nan(value) for key, value in tree.items()}
 
 
 def _rows(a: Measurements, b: Measurements) -> Iterator[Row]:
@@ -239,14 +236,3 @@ def _change(row: Row) -> str:
     if not math.isfinite(row.change):
         return ""
     return f"{row.change:.2f}" if row.as_ratio else f"{row.change:+.2f}"
-
-
-def _cleaned(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _cleaned(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_cleaned(entry) for entry in value]
-    if isinstance(value, float) or hasattr(value, "item"):
-        number = float(value)
-        return number if math.isfinite(number) else None
-    return value

@@ -1,7 +1,7 @@
 """Data sets on disk: generate, resume, verify and read them.
 
-``driver`` runs a generation, or a part of one, by the steps in ``run``; ``chunk_writer`` renders
-and writes the chunks, in the driver or in each ``worker_process``; ``reader`` reads the result.
+``driver`` runs a generation, or a part of one, by the steps in ``dataset_run``; ``chunk_writer``
+renders and writes the chunks, in the driver or in worker processes; ``reader`` reads the result.
 """
 
 from glsim.dataset.chunk_writer import FrameMaker
@@ -11,12 +11,12 @@ from glsim.dataset.driver import (
     merge_dataset,
     merge_parts,
     write_dataset,
-    write_part,
 )
 from glsim.dataset.layer_images import write_frame
+from glsim.dataset.pair import Pair
 from glsim.dataset.parts import Part, parse_part
 from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary
-from glsim.dataset.reader import Dataset, Pair, Split, open_dataset
+from glsim.dataset.reader import Dataset, Split, open_dataset
 from glsim.dataset.shard_samples import webdataset_decoder
 from glsim.dataset.verification import verify
 from glsim.worker_processes import Workers, available_workers
@@ -48,5 +48,4 @@ __all__ = [
     "webdataset_decoder",
     "write_dataset",
     "write_frame",
-    "write_part",
 ]

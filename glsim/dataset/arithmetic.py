@@ -11,7 +11,6 @@ import socket
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,9 +29,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Machine:
-    """What a process renders with.
+    """The computer, the OpenGL renderer and the arithmetic of a process.
 
-    host: name of the computer. renderer: of OpenGL. arithmetic: see ``fingerprint``.
+    Attributes:
+        host: name of the computer.
+        renderer: OpenGL's name of what draws.
+        arithmetic: see ``fingerprint``.
     """
 
     host: str
@@ -67,9 +69,8 @@ def this_machine(context: Any) -> Machine:
 
 
 def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> Machine:
-    """Return what a worker process with these variables is. Raises the errors of the worker."""
-    worker = WorkerProcess(_report_machine, environment)
-    worker.send(backend)
+    """Return the machine of a worker with these variables. Raises the errors of the worker."""
+    worker = WorkerProcess(_MachineReport(backend), environment)
     try:
         answer = worker.connection.recv()
     except (EOFError, ConnectionError):
@@ -84,12 +85,20 @@ def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> M
     return answer
 
 
-def _report_machine(connection: Connection[object, object]) -> None:
-    from glsim.gl.context import borrowed_context
+@dataclass(frozen=True)
+class _MachineReport:
+    """The job of a worker that reports its machine."""
 
-    backend = connection.recv()
-    with borrowed_context(backend if isinstance(backend, str) else None) as context:
-        connection.send(this_machine(context))
+    backend: str | None
+
+    def run(self, _: Iterator[None]) -> Iterator[Machine]:
+        from glsim.gl.context import borrowed_context
+
+        with borrowed_context(self.backend) as context:
+            yield this_machine(context)
+
+    def doing(self, _: None) -> str:
+        return "computing"
 
 
 def simulate_alike(
@@ -101,7 +110,7 @@ def simulate_alike(
     backend: str | None = None,
     **options: Any,
 ) -> Iterator[Frame | Skipped]:
-    """Call ``glsim.pipeline.simulate`` if this process renders and computes as these say.
+    """Simulate, if this process has the given renderer and arithmetic.
 
     Raises DifferentMachineError if it does not, and the errors of ``simulate``.
     """

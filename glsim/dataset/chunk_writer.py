@@ -6,19 +6,22 @@ import io
 import tarfile
 from collections import deque
 from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import IO, Any, Protocol, cast
+from typing import IO, Protocol, cast
 
 from glsim.dataset.chunks import Chunk
-from glsim.dataset.identity import Inputs
-from glsim.dataset.output_folder import OutputFolder
+from glsim.dataset.identity import InputHashes
 from glsim.dataset.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
+from glsim.dataset.run_state import RunState, images_of
 from glsim.errors import DepthRangeError, GlsimError, MeshError
-from glsim.files.atomic import AtomicFile, checksum, to_json, wrap_write_errors, write_atomic
+from glsim.files.atomic import AtomicFile, checksum, to_json
 from glsim.files.png import encode_png
+from glsim.files.store import Store
 from glsim.frame import Frame, Skipped
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
+from glsim.worker_processes import Interim
 
 
 class FrameMaker(Protocol):
@@ -35,19 +38,36 @@ class FrameMaker(Protocol):
 
 @dataclass(frozen=True)
 class RenderJob:
-    """What all workers of a run share: settings, output folder, simulator.
+    """What all workers of a run share.
 
-    inputs: the driver's, for workers on other machines, whose files may be others.
+    Attributes:
+        settings: of the data set.
+        state: where chunks are recorded.
+        make_frames: the simulator.
+        inputs: hashes of the driver's files; workers on other machines compare theirs.
     """
 
     settings: Settings
-    folder: OutputFolder
+    state: RunState
     make_frames: FrameMaker
-    inputs: Inputs | None = None
+    inputs: InputHashes | None = None
+
+    def run(self, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
+        """Render, write and record chunks: the job of a worker. Raises as ``write_chunks``."""
+        for event in write_chunks(self, self.state.store, chunks):
+            if isinstance(event, ChunkRecord):
+                self.state.save_chunk(event)
+                yield event.summary
+            else:
+                yield event
+
+    def doing(self, chunk: Chunk) -> str:
+        """Name a chunk by its first frame."""
+        return f"rendering {chunk.tasks[0].stem} and the next frames"
 
 
 @dataclass(frozen=True)
-class ChunkProgress:
+class ChunkProgress(Interim):
     """The number of frames of a chunk that are done so far."""
 
     chunk: int
@@ -57,13 +77,17 @@ class ChunkProgress:
 ChunkEvent = ChunkProgress | ChunkSummary
 
 
-def render_chunks(job: RenderJob, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
-    """Render and write chunks. A ChunkSummary reports that a chunk and its record are complete.
+def write_chunks(
+    job: RenderJob, store: Store, chunks: Iterable[Chunk]
+) -> Iterator[ChunkProgress | ChunkRecord]:
+    """Render chunks and write their files; yield the record of each chunk that is complete.
 
     A frame that cannot be made, or has a depth beyond 16 bits, is recorded as skipped.
 
-    Raises MeshError at the first skipped frame if the settings are strict, DatasetError if a file
-    cannot be written, GlsimError if the simulator omits a result, and errors of the simulator.
+    Raises:
+        MeshError: at the first skipped frame if the settings are strict.
+        DatasetError: a file cannot be written.
+        GlsimError: the simulator omits a result; also the simulator's own errors.
     """
     chunks = iter(chunks)
     taken: deque[Chunk] = deque()
@@ -77,8 +101,8 @@ def render_chunks(job: RenderJob, chunks: Iterable[Chunk]) -> Iterator[ChunkEven
     try:
         for first in results:
             chunk = taken.popleft()
-            writer = _ChunkWriter(job, chunk)
-            with writer.sink:
+            writer = _ChunkWriter(job.settings, store, chunk)
+            with writer.opened():
                 result: Frame | Skipped | None = first
                 for done, task in enumerate(chunk.tasks, start=1):
                     if result is None or result.key != task.key:
@@ -98,15 +122,27 @@ def render_chunks(job: RenderJob, chunks: Iterable[Chunk]) -> Iterator[ChunkEven
 
 
 class _ChunkWriter:
-    def __init__(self, job: RenderJob, chunk: Chunk) -> None:
-        self._settings = job.settings
-        self._chunk = chunk
-        self._folder = job.folder
+    """Writes the frames of a chunk: each image as its own file, or all of them to one shard."""
+
+    def __init__(self, settings: Settings, store: Store, chunk: Chunk) -> None:
+        self._settings, self._store, self._chunk = settings, store, chunk
         self._frames: list[str] = []
         self._skipped: list[str] = []
         self._bytes = 0
-        kind = _ShardSink if job.settings.output.format == "webdataset" else _FolderSink
-        self.sink: _FolderSink | _ShardSink = kind(self._folder, chunk)
+        self._shard: _Shard | None = None
+
+    def opened(self) -> AbstractContextManager[None]:
+        """Open the shard, if there is one, for a block that adds frames."""
+        return self._open_shard() if self._settings.output.format == "webdataset" else nullcontext()
+
+    @contextmanager
+    def _open_shard(self) -> Iterator[None]:
+        name = self._chunk.shard
+        with self._store.create(name, sync=False) as file:
+            stream = cast("IO[bytes]", file)
+            with tarfile.TarFile(mode="w", fileobj=stream, format=tarfile.USTAR_FORMAT) as tar:
+                self._shard = _Shard(name, file, tar)
+                yield
 
     def add(self, task: Task, result: Frame | Skipped) -> None:
         if isinstance(result, Skipped):
@@ -118,106 +154,55 @@ class _ChunkWriter:
         except DepthRangeError as error:  # one far pixel, beyond 16 bits, does not end the set
             self._skip(task, Skipped(result.key, result.source, str(error)))
             return
-        files = {layer: self.sink.add(task, layer, data) for layer, data in images.items()}
-        record = frame_record(task, result, files)
-        text = to_json(record, task.stem)
-        self.sink.add_record(task, text)
+        files = {layer: self._write(task, layer, data) for layer, data in images.items()}
+        text = to_json(frame_record(task, result, files), task.stem)
+        if self._shard is not None:
+            self._shard.add(f"{task.index:08d}.json", text.encode())
         self._frames.append(text + "\n")
         self._bytes += sum(len(data) for data in images.values())
+
+    def _write(self, task: Task, layer: str, data: bytes) -> Record:
+        if self._shard is not None:
+            return self._shard.add(f"{task.index:08d}.{layer}.png", data)
+        name = f"{task.stem}_{layer}.png"
+        return {"name": name} | self._store.put(name, data, sync=False)
 
     def _skip(self, task: Task, skipped: Skipped) -> None:
         if self._settings.strict:
             raise MeshError(f"{task.stem}: {skipped.why} (strict stops at the first bad frame)")
         self._skipped.append(to_json(skipped_record(task, skipped), task.stem) + "\n")
 
-    def finish(self) -> ChunkSummary:
-        summary = ChunkSummary(
-            self._chunk.number,
-            len(self._frames),
-            len(self._skipped),
-            self._bytes,
-            self.sink.shard,
-        )
+    def finish(self) -> ChunkRecord:
+        frames, skipped = len(self._frames), len(self._skipped)
+        shard = None if self._shard is None else self._shard.record
+        summary = ChunkSummary(self._chunk.number, frames, skipped, self._bytes, shard)
         record = ChunkRecord(summary, self._frames, self._skipped)
-        self._folder.flush_images(record)
-        self._folder.save_chunk(record)
-        return summary
+        self._store.flush(file["name"] for file in images_of(record))
+        return record
 
 
-class _FolderSink:
-    """Write every image as its own file."""
-
-    shard = None
-
-    def __init__(self, folder: OutputFolder, chunk: Chunk) -> None:
-        self._folder = folder
-        self._created: set[str] = set()
-
-    def __enter__(self) -> _FolderSink:
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
-    def add(self, task: Task, layer: str, data: bytes) -> Record:
-        name = f"{task.stem}_{layer}.png"
-        path = self._folder.out / name
-        parent = name.rpartition("/")[0]
-        if parent not in self._created:
-            with wrap_write_errors(path.parent):
-                path.parent.mkdir(parents=True, exist_ok=True)
-            self._created.add(parent)
-        temporary = self._folder.temporary_path()
-        return {"name": name} | write_atomic(data, path, temporary=temporary, sync=False)
-
-    def add_record(self, task: Task, text: str) -> None:
-        """Do nothing: the record is in the manifest only."""
-
-
-class _ShardSink:
-    """Write the images of a chunk to one tar file, in the layout of the library webdataset.
+@dataclass(frozen=True)
+class _Shard:
+    """A tar file in the layout of the library webdataset.
 
     The key of a member is the index: that library cuts names at the first dot, and the name of a
     sequence may contain one.
     """
 
-    def __init__(self, folder: OutputFolder, chunk: Chunk) -> None:
-        self._name = chunk.shard
-        path = folder.out / self._name
-        self._file = AtomicFile(path, folder.temporary_path(self._name), sync=False)
-        self._tar = tarfile.TarFile(
-            mode="w", fileobj=cast("IO[bytes]", self._file), format=tarfile.USTAR_FORMAT
-        )
-
-    def __enter__(self) -> _ShardSink:
-        return self
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if kind is None:
-            try:
-                self._tar.close()
-            except BaseException as failure:
-                self._file.__exit__(type(failure), failure, failure.__traceback__)
-                raise
-        self._file.__exit__(kind, error, trace)
+    name: str
+    file: AtomicFile
+    tar: tarfile.TarFile
 
     @property
-    def shard(self) -> Record:
+    def record(self) -> Record:
         """The name and checksum of the shard."""
-        return {"name": self._name} | self._file.checksum
+        return {"name": self.name} | self.file.checksum
 
-    def add(self, task: Task, layer: str, data: bytes) -> Record:
-        member = f"{task.index:08d}.{layer}.png"
-        offset = self._add(member, data)
-        return {"name": self._name, "member": member, "offset": offset} | checksum(data)
-
-    def add_record(self, task: Task, text: str) -> None:
-        self._add(f"{task.index:08d}.json", text.encode())
-
-    def _add(self, member: str, data: bytes) -> int:
-        """Append a member with fixed attributes; return the offset of its data, bytes."""
+    def add(self, member: str, data: bytes) -> Record:
+        """Append a member with fixed attributes; return its place and checksum."""
         info = tarfile.TarInfo(member)
         info.size = len(data)
         info.mode = 0o644
-        offset = self._file.size + tarfile.BLOCKSIZE
-        self._tar.addfile(info, io.BytesIO(data))
-        return offset
+        offset = self.file.size + tarfile.BLOCKSIZE
+        self.tar.addfile(info, io.BytesIO(data))
+        return {"name": self.name, "member": member, "offset": offset} | checksum(data)

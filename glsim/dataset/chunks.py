@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.dataset.schema import is_file_name
+from glsim.dataset.record_schema import is_file_name
 from glsim.errors import DatasetError
 from glsim.plan.tasks import Plan, Task, people_of
 from glsim.settings.schema import SPLIT_NAMES
@@ -24,7 +24,9 @@ CHUNK_FRAMES = {"png": 32, "webdataset": 512}
 class Chunk:
     """A unit of work: consecutive frames of one split.
 
-    number: position among all chunks. order: position among the chunks of the split.
+    Attributes:
+        number: position among all chunks.
+        order: position among the chunks of the split.
     """
 
     number: int

@@ -11,7 +11,6 @@ import socket
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 from glsim.dataset.chunks import ChunkPlan
@@ -46,12 +45,13 @@ _OPTIONAL_UNITS = {
 
 
 @dataclass(frozen=True)
-class Inputs:
+class InputHashes:
     """Hashes of everything that a data set is made of besides its settings.
 
-    stages: file -> hash of each noise stage, with the files that GLSL includes.
-    sources: "number kind" of each source -> name of each file -> hash.
-    arithmetic: see ``glsim.dataset.arithmetic``.
+    Attributes:
+        stages: file -> hash of each noise stage, with the files that GLSL includes.
+        sources: "number kind" of each source -> name of each file -> hash.
+        arithmetic: see ``glsim.dataset.arithmetic``.
     """
 
     stages: Mapping[str, str] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class Inputs:
         names = [*before, *now]
         return next((name for name in names if before.get(name) != now.get(name)), None)
 
-    def changed_since(self, before: Inputs) -> str:
+    def changed_since(self, before: InputHashes) -> str:
         """Name the first stage file or source file that differs from ``before``."""
         for file, hash in before.stages.items():
             if self.stages.get(file) != hash:
@@ -101,11 +101,13 @@ def make_identity(
 
 
 def refuse_changed_inputs(
-    out: Path, begun: Mapping[str, Any], inputs: Inputs, files: Mapping[str, Any]
+    out: str, begun: Mapping[str, Any], inputs: InputHashes, files: Mapping[str, Any]
 ) -> None:
     """Raise ConfigError if an input differs from what the data set was begun with; name it.
 
-    begun: the identity on disk. files: source -> file -> hash at the beginning, if known.
+    Args:
+        begun: the identity on disk.
+        files: source -> file -> hash at the beginning, if known.
     """
     old = begun.get("inputs")
     if not isinstance(old, dict):
@@ -127,9 +129,9 @@ def refuse_changed_inputs(
         )
 
 
-def refuse_difference(out: Path, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
+def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
     """Raise ConfigError for the first entry of ``identity`` that differs from ``begun``."""
-    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, str(out))))
+    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, out)))
     for name in [*new, *old]:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
         if not compared or old.get(name) == new.get(name):

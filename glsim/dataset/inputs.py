@@ -6,23 +6,28 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
-from glsim.dataset.identity import Inputs
+from glsim.dataset.identity import InputHashes
 from glsim.errors import ConfigError
 from glsim.faces.base import FaceSource
 from glsim.files.contents import content_hash, text_hash
 from glsim.gl.shader_source import load_source
 from glsim.noise.stage import Stage
 from glsim.plan.tasks import Task, people_of
+from glsim.plugins import plugin_code
+from glsim.settings.source_settings import shipped_kinds
 
 
 def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
     """Hash the files of noise stages, as they are now: file -> hash.
 
-    A Python stage is the file that holds its function; what that file imports is not seen.
+    A Python stage is the file that holds its function; what that file imports is not seen. A stage
+    of another package is also that package's code.
     Raises ShaderError for a GLSL file that cannot be read any more.
     """
     hashes: dict[str, str] = {}
     for stage in stages:
+        package = plugin_code("stages", stage.spec.name)
+        hashes |= {name: content_hash(path) for name, path in package.items()}
         if stage.spec.source is None:
             code = getattr(stage.spec.function, "__code__", None)
             file = code.co_filename if code is not None else stage.spec.file
@@ -37,11 +42,13 @@ def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
 
 
 def refuse_other_inputs(
-    expected: Inputs, sources: Sequence[FaceSource], tasks: Sequence[Task], where: str
+    expected: InputHashes, sources: Sequence[FaceSource], tasks: Sequence[Task], where: str
 ) -> None:
     """Raise ConfigError if this machine has other files for some tasks than ``expected`` says.
 
-    expected: the inputs of the whole data set, on the machine that drives it. where: this machine.
+    Args:
+        expected: the inputs of the whole data set, on the machine that drives it.
+        where: this machine.
     """
     for source, files in source_hashes(sources, tasks).items():
         theirs = expected.sources.get(source, {})
@@ -58,14 +65,21 @@ def source_hashes(
 ) -> dict[str, dict[str, str]]:
     """Hash the files that the frames of ``tasks`` are made of: source -> file -> hash.
 
-    Sources without a method ``contents`` read no files.
+    Sources without a method ``contents`` read no files. A source of another package is also its
+    code: the files of that package.
     """
     subjects: dict[int, dict[str, None]] = defaultdict(dict)
     for person in people_of(tasks):
         subjects[person.source][person.name] = None
     hashes = {}
     for number, source in enumerate(sources):
+        if number not in subjects:
+            continue
         contents = getattr(source, "contents", None)
-        if contents is not None and number in subjects:
-            hashes[f"{number} {source.name}"] = dict(sorted(contents([*subjects[number]]).items()))
+        files = dict(contents([*subjects[number]])) if contents is not None else {}
+        if source.name not in shipped_kinds():
+            code = plugin_code("sources", source.name)
+            files |= {name: content_hash(file) for name, file in code.items()}
+        if files:
+            hashes[f"{number} {source.name}"] = dict(sorted(files.items()))
     return hashes

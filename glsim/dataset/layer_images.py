@@ -33,8 +33,11 @@ CHANNELS = {"normals": 3}
 def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX**2) -> LayerImage:
     """Decode the bytes of a PNG file to (H, W), or (H, W, 3), in the layer's pixel type.
 
-    where: names the file in error messages. Raises DatasetError for a damaged image, another pixel
-    type, several channels or more than ``max_px`` pixels.
+    Raises DatasetError for a damaged image, another pixel type, several channels or more than
+    ``max_px`` pixels.
+
+    Args:
+        where: names the file in error messages.
     """
     image = decode_png(data, max_px)
     if image is None:

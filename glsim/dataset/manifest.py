@@ -10,8 +10,7 @@ import numpy as np
 from isal import isal_zlib
 from numpy.typing import NDArray
 
-from glsim.dataset.disk_format import MANIFEST
-from glsim.dataset.schema import MAX_LINE_BYTES, parse_frame
+from glsim.dataset.record_schema import MAX_LINE_BYTES, parse_frame
 from glsim.errors import DatasetError
 from glsim.files.atomic import wrap_read_errors
 from glsim.files.regular import open_regular
@@ -25,14 +24,16 @@ REPAIR = "run glsim generate again with the same settings to repair it"
 
 
 class Manifest:
-    """The manifest of the data set in ``root``; it is read once when it is opened.
+    """The lines of a manifest; the file is read once when it is opened.
 
-    checksum: its size and CRC32. Raises DatasetError if it is missing or cannot be read.
+    Raises DatasetError if it is missing or cannot be read.
+
+    Attributes:
+        checksum: its size and CRC32.
     """
 
-    def __init__(self, root: Path) -> None:
-        self._root = root
-        self.path = root / MANIFEST
+    def __init__(self, path: Path) -> None:
+        self.path = path
         parts: list[NDArray[np.int64]] = []
         size = crc32 = 0
         with wrap_read_errors(self.path), self._open() as lines:
@@ -84,4 +85,4 @@ class Manifest:
         return f"{self.path}: line {number + 1}"
 
     def _open(self) -> IO[bytes]:
-        return open_regular(self.path, inside=self._root)
+        return open_regular(self.path, inside=self.path.parent)

@@ -18,8 +18,10 @@ _PROGRESS_EVERY_S = 0.1
 class GenerateProgress:
     """The state of a run. ``done`` of ``total`` frames include skipped and reused ones.
 
-    skipped: frames that could not be made. reused: frames that an earlier run completed.
-    bytes: size of all images.
+    Attributes:
+        skipped: frames that could not be made.
+        reused: frames that an earlier run completed.
+        bytes: size of all images.
     """
 
     done: int
@@ -29,13 +31,20 @@ class GenerateProgress:
     bytes: int
 
 
+Progress = Callable[[GenerateProgress], None]
+
+
 @dataclass(frozen=True)
 class GenerateSummary:
     """The results of a run and the contents of the data set.
 
-    frames, subjects: split -> number. skipped: reason -> number of frames.
-    rendered, reused: frames of this run and of earlier ones, skipped frames included.
-    bytes: size of all images. seconds: wall time. cpu_seconds: of this process and its workers.
+    Attributes:
+        frames, subjects: split -> number.
+        skipped: reason -> number of frames.
+        rendered, reused: frames of this run and of earlier ones, skipped frames included.
+        bytes: size of all images.
+        seconds: wall time.
+        cpu_seconds: of this process and its workers.
     """
 
     frames: Mapping[str, int]
@@ -50,12 +59,15 @@ class GenerateSummary:
 
 @dataclass(frozen=True)
 class PartSummary:
-    """The results of a run of one part. dataset: the whole, if all parts are complete.
+    """The results of a run of one part.
 
-    frames, skipped: numbers of frames of this part. rendered, reused: as in GenerateSummary.
-    absent_chunks: number of chunks of other parts that nobody has completed yet.
-    left: why this machine left its chunks to the other parts; "" if it did not.
-    taken: parts whose chunks, left by other machines, this run has made too.
+    Attributes:
+        dataset: the whole, if all parts are complete.
+        frames, skipped: numbers of frames of this part.
+        rendered, reused: as in GenerateSummary.
+        absent_chunks: number of chunks of other parts that nobody has completed yet.
+        left: why this machine left its chunks to the other parts; "" if it did not.
+        taken: parts whose chunks, left by other machines, this run has made too.
     """
 
     part: Part
@@ -77,7 +89,7 @@ class RunCounts:
     """Counts frames and bytes, and passes them to ``callback``. It starts the clocks."""
 
     total: int
-    callback: Callable[[GenerateProgress], None] | None = None
+    callback: Progress | None = None
     frames: int = 0
     skipped: int = 0
     reused: int = 0

@@ -19,15 +19,16 @@ from pathlib import Path
 from typing import Any
 
 from glsim.dataset.arithmetic import KeptSimulator, keeping_simulator
-from glsim.dataset.chunk_writer import ChunkEvent, RenderJob, render_chunks
+from glsim.dataset.chunk_writer import ChunkEvent, RenderJob, write_chunks
 from glsim.dataset.chunks import Chunk, ChunkPlan
-from glsim.dataset.cloud_output import CloudOutput, ScratchFolder
+from glsim.dataset.dataset_run import ChunkRenderer
+from glsim.dataset.disk_format import STATE
 from glsim.dataset.inputs import refuse_other_inputs
+from glsim.dataset.record_schema import parse_frame
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
-from glsim.dataset.run import ChunkRenderer
-from glsim.dataset.schema import parse_frame
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import checksum, wrap_write_errors, write_atomic
+from glsim.files.atomic import checksum
+from glsim.files.store import open_store
 from glsim.ray_cluster import failure_of, ray_cluster, run_tasks
 from glsim.worker_processes import WorkerFailure
 
@@ -38,7 +39,11 @@ _DEATHS = 5
 
 @dataclass(frozen=True)
 class ClusterJob:
-    """What all tasks of a run share. folder: the driver's working folder, for relative paths."""
+    """What all tasks of a run share.
+
+    Attributes:
+        folder: the driver's working folder, for relative paths.
+    """
 
     job: RenderJob
     token: str
@@ -57,7 +62,8 @@ class MadeChunk:
 def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
     """Return the renderer that uses a cluster, see ``glsim.ray_cluster.ray_cluster``.
 
-    environment: variables for the processes of the nodes.
+    Args:
+        environment: variables for the processes of the nodes.
     """
 
     def render(
@@ -71,16 +77,12 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
             reference = [ray.put(shared)]
             calls = ((number, (shared.token, reference, plan[number])) for number in numbers)
             for number, made in run_tasks(ray, render_on_node, calls, environment):
-                record = checked_chunk(made, number, uploaded=isinstance(job.folder, CloudOutput))
+                store = job.state.store
+                record = checked_chunk(made, number, uploaded=store.is_remote)
                 for name, data in made.files.items():
-                    path = job.folder.out / name
-                    with wrap_write_errors(path.parent):
-                        path.parent.mkdir(parents=True, exist_ok=True)
-                    temporary = job.folder.temporary_path(path.name)
-                    write_atomic(data, path, temporary=temporary, sync=False)
-                if made.files:
-                    job.folder.flush_images(record)
-                job.folder.save_chunk(record)
+                    store.put(name, data, sync=False)
+                store.flush(made.files)
+                job.state.save_chunk(record)
                 yield record.summary
 
     return render
@@ -89,8 +91,11 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
 def checked_chunk(made: MadeChunk, number: int, *, uploaded: bool = False) -> ChunkRecord:
     """Return the record of a chunk whose files are those that it names, whole, and no others.
 
-    uploaded: whether the node sent its shard to object storage, and compared it there. Nothing
-    that came over the network is believed. Raises DatasetError.
+    Raises DatasetError.
+
+    Args:
+        uploaded: whether the node sent its shard to object storage, and compared it there. Its
+            files are not here then.
     """
     record = parse_chunk_record(made.record)
     expected: dict[str, dict[str, Any]] = {}
@@ -150,12 +155,13 @@ def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
     if job.inputs is not None and isinstance(job.make_frames, KeptSimulator):
         sources = job.make_frames.sources
         refuse_other_inputs(job.inputs, sources, chunk.tasks, socket.gethostname())
-    cloud = job.folder.cloud if isinstance(job.folder, CloudOutput) else None
-    scratch = ScratchFolder(folder, cloud)
-    for _ in render_chunks(replace(job, folder=scratch), [chunk]):
-        pass
-    assert scratch.record is not None
-    return MadeChunk(scratch.record.to_bytes(), scratch.files())
+    remote = job.state.store.is_remote
+    place = job.state.store if remote else open_store(folder)
+    with place.writing(STATE) as store:
+        (record,) = (e for e in write_chunks(job, store, [chunk]) if isinstance(e, ChunkRecord))
+    paths = [path for path in folder.rglob("*") if path.is_file()]
+    files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+    return MadeChunk(record.to_bytes(), files)
 
 
 @contextmanager

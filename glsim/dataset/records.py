@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from glsim.dataset.schema import parse_summary
+from glsim.dataset.record_schema import parse_summary
 from glsim.errors import DatasetError
 from glsim.files.atomic import to_json
 from glsim.frame import Frame, Skipped
@@ -36,9 +36,9 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
     """Return the manifest's record of a frame.
 
     Seeds are 16 hexadecimal digits: JSON readers in other languages round integers above 2**53.
-    files: layer -> name, size, crc32; for a file within a shard also its member and its offset.
-    head_to_camera and landmarks are there if the frame has them.
-    With the layer regions, the record lists the names and numbers of the visible regions.
+
+    Args:
+        files: layer -> name, size, crc32; for a file within a shard also its member and its offset.
     """
     record = _task_fields(task, frame.source) | {
         "device": task.device,

@@ -12,11 +12,12 @@ from typing import Any
 
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import STATE
-from glsim.dataset.driver import generate_part, merge_parts
-from glsim.dataset.output_folder import OutputFolder
+from glsim.dataset.driver import generate_part, merge_dataset
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary
+from glsim.dataset.run_state import RunState
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.store import open_store
 from glsim.plan.tasks import make_tasks
 from glsim.settings.schema import Settings
 
@@ -58,24 +59,32 @@ def generate_on_slurm(
 ) -> GenerateSummary:
     """Submit ``parts`` jobs as one array, wait for them, and complete the data set.
 
-    slurm: options of submitit's executor, such as cpus_per_task, timeout_min, slurm_partition.
-    cluster: "slurm", or submitit's "local" for processes of this machine; None: Slurm. options: of
-    ``generate_part``. Ctrl-C cancels the jobs; what they made stays. Logs are in
-    ``out/.glsim/slurm``. Raises ConfigError without submitit or Slurm, DatasetError if jobs fail.
+    Ctrl-C cancels the jobs; what they made stays. Logs are in ``out/.glsim/slurm``.
+    Raises ConfigError without submitit or Slurm, DatasetError if jobs fail.
+
+    Args:
+        slurm: options of submitit's executor, such as cpus_per_task, timeout_min, slurm_partition.
+        cluster: "slurm", or submitit's "local" for processes of this machine; None: Slurm.
+        options: of ``generate_part``.
     """
+    # Imported here because reading a data set needs no OpenGL.
+    from glsim.pipeline import open_sources
+    from glsim.sensors.sensor import sensor_of
+
     executor = _executor(out, cluster or "slurm", slurm or {})
-    plan = ChunkPlan(make_tasks(settings, _sources(settings)), CHUNK_FRAMES[settings.output.format])
+    tasks = make_tasks(settings, open_sources(settings))
+    plan = ChunkPlan(tasks, CHUNK_FRAMES[settings.output.format])
     count = min(parts, len(plan))
     jobs_of = [PartJob(settings, out, Part(number, count), options) for number in range(count)]
     started = time.monotonic()
     with executor.batch():
         jobs: Sequence[Any] = [executor.submit(job) for job in jobs_of]
-    watch = _Watch(OutputFolder(out), plan, progress)
+    watch = _Watch(RunState(open_store(out)), plan, progress)
     wait_for(jobs, watch.look, in_queue if executor.cluster == "slurm" else None)
     watch.look()
     results = [_result(job) for job in jobs]
     # The last part has merged; this reads what it made, or says what is missing.
-    whole = merge_parts(settings, out)
+    whole = merge_dataset(settings, tasks, out, sensor=sensor_of(settings).describe())
     return GenerateSummary(
         frames=whole.frames,
         subjects=whole.subjects,
@@ -95,8 +104,11 @@ def wait_for(
 ) -> None:
     """Wait until all jobs have ended, and call ``look`` now and then; cancel them after an error.
 
-    queued: returns which of these jobs Slurm still knows. Where Slurm keeps no accounts, submitit
-    waits for a killed job for ever. Raises DatasetError if a job is gone without a result.
+    Raises DatasetError if a job is gone without a result.
+
+    Args:
+        queued: returns which of these jobs Slurm still knows. Where Slurm keeps no accounts,
+            submitit waits for a killed job for ever.
     """
     gone: set[str] = set()
     try:
@@ -146,30 +158,24 @@ def _executor(out: Path, cluster: str, options: Mapping[str, Any]) -> Any:
     return executor
 
 
-def _sources(settings: Settings) -> Any:
-    from glsim.pipeline import open_sources
-
-    return open_sources(settings)
-
-
 class _Watch:
     """Reads the progress from the chunk records that the jobs have written."""
 
     def __init__(
         self,
-        folder: OutputFolder,
+        state: RunState,
         plan: ChunkPlan,
         callback: Callable[[GenerateProgress], None] | None,
     ) -> None:
-        self._folder, self._plan, self._callback = folder, plan, callback
+        self._state, self._plan, self._callback = state, plan, callback
         self._before: int | None = None
 
     def look(self) -> None:
         if self._callback is None:
             return
-        recorded = self._folder.recorded_chunks()
+        recorded = self._state.recorded_chunks()
         done = sum(self._plan.frames_in(n) for n in recorded if n < len(self._plan))
-        if self._folder.is_merged:
+        if self._state.is_merged:
             done = self._plan.frames
         if self._before is None:
             self._before = done

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import tarfile
-import tempfile
 from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import IO, Any
 
-from glsim.dataset.cloud_mirror import mirror
 from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
-from glsim.dataset.header import header_problem, manifest_problem, read_header
+from glsim.dataset.header import manifest_problem, open_header
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.manifest import Manifest
 from glsim.errors import DatasetError
-from glsim.files.atomic import checksum, file_checksum
-from glsim.files.cloud import CloudFolder, cloud_url
+from glsim.files.atomic import checksum
 from glsim.files.png import MAX_IMAGE_BYTES
-from glsim.files.regular import open_regular, read_regular
+from glsim.files.store import Store, open_store
 from glsim.settings.schema import SPLIT_NAMES
 
 _Record = Mapping[str, Any]
@@ -31,38 +27,35 @@ def verify(path: Path | str, deep: bool = False) -> list[str]:
     Checks the header and the manifest against their schema and their checksums, the counts, that no
     subject is in two splits (by records and by folders), that every file is a regular one inside
     the data set with its recorded size, that no two records share an image, and that every file in
-    a split has a record. deep: also checks the CRC32 of every image, decodes it, compares it with
-    its record, and compares the members of shards with the records. Never raises DatasetError.
+    a split has a record. Never raises DatasetError.
+
+    Args:
+        deep: also checks the CRC32 of every image, decodes it, compares it with its record, and
+            compares the members of shards with the records.
     """
-    url = cloud_url(path)
+    store = open_store(path)
     try:
-        remote = None if url is None else CloudFolder(url)
-        root = Path(path) if remote is None else mirror(remote)
-        header = read_header(root)
-        manifest = Manifest(root)
-        if remote is not None:
-            return list(_CloudVerification(remote, root, header, manifest, deep).problems())
+        header, problem, manifest = open_header(store)
     except DatasetError as error:
         return [str(error)]
-    return list(_Verification(root, header, manifest, deep).problems())
+    wrong = [] if problem is None else [f"{HEADER} {problem}"]
+    return wrong + list(_Verification(store, header, manifest, deep).problems())
 
 
 class _Verification:
     def __init__(
-        self, root: Path, header: Mapping[str, Any], manifest: Manifest, deep: bool
+        self, store: Store, header: Mapping[str, Any], manifest: Manifest, deep: bool
     ) -> None:
-        self._root, self._header, self._manifest, self._deep = root, header, manifest, deep
+        self._store, self._header, self._manifest, self._deep = store, header, manifest, deep
         self._split_of: dict[str, str] = {}
         self._counts = dict.fromkeys(SPLIT_NAMES, 0)
-        self._folders: set[Path] = set()
+        self._folders: set[str] = set()
         #: Shard -> member -> its offset, size and CRC32.
         self._members: dict[str, dict[str, tuple[int, int, int]]] = {}
         self._bad_files: set[str] = set()
         self._indices: set[int] = set()
 
     def problems(self) -> Iterator[str]:
-        if problem := header_problem(self._root):
-            yield f"{HEADER} {problem}"
         problem = manifest_problem(self._header, self._manifest)
         if problem is not None and MANIFEST not in self._header["files"]:
             yield f"{MANIFEST} {problem}"
@@ -81,6 +74,10 @@ class _Verification:
         if self._deep:
             yield from self._member_problems()
         yield from self._stray_entries()
+
+    def _line(self, error: DatasetError) -> str:
+        """Return an error of the store, which names the whole path, with the name of the file."""
+        return str(error).removeprefix(f"{self._store}/")
 
     def _records(self, damaged: list[str]) -> Iterator[_Record]:
         """Yield the record of each sound line; append the problems of the others to ``damaged``."""
@@ -105,20 +102,21 @@ class _Verification:
                 self._bad_files.add(name)
 
     def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
-        """Compare a file with its recorded size and, if ``whole``, its CRC32."""
+        """Compare a file with its recorded size and, if ``whole``, its CRC32.
+
+        Object storage knows the CRC32 of a file without reading it.
+        """
         try:
-            with open_regular(self._root / name, inside=self._root) as file:
-                size = os.fstat(file.fileno()).st_size
-        except FileNotFoundError:
-            yield f"{name} is missing"
-            return
-        except OSError as error:
-            yield f"{name}: {error.strerror}"
+            size = self._store.size(name)
+        except DatasetError as error:
+            yield self._line(error)
             return
         recorded = {"size": expected["size"], "crc32": expected["crc32"]}
-        if size != recorded["size"]:
+        if size is None:
+            yield f"{name} is missing"
+        elif size != recorded["size"]:
             yield f"{name} has {size} bytes instead of {recorded['size']}"
-        elif whole and file_checksum(self._root / name) != recorded:
+        elif (whole or self._store.is_remote) and self._store.checksum(name) != recorded:
             yield f"{name} is not what was written: its CRC32 differs"
 
     def _frame_problems(self, split: str, subject: str, records: list[_Record]) -> Iterator[str]:
@@ -156,34 +154,29 @@ class _Verification:
         known[member] = (file["offset"], file["size"], file["crc32"])
 
     def _unrecorded(self, folder: str, images: Mapping[str, object]) -> Iterator[str]:
-        self._folders.add(self._root / folder)
-        for path in self._entries(folder):
-            name = path.relative_to(self._root).as_posix()
-            if name not in images:
-                yield f"{name} is in no record"
-
-    def _entries(self, folder: str) -> list[Path]:
-        """List a folder; nothing if it leads out of the data set."""
-        path = self._root / folder
-        inside = path.resolve().is_relative_to(self._root.resolve())
-        return sorted(path.iterdir()) if inside and path.is_dir() else []
+        self._folders.add(folder)
+        try:
+            names = [f"{folder}/{name}" for name in self._store.names(folder)]
+        except DatasetError:
+            return  # its images were reported
+        yield from (f"{name} is in no record" for name in names if name not in images)
 
     def _image_problems(self, name: str, layer: str, record: _Record) -> Iterator[str]:
         """Decode an image and compare its type and size with the record."""
         try:
-            data = read_regular(self._root / name, MAX_IMAGE_BYTES, inside=self._root)
+            data = self._store.read(name, MAX_IMAGE_BYTES) or b""
             yield from _picture_problems(data, name, layer, record)
-        except OSError as error:
-            yield f"{name}: {error.strerror}"
+        except DatasetError as error:
+            yield self._line(error)
 
     def _member_problems(self) -> Iterator[str]:
         """Compare the members of each shard with the records: names, places, kinds, CRC32."""
-        for shard in self._members.keys() - self._bad_files:
+        for shard in sorted(self._members.keys() - self._bad_files):
             try:
-                with open_regular(self._root / shard, inside=self._root) as file:
+                with self._store.open(shard) as file:
                     yield from self._shard_problems(shard, file)
-            except OSError as error:
-                yield f"{shard}: {error.strerror}"
+            except DatasetError as error:
+                yield self._line(error)
             except tarfile.TarError as error:
                 yield f"{shard}: is no tar file: {error}"
 
@@ -203,70 +196,28 @@ class _Verification:
                 yield f"{shard} ({name}) is not what was written: its CRC32 differs"
 
     def _stray_entries(self) -> Iterator[str]:
-        """Find unrecorded files in the splits; the user's own files at the top are allowed."""
+        """Find unrecorded files in the splits; other files at the top are allowed."""
         listed = self._header["files"].keys() | {MANIFEST, SKIPPED}
         seen: dict[str, str] = {}
-        for split in SPLIT_NAMES:
-            for shard in sorted(self._root.glob(f"{split}-*.tar")):
-                if shard.name not in listed:
-                    yield f"{shard.name} is in no record"
-            if not (self._root / split).resolve().is_relative_to(self._root.resolve()):
-                yield f"{split}: leads out of {self._root}"
-            for path in self._entries(split):
-                if path.is_dir() and path.name in seen:
-                    yield f"subject {path.name} has a folder in {seen[path.name]} and in {split}"
-                seen[path.name] = split
-                name = f"{split}/{path.name}"
-                if path not in self._folders and name not in listed and path.name != METADATA:
-                    yield f"{name} is in no record"
-
-
-class _CloudVerification(_Verification):
-    """Checks a data set in object storage; header and manifest are the copies in ``root``.
-
-    A shard is compared with the size and CRC32 that the store has; ``deep`` also reads it.
-    """
-
-    def __init__(
-        self,
-        remote: CloudFolder,
-        root: Path,
-        header: Mapping[str, Any],
-        manifest: Manifest,
-        deep: bool,
-    ) -> None:
-        super().__init__(root, header, manifest, deep)
-        self._remote = remote
-
-    def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
-        found = self._remote.checksum(name)
-        if found is None:
-            yield f"{name} is missing"
-        elif found["size"] != expected["size"]:
-            yield f"{name} has {found['size']} bytes instead of {expected['size']}"
-        elif found["crc32"] != expected["crc32"]:
-            yield f"{name} is not what was written: its CRC32 differs"
-
-    def _member_problems(self) -> Iterator[str]:
-        for shard in sorted(self._members.keys() - self._bad_files):
-            with tempfile.TemporaryFile() as file:
-                for block in self._remote.blocks(shard):
-                    file.write(block)
-                file.seek(0)
-                try:
-                    yield from self._shard_problems(shard, file)
-                except tarfile.TarError as error:
-                    yield f"{shard}: is no tar file: {error}"
-
-    def _entries(self, folder: str) -> list[Path]:
-        return [self._root / folder / name for name in self._remote.names(folder)]
-
-    def _stray_entries(self) -> Iterator[str]:
-        for name in self._remote.names(""):
-            split = name.partition("-")[0]
-            listed = name in self._header["files"]
-            if name.endswith(".tar") and split in SPLIT_NAMES and not listed:
+        top = self._store.names("")
+        for name in top:
+            shard = name.endswith(".tar") and name.partition("-")[0] in SPLIT_NAMES
+            if shard and name not in listed:
                 yield f"{name} is in no record"
+        for split in (split for split in SPLIT_NAMES if split in top):
+            try:
+                entries = self._store.names(split)
+            except DatasetError as error:
+                yield self._line(error)
+                continue
+            for entry in entries:
+                if entry in seen:
+                    yield f"subject {entry} has a folder in {seen[entry]} and in {split}"
+                name = f"{split}/{entry}"
+                if entry != METADATA:
+                    seen[entry] = split
+                    if name not in self._folders and name not in listed:
+                        yield f"{name} is in no record"
 
 
 def _person(record: _Record) -> tuple[str, str]:

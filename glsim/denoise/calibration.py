@@ -1,7 +1,6 @@
-"""Calibration: subtract from depth what is wrong in every frame of one device.
+"""Calibration: subtract a device's systematic errors, which denoisers leave.
 
-A denoiser removes what is random. What is systematic, the fixed pattern and the wiggling that
-``glsim fit`` measured, is subtracted before, pixel by pixel.
+These are the fixed pattern and the wiggling that ``glsim fit`` measured.
 """
 
 from __future__ import annotations
@@ -21,18 +20,15 @@ from glsim.sensors.pattern_map import remove_fixed_pattern
 from glsim.sensors.sensor import load_sensor
 from glsim.sensors.wiggling import remove_wiggling
 
-#: A crop's principal point may be off a whole number of pixels by this much: float32 in files.
+#: Tolerance of a crop's place, px: principal points are float32 in files.
 _CROP_PX: Final = 0.02
 
 
 class DeviceCalibration:
-    """The measured systematic errors of one device.
-
-    file: of the device, a sensor file. parts: what is subtracted: "fixed pattern", "wiggling".
-    """
+    """The measured systematic errors of one device; ``parts`` names what is subtracted."""
 
     def __init__(self, file: Path | str) -> None:
-        """file: a sensor file with a map of the fixed pattern, or with fixed harmonics, or both.
+        """Load a sensor file with a map of the fixed pattern, measured wiggling, or both.
 
         Raises ConfigError if there is no such file, or if it holds neither.
         """
@@ -54,10 +50,18 @@ class DeviceCalibration:
         self.identity = f"{pattern} {self._waves!r} {self._rig!r}"
 
     def __call__(self, depth_mm: NDArray[Any], crop: Intrinsics | None = None) -> Depth:
-        """Subtract the errors: (H, W) float32 mm; 0 = no depth stays 0.
+        """Subtract the errors.
 
-        depth_mm: (H, W), a whole image of the device, or the crop whose intrinsics are given.
-        Raises ConfigError for another size, or a crop that is none of this device's image.
+        Args:
+            depth_mm: (H, W) a whole image of the device, or a crop; 0 marks invalid pixels.
+            crop: intrinsics of a crop.
+
+        Returns:
+            (H, W) float32 mm; 0 stays 0.
+
+        Raises:
+            ConfigError: the size or the crop is not of this device's image.
+
         """
         top, left = self._corner(depth_mm.shape, crop)
         height, width = depth_mm.shape
@@ -70,7 +74,7 @@ class DeviceCalibration:
             result = remove_wiggling(
                 result, self._waves, rig.modulation_mhz, rig.rays()[part], rig.emitter_m
             )
-        # Depth never becomes a hole, or negative, which is no depth map.
+        # Depth never becomes a hole or negative.
         return np.where(depth_mm > 0, np.maximum(result, np.float32(1.0)), 0).astype(np.float32)
 
     def _corner(self, shape: tuple[int, ...], crop: Intrinsics | None) -> tuple[int, int]:
@@ -107,13 +111,10 @@ class DeviceCalibration:
 
 
 class CalibratedFrames(ChangedFrames):
-    """Frames whose noisy maps are calibrated; clean maps stay.
-
-    own_camera: whether their intrinsics are those that a data set states, so that crops have a
-    place; otherwise maps must be whole images.
-    """
+    """Frames whose noisy maps are calibrated; clean maps stay."""
 
     def __init__(self, frames: Frames, device: DeviceCalibration, own_camera: bool) -> None:
+        """own_camera: a data set states the intrinsics, so that maps may be crops."""
         super().__init__(frames, device.identity, frames.protocol)
         self._device, self._own_camera = device, own_camera
 

@@ -5,32 +5,30 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import FORMAT, HEADER
 from glsim.dataset.header import read_header
-from glsim.dataset.reader import Pair, open_dataset
-from glsim.dataset.schema import read_object
+from glsim.dataset.pair import Pair
+from glsim.dataset.reader import open_dataset
+from glsim.dataset.record_schema import read_object
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import Key, Sample, check_millimetres
 from glsim.denoise.interface import Depth
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, stored_protocol, subtract_offset
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.depth_folders import depth_pngs
 from glsim.files.png import read_depth_png
 from glsim.frame import to_mm
 from glsim.geometry.camera import Intrinsics
+from glsim.recordings.names import depth_pngs, infrared_beside
+from glsim.recordings.names import infrared_files as named_infrared_files
 from glsim.settings.schema import SPLIT_NAMES
-
-#: Endings of a depth map and of its infrared image, as glsim and as iai_kinect2 name them; for any
-#: other name it is NAME_infrared.png.
-INFRARED_BESIDE: Final = {"_noisy.png": "_infrared.png", "_depth.png": "_ir.png"}
 
 
 class MapFrames:
-    """Depth-map files as frames without ground truth. The files of a folder are one sequence."""
+    """Depth-map files as frames without ground truth; the files of a folder are one sequence."""
 
     identity = ""
     regions: Mapping[str, int] = {}
@@ -43,12 +41,16 @@ class MapFrames:
         infrared: Sequence[Path] = (),
         protocol: DepthProtocol = "depth",
     ) -> None:
-        """device: subtract its errors from all maps; crops are those of the maps' data sets.
+        """Look up the data sets of the files. Raises DatasetError if one is damaged.
 
-        infrared: one 16-bit image for each map, see ``infrared_files``.
-        protocol: depth: as measured, with the offset that a data set states. paper: the nearest
-        point of each map at 1 mm; maps of data sets with that protocol are taken as they are.
-        Raises DatasetError if a data set is damaged.
+        Args:
+            files: 16-bit depth maps.
+            depth_unit_mm: their step.
+            device: subtract its errors; crops of data sets have their place in its image.
+            infrared: one 16-bit image for each map.
+            protocol: "depth": as measured, with the offset that a data set states. "paper": the
+                nearest point of each map at 1 mm.
+
         """
         self.protocol: DepthProtocol = protocol
         self._files, self._unit_mm, self._device = files, depth_unit_mm, device
@@ -61,7 +63,7 @@ class MapFrames:
         return len(self._files)
 
     def key(self, number: int) -> Key:
-        """Return the key of a file; its subject is the folder, which is one sequence."""
+        """Return the key of a file; its subject is the folder."""
         return Key(str(self._files[number].parent), "", number)
 
     def load(self, number: int) -> Sample:
@@ -87,7 +89,7 @@ class MapFrames:
         return Sample(depth, depth, camera, offset_mm=offset_mm)
 
     def as_stored(self, number: int, depth_mm: Depth, offset_mm: float) -> Depth:
-        """Return a denoised map as its file counts depth. offset_mm: that of its ``Sample``."""
+        """Return a denoised map with the offset of its file instead of its ``Sample``'s."""
         change_mm = self._stored_offset_mm(number) - offset_mm
         return subtract_offset(depth_mm, change_mm, self._unit_mm) if change_mm else depth_mm
 
@@ -101,41 +103,32 @@ class MapFrames:
 
 
 def infrared_files(maps: Sequence[Path], given: Path | None) -> list[Path]:
-    """Return the infrared image of each depth map.
+    """Return the infrared image of each depth map: beside it, or as ``given`` says.
 
-    given: an image, if there is one map, or a folder of images with the names of the maps; None:
-    the images beside them, see INFRARED_BESIDE. Raises ConfigError if one is missing.
+    given: see ``glsim.recordings.names.infrared_files``. Raises ConfigError if one is missing.
     """
-    if given is not None and not given.is_dir():
-        files = [given]
-        if len(maps) > 1:
-            raise ConfigError(f"--infrared {given}: for several maps give a folder")
-    elif given is not None:
-        files = [given / file.name for file in maps]
-    else:
-        files = [_infrared_beside(file) for file in maps]
-    for file, depth in zip(files, maps, strict=True):
-        if not file.is_file():
+    if given is not None:
+        try:
+            return named_infrared_files(maps, given)
+        except DatasetError as error:
+            raise ConfigError(str(error)) from None
+    files = []
+    for depth in maps:
+        file = infrared_beside(depth)
+        if file is None:
             raise ConfigError(
-                f"{depth}: has no infrared image {file}, which this denoiser uses: give one with "
-                "--infrared, or choose the network face"
+                f"{depth}: has no infrared image beside it ({depth.stem}_infrared.png), which this "
+                "denoiser uses: give one with --infrared, or choose the network face"
             )
+        files.append(file)
     return files
 
 
-def _infrared_beside(file: Path) -> Path:
-    for ending, of_infrared in INFRARED_BESIDE.items():
-        if file.name.endswith(ending):
-            return file.with_name(file.name.removesuffix(ending) + of_infrared)
-    return file.with_name(f"{file.stem}_infrared.png")
-
-
 def unit_mm(files: Sequence[Path], given: float | None) -> float:
-    """Return the step of depth files in mm: that of their data set, else ``given``, else 1.
+    """Return the step of depth files, mm: that of their data set, else ``given``, else 1.
 
-    Raises ConfigError if these differ, DatasetError if the data set's header is damaged. Reading a
-    data set with steps of 0.1 mm as millimetres would put every face ten times too far away, and
-    nothing would look wrong.
+    Raises ConfigError if these differ, since a wrong step moves every face without looking wrong;
+    DatasetError if the data set's header is damaged.
     """
     roots = {_dataset_root(folder) for folder in {file.parent for file in files}}
     stated = {float(read_header(root)["depth_unit_mm"]) for root in roots if root is not None}
@@ -152,11 +145,7 @@ def unit_mm(files: Sequence[Path], given: float | None) -> float:
 
 
 def _dataset_root(folder: Path) -> Path | None:
-    """Return the data set whose maps of a subject the folder holds, else None.
-
-    A map belongs to a data set if it is where one writes it: <split>/<subject>/ below the header.
-    Any other dataset.json in a folder above says nothing about it.
-    """
+    """Return the data set of a folder <split>/<subject>/, where one writes maps; else None."""
     split = folder.absolute().parent
     root = split.parent
     path = root / HEADER
@@ -168,7 +157,7 @@ def _dataset_root(folder: Path) -> Path | None:
 
 @lru_cache(maxsize=8)
 def _is_header(path: Path, modified_ns: int, size: int) -> bool:
-    """Return whether a file is the header of a data set; it is read once, not for each map."""
+    """Return whether a file is the header of a data set; it is read once for all maps."""
     try:
         header, _ = read_object(path)
     except DatasetError:  # a file of that name may have another origin
@@ -177,7 +166,7 @@ def _is_header(path: Path, modified_ns: int, size: int) -> bool:
 
 
 def _stored_nearest_mm(root: Path) -> float | None:
-    """Return where the maps of a data set have their nearest point, mm; None: as measured."""
+    """Return the depth of the nearest point of a data set's maps, mm; None: as measured."""
     nearest_mm: float | None = read_header(root)["settings"]["output"].get("nearest_to_mm")
     return nearest_mm
 
@@ -202,11 +191,18 @@ def _matching(pattern: Path) -> list[Path]:
 
 
 def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
-    """Return (input, output) pairs for files, folders (noisy depth, sub-folders too) and patterns.
+    """Pair input files with output files.
 
-    Files and patterns are taken as they are; in folders, other layers of glsim are left out (see
-    ``depth_pngs``). Raises ConfigError if an input matches no file, two inputs share an output, or
-    an input would be overwritten.
+    Args:
+        inputs: files, quoted patterns, and folders, of which ``depth_pngs`` are taken.
+        out: folder, or file name for one map.
+
+    Returns:
+        (input, output) of each map.
+
+    Raises:
+        ConfigError: no file matches, two maps share an output, or one would be overwritten.
+
     """
     pairs: list[tuple[Path, Path]] = []
     for text in inputs:

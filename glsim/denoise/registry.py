@@ -1,4 +1,7 @@
-"""Load denoisers from text: ``median:size=5``, ``module:function``, ``run/best.pt``."""
+"""Load denoisers from text: ``median:size=5``, ``module:function``, ``run/best.pt``.
+
+The filters are the dictionaries FILTERS and GRIDS of the modules in the folder filters/.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from glsim.denoise.composites import DEFAULT_COMPOSITE
-from glsim.denoise.filters import led3d, masked, paper, temporal
 from glsim.denoise.interface import Method, build
 from glsim.denoise.loading import (
     ONNX_SUFFIX,
@@ -22,22 +24,12 @@ from glsim.denoise.loading import (
 )
 from glsim.denoise.map_denoiser import MapDenoiser
 from glsim.errors import ConfigError, did_you_mean
+from glsim.plugins import load_plugin, module_names, plugin_names, shipped_module
 
+_FOLDER: Final = "denoise/filters"
+_MODULES: Final = [shipped_module(_FOLDER, name) for name in module_names(_FOLDER)]
 _FILTERS: Final[dict[str, type]] = {
-    "noisy": paper.Unchanged,
-    "median": paper.Median,
-    "bilateral": paper.Bilateral,
-    "nlm": paper.NonLocalMeans,
-    "adaptive": temporal.Adaptive,
-    "masked_median": masked.MaskedMedian,
-    "masked_bilateral": masked.MaskedBilateral,
-    "masked_gaussian": masked.MaskedGaussian,
-    "plane": masked.LocalPlane,
-    "quadric": masked.LocalQuadric,
-    "guided": masked.Guided,
-    "rolling_guidance": masked.RollingGuidance,
-    "led3d": led3d.Led3DCleanUp,
-    "temporal_median": temporal.TemporalMedian,
+    name: kind for module in _MODULES for name, kind in getattr(module, "FILTERS", {}).items()
 }
 
 #: Name of the shipped network, the default of ``glsim denoise``.
@@ -54,13 +46,7 @@ PAPER_FILTERS: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
 
 #: Values that tuning tries: filter -> parameter -> values. Tuning also tries ``cleanup``.
 GRIDS: Final[dict[str, dict[str, Sequence[float]]]] = {
-    "masked_median": {"size": (3, 5, 7, 9)},
-    "masked_bilateral": {"sigma_mm": (5.0, 15.0, 40.0), "sigma_px": (1.0, 1.5, 2.0, 3.0)},
-    "masked_gaussian": {"sigma_px": (0.7, 1.0, 1.5, 2.0, 3.0)},
-    "plane": {"sigma_px": (1.0, 1.5, 2.0, 3.0, 4.0)},
-    "quadric": {"sigma_px": (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)},
-    "guided": {"radius": (2, 3, 5), "epsilon_mm": (2.0, 5.0, 15.0)},
-    "rolling_guidance": {"sigma_mm": (5.0, 15.0), "sigma_px": (1.0, 2.0)},
+    name: grid for module in _MODULES for name, grid in getattr(module, "GRIDS", {}).items()
 }
 #: Windows of the mask clean-up that tuning tries, px.
 CLEANUPS: Final = (3, 5, 7)
@@ -69,19 +55,29 @@ _SUFFIXES = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt", ".safetensors")
 
 
 def denoiser_names() -> list[str]:
-    """Return the names of the shipped denoisers."""
-    return [*_FILTERS, *(name for name in _NETWORKS if name == SHIPPED or is_shipped(name))]
+    """Return the names of the denoisers: filters, shipped networks, and those of other packages."""
+    filters = [*PAPER_FILTERS, *(name for name in _FILTERS if name not in PAPER_FILTERS)]
+    networks = [name for name in _NETWORKS if name == SHIPPED or is_shipped(name)]
+    return [*filters, *networks, *_plugins()]
 
 
 def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
-    """Return a one-line description of a shipped denoiser, and parameter -> (default, help)."""
-    kind = NetworkOptions if name in _NETWORKS else _FILTERS[name]
+    """Return what a denoiser does, in one line, and parameter -> (default, help)."""
+    kind = NetworkOptions if name in _NETWORKS else _filter(name)
     parameters = {
-        field.name: (field.default, str(field.metadata["help"]))
-        for field in dataclasses.fields(kind)
+        field.name: (field.default, str(field.metadata.get("help", "")))
+        for field in (dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ())
     }
-    description = _NETWORKS.get(name) or (kind.__doc__ or "").splitlines()[0]
-    return description, parameters
+    return _NETWORKS.get(name) or (kind.__doc__ or name).splitlines()[0], parameters
+
+
+def _plugins() -> list[str]:
+    return plugin_names("denoisers", [*_FILTERS, *_NETWORKS])
+
+
+def _filter(name: str) -> Any:
+    """Return the class of a filter, or the class or function of a plug-in."""
+    return _FILTERS[name] if name in _FILTERS else load_plugin("denoisers", name, callable)
 
 
 def tuning_specs(name: str, cleanups: Sequence[int]) -> list[str]:
@@ -115,6 +111,9 @@ def load(spec: str) -> Method:
         return as_method(label, build(_FILTERS[name], _assignments(tail, spec), spec))
     if name in _NETWORKS:
         return from_shipped(name, label, _network_options(tail, spec))
+    if name in _plugins():
+        found = _filter(name)
+        return from_callable(found.__module__, found.__name__, _assignments(tail, spec), label)
     function, _, parameters = tail.partition(":")
     if function and "=" not in function:
         return from_callable(name, function, _assignments(parameters, spec), label)
@@ -129,11 +128,16 @@ def load_denoiser(
 ) -> MapDenoiser:
     """Load a denoiser as a function of one depth map: ``load_denoiser("face")(depth_mm)``.
 
-    spec: as for ``load``. The function takes (H, W) float or integer millimetres, 0 = no return,
-    and returns ``Denoised``, depth and the mask of depth. Its ``stream()`` takes the frames of a
-    camera one by one. device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are
-    subtracted first. composite: see COMPOSITES; None returns networks' probability of depth.
     Raises what ``load`` and ``MapDenoiser`` raise.
+
+    Args:
+        spec: as for ``load``.
+        device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are subtracted first.
+        composite: see COMPOSITES; None returns networks' probability of depth.
+
+    Returns:
+        A function of (H, W) float or integer millimetres, 0 = no return, that returns ``Denoised``,
+        depth and the mask of depth. Its ``stream()`` takes the frames of a camera one by one.
     """
     return MapDenoiser(load(spec), device, composite)
 

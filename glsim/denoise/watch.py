@@ -15,16 +15,20 @@ from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.arrivals import FolderArrivals
 from glsim.files.atomic import write_atomic
-from glsim.files.depth_folders import other_kind
 from glsim.files.png import encode_png
 from glsim.frame import encode_depth
+from glsim.recordings.names import other_kind
 
 
 class Watched(NamedTuple):
-    """What became of one file.
+    """The result for one file.
 
-    problem: why it could not be read; "" if it was denoised. latency_s: from its appearance to the
-    written map; None for a file that was there before. seconds: reading, denoising and writing.
+    Attributes:
+        source: the file.
+        problem: why it could not be read; "" if it was denoised.
+        latency_s: from its appearance to the written map; None for a file that was there before.
+        seconds: time of reading, denoising and writing.
+
     """
 
     source: Path
@@ -40,14 +44,22 @@ def watch_folder(
     depth_unit_mm: float,
     protocol: DepthProtocol = "depth",
 ) -> Iterator[Watched]:
-    """Denoise the depth maps of a folder and those that appear there, into ``out``, for ever.
+    """Denoise the depth maps of a folder, and those that appear there, for ever.
 
-    They are one sequence in the order of their names, in which numbers count by value. Maps keep
-    their names. A map whose denoised map exists and is not older is left out, so that a watch
-    can be interrupted and started again. depth_unit_mm: step of the files, in and out. protocol:
-    see ``MapFrames``.
+    They are one sequence in the order of their names, in which numbers count by value. A map with a
+    denoised map that is not older is left out, so that an interrupted watch can start again.
 
-    Raises ConfigError for folders that cannot be watched, DatasetError if one is removed.
+    Args:
+        folder: to watch.
+        out: folder of the denoised maps, which keep their names.
+        denoiser: of the maps.
+        depth_unit_mm: step of the files, in and out.
+        protocol: see ``MapFrames``.
+
+    Raises:
+        ConfigError: a folder cannot be watched.
+        DatasetError: a folder is removed.
+
     """
     if not folder.is_dir():
         raise ConfigError(f"--watch {folder}: no such folder")
@@ -85,7 +97,7 @@ def watch_folder(
 
 
 def _is_current(target: Path, source: Path) -> bool:
-    """Return whether a map was denoised after it was written."""
+    """Return whether a denoised map is not older than its source."""
     try:
         return target.stat().st_mtime_ns >= source.stat().st_mtime_ns
     except OSError:

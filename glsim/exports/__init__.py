@@ -1,7 +1,6 @@
 """Exports: the frames of a data set in the formats of other programs.
 
-``frames`` reads what is exported; ``cameras`` converts principal points; ``points`` makes clouds;
-``write`` chooses the writers by the names of the formats.
+``frames`` reads what is exported, ``formats`` holds the formats, ``write`` finds them by name.
 """
 
 from glsim.exports.write import FORMATS, export_dataset

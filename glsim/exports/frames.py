@@ -24,12 +24,16 @@ DEPTH_LAYERS = ("clean", "noisy", "expected")
 class ExportFrame:
     """One frame in metres.
 
-    stem: split/subject/sequence_frame. camera: in glsim's convention, see ``cameras``.
-    lens: the distortion that the images keep; no distortion for pinhole images.
-    depth_m: layer -> (H, W) float32 metres along the optical axis, 0 = none.
-    infrared: (H, W) uint16 counts; reason, regions: (H, W) uint8; None if not in the data set.
-    region_names: number -> name. record: the frame's line of the manifest.
-    true_normals: (H, W, 3) float32 of the layer "normals", 0 without a surface; or None.
+    Args:
+        stem: split/subject/sequence_frame.
+        camera: in glsim's convention, see ``cameras``.
+        lens: the distortion that the images keep; no distortion for pinhole images.
+        depth_m: layer -> (H, W) float32 metres along the optical axis, 0 = none.
+        infrared: (H, W) uint16 counts.
+        reason, regions: (H, W) uint8; None if not in the data set.
+        region_names: number -> name.
+        record: the frame's line of the manifest.
+        true_normals: (H, W, 3) float32 of the layer "normals", 0 without a surface; or None.
     """
 
     stem: str
@@ -74,8 +78,13 @@ def export_frames(
 ) -> Iterator[ExportFrame]:
     """Yield the frames of a data set in the order of its manifest.
 
-    layers: of depth; default: all that the data set has. split: only these. count: the first so
-    many. Raises ConfigError for a layer that is not there, and the errors of the reader.
+    Args:
+        layers: of depth; default: all that the data set has.
+        split: only these.
+        count: the first so many.
+
+    Raises:
+        ConfigError: a layer that is not there, and the errors of the reader.
     """
     chosen = depth_layers(dataset, layers)
     lens = kept_lens(dataset.header)

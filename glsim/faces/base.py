@@ -5,21 +5,29 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, overload
+from pathlib import Path
+from typing import ClassVar, Final, Protocol, overload
 
-from glsim.errors import MeshError
+from pydantic import Field
+
+from glsim.errors import ConfigError, MeshError
 from glsim.faces.neck import Neck
 from glsim.geometry.mesh import Mesh
+from glsim.settings.source_settings import SourceSettings
+
+#: Frames of a generated sequence, unless the settings say otherwise.
+DEFAULT_SEQUENCE: Final = 30
 
 
 @dataclass(frozen=True)
 class FaceKey:
     """The identifier of a frame in a source. Key and source seed determine the geometry.
 
-    subject, sequence: path-safe words, unique in the source.
-    frame: number within the sequence, from 0 (or the number in the file's name).
-    time_s: seconds since the start of the sequence.
-    path: the mesh file, relative to the source's root; "" for generated geometry.
+    Args:
+        subject, sequence: path-safe words, unique in the source.
+        frame: number within the sequence, from 0 (or the number in the file's name).
+        time_s: seconds since the start of the sequence.
+        path: the mesh file, relative to the source's root; "" for generated geometry.
     """
 
     subject: str
@@ -67,7 +75,8 @@ class ComputedKeys(Sequence[FaceKey]):
 class Part:
     """A further mesh of a person in the frame of the face: hair, glasses, cloth.
 
-    region: the name of all its vertices in the layer of regions.
+    Args:
+        region: the name of all its vertices in the layer of regions.
     """
 
     mesh: Mesh
@@ -78,11 +87,11 @@ class Part:
 class Face:
     """The geometry and metadata of one frame.
 
-    parts: what the person wears; it is drawn with the mesh.
-    neck: how the head turns against the shoulders; None for a head that turns as a whole.
-
-    expression: action unit or blend shape -> intensity in [0, 1], without zeros.
-    notes: further metadata for the manifest (JSON values only), such as the detected unit.
+    Args:
+        parts: what the person wears; it is drawn with the mesh.
+        neck: how the head turns against the shoulders; None for a head that turns as a whole.
+        expression: action unit or blend shape -> intensity in [0, 1], without zeros.
+        notes: further metadata for the manifest (JSON values only), such as the detected unit.
     """
 
     key: FaceKey
@@ -125,3 +134,60 @@ class FaceSource(Protocol):
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one result per key, in order. It depends on source settings and key only."""
         ...
+
+
+class FaceSettings(SourceSettings):
+    """The [[source]] table of a kind of faces: derive from it to add a source.
+
+    The fields of the derived class are the kind's own settings, its docstring is the kind's help.
+    """
+
+    @abstractmethod
+    def open(self, seed: int) -> FaceSource:
+        """Open the source; ``seed`` is for generated faces. Raises ConfigError."""
+
+    @classmethod
+    def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
+        """Return how surely a folder holds such faces, 0 to 1, for ``glsim inspect``.
+
+        Args:
+            root: the folder.
+            folders: some of the folders below it, up to four levels deep.
+        """
+        return 0.0
+
+    @property
+    def folder(self) -> Path:
+        """The root of a source that needs one. Raises ConfigError without it."""
+        if self.root is None:
+            raise ConfigError(f"source {self.kind!r} needs --root: the folder with its files")
+        return self.root
+
+
+class GeneratorSettings(FaceSettings):
+    """The [[source]] table of a generator: people without end who perform sequences."""
+
+    endless: ClassVar[bool] = True
+
+    frames_per_sequence: int | None = Field(
+        None, ge=1, le=100_000, description="length of a generated sequence; default: 30"
+    )
+    frames_per_second: float | None = Field(
+        None,
+        gt=0,
+        le=1000,
+        description="a generated sequence is a part of a performance at this rate, at a random "
+        "time; default: the whole performance, evenly spaced",
+    )
+
+    @property
+    def timing(self) -> tuple[int, float | None]:
+        """Frames of a sequence, and frames per second or None."""
+        return self.frames_per_sequence or DEFAULT_SEQUENCE, self.frames_per_second
+
+
+class MeshFileSettings(FaceSettings):
+    """The [[source]] table of a set of mesh files."""
+
+    unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
+    axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; auto: detected")

@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from glsim.faces.neck import Neck, pivot_mm
-from glsim.faces.performance import rng_for
 from glsim.geometry.pose import pose_matrix
+from glsim.settings.seeds import rng_for
 
 #: Band of the motion, Hz. Sway of the head is slow (0.34-0.39 Hz on average, 20 standing adults,
 #: "Head movement recording and significance"). The limits are chosen: slower drifts of posture and
@@ -55,7 +55,9 @@ _LEAST_SHARE: Final = 1 / 3
 def head_motion(seed: int, time_s: float) -> dict[str, float]:
     """Return offsets of the pose: yaw_deg, pitch_deg, roll_deg, x_mm, y_mm, distance_mm.
 
-    seed: of the sequence. time_s: seconds since its start; all offsets are 0 at time 0.
+    Args:
+        seed: of the sequence.
+        time_s: seconds since its start; all offsets are 0 at time 0.
     """
     rng = rng_for(seed, "head motion")
     share = rng.uniform(_LEAST_SHARE, 1.0, len(WAVES))
@@ -73,8 +75,10 @@ def move_pose(
 ) -> dict[str, float]:
     """Return the pose after a motion; angles turn the head about the middle of its neck.
 
-    pose: as in ``pose_matrix``, of the mesh's origin. offsets: as from ``head_motion``.
-    neck: of the face; by default that of a head whose face is at the origin.
+    Args:
+        pose: as in ``pose_matrix``, of the mesh's origin.
+        offsets: as from ``head_motion``.
+        neck: of the face; by default that of a head whose face is at the origin.
     """
     turned = {
         name: value + (offsets.get(name, 0.0) if name.endswith("_deg") else 0.0)

@@ -31,10 +31,12 @@ NECK_DEG: Final = {"yaw_deg": 45.0, "pitch_deg": 32.0, "roll_deg": 26.0}
 class Neck:
     """How a head turns against the shoulders of its mesh.
 
-    head_share: vertices (N, 3), mm from the centre of the face -> (N,) share of the head's turn
-    that each follows: 1 head, 0 shoulders. face_mm: centre of the face in the frame of the mesh.
-    trunk_poses: whether ``[pose]`` turns the whole person, so that only motion bends the neck; if
-    not, the trunk stays upright as long as the neck can do the turn.
+    Args:
+        head_share: vertices (N, 3), mm from the centre of the face -> (N,) share of the head's turn
+            that each follows: 1 head, 0 shoulders.
+        face_mm: centre of the face in the frame of the mesh.
+        trunk_poses: whether ``[pose]`` turns the whole person, so that only motion bends the neck;
+            if not, the trunk stays upright as long as the neck can do the turn.
     """
 
     head_share: Callable[[NDArray[np.float32]], NDArray[np.float32]]
@@ -61,8 +63,10 @@ def bend_neck(
 ) -> Mesh:
     """Return the mesh with its shoulders turned back, to be drawn with ``pose_matrix(pose)``.
 
-    neck: None for a head without shoulders, which stays as it is. pose: of the head, after its
-    motion; still: before it.
+    Args:
+        neck: None for a head without shoulders, which stays as it is.
+        pose: of the head, after its motion.
+        still: before it.
     """
     if neck is None:
         return mesh

@@ -14,12 +14,13 @@ a blink closes in about 0.1 s and opens in about 0.2 s (F. VanderWerf et al., J.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from glsim.settings.seeds import rng_for
 
 # Action units of one sequence, joined by "+"; a trailing L or R means one side.
 CODES: tuple[str, ...] = (
@@ -39,14 +40,6 @@ PEAK = (0.55, 1.0)
 ASYMMETRY = 0.15  # sides of one unit differ by up to this share of the peak
 ASYMMETRIC_SHARE = 0.35  # share of the lateral units
 BLINK_S = (0.30, 0.40)
-
-
-def rng_for(seed: int, *words: str | int) -> np.random.Generator:
-    """Return a generator that depends on ``seed`` and ``words`` only (BLAKE2b, then Philox)."""
-    text = "\x1f".join([str(int(seed)), *(str(word) for word in words)])
-    digest = hashlib.blake2b(text.encode(), digest_size=16).digest()
-    key = np.frombuffer(digest, dtype="<u8").copy()
-    return np.random.Generator(np.random.Philox(key=key))
 
 
 def smootherstep(value: NDArray[np.float64]) -> NDArray[np.float64]:

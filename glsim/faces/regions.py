@@ -29,10 +29,14 @@ _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
 def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -> dict[str, int]:
     """Return region name -> number for all regions of the sources, sorted by number.
 
-    further: names of KNOWN_REGIONS that people may wear, or that may stand around them.
-
     A source has regions if it has ``region_names`` and ``regions``, (V,) indices into these names
-    for the vertices of each of its meshes. Raises ConfigError for no region or more than 255.
+    for the vertices of each of its meshes.
+
+    Args:
+        further: names of KNOWN_REGIONS that people may wear, or that may stand around them.
+
+    Raises:
+        ConfigError: no region or more than 255.
     """
     named = {name for source in sources for name in _region_names_of(source)}
     if not named:
@@ -62,8 +66,15 @@ class RegionLabels:
     def of(self, source: int, vertices: int) -> NDArray[np.float32] | None:
         """Return (V,) float32 labels for the meshes of a source; None if it has no regions.
 
-        source: index of the source. vertices: V of the mesh. Returns the same array each time.
-        Raises MeshError if the source's regions are for another number of vertices.
+        Args:
+            source: index of the source.
+            vertices: V of the mesh.
+
+        Returns:
+            The same array each time.
+
+        Raises:
+            MeshError: the source's regions are for another number of vertices.
         """
         if source not in self._labels:
             self._labels[source] = self._load(self._sources[source])

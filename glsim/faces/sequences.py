@@ -6,7 +6,8 @@ import numpy as np
 
 from glsim.errors import ConfigError
 from glsim.faces.base import ComputedKeys, FaceKey
-from glsim.faces.performance import performance_for, rng_for, sequence_name, sequence_number
+from glsim.faces.performance import performance_for, sequence_name, sequence_number
+from glsim.settings.seeds import rng_for
 
 
 class PerformanceKeys(ComputedKeys):

@@ -18,6 +18,7 @@ from glsim.faces.base import Face
 from glsim.geometry.mesh import SKIN_ALBEDO
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import VariationSettings
+from glsim.settings.seeds import keyed_rng
 
 #: Wavelengths, mm, from a head's width to an ear's. Amplitudes are proportional to wavelengths, so
 #: that all waves have the same slope. A warp folds space where its strain reaches -1: in 200 fields
@@ -58,7 +59,7 @@ def vary(face: Face, settings: VariationSettings, seeds: DrawKeys) -> Face:
 
 def _fields(points_mm: NDArray[np.float32], seed: int) -> NDArray[np.float32]:
     """Return (V, 4) float32: the warp (x, y, z) and the log albedo, each of variance 1."""
-    rng = np.random.Generator(np.random.Philox(key=np.array([seed, 0xFACE], dtype=np.uint64)))
+    rng = keyed_rng(seed, 0xFACE)
     length_mm = np.repeat(_WAVELENGTHS_MM, _WAVES)
     wave = rng.standard_normal((3, len(length_mm)))
     wave *= 2 * np.pi / (length_mm * np.linalg.norm(wave, axis=0))

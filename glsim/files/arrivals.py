@@ -29,8 +29,10 @@ _END: Final = b"\0\0\0\0IEND\xaeB`\x82"
 class Arrival(NamedTuple):
     """A new file.
 
-    appeared_s: when it was completed or renamed, on the clock of time.monotonic; None for a file
-    that was there at the first look. complete: False for a file that stopped growing too early.
+    Attributes:
+        appeared_s: when it was completed or renamed, on the clock of time.monotonic; None for a
+            file that was there at the first look.
+        complete: False for a file that stopped growing too early.
     """
 
     path: Path
@@ -39,7 +41,7 @@ class Arrival(NamedTuple):
 
 
 class _Waiting(NamedTuple):
-    """size: bytes of an incomplete file when it last grew, at grown_s (time.monotonic)."""
+    """The bytes of an incomplete file when it last grew, and the time (time.monotonic)."""
 
     size: int
     grown_s: float
@@ -61,7 +63,7 @@ class FolderArrivals:
     """
 
     def __init__(self, folder: Path, wanted: Callable[[str], bool]) -> None:
-        """wanted: which names to take. Names that begin with a dot are temporary files."""
+        """Watch a folder for wanted names; those with a leading dot are temporary files."""
         self._folder, self._wanted = folder, wanted
         self._known: dict[str, int] = {}  # name -> inode of what was given out
         self._stalled: dict[str, int] = {}  # name -> size of what was given out incomplete
@@ -71,7 +73,7 @@ class FolderArrivals:
         self._looked_s = time.monotonic()
 
     def __iter__(self) -> Iterator[Arrival]:
-        """Yield files, for ever. Raises DatasetError if the folder cannot be read any more."""
+        """Yield files without end. Raises DatasetError if the folder cannot be read any more."""
         while True:
             arrival = self.look()
             if arrival is None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import json
+import math
 import os
 import secrets
 import stat
@@ -42,7 +43,7 @@ _BLOCK_BYTES = 1 << 20
 
 #: Temporary files beside their target are called PREFIX + random digits + SUFFIX.
 _PREFIX, _SUFFIX = ".glsim-", ".tmp"
-#: A temporary file that is this old, seconds, and that no process has locked belongs to nobody: it
+#: A temporary file that is this old, seconds, and that no process has locked is left over: it
 #: is locked microseconds after it is made.
 _STALE_S = 10.0
 
@@ -61,7 +62,10 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_to_p
 def to_json(value: object, where: str) -> str:
     """Encode a value as one line of JSON; NumPy numbers and arrays become plain ones.
 
-    where: names the value in error messages. Raises DatasetError for NaN and for other types.
+    Raises DatasetError for NaN and for other types.
+
+    Args:
+        where: names the value in error messages.
     """
     try:
         return _encode(value)
@@ -69,17 +73,34 @@ def to_json(value: object, where: str) -> str:
         raise DatasetError(f"{where}: cannot be written as JSON: {error}") from None
 
 
+def parse_json(data: bytes, where: object) -> dict[str, Any]:
+    """Parse one JSON object. Raises DatasetError, which begins with ``where``, for others."""
+    try:
+        value = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise DatasetError(f"{where}: is damaged: {error}") from None
+    if not isinstance(value, dict):
+        raise DatasetError(f"{where}: is damaged: no JSON object")
+    return value
+
+
+def without_nan(value: Any) -> Any:
+    """Return JSON values with None for NaN and infinity, which JSON lacks; tuples become lists."""
+    if isinstance(value, dict):
+        return {str(key): without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(entry) for entry in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Read a file that holds one JSON object. Raises DatasetError for anything else."""
     try:
-        value = json.loads(path.read_bytes())
+        return parse_json(path.read_bytes(), path)
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise DatasetError(f"{path}: is damaged: {error}") from None
-    if not isinstance(value, dict):
-        raise DatasetError(f"{path}: is damaged: no JSON object")
-    return value
 
 
 def cannot_write(path: Path, error: OSError) -> DatasetError:
@@ -103,21 +124,30 @@ def wrap_read_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise DatasetError(
-            f"{path}: is missing: run glsim generate again with the same settings to restore it"
-        ) from None
+        raise missing(path) from None
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def missing(where: object) -> DatasetError:
+    """Return the error for a file of a data set that is not there."""
+    return DatasetError(
+        f"{where}: is missing: run glsim generate again with the same settings to restore it"
+    )
 
 
 class AtomicFile:
     """A file that appears under its name only when it is complete; counts its size and CRC32.
 
     Use it as a context manager: a normal exit renames the temporary file to ``path``, an error
-    removes it. temporary: path for the unfinished file, on the same file system; by default it
-    lies beside ``path``, whose folder is then created, under a random name, and what a killed
-    process left there is removed. The temporary file must not exist. sync: flush data and name to
-    the disk (a few milliseconds). A device, such as /dev/stdout, is written directly.
+    removes it.
+
+    Args:
+        temporary: path for the unfinished file, on the same file system; by default it lies beside
+            ``path``, whose folder is then created, under a random name, and what a killed process
+            left there is removed. The temporary file must not exist.
+        sync: flush data and name to the disk (a few milliseconds). A device, such as /dev/stdout,
+            is written directly.
     """
 
     def __init__(self, path: Path, temporary: Path | None = None, *, sync: bool = True) -> None:
@@ -189,7 +219,10 @@ def write_atomic(
 ) -> dict[str, int]:
     """Write a whole file at once: it is complete or absent. Returns its size and CRC32.
 
-    temporary, sync: as for AtomicFile. Raises DatasetError.
+    Raises DatasetError.
+
+    Args:
+        temporary, sync: as for AtomicFile.
     """
     with AtomicFile(path, temporary, sync=sync) as file:
         file.write(data)

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 from isal import isal_zlib
 
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import AtomicFile
+from glsim.files.atomic import AtomicFile, missing
 
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
@@ -42,8 +42,8 @@ _LASTING = (FileNotFoundError, FileExistsError, PermissionError, IsADirectoryErr
 #: Classes of botocore and google.auth, by name because neither is imported here.
 _NO_ACCESS = ("NoCredentialsError", "DefaultCredentialsError", "PartialCredentialsError")
 _BLOCK_BYTES = 1 << 24
-#: Requests at the same time where many objects are deleted: each takes tens of milliseconds.
-_CONNECTIONS = 16
+#: Requests at the same time where there are many: each takes tens of milliseconds.
+CONNECTIONS = 16
 #: Largest object that S3 takes in one request (its documentation: 5 GB).
 _MAX_PUT_BYTES = 5 * 1000**3
 
@@ -94,10 +94,7 @@ class CloudFolder:
             return b""
         data = self._try(name, lambda fs, path: fs.cat_file(path, start=start, end=start + size))
         if data is None:
-            raise DatasetError(
-                f"{self.where(name)}: is missing: run glsim generate again with the same settings "
-                "to restore it"
-            )
+            raise missing(self.where(name))
         return bytes(data)
 
     def size(self, name: str) -> int | None:
@@ -163,7 +160,7 @@ class CloudFolder:
 
         return sorted(self._try(prefix, ask) or [])
 
-    def put(self, name: str, data: bytes) -> None:
+    def write(self, name: str, data: bytes) -> None:
         """Write an object; one of that name is replaced."""
         self._write(name, lambda fs, path: fs.pipe_file(path, data, **_checked(fs)))
 
@@ -178,7 +175,7 @@ class CloudFolder:
 
         self._write(name, send)
 
-    def create(self, name: str, data: bytes) -> bool:
+    def write_new(self, name: str, data: bytes) -> bool:
         """Write an object if there is none of that name; return whether it was written.
 
         One of several processes that do so at the same time gets True. After a lost answer the
@@ -196,7 +193,7 @@ class CloudFolder:
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete objects; those that are not there are left out."""
-        with ThreadPoolExecutor(_CONNECTIONS) as pool:
+        with ThreadPoolExecutor(CONNECTIONS) as pool:
             list(pool.map(lambda name: self._try(name, lambda fs, path: fs.rm_file(path)), names))
 
     # ---------------------------------------------------------------- connection and retries

@@ -16,10 +16,12 @@ from glsim.files.atomic import cannot_write
 
 @contextmanager
 def locked(file: Path, busy: GlsimError, *, wait: bool = False) -> Iterator[None]:
-    """Hold the lock ``file`` alone; the kernel frees it when the process dies.
+    """Hold an exclusive lock; the kernel frees it when the process dies.
 
-    wait: until the others free it. Raises ``busy`` if another process holds it, DatasetError if it
-    cannot be made.
+    Raises ``busy`` if another process holds it, DatasetError if it cannot be made.
+
+    Args:
+        wait: wait until others free it, instead of raising ``busy``.
     """
     lock = FileLock(file, timeout=-1 if wait else 0)
     try:
@@ -36,7 +38,7 @@ def locked(file: Path, busy: GlsimError, *, wait: bool = False) -> Iterator[None
 
 @contextmanager
 def locked_together(file: Path, busy: GlsimError) -> Iterator[None]:
-    """Hold the lock ``file`` with others that hold it so, while nobody holds it alone.
+    """Hold a shared lock, which excludes processes that hold it alone.
 
     Raises as ``locked``.
     """

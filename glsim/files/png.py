@@ -27,8 +27,8 @@ from glsim.files.regular import read_regular
 MAX_SIDE_PX = 8192
 #: Largest image file, bytes: 16 bits of every pixel, uncompressed, and some more for its header.
 MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
-#: Largest map of a user's own, pixels (2048 x 2048): time-of-flight cameras reach 1 million. By
-#: measurement the shipped network takes 1 kB a pixel, a chain of noise stages half of that.
+#: Largest depth map of another program, pixels (2048 x 2048): time-of-flight cameras reach 1
+#: million. Measured: the shipped network takes 1 kB a pixel, a chain of stages half of that.
 MAX_MAP_PX = 1 << 22
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -92,7 +92,9 @@ def _pixel_bytes(data: bytes) -> int:
 def _tiff_tags(data: bytes) -> dict[int, int] | None:
     """Return the tags of a TIFF's first directory that decide its size; None for other files.
 
-    None too if one is there twice or is no plain number: readers differ in what they take then.
+    None too if a tag stands twice or is no plain number: readers differ in which value they take.
+    tifffile lacks both: it drops such tags with a log line, OpenCV still decodes by them; and it
+    decodes LZW, which OpenCV writes, with a further library (imagecodecs) only.
     """
     if data[:4] not in (b"II*\0", b"MM\0*"):
         return None
@@ -170,10 +172,12 @@ def _is_whole_png(data: bytes) -> bool:
 
 
 def read_depth_png(path: Path, *, inside: Path | None = None) -> NDArray[np.uint16]:
-    """Read a 16-bit PNG of one channel, such as a user's own depth map: (H, W) uint16 as stored.
+    """Read a 16-bit PNG of one channel, (H, W) uint16 as stored.
 
-    inside: a folder that no link may lead out of. Raises DatasetError for anything else, and for
-    more than MAX_MAP_PX pixels.
+    Raises DatasetError for anything else, and for more than MAX_MAP_PX pixels.
+
+    Args:
+        inside: a folder that no link may lead out of.
     """
     try:
         data = read_regular(path, MAX_IMAGE_BYTES, inside=inside)

@@ -18,9 +18,11 @@ _BLOCK_BYTES = 1 << 22
 def open_regular(path: Path, limit: int | None = None, *, inside: Path | None = None) -> IO[bytes]:
     """Open a file for reading. Raises OSError for a pipe, a device, a folder or a NUL in its name.
 
-    limit: largest size, bytes; a larger file is an OSError. inside: a folder that the file must lie
-    in when all links are followed. A pipe would wait for a writer for ever and a device has no end,
-    so the kind is known before the file is opened.
+    Args:
+        limit: largest size, bytes; a larger file is an OSError.
+        inside: a folder that the file must lie in when all links are followed. A pipe would wait
+            for a writer for ever and a device has no end, so the kind is known before the file is
+            opened.
     """
     return os.fdopen(_open(path, limit, inside), "rb")
 

@@ -1,4 +1,4 @@
-"""Measure a camera's fixed pattern: errors that are the same in every frame, by rows and pixels."""
+"""Measure the fixed pattern of one device: its parts and its map."""
 
 from __future__ import annotations
 
@@ -9,29 +9,33 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.frames import DepthFrame
-from glsim.compare.pattern import measure_pattern
+from glsim.measures.frame import DepthFrame
+from glsim.measures.pattern import measure_pattern
 from glsim.sensors.pattern_map import LARGEST_MM
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Side of the window whose best plane is subtracted for the map: errors that are smooth over more
-#: pixels (wiggling, the scene's own curvature) are not told from the scene.
+#: Side of the window whose best plane is subtracted for the map, px; chosen. Errors that are smooth
+#: over more pixels cannot be told from the scene's shape.
 MAP_WINDOW_PX = 15
 _LEAST_WINDOW = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class FixedPattern:
-    """The fixed pattern of one device.
+class DevicePattern:
+    """The fixed pattern of one device; a part that the recording does not show is 0.
 
-    alternation_mm: half difference of even and odd rows that changes its sign at the middle row,
-    above it. row_step_mm: odd minus even rows, the same above and below. row_mm,
-    column_mm: standard deviation of the error shared by a row or column beyond that; pixel_mm: of
-    the rest, of single pixels. pixel_correlation: correlation of the rest at 1 px, as compare's
-    rest_correlation. A part that the recording does not show is 0. map_mm: (H, W) float32, the
-    pattern itself, NaN where the scene is not smooth.
+    Attributes:
+        alternation_mm: half the even-odd difference of rows in the upper half of the image; the
+            lower half has the opposite sign.
+        row_step_mm: odd minus even rows, alike in both halves.
+        row_mm: standard deviation of rows beyond that.
+        column_mm: standard deviation of columns.
+        pixel_mm: standard deviation of single pixels.
+        pixel_correlation: correlation of these at 1 px, as ``FixedPattern.rest_correlation``.
+        map_mm: (H, W) float32, the pattern itself, NaN where the scene is not smooth.
+
     """
 
     alternation_mm: float
@@ -50,27 +54,25 @@ class FixedPattern:
     @property
     def total_mm(self) -> float:
         """Standard deviation of all parts together."""
-        parts = (
-            self.alternation_mm,
-            self.row_step_mm / 2.0,
-            self.row_mm,
-            self.column_mm,
-            self.pixel_mm,
-        )
+        parts = (self.alternation_mm, self.row_step_mm / 2.0, self.row_mm, self.column_mm,
+                 self.pixel_mm)  # fmt: skip
         return float(np.linalg.norm(parts))
 
 
-def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -> FixedPattern:
+def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -> DevicePattern:
     """Measure the parts of the pattern as ``glsim compare`` does, and the map.
 
-    halves: means of the even and of the odd frames; only what both share is pattern. mean_mm:
-    (H, W) mean of all. used: (H, W), True on smooth surfaces.
+    Args:
+        halves: means of the even and of the odd frames; only what both share is pattern.
+        mean_mm: (H, W) mean of all frames.
+        used: (H, W) pixels of smooth surfaces.
+
     """
     found = measure_pattern(halves)
     bands = np.array(found.alternation_mm)  # half steps of odd rows, from the top to the bottom
     upper, lower = (_mean(part) for part in np.array_split(bands, 2))
     own_rows = found.rows_mm**2 - found.alternation_rms_mm**2
-    return FixedPattern(
+    return DevicePattern(
         0.5 * (lower - upper),
         upper + lower,
         float(np.sqrt(max(own_rows, 0.0))) if np.isfinite(own_rows) else 0.0,
@@ -88,10 +90,10 @@ def _mean(values: Array) -> float:
 
 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
-    """Subtract from each pixel the plane that fits its MAP_WINDOW_PX window best: (H, W), mm.
+    """Return (H, W) depth minus the best plane of each window of MAP_WINDOW_PX, mm.
 
     NaN where less than a fifth of the window is usable, and beyond LARGEST_MM, which no pattern
-    reaches: there the scene is not smooth.
+    reaches.
     """
     inverse = np.where(used, 1000.0 / np.where(used, mean_mm, 1.0), 0.0)  # linear on a plane
     weight = used.astype(np.float64)

@@ -7,44 +7,42 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.frames import DepthFrame
-from glsim.compare.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
-from glsim.fit.recording import Recording
-from glsim.fit.recording_statistics import RecordingStatistics, average, single_frame
+from glsim.fit.recording_statistics import RecordingStatistics
 from glsim.geometry.camera import Intrinsics
+from glsim.measures.frame import DepthFrame, FrameSet
+from glsim.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
 from glsim.validate.checks.depth import COUNTS_PER_AMPLITUDE
 from glsim.validate.published_curves import TAP_READ_LSB2, TAP_SHOT_LSB, white_sigma_mm
 
 Array = NDArray[np.float64]
 
-#: Number of classes of equal light in which noise is averaged; least number of pixels of one.
+#: Number of classes of equal light, and least number of pixels of one.
 _CLASSES = 40
 _LEAST_CLASS = 50
 _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
 
-#: Normals are computed from neighbours this many pixels away on both sides.
+#: Distance of the neighbours that give a normal, px; chosen.
 _LAG_PX = 4
 
-#: Cosine between normal and light of the most slanted surface that is used.
+#: Least cosine between normal and light.
 _LEAST_FACING = 0.5
 
-#: Below this amplitude phases are no longer Gaussian, and noise grows faster than the model says.
+#: Least amplitude at which phases are Gaussian, as the model assumes (measured).
 _LEAST_AMPLITUDE = 15.0
 
-#: Factor by which libfreenect2's 3 x 3 filter reduces noise; variance of rounding a tap to 1 LSB.
+#: Derived: noise reduction of libfreenect2's 3 x 3 filter, and variance of rounding a tap.
 _FILTER_GAIN = 2.99
 _TAP_ROUNDING_LSB2 = 1.0 / 12.0
 
-
-#: A bright surface: this share of the smooth pixels is darker.
+#: Bright surfaces: quantile of the light of smooth pixels.
 _BRIGHT_SHARE = 0.95
-#: Pairs of frames in which noise over infrared is measured; more change no printed digit.
+#: Pairs of frames for noise over infrared; more change no printed digit.
 _PAIRS = 12
 
 
 @dataclass(frozen=True)
 class TapNoise:
-    """Noise of a tap: variance without light, LSB^2, and variance for each LSB of light, LSB."""
+    """Noise of a tap: variance without light, LSB^2, and its growth per LSB of light, LSB."""
 
     read_lsb2: float = TAP_READ_LSB2
     shot_lsb: float = TAP_SHOT_LSB
@@ -52,10 +50,9 @@ class TapNoise:
 
 @dataclass(frozen=True)
 class LightProfile:
-    """Fall of the light over the image, by t, the tangent of the angle to the axis.
+    """Light over the image, by the tangent t of the angle to the axis; the default is even.
 
-    tail + (1 - tail) exp(min(flat_to - t, 0) / fall_off), times a power of the angle's cosine,
-    vignetting. The default is even light.
+    (tail + (1 - tail) exp(min(flat_to - t, 0) / fall_off)) cos^vignetting.
     """
 
     flat_to: float = 10.0
@@ -64,7 +61,7 @@ class LightProfile:
     vignetting: float = 0.0
 
     def share(self, tangent: Array) -> Array:
-        """Return the share of the light on the axis that arrives at tangents of any shape."""
+        """Return the light relative to that on the axis, at tangents of any shape."""
         fall = np.exp(np.minimum(self.flat_to - tangent, 0.0) / self.fall_off)
         cosine = 1.0 / np.sqrt(1.0 + tangent**2)
         return np.asarray((self.tail + (1.0 - self.tail) * fall) * cosine**self.vignetting)
@@ -74,11 +71,15 @@ class LightProfile:
 class InfraredLaw:
     """Light and noise over infrared counts.
 
-    gain: amplitude of a white wall at 1 m (libfreenect2's infrared units), NaN without a bright
-    surface near the centre. law: sigma^2 = a^2 + (b / IR)^2, as ``glsim compare`` measures it.
-    floor_mm: noise that does not depend on the light, beside the noise of taps. noise_error:
-    standard error of the taps' noise as a share, infinite if all surfaces are equally bright.
-    tap_scale: variance of the taps relative to the base sensor's.
+    Attributes:
+        gain: amplitude of a white wall at 1 m (libfreenect2's infrared units), NaN without a bright
+            surface near the centre.
+        law: sigma^2 = a^2 + (b / IR)^2.
+        floor_mm: noise beside that of the taps, independent of light.
+        noise_error: standard error of the taps' noise, a share; infinite if all surfaces are
+            equally bright.
+        tap_scale: variance of the taps relative to the base sensor's.
+
     """
 
     gain: float
@@ -94,18 +95,18 @@ class InfraredLaw:
 
 
 def fit_infrared(
-    statistics: RecordingStatistics,
-    recording: Recording,
-    image: Intrinsics,
-    albedo: float,
-    taps: TapNoise,
+    statistics: RecordingStatistics, frames: FrameSet, albedo: float, taps: TapNoise
 ) -> InfraredLaw:
     """Fit gain and noise law to a recording with infrared.
 
-    albedo: of the brightest surfaces, relative to white. taps: of the base sensor.
+    Args:
+        statistics: of the frames.
+        frames: the recording.
+        albedo: of its brightest surfaces, relative to white.
+        taps: noise of the base sensor's taps.
+
     """
-    assert recording.infrared is not None
-    mean = average(recording, image)
+    mean = frames.mean()
     assert mean.infrared is not None
     usable = statistics.smooth & mean.lit
     bright = light_at_one_metre(mean)[usable & (mean.radius_px < EVEN_PX)]
@@ -113,11 +114,11 @@ def fit_infrared(
     gain = float("nan")
     if bright.size >= _LEAST_CLASS:
         gain = float(np.quantile(bright, _BRIGHT_SHARE)) / albedo / COUNTS_PER_AMPLITUDE
-    law = measure_noise_law(*_some_pairs(recording, image))
+    law = measure_noise_law(*_some_pairs(frames))
     nothing = InfraredLaw(gain, law, float("nan"), float("inf"), float("nan"))
     if usable.sum() < _LEAST_CLASS:
         return nothing
-    squared = 1.0 / (_rays(image) ** 2).sum(axis=-1)
+    squared = 1.0 / (_rays(frames.camera) ** 2).sum(axis=-1)
     x, cosine2, variance, weight = _classes(
         mean.infrared[usable].astype(np.float64),
         squared[usable],
@@ -128,7 +129,7 @@ def fit_infrared(
     x, cosine2, variance, weight = (c[strong] for c in (x, cosine2, variance, weight))
     if len(x) < 3:
         return nothing
-    variance = variance - recording.unit_mm**2 / 12.0
+    variance = variance - frames.frames[0].quantum_mm ** 2 / 12.0
     amplitude = x / COUNTS_PER_AMPLITUDE
     shape = white_sigma_mm(amplitude, _FILTER_GAIN, 0.0, taps.read_lsb2, taps.shot_lsb) ** 2
     rounding = white_sigma_mm(amplitude, _FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
@@ -142,14 +143,12 @@ def fit_infrared(
     )
 
 
-def _some_pairs(
-    recording: Recording, image: Intrinsics
-) -> tuple[list[DepthFrame], list[tuple[int, int]]]:
-    """Choose up to _PAIRS pairs of successive frames, evenly; the frames, and their numbers."""
-    count = len(recording.depth)
+def _some_pairs(frames: FrameSet) -> tuple[list[DepthFrame], list[tuple[int, int]]]:
+    """Choose up to _PAIRS pairs of successive frames, evenly; return frames and their numbers."""
+    count = len(frames.frames)
     starts = np.unique(np.linspace(0, count - 2, min(_PAIRS, count // 2)).astype(int))
-    frames = [single_frame(recording, image, k) for start in starts for k in (start, start + 1)]
-    return frames, [(2 * k, 2 * k + 1) for k in range(len(starts))]
+    chosen = [frames.frames[k] for start in starts for k in (start, start + 1)]
+    return chosen, [(2 * k, 2 * k + 1) for k in range(len(starts))]
 
 
 def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
@@ -171,12 +170,15 @@ def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
 class NoiseModel:
     """Noise of depth: sigma^2 = floor^2 + (white(a) cosine)^2 + unit^2 / 12, a = amplitude * light.
 
-    The noise of the light, white(a), is along the ray; the cosine between ray and axis projects it
-    to depth.
+    The cosine between ray and axis projects the noise of the light, white(a), to depth.
 
-    amplitude: that of a white wall at 1 m (libfreenect2's infrared units). amplitude_error: its
-    standard error as a share; infinite if the recording does not determine it. light, sigma_mm:
-    (N,) light of classes of pixels, relative to a facing wall at 1 m, and their noise.
+    Attributes:
+        amplitude: that of a white wall at 1 m (libfreenect2's infrared units).
+        amplitude_error: its standard error, a share; infinite if it is undetermined.
+        floor_mm: noise independent of light.
+        light: (N,) light of classes of pixels, relative to a facing wall at 1 m.
+        sigma_mm: (N,) noise of these classes.
+
     """
 
     amplitude: float
@@ -202,10 +204,15 @@ def fit_noise_model(
 ) -> NoiseModel:
     """Fit amplitude and floor by weighted least squares over classes of equal light.
 
-    albedo: of the scene, relative to a white wall. unit_mm: step of the depth files. profile:
-    fall of the light over the image. emitter_m: position of the emitter in the camera frame. taps:
-    noise of the base sensor's taps, which the amplitude is relative to (default: that of the
-    published phase noise).
+    Args:
+        statistics: of a recording.
+        image: its intrinsics.
+        albedo: of the scene, relative to a white wall.
+        unit_mm: step of the depth files.
+        profile: light over the image.
+        emitter_m: position of the emitter in the camera frame.
+        taps: noise of the base sensor's taps; default: that of the published phase noise.
+
     """
     taps = taps or TapNoise()
     cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
@@ -240,7 +247,7 @@ def _search(
         floors[number] = max(float(np.average(variance - white, weights=weight)), 0.0)
         misfit[number] = float((weight * (variance - white - floors[number]) ** 2).sum())
     best = int(misfit.argmin())
-    # The standard error ends where the misfit has risen by the mean misfit of a class.
+    # One standard error away the misfit has risen by the mean misfit of a class.
     freedom = len(light) - 2
     rise = max(misfit[best] / freedom, 1.0) if freedom > 0 else np.inf
     good = np.flatnonzero(misfit <= misfit[best] + rise)
@@ -290,8 +297,8 @@ def _classes(
         own = variance[which == k]
         if own.size < _LEAST_CLASS:
             continue
-        # Pixels of other materials or at hidden edges are much noisier than most. The variance of
-        # few frames scatters too: by sqrt(2 / degrees) of its mean, the median being lower.
+        # Outliers are other materials and hidden edges. The variance of few frames scatters too,
+        # by sqrt(2 / degrees) of its mean, with a lower median.
         own_light, own_squared = light[which == k], squared[which == k]
         degrees = max(frames - 1, 1)
         middle = (1.0 - 2.0 / (9.0 * degrees)) ** 3  # Wilson and Hilferty 1931

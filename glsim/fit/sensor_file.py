@@ -1,4 +1,4 @@
-"""Write a fitted sensor as a TOML file: a shipped sensor with values fitted to a recording."""
+"""Write a fitted sensor as a TOML file: a shipped sensor with fitted values."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from glsim.settings.tables import read_toml
 #: Sensors that a fit can start from, the cheapest first.
 BASES = ("kinect-v2-fast", "kinect-v2")
 
-#: Places of each fitted value in a sensor file: name of the value -> stages, parameter. The first
-#: stage of the base sensor that declares the parameter gets the value.
+#: Fitted value -> stages and parameter of a sensor file; the first stage that declares it gets the
+#: value.
 _PLACES: Mapping[str, tuple[tuple[str, ...], str]] = {
     "gain": (("tof_light", "tof_fast"), "gain"),
     "floor_mm": (("tof_floor", "tof_fast"), "sigma_mm"),
@@ -42,15 +42,15 @@ _PLACES: Mapping[str, tuple[tuple[str, ...], str]] = {
     "edge_invalid": (("edge_dropout",), "probability"),
 }
 
-#: Below this number of frames temporal noise hides the pattern of single pixels.
+#: Least frames for the pattern of single pixels; with fewer, temporal noise hides it.
 LEAST_PATTERN_FRAMES = 10
 
-#: The shader has one phase for all frequencies: it is written if their phases differ by less, rad.
+#: Largest difference between the phases of the frequencies, rad: the shader has one for all.
 _MOST_APART_RAD = 0.7
 
 
 def knows_pattern(statistics: RecordingStatistics) -> bool:
-    """Whether the map holds the pattern of single pixels, not mostly temporal noise."""
+    """Whether the map holds more pattern than temporal noise."""
     known = np.isfinite(statistics.pattern.map_mm).any()
     return bool(known) and statistics.frames >= LEAST_PATTERN_FRAMES
 
@@ -70,7 +70,7 @@ def base_taps(tree: Mapping[str, Any]) -> TapNoise:
 
 
 def base_profile(tree: Mapping[str, Any]) -> LightProfile:
-    """Return how the light of a base sensor falls over the image; even without such parameters."""
+    """Return the light of a base sensor over the image; even light without such parameters."""
     for stage in tree["stage"]:
         declared = find_stage(stage["use"]).parameters
         own = {
@@ -84,7 +84,7 @@ def base_profile(tree: Mapping[str, Any]) -> LightProfile:
 
 
 def base_value(tree: Mapping[str, Any], name: str) -> float | None:
-    """Return what a base sensor has in the place of a fitted value; None without such a place."""
+    """Return a base sensor's value in the place of a fitted one; None without such a place."""
     stages, parameter = _PLACES[name]
     for stage in tree["stage"]:
         declared = find_stage(stage["use"]).parameters
@@ -100,10 +100,18 @@ def fitted_values(
     taps: TapNoise | None = None,
     wiggling: Wiggling | None = None,
 ) -> dict[str, float]:
-    """Collect the fitted values by name, without those that the recording does not determine.
+    """Collect the fitted values that the recording determines.
 
-    model: of the recording's distances; infrared: of its infrared, which is used instead where it
-    is known, with taps, the noise of the base sensor's.
+    Args:
+        statistics: of the recording.
+        model: fit to the distances.
+        infrared: fit to the infrared; replaces ``model`` where present.
+        taps: noise of the base sensor's taps.
+        wiggling: harmonics, if the recording shows them.
+
+    Returns:
+        name -> value, see ``_PLACES``.
+
     """
     pattern = statistics.pattern
     values = {
@@ -132,7 +140,7 @@ def fitted_values(
 
 
 def _harmonics(wiggling: Wiggling) -> dict[str, float]:
-    """Collect sizes and, where one phase serves all frequencies, phases of the known harmonics."""
+    """Collect sizes of the known harmonics, and phases where one serves all frequencies."""
     values: dict[str, float] = {}
     phases: dict[int, float] = {}
     known = [harmonic for harmonic in wiggling.amplitude if wiggling.known(harmonic)]
@@ -149,9 +157,9 @@ def _harmonics(wiggling: Wiggling) -> dict[str, float]:
 
 
 def unplaced_parameters(tree: Mapping[str, Any], values: Mapping[str, float]) -> list[str]:
-    """List the parameters of fitted values that no stage of the base sensor declares.
+    """List the parameters that no stage of the base sensor declares.
 
-    The share without depth at edges does not count: only statistical sensors have it.
+    The share without depth at edges is left out: only statistical sensors have it.
     """
     return [
         ".".join((_PLACES[name][0][0], _PLACES[name][1]))
@@ -171,9 +179,15 @@ def sensor_toml(
 ) -> str:
     """Write the TOML text: rig and stages of the base with fitted values and intrinsics.
 
-    values: fitted values by name. image: intrinsics of the recording; the base's distortion is
-    dropped. comments: lines at the top of the file. pattern_map: file name of the map of the fixed
-    pattern beside the sensor file, or empty. waves: the device's own wiggling.
+    Args:
+        base: name of the base sensor.
+        tree: its file; its lens distortion is dropped.
+        values: fitted values by name.
+        image: intrinsics of the recording.
+        comments: lines at the top of the file.
+        pattern_map: file name of the map of the fixed pattern beside the sensor file, or "".
+        waves: wiggling of the device.
+
     """
     rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}
     rig |= {

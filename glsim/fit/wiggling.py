@@ -1,10 +1,8 @@
-"""Fit the wiggling of a camera: the error of depth that repeats with distance.
+"""Fit the wiggling of a camera: the error of depth that is periodic in distance.
 
-Frames say nothing about the true distance of a wall, so that one number of it, or a fit over less
-than a period, tells nothing. A plane is known up to three numbers, and what bends it with the
-periods of the harmonics is wiggling. The recording must show planes, undistorted, that cover 0.65 m
-of distance together, along the rays: one wall at a slant, a floor, or several walls at several
-distances, each a few tenths of a metre deep. The more, the smaller the error that is printed.
+A plane is known up to three numbers; what bends it with the periods of the harmonics is wiggling.
+The recording must show undistorted planes that cover 0.65 m of distance together, along the rays:
+a wall at a slant, a floor, or several walls. The more they cover, the smaller is the error.
 """
 
 from __future__ import annotations
@@ -25,22 +23,22 @@ Array = NDArray[np.float64]
 #: Half a wavelength at 1 MHz, mm: speed of light / 2.
 _HALF_WAVE_MM_MHZ = 149_896.229
 
-#: Frequencies, MHz, that are fitted: at 16 MHz a cycle is 3.1 m, which no plane of a room covers.
-#: Those waves are fitted along, held to the usual size, so that they do not pass for others.
+#: Frequencies of the result, MHz: at 16 MHz a cycle is 3.1 m, longer than the planes of a room. Its
+#: waves are fitted too, held to the usual size, so that they do not bias the others.
 FITTED_MHZ = tuple(f for f in FREQUENCIES_MHZ if f > 16)
 
 #: Waves that are fitted, and the frequency of each coefficient: cosines, then sines.
 _WAVES = len(CYCLES) * len(FREQUENCIES_MHZ)
 _MHZ_OF = 2 * len(CYCLES) * FREQUENCIES_MHZ
-#: Usual size of a wave, mm: 1.2 and 1.4 mm in real frames of a Kinect V2.
+#: Usual size of a wave, mm, measured on a Kinect V2.
 _USUAL_MM = 1.5
-#: Side of the tiles that are left out in turn to find the standard error.
+#: Side of the tiles of the jackknife, px; chosen.
 _TILE_PX = 64
 
-#: The planes must cover this range of distances, mm: the longest period that is fitted, 625 mm.
+#: Least range of distances of the planes, mm: the longest period of the result, 625 mm.
 _LEAST_SPAN_MM = 650.0
 _LEAST_PIXELS = 5000
-#: More planes than a room shows; each takes a search of 0.1 s.
+#: Most planes; chosen above the number in a room, each takes a search of 0.1 s.
 _MOST_PLANES = 8
 _STEP_MM = 10.0
 _INLIER_MM = 12.0
@@ -51,11 +49,17 @@ _TRIALS = 200
 class Wiggling:
     """Harmonics of the correlation, as libfreenect2's fusion shows them in depth.
 
-    amplitude: harmonic -> size relative to the fundamental, mean over FITTED_MHZ. sizes, phase_rad:
-    harmonic -> (len(FITTED_MHZ),) sizes and phases: a harmonic of size h and phase p moves depth by
-    -110.5 mm h sin(c - p), c = 3 (second) or 6 (fifth) times the phase of the light. error:
-    standard error of the sizes. span_mm: nearest and farthest point of the planes, along the ray.
-    planes: their number.
+    A harmonic of size h and phase p moves depth by -110.5 mm h sin(c - p), with c = 3 (second) or 6
+    (fifth) times the phase of the light.
+
+    Attributes:
+        amplitude: harmonic -> size relative to the fundamental, mean over FITTED_MHZ.
+        phase_rad: harmonic -> (len(FITTED_MHZ),) phases.
+        error: harmonic -> standard error of the size.
+        span_mm: nearest and farthest point of the planes, along the ray.
+        planes: number of planes.
+        sizes: harmonic -> (len(FITTED_MHZ),) sizes.
+
     """
 
     amplitude: dict[int, float]
@@ -66,11 +70,11 @@ class Wiggling:
     sizes: dict[int, Array]
 
     def known(self, harmonic: int) -> bool:
-        """Whether the recording shows this harmonic: at least four standard errors."""
+        """Whether the harmonic is significant: at least four standard errors."""
         return self.amplitude[harmonic] >= 4.0 * self.error[harmonic]
 
     def waves(self) -> tuple[Wave, ...]:
-        """Return the waves of the known harmonics, as a sensor file holds them."""
+        """Return the waves of the significant harmonics for a sensor file."""
         return tuple(
             Wave(
                 harmonic=2 if harmonic == 2 else 5,
@@ -91,11 +95,16 @@ def fit_wiggling(
     image: Intrinsics,
     emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Wiggling | None:
-    """Fit the harmonics to the planes of the scene together; None if these span too little.
+    """Fit the harmonics to all planes of the scene together.
 
-    Each plane has its own place and slant, all have the same harmonics. The distances that count
-    are along the rays: a wall that faces the camera at 2 m spans 0.4 m, a slanted one more. The
-    frames must be free of distortion, which bends a plane by more than harmonics do.
+    Args:
+        statistics: of a recording without lens distortion, which bends planes more than harmonics.
+        image: its intrinsics.
+        emitter_m: position of the emitter in the camera frame.
+
+    Returns:
+        The harmonics; None if the planes cover too short a range of distances along the rays.
+
     """
     flat = image.rays().astype(np.float64)
     usable = statistics.smooth & np.isfinite(statistics.mean_mm)

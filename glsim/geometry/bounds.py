@@ -44,7 +44,9 @@ class Frustum(NamedTuple):
 class FieldOfView:
     """The directions that a rig's pixels see, lens included.
 
-    columns: (W, 2) smallest and largest x/z that a column sees; rows: (H, 2) y/z of a row.
+    Args:
+        columns: (W, 2) smallest and largest x/z that a column sees.
+        rows: (H, 2) y/z of a row.
     """
 
     rig: SensorRig
@@ -81,8 +83,12 @@ def bounding_corners(
 ) -> NDArray[np.float64]:
     """(8, 3) corners of a mesh's bounding box, camera-frame metres.
 
-    vertices_mm: (V, 3) canonical millimetres; view: (4, 4), canonical mm to camera m. Raises
-    MeshError for a vertex that is NaN or infinite.
+    Args:
+        vertices_mm: (V, 3) canonical millimetres.
+        view: (4, 4), canonical mm to camera m.
+
+    Raises:
+        MeshError: a vertex that is NaN or infinite.
     """
     # By column: NumPy reduces (V, 3) along its long axis ten times slower.
     columns = np.ascontiguousarray(vertices_mm.T)
@@ -101,7 +107,11 @@ def vertex_frustum(
     """The frustum of the vertices themselves; None if any is not beyond ``near_m``.
 
     It is smaller than that of their bounding box for a body whose hands reach forward: the box has
-    its widest parts there too. vertices_mm: (V, 3); view: (4, 4), canonical mm to camera m.
+    its widest parts there too.
+
+    Args:
+        vertices_mm: (V, 3).
+        view: (4, 4), canonical mm to camera m.
     """
     x, y, z = view[:3, :3] @ vertices_mm.T + view[:3, 3:]
     nearest = float(z.min())
@@ -133,10 +143,16 @@ def image_window(
 ) -> Rect:
     """The window of the image that a mesh can touch, with margin.
 
-    It is the whole image if the mesh crosses the near plane. corners_m: (8, 3), the mesh's bounding
-    box. visible: the crop that is delivered, or None. reach_px: how far around the crop stages
-    look, besides the margin. around: a smaller frustum around the mesh than that of its box, or
-    None. Raises MeshError if the mesh is out of view.
+    It is the whole image if the mesh crosses the near plane.
+
+    Args:
+        corners_m: (8, 3), the mesh's bounding box.
+        visible: the crop that is delivered, or None.
+        reach_px: how far around the crop stages look, besides the margin.
+        around: a smaller frustum around the mesh than that of its box, or None.
+
+    Raises:
+        MeshError: the mesh is out of view.
     """
     image, near_m = field_of_view.rig.intrinsics, field_of_view.rig.near_m
     whole = Rect(0, 0, image.width, image.height)
@@ -173,7 +189,9 @@ def out_of_view(
 ) -> bool:
     """Whether a mesh lies beside the image, beside the crop ``visible``, or behind the camera.
 
-    corners_m: (8, 3), the mesh's bounding box. around: a smaller frustum around the mesh, or None.
+    Args:
+        corners_m: (8, 3), the mesh's bounding box.
+        around: a smaller frustum around the mesh, or None.
     """
     if corners_m[:, 2].max() <= field_of_view.rig.near_m:
         return True

@@ -124,9 +124,10 @@ class Distortion:
 class Emitter:
     """An infrared light source.
 
-    position_m: its centre, camera frame, metres.
-    spread_m: half its length, along the baseline, metres; 0 for a point.
-    path_from_m: where the path of its light starts for the decoder; None: at position_m.
+    Args:
+        position_m: its centre, camera frame, metres.
+        spread_m: half its length, along the baseline, metres; 0 for a point.
+        path_from_m: where the path of its light starts for the decoder; None: at position_m.
     """
 
     position_m: tuple[float, float, float]
@@ -150,11 +151,12 @@ class Emitter:
 class SensorRig:
     """A depth camera: intrinsics, emitters and lens.
 
-    near_m, far_m: the clip planes of the rendering (the *measuring* range is a noise stage).
-    deliver: "undistorted" puts the frame on the pinhole grid; "raw" on the grid of the lens.
-    supersample: samples per pixel along each axis, for stages that sum up light; odd.
-    modulation_mhz: the three frequencies of a time-of-flight camera; otherwise empty.
-    shadow_map: whether the renderer casts shadows (if not, all is lit, and a stage casts them).
+    Args:
+        near_m, far_m: the clip planes of the rendering (the *measuring* range is a noise stage).
+        deliver: "undistorted" puts the frame on the pinhole grid; "raw" on the grid of the lens.
+        supersample: samples per pixel along each axis, for stages that sum up light; odd.
+        modulation_mhz: the three frequencies of a time-of-flight camera; otherwise empty.
+        shadow_map: whether the renderer casts shadows (if not, all is lit, and a stage casts them).
     """
 
     intrinsics: Intrinsics

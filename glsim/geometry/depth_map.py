@@ -27,8 +27,12 @@ _SHADOW_BIAS_M = 0.003
 def normals(depth_m: NDArray[np.float32], rays: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W, 3) float32 unit normals towards the camera; (0, 0, -1) where there is no depth.
 
-    depth_m: (H, W) metres, 0 = no depth. rays: (H, W, 2) x/z, y/z. Differences are taken to
-    neighbours on the same surface only: central if both neighbours are, one-sided if one is.
+    Differences are taken to neighbours on the same surface only: central if both neighbours are,
+    one-sided if one is.
+
+    Args:
+        depth_m: (H, W) metres, 0 = no depth.
+        rays: (H, W, 2) x/z, y/z.
     """
     points = np.concatenate([rays * depth_m[..., None], depth_m[..., None]], axis=-1)
     along_x = _difference(points, depth_m, axis=1)
@@ -47,8 +51,12 @@ def central_normals(
 ) -> NDArray[np.float64]:
     """(N, 3) float64 normals, not of unit length, at the N pixels of ``at`` in row order.
 
-    depth: (H, W), any unit; rays: (H, W, 2), x/z and y/z of each pixel; at: (H, W), False on the
-    image's border. The cross product of the central differences of the back-projected points.
+    The cross product of the central differences of the back-projected points.
+
+    Args:
+        depth: (H, W), any unit.
+        rays: (H, W, 2), x/z and y/z of each pixel.
+        at: (H, W), False on the image's border.
     """
     row, column = np.nonzero(at)
 
@@ -89,12 +97,14 @@ def surface(
 ) -> Mesh | None:
     """The mesh of triangles between pixel centres, cut at edges; None if there are none.
 
-    depth_m: (H, W) metres. Vertices are in millimetres, in camera axes with y and z negated:
-    ``pose_matrix({})`` moves them back to where they were seen.
+    Vertices are in millimetres, in camera axes with y and z negated: ``pose_matrix({})`` moves them
+    back to where they were seen. From the camera's own place nobody sees such a triangle; from
+    another one it is a fin between two surfaces. By default steps of up to 9 % of the depth are
+    bridged, so that a head casts a shadow without gaps.
 
-    steepest_deg: cut what the camera would see at a larger angle of incidence. From the camera's
-    own place nobody sees such a triangle; from another one it is a fin between two surfaces. By
-    default steps of up to 9 % of the depth are bridged, so that a head casts a shadow without gaps.
+    Args:
+        depth_m: (H, W) metres.
+        steepest_deg: cut what the camera would see at a larger angle of incidence.
     """
     if steepest_deg is None:
         largest_share = 3 * _EDGE_SHARE

@@ -23,13 +23,14 @@ SKIN_ALBEDO = 0.6
 class Mesh:
     """A triangle mesh with an optional albedo per vertex.
 
-    vertices_mm: (V, 3) float32, canonical frame, millimetres.
-    faces: (F, 3) int32 vertex indices, counter-clockwise seen from outside. Meshes of one
-        topology should share one array object: the renderer then keeps it on the GPU.
-    albedo: (V,) float32 in [0, 1], diffuse reflectivity at 860 nm relative to a white wall,
-        or None for SKIN_ALBEDO.
-    occluder: (F', 3) int32 fewer triangles that cast the shadows (``occluder_of``), or None for
-        ``faces``.
+    Args:
+        vertices_mm: (V, 3) float32, canonical frame, millimetres.
+        faces: (F, 3) int32 vertex indices, counter-clockwise seen from outside. Meshes of one
+            topology should share one array object: the renderer then keeps it on the GPU.
+        albedo: (V,) float32 in [0, 1], diffuse reflectivity at 860 nm relative to a white wall, or
+            None for SKIN_ALBEDO.
+        occluder: (F', 3) int32 fewer triangles that cast the shadows (``occluder_of``), or None for
+            ``faces``.
     """
 
     vertices_mm: NDArray[np.float32]

@@ -22,9 +22,11 @@ _AGGRESSIVENESS = 5
 def occluder_of(vertices_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.int32]:
     """Choose fewer triangles for shadows: (F', 3) int32 vertex indices, F' = ``KEPT_SHARE`` * F.
 
-    vertices_mm: (V, 3), the mean shape of the meshes that share ``faces``, (F, 3). Edges are
-    collapsed by the smallest quadric error (Garland and Heckbert 1997); of the vertices that
-    became one, the nearest to their common place stands for them.
+    Edges are collapsed by the smallest quadric error (Garland and Heckbert 1997); of the vertices
+    that became one, the nearest to their common place stands for them.
+
+    Args:
+        vertices_mm: (V, 3), the mean shape of the meshes that share ``faces``, (F, 3).
     """
     import fast_simplification
 

@@ -45,11 +45,13 @@ def chosen_backend(backend: str | None = None) -> Backend | None:
 def open_context(backend: str | None = None) -> moderngl.Context:
     """Open a context and make it current on this thread. The caller releases it.
 
-    backend: "egl", "osmesa", or None for GLSIM_BACKEND or the first that works.
-    GLSIM_EGL_DEVICE selects one of several GPUs by number (``glsim info`` lists them).
-    Mesa's software rasteriser runs on one thread unless LP_NUM_THREADS is set: one process per
-    core is faster than several threads per frame.
     Raises DeviceError with the reason for each backend that was tried.
+
+    Args:
+        backend: "egl", "osmesa", or None for GLSIM_BACKEND or the first that works.
+            GLSIM_EGL_DEVICE selects one of several GPUs by number (``glsim info`` lists them).
+            Mesa's software rasteriser runs on one thread unless LP_NUM_THREADS is set: one process
+            per core is faster than several threads per frame.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")
     chosen = chosen_backend(backend)

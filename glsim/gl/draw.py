@@ -15,7 +15,7 @@ class FullscreenPass:
     """A program that shades every pixel of the viewport of the framebuffer in use."""
 
     def __init__(self, context: moderngl.Context, program: moderngl.Program) -> None:
-        """program: linked with render/fullscreen.vert."""
+        """Take a program that is linked with render/fullscreen.vert."""
         self.program = program
         self._array = context.vertex_array(program, [])
 
@@ -33,8 +33,9 @@ def draw_meshes(
 ) -> None:
     """Draw the front faces of meshes into the framebuffer in use, with a depth test.
 
-    views: one (4, 4) matrix per mesh, canonical millimetres to camera-frame metres.
-    origin_m: the point to look from, camera frame, metres.
+    Args:
+        views: one (4, 4) matrix per mesh, canonical millimetres to camera-frame metres.
+        origin_m: the point to look from, camera frame, metres.
     """
     # The clip matrix points y down, which mirrors the winding: front faces are clockwise.
     context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)

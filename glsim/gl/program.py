@@ -23,9 +23,11 @@ def link(
 ) -> moderngl.Program:
     """Compile and link. Outputs are bound in the order in which the fragment shader declares them.
 
-    vertex: by default a triangle that covers the viewport, for a full-screen pass.
     Raises ShaderError with the driver's message at file:line of the sources, or if the driver
     reports another type or default of a parameter than its declaration.
+
+    Args:
+        vertex: by default a triangle that covers the viewport, for a full-screen pass.
     """
     vertex = vertex or _fullscreen_vertex()
     outputs = {layer.name: number for number, layer in enumerate(fragment.writes)}

@@ -74,8 +74,9 @@ _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
 class Parameter:
     """A stage's parameter as declared. Values of all types are floats (bool: 0 or 1).
 
-    slider: the range that sliders show, if it is smaller than [low, high]. log_scale: whether
-    their scale is logarithmic.
+    Attributes:
+        slider: the range that sliders show, if it is smaller than [low, high].
+        log_scale: whether their scale is logarithmic.
     """
 
     name: str
@@ -104,7 +105,11 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Layer:
-    """An image that a shader writes. scale: its size over the frame's size."""
+    """An image that a shader writes.
+
+    Attributes:
+        scale: its size over the frame's size.
+    """
 
     name: str
     type: str
@@ -129,10 +134,11 @@ class Layer:
 class ShaderSource:
     """A GLSL file with its includes flattened, and its declarations.
 
-    lines: the origin of each line of ``text``, (file, 1-based line).
-    reads, writes: layers, in the order of their declaration.
-    bound: the names of the ``u_`` uniforms that glsim sets.
-    sparse: whether the stage keeps empty pixels blank (``//@ sparse``).
+    Attributes:
+        lines: the origin of each line of ``text``, (file, 1-based line).
+        reads, writes: layers, in the order of their declaration.
+        bound: the names of the ``u_`` uniforms that glsim sets.
+        sparse: whether the stage keeps empty pixels blank (``//@ sparse``).
     """
 
     file: Path
@@ -211,7 +217,8 @@ def load_source(file: Path) -> ShaderSource:
 def parse_source(text: str, file: Path) -> ShaderSource:
     """Parse GLSL that need not be on disk. Raises ShaderError with file and line.
 
-    file: named in messages; includes are searched beside it.
+    Args:
+        file: named in messages; includes are searched beside it.
     """
     if len(text) > _MAX_BYTES:
         raise ShaderError(f"{file}: more than {_MAX_BYTES} characters")

@@ -44,7 +44,8 @@ class TargetPool:
     def take(self, layer: Layer, window: Rect, *, clean: bool = True) -> Target:
         """Lend a target for ``layer``, zero outside ``window`` (frame pixels).
 
-        clean: False skips the clearing and leaves ``drawn`` unchanged; the caller clears.
+        Args:
+            clean: False skips the clearing and leaves ``drawn`` unchanged; the caller clears.
         """
         free = self._free[(layer.components, float(layer.scale))]
         if free:

@@ -52,14 +52,16 @@ _AXES = re.compile(r"([+-][xyz]){3}", re.ASCII)
 class Alignment:
     """The transform from a file's frame to the canonical frame, as the manifest records it.
 
-    unit, mm_per_unit: name of the file's unit and its length in mm.
-    axes: the file's axes that become canonical x, y, z: "+x-y-z" negates y and z.
-    origin_mm: offset subtracted after unit and axes are applied, canonical frame, mm.
-    flip_winding: whether the file's triangles are clockwise and must be reversed.
-    nose_match: correlation with the nose template, -1 to 1 (-1: nothing like a nose).
-    detected: which of "unit" and "axes" were detected rather than given.
-    doubts: problems that a person should check, one sentence each.
-    better_axes: axes that fit the face clearly better than the given ones; "" if there are none.
+    Args:
+        unit, mm_per_unit: name of the file's unit and its length in mm.
+        axes: the file's axes that become canonical x, y, z: "+x-y-z" negates y and z.
+        origin_mm: offset subtracted after unit and axes are applied, canonical frame, mm.
+        flip_winding: whether the file's triangles are clockwise and must be reversed.
+        nose_match: correlation with the nose template, -1 to 1 (-1: nothing like a nose).
+        detected: which of "unit" and "axes" were detected rather than given.
+        doubts: problems that a person should check, one sentence each.
+        better_axes: axes that fit the face clearly better than the given ones; "" if there are
+            none.
     """
 
     unit: str
@@ -107,11 +109,17 @@ def estimate_alignment(
 ) -> Alignment:
     """Detect every "auto" value and check every given one.
 
-    vertices: (V, 3) in the file's frame, each used by a triangle. faces: (F, 3).
-    Given axes that show a nose are compared with their half turns only (looking away, upside
-    down), other given axes with all 24 rotations (6 times as slow).
-    Raises ConfigError for an invalid setting; MeshError (without the file's name) if no unit gives
-    the size of a head, or if ``axes`` is "auto" and no nose is detected.
+    Given axes that show a nose are compared with their half turns only (looking away, upside down),
+    other given axes with all 24 rotations (6 times as slow).
+
+    Args:
+        vertices: (V, 3) in the file's frame, each used by a triangle.
+        faces: (F, 3).
+
+    Raises:
+        ConfigError: an invalid setting.
+        MeshError: no unit gives the size of a head, or ``axes`` is "auto" and no nose is detected;
+            the message has no file name.
     """
     given_axes = None if axes == "auto" else _check_axes(axes)
     lower, upper = vertices.min(axis=0), vertices.max(axis=0)

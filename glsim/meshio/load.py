@@ -43,8 +43,11 @@ _LOG = logging.getLogger(__name__)
 class FileMesh:
     """A mesh in its file's own unit and axes, without degenerate parts.
 
-    vertices: (V, 3) float64, finite, each used by a triangle. faces: (F, 3) int32, none degenerate.
-    albedo: (V,) float32 or None. degenerate: number of triangles without area that were dropped.
+    Args:
+        vertices: (V, 3) float64, finite, each used by a triangle.
+        faces: (F, 3) int32, none degenerate.
+        albedo: (V,) float32 or None.
+        degenerate: number of triangles without area that were dropped.
     """
 
     vertices: NDArray[np.float64]
@@ -78,10 +81,15 @@ def load_mesh(
 ) -> LoadedMesh:
     """Read a mesh and align it with the canonical frame (millimetres, y up, z out of the face).
 
-    unit: "auto", a name ("m", "dm", "cm", "mm", "inch") or a number of millimetres ("125").
-    axes: "auto", or the file's axes that become canonical x, y, z ("+x-y-z").
-    recentre: move the origin to 45 mm behind the tip of the nose; otherwise keep the file's origin.
-    Raises ConfigError for an invalid setting, MeshError for a file that cannot be used.
+    Args:
+        unit: "auto", a name ("m", "dm", "cm", "mm", "inch") or a number of millimetres ("125").
+        axes: "auto", or the file's axes that become canonical x, y, z ("+x-y-z").
+        recentre: move the origin to 45 mm behind the tip of the nose; otherwise keep the file's
+            origin.
+
+    Raises:
+        ConfigError: an invalid setting.
+        MeshError: a file that cannot be used.
     """
     check_unit(unit)
     check_axes(axes)
@@ -198,7 +206,10 @@ def drop_degenerate(
 ) -> FileMesh:
     """Drop triangles without area and unused vertices. Raises MeshError for NaN and infinity.
 
-    vertices: (V, 3). faces: (F, 3). albedo: (V,) or None.
+    Args:
+        vertices: (V, 3).
+        faces: (F, 3).
+        albedo: (V,) or None.
     """
     finite = np.isfinite(vertices)
     if not finite.all():

@@ -40,7 +40,9 @@ def sample_surface(
 ) -> NDArray[np.float32]:
     """Return (SAMPLES, 3) float32 points spread evenly by area; deterministic.
 
-    vertices: (V, 3). faces: (F, 3).
+    Args:
+        vertices: (V, 3).
+        faces: (F, 3).
     """
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     area = np.linalg.norm(np.cross(second - first, third - first), axis=1)

@@ -29,13 +29,14 @@ _MAX_MATERIAL_BYTES = 1 << 24
 class ObjFile:
     """The content of an OBJ file, without texture coordinates, normals and lines.
 
-    vertices: (V, 3) float64, the file's own unit.
-    colours: (V, 3) float64 red, green, blue if the ``v`` lines have them, otherwise None.
-    corners: (C,) int64, vertex indices of all polygons, concatenated, from 0.
-    counts: (P,) int64, number of corners of each polygon, 3 or more.
-    materials: (P,) int64, index into ``material_names`` of each polygon.
-    material_names: names in ``usemtl`` lines; the first is "" (before any ``usemtl``).
-    libraries: file names in ``mtllib`` lines.
+    Args:
+        vertices: (V, 3) float64, the file's own unit.
+        colours: (V, 3) float64 red, green, blue if the ``v`` lines have them, otherwise None.
+        corners: (C,) int64, vertex indices of all polygons, concatenated, from 0.
+        counts: (P,) int64, number of corners of each polygon, 3 or more.
+        materials: (P,) int64, index into ``material_names`` of each polygon.
+        material_names: names in ``usemtl`` lines; the first is "" (before any ``usemtl``).
+        libraries: file names in ``mtllib`` lines.
     """
 
     vertices: NDArray[np.float64]

@@ -86,7 +86,8 @@ def bound_values(view: StageView) -> dict[str, object]:
 def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
     """Raise ConfigError if stages do not fit together or do not fit the rig.
 
-    where: the sensor file, for messages.
+    Args:
+        where: the sensor file, for messages.
     """
     layers = {*INITIAL_LAYERS, *FINE_LAYERS, PATTERN_LAYER}
     seen_array_stage: str | None = None
@@ -130,11 +131,15 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
 class ShaderChain:
     """The shader stages of a sensor, linked for one context.
 
-    infrared, expected: whether to read these layers back. extra_layers: further layers to read
-    back.
-    pattern_mm: (H, W) map of the device's fixed pattern of the whole frame, NaN = unknown, or None.
-    linked: stages that other chains of the context have linked; equal ones are taken from there.
     Stages whose layers are neither read back nor read by another stage are left out.
+
+    Args:
+        infrared, expected: whether to read these layers back.
+        extra_layers: further layers to read back.
+        pattern_mm: (H, W) map of the device's fixed pattern of the whole frame, NaN = unknown, or
+            None.
+        linked: stages that other chains of the context have linked; equal ones are taken from
+            there.
     """
 
     def __init__(
@@ -192,8 +197,11 @@ class ShaderChain:
     ) -> None:
         """Draw all stages over the rendered layers and queue the readback of the result.
 
-        owner: of the targets that the stages draw; default: they are given back at the end.
-        Raises ConfigError for a stage that reads a layer of a stage that is switched off.
+        Args:
+            owner: of the targets that the stages draw; default: they are given back at the end.
+
+        Raises:
+            ConfigError: a stage that reads a layer of a stage that is switched off.
         """
         owner = owner or StageLayers()
         with owner.run(rendered, frame):
@@ -294,7 +302,10 @@ class StagePass:
     ) -> dict[str, Target]:
         """Draw the frame's window; return the written layers, by name. Raises ConfigError.
 
-        within: skip the pixels outside this silhouette. The caller gives the targets back.
+        The caller gives the targets back.
+
+        Args:
+            within: skip the pixels outside this silhouette.
         """
         view = frame.view(self.name)
         for name in self._bound:

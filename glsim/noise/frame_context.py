@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.rect import Rect
+from glsim.settings.seeds import stage_seed
 
 #: Layers by name: (h, w) or (h, w, components) float32 arrays of the window.
 Layers = Mapping[str, NDArray[np.float32]]
@@ -21,9 +20,12 @@ Layers = Mapping[str, NDArray[np.float32]]
 class Optics:
     """The rig's and the scene's parameters for stages that integrate light.
 
-    emitter_m: where paths of light start (SensorRig.emitter_m). modulation_mhz: three frequencies.
-    supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
-    nearest_m: a lower bound of all depths in the scene. focal_px: focal length of the columns.
+    Args:
+        emitter_m: where paths of light start (SensorRig.emitter_m).
+        modulation_mhz: three frequencies.
+        supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
+        nearest_m: a lower bound of all depths in the scene.
+        focal_px: focal length of the columns.
     """
 
     emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -77,8 +79,9 @@ class FrameContext(_FrameFacts):
     ) -> FrameContext:
         """Describe a frame of ``rig``.
 
-        nearest_m: a lower bound of all depths in the scene.
-        supersample: samples per pixel along each axis of the fine layers (default: the rig's).
+        Args:
+            nearest_m: a lower bound of all depths in the scene.
+            supersample: samples per pixel along each axis of the fine layers (default: the rig's).
         """
         image = rig.intrinsics
         optics = Optics(
@@ -106,15 +109,10 @@ class FrameContext(_FrameFacts):
             window=self.window,
             width=self.width,
             height=self.height,
-            seed=_stage_seed(self.seed, stage),
-            sequence_seed=_stage_seed(self.sequence_seed, stage),
-            device_seed=_stage_seed(self.device_seed, stage),
+            seed=stage_seed(self.seed, stage),
+            sequence_seed=stage_seed(self.sequence_seed, stage),
+            device_seed=stage_seed(self.device_seed, stage),
             time_s=self.time_s,
             focal_baseline_px_m=self.focal_baseline_px_m,
             optics=self.optics,
         )
-
-
-def _stage_seed(seed: int, stage: str) -> int:
-    """Hash a seed with a stage's name to 32 bits, so that a new stage changes no other's noise."""
-    return zlib.crc32(struct.pack("<Q", seed), zlib.crc32(stage.encode()))

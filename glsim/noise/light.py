@@ -36,7 +36,8 @@ def _whole(modulation_mhz: Sequence[float]) -> list[int]:
 def check_light(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
     """Raise ConfigError for contradictory ranges, a missing emitter, or unsuitable frequencies.
 
-    where: the sensor file, for messages.
+    Args:
+        where: the sensor file, for messages.
     """
     for stage in stages:
         if {"near_mm", "far_mm"} <= stage.settings.keys():

@@ -1,6 +1,6 @@
-"""Find noise stages by name: shipped ones, the user's GLSL files, the user's Python functions.
+"""Find noise stages by name: shipped ones, plug-ins', GLSL files and Python functions.
 
-A Python stage is code: whoever wrote the sensor file decides what it does on this machine. It runs
+A sensor file that names a Python function decides what code runs on this machine. The code runs
 only to make frames, and a warning names it then (``describe_stage`` and ``is_code`` run nothing).
 """
 
@@ -19,6 +19,7 @@ from glsim.gl.shader_source import SHADER_ROOT, ShaderSource, load_source, parse
 from glsim.noise import array_stages
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec
+from glsim.plugins import load_plugin, plugin_file, plugin_names
 
 log = logging.getLogger(__name__)
 
@@ -38,11 +39,20 @@ def shipped_stages() -> dict[str, StageSpec]:
     return {spec.name: spec for spec in specs}
 
 
-def find_stage(use: str, beside: Path | None = None) -> StageSpec:
-    """Return the stage that ``use`` names: shipped, a .glsl file, or "module:function".
+def stage_names() -> list[str]:
+    """Return the names of the shipped stages and of those that other packages bring."""
+    return [*shipped_stages(), *plugin_names("stages", shipped_stages())]
 
-    beside: the folder that relative paths start from (default: the working directory).
-    Raises ConfigError or ShaderError.
+
+def find_stage(use: str, beside: Path | None = None) -> StageSpec:
+    """Return the stage that a sensor file names.
+
+    Args:
+        use: a shipped stage or a plug-in's, the path of a .glsl file, or "module:function".
+        beside: the folder that relative paths start from; default: the working directory.
+
+    Raises:
+        ConfigError, ShaderError: there is no such stage, or it is wrong.
     """
     if use in shipped_stages():
         return shipped_stages()[use]
@@ -51,14 +61,16 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
     if use.endswith(".glsl"):
         file = (beside / use) if beside is not None and not Path(use).is_absolute() else Path(use)
         return _shader_spec(file.stem, file)
+    if use in plugin_names("stages", shipped_stages()):
+        return _plugin_spec(use)
     raise ConfigError(
-        f"no such stage {use!r} ({did_you_mean(use, shipped_stages())}; "
+        f"no such stage {use!r} ({did_you_mean(use, stage_names())}; "
         "your own: a path that ends in .glsl, or file.py:function)"
     )
 
 
 def is_code(use: str) -> bool:
-    """Return whether ``use`` names Python code of the user's; nothing is read or run."""
+    """Return whether a sensor file's ``use`` names a Python function; nothing is read or run."""
     return use not in shipped_stages() and ":" in use and not use.endswith(".glsl")
 
 
@@ -74,7 +86,9 @@ def describe_stage(use: str) -> StageSpec:
 def shader_stage(text: str, file: Path) -> StageSpec:
     """Return the stage of GLSL that need not be on disk. Raises ShaderError with file and line.
 
-    file: its name without suffix is the stage's; named in messages; includes are searched beside.
+    Args:
+        file: its name without suffix is the stage's; named in messages; includes are searched
+            beside.
     """
     return _spec_of(file.stem, file, parse_source(text, file))
 
@@ -100,6 +114,18 @@ def _array_spec(name: str, function: Any, file: str) -> StageSpec:
         name, f"{name}: {title}", parameters, file,
         function=function, reach_px=function.stage_reach_px,
     )  # fmt: skip
+
+
+def _plugin_spec(name: str) -> StageSpec:
+    shader = f"{name}.glsl"
+
+    def valid(found: object) -> bool:
+        return hasattr(found, "stage_parameters") or plugin_file(found, shader) is not None
+
+    found = load_plugin("stages", name, valid)
+    if (file := plugin_file(found, shader)) is not None:
+        return _shader_spec(name, file)
+    return _array_spec(name, found, str(found.__module__))
 
 
 def _python_spec(use: str, beside: Path | None) -> StageSpec:

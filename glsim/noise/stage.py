@@ -48,8 +48,11 @@ def _own_pixel(_: Mapping[str, float]) -> int:
 class StageSpec:
     """A kind of stage: a GLSL ``source``, or a ``function`` on arrays; the other one is None.
 
-    title: one line for tables. parameters: declarations by name. file: where it is declared.
-    reach_px: how far around a pixel ``function`` reads.
+    Args:
+        title: one line for tables.
+        parameters: declarations by name.
+        file: where it is declared.
+        reach_px: how far around a pixel ``function`` reads.
     """
 
     name: str
@@ -72,7 +75,8 @@ class Stage:
     def draw(self, draw: Callable[[Distribution, str], float]) -> dict[str, float]:
         """Draw one frame's values of all parameters and of ``enabled``. Raises ConfigError.
 
-        draw: takes a distribution and its name, "stage.parameter".
+        Args:
+            draw: takes a distribution and its name, "stage.parameter".
         """
         values = {}
         for name, setting in self.settings.items():
@@ -93,7 +97,9 @@ def array_stage(
 ) -> Callable[[ArrayFunction], ArrayFunction]:
     """Declare a function as a stage; per parameter name=(type, default, low, high, unit, help).
 
-    reach_px: how far around a pixel the function reads, so that crops are drawn with that margin.
+    Args:
+        reach_px: how far around a pixel the function reads, so that crops are drawn with that
+            margin.
     """
 
     def mark(function: ArrayFunction) -> ArrayFunction:
@@ -114,7 +120,8 @@ def make_stage(
 ) -> Stage:
     """Check settings against the declarations and add the defaults. Raises ConfigError.
 
-    where: the place of the settings, for error messages.
+    Args:
+        where: the place of the settings, for error messages.
     """
     if ENABLED in spec.parameters:
         raise ShaderError(f"{spec.file}: the parameter name {ENABLED!r} is taken")

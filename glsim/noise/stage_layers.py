@@ -31,7 +31,8 @@ class StageLayers:
     def draw(self, name: str, draw: Callable[[], Targets], *inputs: object) -> Targets:
         """Return the layers that the stage ``name`` draws.
 
-        inputs: all that they depend on, besides the rendering and the frame.
+        Args:
+            inputs: all that they depend on, besides the rendering and the frame.
         """
         drawn = draw()
         self._own += drawn.values()

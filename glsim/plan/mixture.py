@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from glsim.errors import ConfigError
-from glsim.settings.schema import SourceSettings
+from glsim.settings.source_settings import SourceSettings
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,12 @@ class Thinning:
 
 
 def mix_sources(sources: Sequence[SourceSettings], available: Sequence[int]) -> list[Thinning]:
-    """Choose the frames of each source. available: its number of frames.
+    """Choose the frames of each source.
 
     Raises ConfigError as ``image_counts``.
+
+    Args:
+        available: number of frames of each source.
     """
     counts = image_counts(sources, available)
     return [Thinning(total, count) for total, count in zip(available, counts, strict=True)]

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from glsim.errors import ConfigError
 from glsim.faces import open_source
 from glsim.plan.paper_split import PAPER_IMAGES
-from glsim.settings.schema import SourceSettings
+from glsim.settings.source_settings import parse_source
 
 
 class PaperSource(NamedTuple):
@@ -45,7 +45,10 @@ def paper_counts(images: int) -> dict[str, int]:
 def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
     """Return kind -> images that a data set lacks of a paper's set, without those it lacks none of.
 
-    held: kind of the source -> images, of all sources. One image less is rounding.
+    One image less is rounding.
+
+    Args:
+        held: kind of the source -> images, of all sources.
     """
     wanted = paper_counts(sum(held.values()))
     lacks = {kind: count - held.get(kind, 0) for kind, count in wanted.items()}
@@ -55,9 +58,14 @@ def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
 def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]]:
     """Return the tables [[source]] of a data set of ``images`` in the paper's proportions.
 
-    roots: kind of the source -> folder, of the sets that are there. A set that is absent, or has
-    fewer images than its share, is filled up with embedded heads, as many people as are missing.
-    Raises ConfigError for a folder that holds no such set.
+    A set that is absent, or has fewer images than its share, is filled up with embedded heads, as
+    many people as are missing.
+
+    Args:
+        roots: kind of the source -> folder, of the sets that are there.
+
+    Raises:
+        ConfigError: a folder that holds no such set.
     """
     tables: list[dict[str, Any]] = []
     for kind, count in paper_counts(images).items():
@@ -79,7 +87,7 @@ def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]
 
 def _contents(kind: str, root: Path) -> tuple[int, int]:
     """Return the numbers of people and of frames of a set on disk; files are not opened."""
-    source = open_source(SourceSettings.model_validate({"kind": kind, "root": root}), 0)
+    source = open_source(parse_source({"kind": kind, "root": root}), 0)
     people = source.subjects(None)
     frames = sum(len(source.frames(name, None)) for name in people)
     if not frames:

@@ -19,11 +19,14 @@ _MAX_EXACT_PEOPLE: Final = 9  # up to here all 3**9 divisions are tried
 
 
 def split_as_paper(frames: Mapping[str, int], seed: int) -> dict[str, str]:
-    """Assign each person to one split: subject -> split. frames: subject -> number of images.
+    """Assign each person to one split: subject -> split.
 
     The image counts approach the paper's numbers, scaled to the total. The sum of the three
     differences is minimal for up to nine people; for more, neither moving a person nor swapping two
     lowers it. Three people or more leave no split empty. ``seed`` breaks ties.
+
+    Args:
+        frames: subject -> number of images.
     """
     names = sorted(frames, key=lambda name: (-frames[name], stable_seed("split", seed, name)))
     sizes = np.array([frames[name] for name in names], dtype=np.int64)
@@ -82,7 +85,8 @@ def _best_swap(
 ) -> tuple[float, list[tuple[int, int]]]:
     """Return the best swap between splits a and b: (change of the cost, [(person, new split)]).
 
-    missing: images that each split lacks.
+    Args:
+        missing: images that each split lacks.
     """
     persons_a, persons_b = (np.flatnonzero(chosen == split) for split in (a, b))
     # Of people with equally many images the first one is enough. The last entry of each list is

@@ -8,7 +8,11 @@ from glsim.settings.seeds import stable_seed
 
 
 def assign_splits(settings: Settings, frames: dict[str, int]) -> dict[str, str]:
-    """Return subject -> split by the setting ``split``. frames: subject -> number of images."""
+    """Return subject -> split by the setting ``split``.
+
+    Args:
+        frames: subject -> number of images.
+    """
     if isinstance(settings.split, str):
         return split_as_paper(frames, settings.seed)
     return split_subjects(list(frames), settings.split, settings.seed)

@@ -21,7 +21,7 @@ from glsim.faces.base import ComputedKeys, FaceKey, FaceSource
 from glsim.plan.mixture import mix_sources
 from glsim.plan.split import assign_splits
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import GENERATORS, SPLIT_NAMES, Settings
+from glsim.settings.schema import SPLIT_NAMES, Settings
 from glsim.settings.seeds import stable_seed
 
 
@@ -29,11 +29,15 @@ from glsim.settings.seeds import stable_seed
 class Task:
     """One frame to make.
 
-    index: position in the data set. split: train, val or test.
-    subject: name in the data set, prefixed with the source's number if there are several sources.
-    source: position in ``settings.source``. key: the frame's name in that source.
-    seeds: 64-bit seeds of the frame, its sequence and its subject. device: number of the virtual
-    device.
+    Attributes:
+        index: position in the data set.
+        split: train, val or test.
+        subject: name in the data set, prefixed with the source's number if there are several
+            sources.
+        source: position in ``settings.source``.
+        key: the frame's name in that source.
+        seeds: 64-bit seeds of the frame, its sequence and its subject.
+        device: number of the virtual device.
     """
 
     index: int
@@ -53,7 +57,8 @@ class Task:
 class PersonFrames(NamedTuple):
     """Consecutive frames of one person: ``frames`` tasks from the position ``first``.
 
-    name: the person's name in the source; the other fields are those of Task.
+    Attributes:
+        name: the person's name in the source; the other fields are those of Task.
     """
 
     split: str
@@ -223,7 +228,7 @@ def make_tasks(settings: Settings, sources: Sequence[FaceSource]) -> Plan:
     """Make the plan. Raises ConfigError if it has no frames, or more than a data set can have."""
     for source in settings.source:
         people, each = source.subjects or 1, source.frames_per_subject or 1
-        if source.kind in GENERATORS and (people > MAX_PEOPLE or people * each > MAX_FRAMES):
+        if source.endless and (people > MAX_PEOPLE or people * each > MAX_FRAMES):
             raise ConfigError(
                 f"{people} subjects of {each} frames are {people * each} frames; one data set "
                 f"has at most {MAX_FRAMES} of {MAX_PEOPLE} people: make several, with other seeds"

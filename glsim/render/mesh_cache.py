@@ -44,7 +44,7 @@ class MeshCache:
     def __init__(
         self, context: moderngl.Context, surface: moderngl.Program, projector: moderngl.Program
     ) -> None:
-        """surface, projector: the programs that draw from the camera and from the emitters."""
+        """Take the programs that draw from the camera, and from the emitters."""
         self._context, self._surface, self._projector = context, surface, projector
         self._meshes: OrderedDict[tuple[int, int], GpuMesh] = OrderedDict()
 

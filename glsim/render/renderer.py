@@ -38,7 +38,7 @@ from glsim.gl.program import link_files
 from glsim.gl.shader_source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.mesh_cache import GpuMesh, MeshCache
-from glsim.render.regions import REGION, LabelledMesh, RegionPass
+from glsim.render.region_pass import REGION, LabelledMesh, RegionPass
 from glsim.render.shadow_map import LIT, ShadowMap
 from glsim.render.silhouette import Silhouette, SilhouettePass
 from glsim.render.supersampling import CentrePass, sample_layer, supersampled_pass
@@ -113,10 +113,13 @@ class Renderer:
     ) -> Iterator[Rendered]:
         """Draw meshes, each with its (4, 4) matrix from canonical mm to camera m.
 
-        visible: the crop that is delivered (None: the whole frame).
-        labels: per mesh the (V,) region numbers of its vertices, or None; if this is empty, the
-        layer region is not drawn. reach_px: how far around the crop stages read, besides the
-        margin. Raises MeshError if the first mesh, the face, is not in view.
+        Raises MeshError if the first mesh, the face, is not in view.
+
+        Args:
+            visible: the crop that is delivered (None: the whole frame).
+            labels: per mesh the (V,) region numbers of its vertices, or None; if this is empty, the
+                layer region is not drawn.
+            reach_px: how far around the crop stages read, besides the margin.
         """
         boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
         face, view = meshes[0]
@@ -163,9 +166,12 @@ class Renderer:
     ) -> Iterator[Rendered]:
         """Make the same layers, of the whole frame, from a depth map instead of meshes.
 
-        clean_m: (H, W) metres, 0 = no surface. normal: (H, W, 3) unit vectors towards the camera.
-        surface: casts the shadows, placed by ``pose_matrix({})``; None casts none.
         Raises MeshError if an emitter is inside the surface.
+
+        Args:
+            clean_m: (H, W) metres, 0 = no surface.
+            normal: (H, W, 3) unit vectors towards the camera.
+            surface: casts the shadows, placed by ``pose_matrix({})``; None casts none.
         """
         image = self.rig.intrinsics
         window = Rect(0, 0, image.width, image.height)

@@ -36,7 +36,7 @@ class ShadowMap:
     """Draws the layer ``lit`` for one rig."""
 
     def __init__(self, pool: TargetPool, rig: SensorRig, sight: FieldOfView, rays: Target) -> None:
-        """sight: field of view of the rig. rays: target that holds ``rig.rays()``."""
+        """Take the rig, its field of view, and a target that holds ``rig.rays()``."""
         self._pool, self._rig, self._sight, self._rays = pool, rig, sight, rays
         self._context = context = pool.context
         #: Draws meshes into the z-buffer.
@@ -70,10 +70,14 @@ class ShadowMap:
     ) -> Target:
         """Return a target with the share of the emitters' light that reaches each pixel, 0 to 1.
 
-        layers: clean and normal of ``window``. arrays: the meshes that cast shadows, with
-        ``program``; without any, or without an emitter, all pixels hold 1. views: one (4, 4) matrix
-        per mesh, canonical mm to camera m. corners_m: (N, 3) the corners of their bounding boxes,
-        camera frame. Raises MeshError if an emitter is inside the scene.
+        Raises MeshError if an emitter is inside the scene.
+
+        Args:
+            layers: clean and normal of ``window``.
+            arrays: the meshes that cast shadows, with ``program``; without any, or without an
+                emitter, all pixels hold 1.
+            views: one (4, 4) matrix per mesh, canonical mm to camera m.
+            corners_m: (N, 3) the corners of their bounding boxes, camera frame.
         """
         emitters = self._rig.emitters if arrays else ()
         lit = self._pool.take(LIT, window)

@@ -40,8 +40,10 @@ class Silhouette:
     ) -> Iterator[None]:
         """Draw the passes of the block into ``targets``, within the silhouette only.
 
-        blank: layer -> value written outside the silhouette, 0 for other layers; None leaves the
-        targets unchanged there. flags: further GL capabilities to enable (moderngl.BLEND).
+        Args:
+            blank: layer -> value written outside the silhouette, 0 for other layers; None leaves
+                the targets unchanged there.
+            flags: further GL capabilities to enable (moderngl.BLEND).
         """
         key = tuple(target.texture.glo for target in targets)
         if key not in self._framebuffers:
@@ -79,7 +81,8 @@ class SilhouettePass:
     def draw(self, seen: Target | None, window: Rect) -> Iterator[Silhouette]:
         """Yield the silhouette of pixels where ``seen`` > 0, widened by 1 px; recycle it at exit.
 
-        seen: None for a silhouette that skips nothing.
+        Args:
+            seen: None for a silhouette that skips nothing.
         """
         silhouette = self._free.pop() if self._free else Silhouette(self._pool)
         # A window as large as the frame has a background, which covers everything.

@@ -38,7 +38,7 @@ class CentrePass:
     def __init__(
         self, context: moderngl.Context, rig: SensorRig, rays: Target, layers: tuple[Layer, ...]
     ) -> None:
-        """layers: clean, normal and albedo, as the renderer declares them."""
+        """Take the layers clean, normal and albedo, as the renderer declares them."""
         self._pass = supersampled_pass(context, rig, "centres.frag")
         self._rays, self._layers = rays, (*layers, UNEVEN)
 

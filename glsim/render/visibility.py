@@ -22,8 +22,11 @@ def visible_triangles(
 ) -> NDArray[np.bool_]:
     """Mark the triangles that any view shows, and those that share a corner with them: (F,) bool.
 
-    faces: (F, 3). views: (V, 3) vertices in millimetres with a (3, 3) rotation; the camera looks
-    along -z. Raises DeviceError without OpenGL.
+    Raises DeviceError without OpenGL.
+
+    Args:
+        faces: (F, 3).
+        views: (V, 3) vertices in millimetres with a (3, 3) rotation; the camera looks along -z.
     """
     context = open_context()
     try:

@@ -18,7 +18,9 @@ _STEP_MM = 4.0
 class Body(NamedTuple):
     """The place of a whole person in a room; canonical mm.
 
-    floor_mm: y of the floor. seat_mm: y of the seat and z of its back; None if the person stands.
+    Args:
+        floor_mm: y of the floor.
+        seat_mm: y of the seat and z of its back; None if the person stands.
     """
 
     floor_mm: float

@@ -64,8 +64,10 @@ FREE_STANDING: dict[str, tuple[tuple[float, Maker], ...]] = {
 class FloorPlan:
     """The floor of a room: its extent and what is taken.
 
-    extent: (left, back, right, front), mm. discs: (x, z, radius) of the way from the camera to the
-    person and of other people. areas: (x0, z0, x1, z1) of the furniture.
+    Args:
+        extent: (left, back, right, front), mm.
+        discs: (x, z, radius) of the way from the camera to the person and of other people.
+        areas: (x0, z0, x1, z1) of the furniture.
     """
 
     extent: tuple[float, float, float, float]

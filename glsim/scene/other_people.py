@@ -16,8 +16,8 @@ from glsim.geometry.camera import SensorRig
 from glsim.scene.body import body_of
 from glsim.scene.scenery import Prop, Scenery, standing_prop
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import GENERATORS, Settings
-from glsim.settings.seeds import stable_seed
+from glsim.settings.schema import Settings
+from glsim.settings.seeds import pcg_rng, stable_seed
 
 #: Other people of a source; rooms draw from them. A room of a thousand shows each in 30.
 STRANGERS = 32
@@ -65,7 +65,7 @@ class OtherPeople:
         if self._most == 0:
             return
         for task in tasks:
-            if self._settings.source[task.source].kind in GENERATORS:
+            if self._settings.source[task.source].endless:
                 for number in self._numbers(task, self._most):
                     if (task.source, number) not in self._faces:
                         self._faces[task.source, number] = self._standing(task.source, number)
@@ -88,7 +88,7 @@ class OtherPeople:
     def _numbers(self, task: Planned, count: int) -> list[int]:
         """Numbers of the strangers in a room, all different."""
         key = getattr(task.seeds, self._settings.scene.per)
-        rng = np.random.default_rng(stable_seed("other people", key))
+        rng = pcg_rng("other people", key)
         order: list[int] = rng.permutation(STRANGERS)[:count].tolist()
         return order
 

@@ -12,7 +12,7 @@ from glsim.scene.materials import draw_albedo
 from glsim.scene.seating import BACKREST_MM, chair, office_chair
 from glsim.scene.shapes import Shape, moved, turned
 from glsim.scene.shell import Wall, build_level, build_wall, draw_openings
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng
 
 Rng = np.random.Generator
 
@@ -29,10 +29,15 @@ _WALL_GAP_MM = 120.0
 class RoomNumbers:
     """All numbers that determine a room. Room axes: mm, origin on the floor below the face.
 
-    behind_mm: from the face to the back wall. turn_deg: the room's turn about the vertical axis.
-    camera_mm: (x, z) of the camera before that turn. reach_mm: (left, right) of the person's place
-    and how far it reaches to the back. clutter: 0 to 1. people: other people behind. seat_mm:
-    height of the person's seat above the floor and z of its back; None for a person who stands.
+    Args:
+        behind_mm: from the face to the back wall.
+        turn_deg: the room's turn about the vertical axis.
+        camera_mm: (x, z) of the camera before that turn.
+        reach_mm: (left, right) of the person's place and how far it reaches to the back.
+        clutter: 0 to 1.
+        people: other people behind.
+        seat_mm: height of the person's seat above the floor and z of its back; None for a person
+            who stands.
     """
 
     kind: str
@@ -86,7 +91,7 @@ def build_room(numbers: RoomNumbers) -> Room:
 
 
 def _rng(numbers: RoomNumbers, *words: str) -> Rng:
-    return np.random.default_rng(stable_seed("room", numbers.seed, *words))
+    return pcg_rng("room", numbers.seed, *words)
 
 
 def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:

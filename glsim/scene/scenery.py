@@ -60,8 +60,10 @@ _AROUND_CAMERA = pose_matrix({})
 class Prop:
     """A mesh of the scenery.
 
-    mesh: millimetres. view: (4, 4) float32, the mesh's millimetres to camera metres.
-    region: name in the layer of regions; "" for none.
+    Args:
+        mesh: millimetres.
+        view: (4, 4) float32, the mesh's millimetres to camera metres.
+        region: name in the layer of regions; "" for none.
     """
 
     mesh: Mesh
@@ -73,9 +75,11 @@ class Prop:
 class Scenery:
     """The scenery of one frame.
 
-    drawn: "scene.name" -> number, for the manifest. tilt_deg: how far the camera looks up.
-    places: (4, 4) matrices, mm to camera m, of points on the floor where other people may stand,
-    in canonical axes: +z is where they look.
+    Args:
+        drawn: "scene.name" -> number, for the manifest.
+        tilt_deg: how far the camera looks up.
+        places: (4, 4) matrices, mm to camera m, of points on the floor where other people may
+            stand, in canonical axes: +z is where they look.
     """
 
     props: tuple[Prop, ...] = ()
@@ -104,8 +108,9 @@ def build_scenery(
 ) -> Scenery:
     """Return the scenery of a frame; a pure function of the arguments.
 
-    body: floor and seat of the person; None for a head without a body, whose height is
-    ``scene.eye_mm``.
+    Args:
+        body: floor and seat of the person; None for a head without a body, whose height is
+            ``scene.eye_mm``.
     """
     if settings.room != "none":
         return _room_scenery(settings, pose, seeds, rig, body)
@@ -119,7 +124,8 @@ def build_scenery(
 def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.float32]) -> None:
     """Raise MeshError if the plain wall does not lie behind all of the face.
 
-    meshes, view: the face and what it wears, and their (4, 4) matrix, canonical mm to camera m.
+    Args:
+        meshes, view: the face and what it wears, and their (4, 4) matrix, canonical mm to camera m.
     """
     wall_mm = scenery.drawn.get("scene.wall_mm")
     if wall_mm is None:
@@ -246,7 +252,10 @@ def standing_prop(
 ) -> Prop | None:
     """Return another person on one of the places, or None if nothing of them is in view.
 
-    mesh: canonical mm. floor_mm: y of the floor below the feet. place: of ``Scenery.places``.
+    Args:
+        mesh: canonical mm.
+        floor_mm: y of the floor below the feet.
+        place: of ``Scenery.places``.
     """
     lift = np.eye(4, dtype=np.float32)
     lift[1, 3] = -floor_mm

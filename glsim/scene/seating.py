@@ -20,7 +20,8 @@ BACKREST_MM = 205.0
 def chair(rng: Rng, seat_mm: float | None = None) -> list[Shape]:
     """A wooden chair: four legs, rails, a seat, and a back with slats.
 
-    seat_mm: height of the seat; default: drawn.
+    Args:
+        seat_mm: height of the seat; default: drawn.
     """
     wood = draw_albedo(rng, "painted wood" if rng.random() < 0.5 else "wood")
     drawn = rng.uniform(430, 460)  # EN 12520: 400 to 480
@@ -72,7 +73,8 @@ def _slats(
 def office_chair(rng: Rng, seat_mm: float | None = None) -> list[Shape]:
     """A swivel chair: five feet with castors, a column, a seat, a padded back, armrests.
 
-    seat_mm: height of the seat under a person, then without armrests; default: drawn.
+    Args:
+        seat_mm: height of the seat under a person, then without armrests; default: drawn.
     """
     cloth = draw_albedo(rng, "cloth" if rng.random() < 0.7 else "leather")
     plastic, metal = draw_albedo(rng, "black plastic"), draw_albedo(rng, "metal")

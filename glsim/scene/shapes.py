@@ -22,8 +22,11 @@ Triangles = NDArray[np.int32]
 class Shape:
     """A mesh of one albedo and one region.
 
-    vertices_mm: (V, 3) float64. faces: (F, 3) int32. albedo: relative to a white wall, at 860 nm.
-    region: name in the layer of regions.
+    Args:
+        vertices_mm: (V, 3) float64.
+        faces: (F, 3) int32.
+        albedo: relative to a white wall, at 860 nm.
+        region: name in the layer of regions.
     """
 
     vertices_mm: Points
@@ -83,8 +86,10 @@ def box(
 ) -> Shape:
     """A box that stands on ``at_mm``, the centre of its lower side.
 
-    edge_mm: radius of its edges. cells: divisions of each side, odd; 3 bevels an edge in two
-    steps. plump_mm: how far the middles of the sides bulge, for cushions (cells >= 5).
+    Args:
+        edge_mm: radius of its edges.
+        cells: divisions of each side, odd; 3 bevels an edge in two steps.
+        plump_mm: how far the middles of the sides bulge, for cushions (cells >= 5).
     """
     half = np.asarray(size_mm, np.float64) / 2
     radius = min(edge_mm, 0.98 * float(half.min()))
@@ -141,7 +146,8 @@ def turned_body(
 ) -> Shape:
     """A body of revolution about the y axis.
 
-    profile_mm: (radius, height) from the bottom to the top; the radius is 0 where it is closed.
+    Args:
+        profile_mm: (radius, height) from the bottom to the top; the radius is 0 where it is closed.
     """
     radius, height = np.asarray(profile_mm, np.float64).T
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
@@ -201,7 +207,8 @@ def sheet(
 ) -> Shape:
     """A sheet through a grid of points, (rows, columns, 3); seen from both sides.
 
-    both: False leaves out the side away from (row direction) x (column direction).
+    Args:
+        both: False leaves out the side away from (row direction) x (column direction).
     """
     rows, columns, _ = points_mm.shape
     front = _grid(rows, columns)

@@ -18,7 +18,10 @@ Rng = np.random.Generator
 class Opening:
     """A door or a window in a wall, mm.
 
-    kind: "door" or "window". left, right: along the wall; low, high: above the floor.
+    Args:
+        kind: "door" or "window".
+        left, right: along the wall.
+        low, high: above the floor.
     """
 
     kind: str
@@ -32,8 +35,10 @@ class Opening:
 class Wall:
     """A wall as a plane z = 0 from x = 0 to ``length`` that faces +z, and its place in the room.
 
-    start: (x, z) of its left end in the room, mm. turn_deg: about the vertical axis.
-    openings: its doors and windows.
+    Args:
+        start: (x, z) of its left end in the room, mm.
+        turn_deg: about the vertical axis.
+        openings: its doors and windows.
     """
 
     name: str

@@ -25,7 +25,8 @@ _NEAREST_M = 0.3
 def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
     """Turn a thing's view matrix for a camera that looks up by ``tilt_deg``.
 
-    view: (4, 4), its mm to camera m. It keeps its place in the image; its upright axis turns.
+    Args:
+        view: (4, 4), its mm to camera m. It keeps its place in the image; its upright axis turns.
     """
     if tilt_deg == 0.0:
         return view
@@ -40,7 +41,9 @@ def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
 def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float) -> Points:
     """Return the camera's place (3,) in room axes: mm, origin on the floor below the face.
 
-    face_camera_mm: the face in camera axes (x right, y down, z forward), eye_mm above the floor.
+    Args:
+        face_camera_mm: the face in camera axes (x right, y down, z forward), eye_mm above the
+            floor.
     """
     to_room = _rotation(tilt_deg).T
     place: Points = np.array([0.0, eye_mm, 0.0]) - to_room @ np.asarray(face_camera_mm, np.float64)
@@ -54,7 +57,8 @@ _MAX_TILT_DEG = 40.0
 def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
     """Return the tilt that lifts a face to ``above_mm`` above the camera, within +-40 degrees.
 
-    face_camera_mm: its place in camera axes (x right, y down, z forward).
+    Args:
+        face_camera_mm: its place in camera axes (x right, y down, z forward).
     """
     _, y, z = face_camera_mm
     sine = float(np.clip(above_mm / np.hypot(y, z), -1, 1))
@@ -81,8 +85,11 @@ def visible_mesh(
 ) -> Mesh | None:
     """Return the part of some shapes that a rig can see, or None if there is none.
 
-    view: (4, 4), the shapes' mm to camera m. factor: of all albedos, cut at 1. The mesh is in
-    canonical axes around the camera, mm: draw it with ``pose_matrix({})``.
+    The mesh is in canonical axes around the camera, mm: draw it with ``pose_matrix({})``.
+
+    Args:
+        view: (4, 4), the shapes' mm to camera m.
+        factor: of all albedos, cut at 1.
     """
     points = np.concatenate([s.vertices_mm[s.faces] for s in shapes])
     albedo = np.concatenate([np.full(len(s.faces), min(1.0, factor * s.albedo)) for s in shapes])
@@ -107,7 +114,10 @@ def visible_mesh(
 def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh | None:
     """Return a mesh without the triangles that face away or lie out of view; None if none is left.
 
-    view: (4, 4), its mm to camera m. Triangles at the border stay whole. All arrays are new.
+    Triangles at the border stay whole. All arrays are new.
+
+    Args:
+        view: (4, 4), its mm to camera m.
     """
     points = mesh.vertices_mm @ view[:3, :3].T + view[:3, 3]
     triangles = points[mesh.faces].astype(np.float64)

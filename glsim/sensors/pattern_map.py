@@ -79,9 +79,15 @@ def remove_fixed_pattern(
 ) -> NDArray[np.float32]:
     """Subtract a device's fixed pattern: float32 mm, of the shape of ``depth_mm``.
 
-    depth_mm: (..., H, W) of any type; 0 or NaN = no depth, and stays so. map_mm: (H, W) errors of
-    the same pixels, as ``glsim fit`` writes them; where it is NaN depth is unchanged. For a crop
-    give the same crop of the map. Raises ConfigError if the shapes differ.
+    For a crop give the same crop of the map.
+
+    Args:
+        depth_mm: (..., H, W) of any type; 0 or NaN = no depth, and stays so.
+        map_mm: (H, W) errors of the same pixels, as ``glsim fit`` writes them; where it is NaN
+            depth is unchanged.
+
+    Raises:
+        ConfigError: the shapes differ.
     """
     check_shape(map_mm, depth_mm.shape[-2:], "remove_fixed_pattern")
     depth = np.asarray(depth_mm, np.float32)

@@ -36,8 +36,9 @@ from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.noise.chain import PATTERN_LAYER, check_chain
 from glsim.noise.light import check_light
-from glsim.noise.registry import find_stage, is_code
+from glsim.noise.registry import find_stage
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
+from glsim.plugins import load_plugin, plugin_file, plugin_names
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
@@ -130,9 +131,12 @@ class _SensorTable(_Table):
 class StageChange:
     """Another code for a stage of a sensor's file, or a stage that the file does not have.
 
-    name: of the stage in the chain. spec: what it runs. Parameters that the file sets and that
-    ``spec`` does not declare are left out. before: the stage that a new one precedes; None:
-    the first stage on arrays, or the end of the chain.
+    Args:
+        name: of the stage in the chain.
+        spec: what it runs. Parameters that the file sets and that ``spec`` does not declare are
+            left out.
+        before: the stage that a new one precedes; None: the first stage on arrays, or the end of
+            the chain.
     """
 
     name: str
@@ -144,9 +148,11 @@ class StageChange:
 class Sensor:
     """A rig with its chain of noise stages.
 
-    file: the TOML file it was read from. pattern_map: the device's own fixed pattern, which the
-    stage ``fixed_pattern`` adds; None: the stage draws one. wiggling: the device's own, for
-    ``remove_wiggling``; the light stage does not read it.
+    Args:
+        file: the TOML file it was read from.
+        pattern_map: the device's own fixed pattern, which the stage ``fixed_pattern`` adds; None:
+            the stage draws one.
+        wiggling: the device's own, for ``remove_wiggling``; the light stage does not read it.
     """
 
     name: str
@@ -184,26 +190,29 @@ class Sensor:
 
 
 def sensor_names() -> list[str]:
-    """Names of the shipped sensors, sorted."""
-    return sorted(file.stem for file in SENSOR_FOLDER.glob("*.toml"))
+    """Return the names of the shipped sensors and of those that other packages bring, sorted."""
+    shipped = [file.stem for file in SENSOR_FOLDER.glob("*.toml")]
+    return sorted([*shipped, *plugin_names("sensors", shipped)])
+
+
+def _sensor_file(name: str) -> Path:
+    """Return the file of a sensor's name or path. Raises ConfigError for an unknown name."""
+    file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
+    if name.endswith(".toml") or file.is_file():
+        return file
+    if name not in sensor_names():
+        raise ConfigError(
+            f"no such sensor {name!r} ({did_you_mean(name, sensor_names())}; "
+            "your own: a path that ends in .toml)"
+        )
+    package = load_plugin("sensors", name, lambda o: plugin_file(o, file.name) is not None)
+    return plugin_file(package, file.name) or file
 
 
 def sensor_of(settings: Settings, changes: Sequence[StageChange] = ()) -> Sensor:
     """Load the sensor that the settings name, with their overrides of its rig and stages."""
     place = partial(place_of, settings)
     return load_sensor(settings.sensor, settings.stage, settings.rig, place, changes)
-
-
-def sensor_code(settings: Settings) -> list[str]:
-    """Return the stages of the settings' sensor that are Python code; nothing of it is run.
-
-    Raises ConfigError if the sensor's file cannot be read.
-    """
-    if not settings.sensor.endswith(".toml"):
-        return []
-    stages = read_toml(Path(settings.sensor)).get("stage", [])
-    uses = [s.get("use") for s in stages if isinstance(s, dict)] if isinstance(stages, list) else []
-    return [use for use in uses if isinstance(use, str) and is_code(use)]
 
 
 def load_sensor(
@@ -213,19 +222,18 @@ def load_sensor(
     place: _Place = lambda *path: "the overrides",
     changes: Sequence[StageChange] = (),
 ) -> Sensor:
-    """Load a shipped sensor by name, or a sensor file by path.
+    """Load a sensor by name, shipped or of another package, or a sensor file by path.
 
-    overrides: stage -> parameter -> setting. rig_overrides: keys of the file's [rig]. place: of an
-    override, by its path ("rig", key) or ("stage", name, parameter), for messages. changes: stages
-    with other code than the file's, and new ones.
-    Raises ConfigError for an unknown sensor, key, stage or parameter, or a value out of range.
+    Args:
+        overrides: stage -> parameter -> setting.
+        rig_overrides: keys of the file's [rig].
+        place: of an override, by its path ("rig", key) or ("stage", name, parameter), for messages.
+        changes: stages with other code than the file's, and new ones.
+
+    Raises:
+        ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
     """
-    file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
-    if not name.endswith(".toml") and not file.is_file():
-        raise ConfigError(
-            f"no such sensor {name!r} ({did_you_mean(name, sensor_names())}; "
-            "your own: a path that ends in .toml)"
-        )
+    file = _sensor_file(name)
     tree = read_toml(file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
     places: dict[tuple[str, ...], str] = {

@@ -49,7 +49,8 @@ class Wave(BaseModel):
 def stage_waves(stages: Sequence[Stage], modulation_mhz: Sequence[float]) -> tuple[Wave, ...]:
     """Return the waves of a light stage whose harmonics are fixed numbers; none if they are drawn.
 
-    modulation_mhz: of the rig; a stage has the same sizes and phases at all frequencies.
+    Args:
+        modulation_mhz: of the rig; a stage has the same sizes and phases at all frequencies.
     """
     for stage in stages:
         if "harmonic_phase_spread" not in stage.settings:
@@ -78,8 +79,9 @@ def wiggling_mm(
 ) -> NDArray[np.float64]:
     """Return how much too far the decoder finds distances, mm, of the same shape.
 
-    distance_m: half the path emitter, surface, camera, metres. modulation_mhz: all frequencies of
-    the device, over which the decoder takes the mean.
+    Args:
+        distance_m: half the path emitter, surface, camera, metres.
+        modulation_mhz: all frequencies of the device, over which the decoder takes the mean.
     """
     distance = np.asarray(distance_m, np.float64)
     total = np.zeros_like(distance)
@@ -104,8 +106,10 @@ def remove_wiggling(
 ) -> NDArray[np.float32]:
     """Subtract a device's wiggling: float32 mm, of the shape of ``depth_mm``.
 
-    depth_mm: (H, W), 0 = no depth, and stays so. rays: (H, W, 2) x/z and y/z of the same pixels.
-    emitter_m: where the decoder counts paths from (``SensorRig.emitter_m``).
+    Args:
+        depth_mm: (H, W), 0 = no depth, and stays so.
+        rays: (H, W, 2) x/z and y/z of the same pixels.
+        emitter_m: where the decoder counts paths from (``SensorRig.emitter_m``).
     """
     measured = np.asarray(depth_mm, np.float32)
     known = measured > 0

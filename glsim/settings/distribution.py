@@ -12,11 +12,12 @@ A draw is a function of its key and name only: adding a distribution changes no 
 from __future__ import annotations
 
 import math
-import zlib
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
+
+from glsim.settings.seeds import keyed_rng
 
 Scope = Literal["frame", "sequence", "subject"]
 
@@ -75,9 +76,7 @@ class Distribution(BaseModel):
         """Draw the number of the setting ``name`` for the frame that ``keys`` identify."""
         if self.constant is not None:
             return self.constant
-        # Explicitly uint64: NumPy converts a list with a number beyond 2**63 to float64.
-        key = np.array([getattr(keys, self.per), zlib.crc32(name.encode())], dtype=np.uint64)
-        rng = np.random.Generator(np.random.Philox(key=key))
+        rng = keyed_rng(getattr(keys, self.per), name)
         if self.uniform is not None:
             return float(rng.uniform(*self.uniform))
         if self.loguniform is not None:

@@ -24,7 +24,7 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
     path = [str(part) for part in problem["loc"] if not _is_internal(str(part))]
     name = ".".join(path)
     if problem["type"] == "extra_forbidden":
-        known = _fields_at(model, path[:-1])
+        known = problem.get("ctx", {}).get("known") or _fields_at(model, path[:-1])
         return path, f"no such setting {name!r} ({did_you_mean(path[-1], known)})"
     text = _text(dict(problem))
     given = problem.get("input")

@@ -35,13 +35,22 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    SerializeAsAny,
+    model_validator,
+)
 
 from glsim.errors import ConfigError
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
 from glsim.settings.scene_settings import SceneSettings
+from glsim.settings.source_settings import SourceSettings, parse_source
 from glsim.settings.tables import assign, merge_tables, parse_table, read_toml, split_assignment
 
 LayerName = Literal["clean", "noisy", "infrared", "reason", "regions", "expected", "normals"]
@@ -53,80 +62,14 @@ DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.plan.paper_split."""
-GENERATORS = ("procedural", "ict-facekit", "people")
-"""Sources that generate faces; the others are finite."""
 POSE_LIMITS = {"motion": (0.0, 5.0)}
 """Limits of numbers of [pose]. Chosen: turns of 30 degrees within a sequence."""
 VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
 """Limits of numbers of [variation]. Chosen."""
-_FILE_SOURCES = ("folder", "d3dfacs", "facewarehouse", "biwi")
-_SOURCE_OPTIONS = {
-    "unit": _FILE_SOURCES,
-    "axes": _FILE_SOURCES,
-    "every": ("d3dfacs", "biwi", "kinect2"),
-    "peak_only": ("d3dfacs",),
-    "steps": ("facewarehouse",),
-    "poses": ("facewarehouse",),
-    "framing": ("people",),
-    "frames_per_sequence": GENERATORS,
-    "frames_per_second": GENERATORS,
-}
 
 
 class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class SourceSettings(_Table):
-    """A source of faces: a generator or a set of meshes on disk."""
-
-    kind: Literal[
-        "procedural",
-        "ict-facekit",
-        "people",
-        "folder",
-        "d3dfacs",
-        "facewarehouse",
-        "biwi",
-        "kinect2",
-    ] = Field("procedural", description="where faces come from; kinect2: real recordings")
-    root: Path | None = Field(None, description="folder of the meshes or of the face model")
-    subjects: int | None = Field(None, ge=1, description="number of people; default: all")
-    frames_per_subject: int | None = Field(
-        None, ge=1, description="frames of each person; default: all"
-    )
-    frames_per_sequence: int | None = Field(
-        None, ge=1, le=100_000, description="length of a generated sequence; default: 30"
-    )
-    frames_per_second: float | None = Field(
-        None,
-        gt=0,
-        le=1000,
-        description="a generated sequence is a part of a performance at this rate, at a random "
-        "time; default: the whole performance, evenly spaced",
-    )
-    unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
-    axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; auto: detected")
-    every: int | None = Field(
-        None, ge=1, description="take every n-th frame (d3dfacs, biwi, kinect2)"
-    )
-    peak_only: bool | None = Field(None, description="only the peak of each sequence (d3dfacs)")
-    steps: int | None = Field(None, ge=1, description="frames per blend shape (facewarehouse)")
-    poses: bool | None = Field(None, description="also the training poses (facewarehouse)")
-    framing: Literal["face", "bust", "body"] | None = Field(
-        None, description="what lies at the pose's distance (people); default: face"
-    )
-    weight: float | None = Field(None, gt=0, lt=1e9, description="share relative to other sources")
-    count: int | None = Field(None, ge=1, description="number of images from this source")
-
-    @model_validator(mode="after")
-    def _check(self) -> SourceSettings:
-        for name, kinds in _SOURCE_OPTIONS.items():
-            if getattr(self, name) not in (None, "auto") and self.kind not in kinds:
-                raise ValueError(f"{name}: {self.kind} has no such option ({', '.join(kinds)})")
-        if self.weight is not None and self.count is not None:
-            raise ValueError("give a source a weight or a count, not both")
-        return self
 
 
 class PoseSettings(_Table):
@@ -209,6 +152,13 @@ class OutputSettings(_Table):
 _Shares = tuple[float, float, float]
 
 
+def _source(value: object) -> object:
+    return parse_source(value) if isinstance(value, Mapping) else value
+
+
+_Source = Annotated[SerializeAsAny[SourceSettings], BeforeValidator(_source)]
+
+
 def _split(value: object) -> object:
     if value == PAPER_SPLIT:
         return value
@@ -232,7 +182,10 @@ class Settings(_Table):
     split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = Field(
         (0.70, 0.12, 0.18), description="shares of train, val, test by subject; paper: the paper's"
     )
-    source: Annotated[tuple[SourceSettings, ...], BeforeValidator(_sources)] = (SourceSettings(),)
+    source: Annotated[tuple[_Source, ...], BeforeValidator(_sources)] = Field(
+        ({},),
+        validate_default=True,
+    )
     pose: PoseSettings = PoseSettings()
     variation: VariationSettings = VariationSettings()
     appearance: AppearanceSettings = AppearanceSettings()
@@ -264,12 +217,9 @@ class Settings(_Table):
             raise ValueError(f"split {list(self.split)}: the shares must be >= 0 and add up to 1")
         if not self.source:
             raise ValueError("source: at least one is needed")
-        heads = [s.kind for s in self.source if s.kind == "people" and s.framing in (None, "face")]
-        if heads and self.scene.room != "none":
-            raise ValueError(
-                "source.framing: in a room people stand upright: set it to bust or body "
-                "(framing face holds the head still and turns the body under it)"
-            )
+        problem = next(filter(None, (source.room_problem() for source in self.source)), "")
+        if problem and self.scene.room != "none":
+            raise ValueError(problem)
         wall, face = self.scene.wall_mm, self.pose.distance_mm
         if wall is not None and wall.bounds()[1] <= face.bounds()[0]:
             raise ValueError(
@@ -295,12 +245,14 @@ def load_settings(
 ) -> Settings:
     """Load settings: a preset, a TOML file, ``a.b=value`` assignments, then nested ``overrides``.
 
-    preset: name of a shipped preset. Its [source] counts only for sources of its kind.
+    A source that generates faces has 10 subjects and 30 frames of each by default.
 
-    source: overrides of the single [source] table. A source that generates faces has 10 subjects
-    and 30 frames of each by default.
+    Args:
+        preset: name of a shipped preset. Its [source] counts only for sources of its kind.
+        source: overrides of the single [source] table.
 
-    Raises ConfigError for a file that cannot be read, an unknown key or an invalid value.
+    Raises:
+        ConfigError: a file that cannot be read, an unknown key or an invalid value.
     """
     tree: dict[str, Any] = read_toml(file) if file is not None else {}
     where = str(file) if file is not None else "settings"
@@ -355,7 +307,7 @@ def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_counts(source: SourceSettings) -> SourceSettings:
-    if source.kind not in GENERATORS:
+    if not source.endless:
         return source
     update = {
         "subjects": source.subjects or DEFAULT_SUBJECTS,

@@ -87,8 +87,9 @@ def parse_table(
 ) -> _Model:
     """Build a ``model`` from nested dicts. Raises ConfigError: the first problem, in one line.
 
-    where: the place of the settings, such as a file. places: path of a setting -> another place,
-    for settings that come from an option.
+    Args:
+        where: the place of the settings, such as a file.
+        places: path of a setting -> another place, for settings that come from an option.
     """
     try:
         return model.model_validate(tree)

@@ -30,8 +30,13 @@ _PLACE = re.compile(r"(?P<file>[^\s;:]+\.\w+):(?P<line>\d+):\s*")
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
-    """A drawn tuning. normal: (h, w, 4) of the frame's window. milliseconds: to draw it."""
+class DrawnFrame:
+    """A drawn tuning.
+
+    Attributes:
+        normal: (h, w, 4) of the frame's window.
+        milliseconds: to draw it.
+    """
 
     tuning: Tuning
     frame: Frame
@@ -51,30 +56,28 @@ class Bench:
         open_sources: Callable[[Settings], Sequence[FaceSource]],
         backend: str | None = None,
     ) -> None:
-        """base: the settings that tunings change. open_sources: the faces of some settings."""
+        """Take the settings that tunings change, and what opens the faces of some settings."""
         self._base, self._open_sources, self._backend = base, open_sources, backend
         self._context: moderngl.Context | None = None
-        self._plan: tuple[object, ...] | None = None
+        self._plan: tuple[str, Mapping[str, Any]] | None = None
         self._tasks: Sequence[Task] = ()
         self._plain: Simulator | None = None
-        self._posed: tuple[Mapping[str, Any], Simulator] | None = None
+        #: The simulator with the code of some stages, and the last that drew a frame: its programs
+        #: stay linked while its code is edited.
         self._coded: tuple[Mapping[str, StageCode], Simulator] | None = None
         self._last: Simulator | None = None
 
-    def draw(self, tuning: Tuning, noise_of: int | None = None) -> Picture:
+    def draw(self, tuning: Tuning, noise_of: int | None = None) -> DrawnFrame:
         """Draw a tuning's frame.
 
-        noise_of: number of the frame whose noise it has; None: its own. Raises GlsimError: the
-        bench serves on with what it has.
+        Raises GlsimError: the bench serves on with what it has.
+
+        Args:
+            noise_of: number of the frame whose noise it has; None: its own.
         """
-        plain = self._of_sensor(tuning)
-        of_stages = {
-            name: value
-            for name, value in tuning.values.items()
-            if name.partition(".")[0] in {*tuning.code, *(s.name for s in plain.sensor.stages)}
-        }
-        coded = self._with_code(tuning, self._with_scene(plain, tuning, of_stages))
-        simulator = coded.with_values(of_stages) if of_stages else coded
+        coded = self._with_code(tuning)
+        values = {name: value for name, value in tuning.values.items() if name not in _OF_PLAN}
+        simulator = coded.with_values(values) if values else coded
         task = self._tasks[tuning.frame % len(self._tasks)]
         if noise_of is not None:
             noise = self._tasks[noise_of % len(self._tasks)].seeds.frame
@@ -84,8 +87,8 @@ class Bench:
         elapsed = 1000 * (time.perf_counter() - start)
         if not isinstance(frame, Frame):
             raise GlsimError(frame.why)
-        self._last = simulator  # keeps the programs of the last good code linked
-        return Picture(
+        self._last = simulator
+        return DrawnFrame(
             tuning,
             frame,
             simulator.sensor,
@@ -95,42 +98,23 @@ class Bench:
             elapsed,
         )
 
-    def _with_scene(
-        self, plain: Simulator, tuning: Tuning, of_stages: Mapping[str, Any]
-    ) -> Simulator:
-        """Return the sensor's simulator with the tuning's rig, pose and scene.
-
-        It is kept: simulators that share it draw other noise over the scene that it has rendered.
-        """
-        values = {k: v for k, v in tuning.values.items() if k not in {*_OF_PLAN, *of_stages}}
-        if self._posed is None or self._posed[0] != values:
-            self._posed = values, plain.with_values(values) if values else plain
-            self._coded = None
-        return self._posed[1]
-
-    def _with_code(self, tuning: Tuning, posed: Simulator) -> Simulator:
-        """Return a simulator with the tuning's code."""
-        if not tuning.code:
-            return posed
+    def _with_code(self, tuning: Tuning) -> Simulator:
+        """Return the simulator of the tuning's sensor, plan and code."""
+        of_plan = {n: tuning.values[n] for n in _OF_PLAN if n in tuning.values}
+        if self._plain is None or self._plan != (tuning.sensor, of_plan):
+            settings = with_assignments(self._base, {"sensor": tuning.sensor, **of_plan})
+            sources = self._open_sources(settings)
+            self._tasks = make_tasks(settings, list(sources))
+            if self._context is None:
+                self._context = open_context(self._backend)
+            self._plain = Simulator(settings, sources, self._context, ("normal",))
+            self._plan, self._coded = (tuning.sensor, of_plan), None
         if self._coded is None or self._coded[0] != tuning.code:
-            simulator = posed
+            simulator = self._plain
             for stage, code in tuning.code.items():
                 simulator = simulator.with_stage(stage, code.text, code.before)
             self._coded = dict(tuning.code), simulator
         return self._coded[1]
-
-    def _of_sensor(self, tuning: Tuning) -> Simulator:
-        plan = (tuning.sensor, *(tuning.values.get(name) for name in _OF_PLAN))
-        if self._plain is None or plan != self._plan:
-            of_plan = {n: tuning.values[n] for n in _OF_PLAN if n in tuning.values}
-            settings = with_assignments(self._base, {"sensor": tuning.sensor, **of_plan})
-            sources = self._open_sources(settings)
-            tasks = make_tasks(settings, list(sources))
-            if self._context is None:
-                self._context = open_context(self._backend)
-            self._plain = Simulator(settings, sources, self._context, ("normal",))
-            self._plan, self._tasks, self._posed, self._coded = plan, tasks, None, None
-        return self._plain
 
     def reload(self) -> None:
         """Read the sensor's files and the stages' GLSL anew at the next frame."""
@@ -140,7 +124,7 @@ class Bench:
     def close(self) -> None:
         """Release the context; the next frame opens another one."""
         self._plan = None
-        self._plain = self._posed = self._coded = self._last = None
+        self._plain = self._coded = self._last = None
         if self._context is not None:
             self._context.release()
             self._context = None

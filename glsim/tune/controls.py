@@ -22,9 +22,14 @@ _SPAN = 5.0
 class Control:
     """One value that can be moved.
 
-    name: of ``--set``. kind: float, int or bool. low, high: what is valid; least, most: the ends of
-    the slider. log_scale: the slider holds the logarithm to base 10. start: the sensor's own.
-    off: it is not there until it is moved; start is then where the slider stands.
+    Attributes:
+        name: of ``--set``.
+        kind: float, int or bool.
+        low, high: the valid range.
+        least, most: the ends of the slider.
+        log_scale: the slider holds the logarithm to base 10.
+        start: the sensor's own value.
+        off: the sensor does not have the value until the slider, which stands at ``start``, moves.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What the parts of a page need of the page."""
+"""The interface of a page that its components use."""
 
 from __future__ import annotations
 
@@ -7,18 +7,23 @@ from typing import Any, Protocol
 from nicegui import Client
 
 from glsim.sensors.sensor import Sensor
-from glsim.tune.bench import Picture
+from glsim.tune.bench import DrawnFrame
 from glsim.tune.state import History, StageCode, Tuning
 from glsim.tune.workshop import Workshop
 
 
 class Desk(Protocol):
-    """One open tab. picture: the newest; selected: the open section of the left."""
+    """One open tab.
+
+    Attributes:
+        picture: the newest one.
+        selected: the open section of the left column.
+    """
 
     workshop: Workshop
     client: Client
     history: History
-    picture: Picture | None
+    picture: DrawnFrame | None
     selected: str
 
     @property
@@ -27,7 +32,11 @@ class Desk(Protocol):
         ...
 
     def change(self, tuning: Tuning, what: str = "") -> None:
-        """Make a tuning the current one, and draw it soon. what: name of the change, for undo."""
+        """Make a tuning the current one, and draw it soon.
+
+        Args:
+            what: name of the change, for undo.
+        """
         ...
 
     async def refresh(self) -> None:

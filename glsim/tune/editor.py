@@ -11,7 +11,7 @@ from nicegui import background_tasks, ui
 
 from glsim.gl.shader_source import SHADER_ROOT
 from glsim.noise.stage import Stage
-from glsim.tune.bench import Picture, marked_lines
+from glsim.tune.bench import DrawnFrame, marked_lines
 from glsim.tune.desk import Desk
 from glsim.tune.state import StageCode
 
@@ -63,7 +63,7 @@ class CodeEditor:
         if self._opened is not None:
             self._opened.set_theme("vscodeDark" if dark else "basicLight")
 
-    def refresh(self, picture: Picture) -> None:
+    def refresh(self, picture: DrawnFrame) -> None:
         """Show the code of the selected stage, unless it is being typed."""
         stages = {stage.name: stage for stage in picture.sensor.stages}
         stage = stages.get(self._page.selected)

@@ -12,7 +12,8 @@ from glsim.faces.one_mesh import OneMesh
 from glsim.meshio.load import load_mesh
 from glsim.pipeline import open_sources
 from glsim.settings.distribution import Distribution
-from glsim.settings.schema import Settings, SourceSettings, parse_assignment
+from glsim.settings.schema import Settings, parse_assignment
+from glsim.settings.source_settings import parse_source
 
 #: Frames of one mesh: the same surface with other noise.
 _MESH_FRAMES = 30
@@ -23,13 +24,16 @@ def opener(
 ) -> tuple[Settings, Callable[[Settings], Sequence[FaceSource]]]:
     """Return the settings with their plan of frames, and what opens the faces of such settings.
 
-    face: a mesh file instead of the settings' source. Raises MeshError if it cannot be read.
+    Raises MeshError if it cannot be read.
+
+    Args:
+        face: a mesh file instead of the settings' source.
     """
     if face is None:
         return settings, open_sources
     loaded = load_mesh(face)
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
-    single = SourceSettings(subjects=1, frames_per_subject=_MESH_FRAMES)
+    single = parse_source({"subjects": 1, "frames_per_subject": _MESH_FRAMES})
     return settings.model_copy(update={"source": (single,)}), lambda _: [source]
 
 

@@ -31,7 +31,7 @@ class Outputs:
             ui.menu_item("Copy link", self._copy_link)
 
     def refresh(self, tuning: Tuning) -> None:
-        """Keep the address of the page that of its settings, so that reloading keeps them."""
+        """Put the settings into the page's address, so that reloading keeps them."""
         self._page.client.run_javascript(f"history.replaceState(null, '', '/?s={tuning.link()}')")
 
     def _copy(self, text: str) -> None:

@@ -15,11 +15,11 @@ from nicegui import Client, background_tasks, ui
 from glsim.errors import GlsimError
 from glsim.reason import Reason
 from glsim.sensors.sensor import Sensor
-from glsim.tune.bench import Picture
-from glsim.tune.comparison import Comparison
+from glsim.tune.bench import DrawnFrame
 from glsim.tune.editor import CodeEditor
 from glsim.tune.packet import pack
 from glsim.tune.sections import Sections
+from glsim.tune.side_by_side import SideBySide
 from glsim.tune.state import History, StageCode, Tuning
 from glsim.tune.topbar import TopBar
 from glsim.tune.workshop import Workshop
@@ -49,7 +49,7 @@ class Page:
         self.workshop, self.client, self.tab = workshop, client, client.id
         self.history = History(start)
         self.bench = workshop.bench()
-        self.picture: Picture | None = None
+        self.picture: DrawnFrame | None = None
         self.selected = ""
         self._number = 0
         self._packet: bytes | None = None
@@ -59,18 +59,22 @@ class Page:
         self._read_at = 0.0
         self._painted = asyncio.Event()
         self._presented = asyncio.Event()
-        self._ahead: tuple[Tuning, int | None, asyncio.Task[Picture]] | None = None
+        self._ahead: tuple[Tuning, int | None, asyncio.Task[DrawnFrame]] | None = None
 
     # what is shown
 
     def build(self, problem: str) -> None:
-        """Create the elements. problem: a message about the address."""
+        """Create the elements.
+
+        Args:
+            problem: a message about the address.
+        """
         ui.add_head_html(_HEAD)
         self.dark = ui.dark_mode(None)
         ui.on("tune_shown", self._shown)
         with ui.element("main").classes("tune"):
             with ui.element("header").classes("top"):
-                self.comparison = Comparison(self, self._drawn, _figures)
+                self.comparison = SideBySide(self, self._drawn, _figures)
                 self.top = TopBar(self, self.comparison)
             with ui.element("nav").classes("left").props('aria-label="stages"'):
                 self.sections = Sections(self, self._new_stage, self._show_code)
@@ -113,7 +117,7 @@ class Page:
     def _new_stage(self) -> None:
         self.editor.new_stage()
 
-    def _show_code(self, picture: Picture) -> None:
+    def _show_code(self, picture: DrawnFrame) -> None:
         self.editor.refresh(picture)
 
     # what changes
@@ -124,7 +128,11 @@ class Page:
         return self.picture.sensor if self.picture else None
 
     def change(self, tuning: Tuning, what: str = "") -> None:
-        """Make a tuning the current one, and draw it soon. what: name of the change, for undo."""
+        """Make a tuning the current one, and draw it soon.
+
+        Args:
+            what: name of the change, for undo.
+        """
         if self.history.change(tuning, what):
             background_tasks.create(self.refresh(), name="glsim tune")
 
@@ -166,7 +174,7 @@ class Page:
         finally:
             self._drawing = False
 
-    async def _drawn(self, tuning: Tuning) -> Picture:
+    async def _drawn(self, tuning: Tuning) -> DrawnFrame:
         return await self.workshop.on_gl(self.bench.draw, tuning, self.top.noise_of)
 
     async def _draw(self, tuning: Tuning) -> None:
@@ -232,11 +240,12 @@ class Page:
         self._follow(self._measure, _REST, _REST_PLAYING)
 
     def _follow(
-        self, show: Callable[[Picture], Awaitable[None]], rest_s: float, play_s: float
+        self, show: Callable[[DrawnFrame], Awaitable[None]], rest_s: float, play_s: float
     ) -> None:
         """Call ``show`` for the newest picture after it is painted, until there is no newer one.
 
-        rest_s, play_s: pause between painting and showing; the same while the page plays.
+        Args:
+            rest_s, play_s: pause between painting and showing; the same while the page plays.
         """
 
         async def follow() -> None:
@@ -256,19 +265,19 @@ class Page:
             self._followed.add(show.__name__)
             background_tasks.create(follow(), name=show.__name__)
 
-    async def _list(self, picture: Picture) -> None:
+    async def _list(self, picture: DrawnFrame) -> None:
         with self.client:
             self.sections.refresh(picture)
             self.editor.refresh(picture)
             self.top.refresh()
 
-    async def _measure(self, picture: Picture) -> None:
+    async def _measure(self, picture: DrawnFrame) -> None:
         figures = await self.workshop.measure(_figures, picture)
         self.call("statistics", figures, self.comparison.figures)
         if self.workshop.recorded and not self.top.playing:
-            from glsim.tune.recording import measure_frames
+            from glsim.tune.recording import tuned_figures
 
-            here = await self.workshop.measure(measure_frames, [picture.frame])
+            here = await self.workshop.measure(tuned_figures, [picture.frame])
             self._show_recording(here)
 
     def _show_recording(self, here: dict[str, Any] | None) -> None:
@@ -309,7 +318,7 @@ class Page:
             await self.refresh()
 
 
-def _figures(picture: Picture) -> dict[str, Any]:
+def _figures(picture: DrawnFrame) -> dict[str, Any]:
     from glsim.tune.statistics import frame_statistics, silhouette_widths  # takes 0.2 s
 
     return {

@@ -7,25 +7,25 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from glsim.compare.frames import FrameSet, frame_set, read_frame_set
-from glsim.compare.silhouettes import measure_silhouettes
-from glsim.compare.spatial import measure_spatial
-from glsim.compare.validity import measure_invalid
 from glsim.frame import Frame
+from glsim.measures.frame import FrameSet, frame_set
+from glsim.measures.silhouettes import measure_silhouettes
+from glsim.measures.spatial import measure_spatial
+from glsim.measures.validity import measure_invalid
+from glsim.recordings.recording import read_frame_set
 
-#: Frames of the recording that are measured: the figures of 16 differ from those of 60 by a few
-#: per cent, and the page is open before they are known.
+#: Frames of the recording that are measured; chosen, since the page waits for them.
 FRAMES = 16
 
 
-def measure_recording(folder: Path) -> dict[str, Any]:
+def recording_figures(folder: Path) -> dict[str, Any]:
     """Measure a recording. Raises ConfigError or DatasetError if it cannot be read."""
-    return figures(read_frame_set(folder, most=FRAMES))
+    return _figures(read_frame_set(folder, most=FRAMES))
 
 
-def measure_frames(frames: Sequence[Frame]) -> dict[str, Any]:
+def tuned_figures(frames: Sequence[Frame]) -> dict[str, Any]:
     """Measure tuned frames of one size."""
-    return figures(
+    return _figures(
         frame_set(
             "tuned",
             [frame.noisy * frame.depth_unit_mm for frame in frames],
@@ -36,7 +36,7 @@ def measure_frames(frames: Sequence[Frame]) -> dict[str, Any]:
     )
 
 
-def figures(frames: FrameSet) -> dict[str, Any]:
+def _figures(frames: FrameSet) -> dict[str, Any]:
     """Return the figures of a set as JSON values; None where it has too few pixels."""
     spatial = measure_spatial(frames.frames)
     sides = measure_silhouettes(frames.frames)

@@ -11,7 +11,7 @@ from glsim.errors import GlsimError
 from glsim.noise.stage import Stage
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.distribution import Distribution, constant
-from glsim.tune.bench import Picture
+from glsim.tune.bench import DrawnFrame
 from glsim.tune.controls import (
     Control,
     pose_controls,
@@ -30,9 +30,9 @@ class Sections:
     """Rows of the left, and the controls of the open one."""
 
     def __init__(
-        self, page: Desk, new_stage: Callable[[], None], show_code: Callable[[Picture], None]
+        self, page: Desk, new_stage: Callable[[], None], show_code: Callable[[DrawnFrame], None]
     ) -> None:
-        """new_stage: asks for one. show_code: shows the code of the selected stage."""
+        """Take what asks for a new stage, and what shows the code of the selected one."""
         self._page, self._new_stage, self._show_code = page, new_stage, show_code
         self._own: tuple[str, Sensor] | None = None
         self._plan: object = None
@@ -42,7 +42,7 @@ class Sections:
         self._dots: dict[str, Any] = {}
         self._root = ui.element("div")
 
-    def refresh(self, picture: Picture) -> None:
+    def refresh(self, picture: DrawnFrame) -> None:
         """Show a picture's stages and values; elements that still fit are kept."""
         page, sensor = self._page, picture.sensor
         if not page.selected or page.selected not in {
@@ -70,14 +70,14 @@ class Sections:
         """Read the sensor's own values anew at the next picture."""
         self._stale, self._plan = True, None
 
-    def _value(self, name: str, picture: Picture) -> Any:
+    def _value(self, name: str, picture: DrawnFrame) -> Any:
         """The current value of a control: the user's, which may be newer than the picture's."""
         if name.startswith("rig:"):
             return next(c.start for c in rig_controls(picture.sensor) if c.label == name[4:])
         values = self._page.history.now.values
         return values[name] if name in values else own_value(self._rows[name].control)
 
-    def _fill(self, picture: Picture) -> None:
+    def _fill(self, picture: DrawnFrame) -> None:
         self._root.clear()
         self._rows, self._switches, self._dots = {}, {}, {}
         with self._root:
@@ -149,14 +149,14 @@ class Sections:
         value = page.history.now.values.get(control.name, own_value(control))
         self._rows[control.name] = ControlRow(control, value, page.set_value, page.history.settle)
 
-    def _pose(self, picture: Picture) -> None:
+    def _pose(self, picture: DrawnFrame) -> None:
         base = self._page.workshop.base
         for control in pose_controls(base):
             self._row(control)
         if picture.settings.scene.room == "none":
             self._row(wall_control(base))
 
-    def _rig(self, picture: Picture) -> None:
+    def _rig(self, picture: DrawnFrame) -> None:
         page = self._page
         now = {control.label: control.start for control in rig_controls(picture.sensor)}
         for one in rig_controls(self._own_sensor()):

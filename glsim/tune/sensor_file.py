@@ -19,9 +19,11 @@ from glsim.tune.state import Tuning, toml_value
 def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:
     """Write FILE.toml, and FILE_STAGE.glsl for each stage with changed code; returns their paths.
 
-    sensor: as the tuning's simulator has it. Values of the pose and the scene are no part of a
-    sensor and are left out (``other_values`` names them). Raises ConfigError for a name without
-    .toml.
+    Raises ConfigError for a name without .toml.
+
+    Args:
+        sensor: as the tuning's simulator has it. Values of the pose and the scene are no part of a
+            sensor and are left out (``other_values`` names them).
     """
     if file.suffix != ".toml":
         raise ConfigError(f"{file}: the name of a sensor file ends in .toml")

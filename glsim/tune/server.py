@@ -73,7 +73,11 @@ def serve(workshop: Workshop, address: Address) -> None:
 
 
 def _answer(packet: bytes | None, without: int) -> Response:
-    """Answer with a picture's packet. without: the status if there is none."""
+    """Answer with a picture's packet.
+
+    Args:
+        without: the status if there is none.
+    """
     if packet is None:
         return Response(status_code=without)
     return Response(packet, media_type="application/octet-stream")

@@ -29,7 +29,11 @@ _LINK_KEYS = ("sensor", "values", "code", "frame")
 
 @dataclass(frozen=True)
 class StageCode:
-    """GLSL that replaces a stage's, or a new stage. before: the stage that a new one precedes."""
+    """GLSL that replaces a stage's, or a new stage.
+
+    Attributes:
+        before: the stage that a new one precedes.
+    """
 
     text: str
     before: str | None = None
@@ -40,8 +44,11 @@ class StageCode:
 class Tuning:
     """One state of the page. Equal tunings give equal frames.
 
-    sensor: name or file. values: name of ``--set`` -> value. code: stage -> its changed GLSL.
-    frame: number of the frame in the plan.
+    Attributes:
+        sensor: name or file.
+        values: name of ``--set`` -> value.
+        code: stage -> its changed GLSL.
+        frame: number of the frame in the plan.
     """
 
     sensor: str
@@ -109,7 +116,11 @@ class History:
         return self._steps[self._at]
 
     def change(self, tuning: Tuning, what: str = "") -> bool:
-        """Make a tuning the current one; returns whether it differs. what: name of the change."""
+        """Make a tuning the current one; return True if it differs.
+
+        Args:
+            what: name of the change.
+        """
         if tuning == self.now:
             return False
         if what and what == self._open and self._at == len(self._steps) - 1:
@@ -125,7 +136,7 @@ class History:
         self._open = ""
 
     def refuse(self, tuning: Tuning) -> bool:
-        """Forget the current step if it is this one, which cannot be drawn; returns whether."""
+        """Drop a step that cannot be drawn, if it is the current one; return whether it was."""
         if tuning is not self.now or self._at == 0:
             return False
         self._steps = self._steps[: self._at]

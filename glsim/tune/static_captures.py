@@ -57,7 +57,9 @@ Integers = Mapping[str, NDArray[Any]]
 def whole_numbers(frame: Frame, side: int) -> dict[str, NDArray[Any]]:
     """Round a frame's clean layers to integers, (planes, h, w).
 
-    frame: with CAPTURED_LAYERS as extra layers. side: samples along each axis of a pixel.
+    Args:
+        frame: with CAPTURED_LAYERS as extra layers.
+        side: samples along each axis of a pixel.
     """
     clean = _steps(frame.clean_m, DEPTH_M, np.uint16)
     normal, seen = frame.extra["normal"], frame.clean_m > 0
@@ -89,7 +91,8 @@ def whole_numbers(frame: Frame, side: int) -> dict[str, NDArray[Any]]:
 def pack_capture(frame: Frame, sensor: Sensor, scene: str, blobs: dict[str, Any]) -> dict[str, Any]:
     """Pack a frame of ``sensor`` as JSON values and add its blobs to ``blobs``.
 
-    scene: its name, which the seeds of its sequence depend on.
+    Args:
+        scene: its name, which the seeds of its sequence depend on.
     """
     side = sensor.rig.supersample
     layers = {}

@@ -43,9 +43,12 @@ def write_static_page(
 ) -> list[Path]:
     """Write the page into ``folder``, which is made; return the files.
 
-    sensors: names or files (default: all shipped). scenes: default ten heads, and two with a
-    background. backend: "egl" or "osmesa".
     Raises what ``simulate`` raises.
+
+    Args:
+        sensors: names or files (default: all shipped).
+        scenes: default ten heads, and two with a background.
+        backend: "egl" or "osmesa".
     """
     names = list(sensors) or sensor_names()
     chosen = list(scenes) or default_scenes()

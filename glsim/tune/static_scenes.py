@@ -27,9 +27,12 @@ _POSES = (
 
 @dataclass(frozen=True)
 class Scene:
-    """A frame to capture. base: settings as tables; values: by the names of ``--set``.
+    """A frame to capture.
 
-    name: of its file. subject: its number in the plan of ``base``.
+    Attributes:
+        base: settings as tables; values: by the names of ``--set``.
+        name: of its file.
+        subject: its number in the plan of ``base``.
     """
 
     name: str

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.frames import frame_set
-from glsim.compare.silhouettes import find_edges
 from glsim.frame import Frame
+from glsim.measures.correlation import correlation_of, lagged_sums
+from glsim.measures.frame import frame_set
+from glsim.measures.silhouettes import find_edges
 from glsim.reason import Reason
 
 Array = NDArray[np.float32]
@@ -117,27 +118,12 @@ def _autocorrelation(error: Array, mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Correlate errors with those 0 to 8 pixels to the right, and below."""
     if mask.sum() < _LEAST:
         return {"row": [], "column": []}
-    centred = np.where(mask, error - error[mask].mean(), 0.0).astype(np.float64)
-    variance = float((centred[mask] ** 2).mean())
+    noise = np.where(mask, error - error[mask].mean(), np.nan).astype(np.float64)
+    steps = range(_LAGS + 1)
     return {
-        name: [_lag(centred, mask, step, axis, variance) for step in range(_LAGS + 1)]
-        for axis, name in ((1, "row"), (0, "column"))
+        name: [_number(c) for c in correlation_of([lagged_sums(noise, lags)])]
+        for name, lags in (("row", [(0, k) for k in steps]), ("column", [(k, 0) for k in steps]))
     }
-
-
-def _lag(
-    centred: NDArray[np.float64], mask: NDArray[np.bool_], step: int, axis: int, variance: float
-) -> float | None:
-    size = mask.shape[axis]
-    if step >= size or variance == 0:
-        return None
-    near = np.arange(size - step)
-    a, b = np.take(mask, near, axis), np.take(mask, near + step, axis)
-    pairs = a & b
-    if not pairs.any():
-        return None
-    products = np.take(centred, near, axis) * np.take(centred, near + step, axis)
-    return _number(float(products[pairs].mean()) / variance)
 
 
 def _reasons(frame: Frame) -> list[list[Any]]:

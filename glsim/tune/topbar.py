@@ -8,9 +8,9 @@ from typing import Any
 from nicegui import background_tasks, ui
 
 from glsim.sensors.sensor import sensor_names
-from glsim.tune.comparison import Comparison
 from glsim.tune.desk import Desk
 from glsim.tune.outputs import Outputs
+from glsim.tune.side_by_side import SideBySide
 from glsim.tune.state import Tuning
 
 #: Ranges of colours of the difference, mm.
@@ -20,10 +20,12 @@ _SCALES_MM = (2, 5, 10, 20, 50, 100)
 class TopBar:
     """The elements of the top, and what they do.
 
-    playing: whether frame follows frame. noise_of: the frame whose noise is kept, or None.
+    Attributes:
+        playing: whether frame follows frame.
+        noise_of: the frame whose noise is kept, or None.
     """
 
-    def __init__(self, page: Desk, comparison: Comparison) -> None:
+    def __init__(self, page: Desk, comparison: SideBySide) -> None:
         self._page, self._comparison = page, comparison
         self.playing = False
         self.noise_of: int | None = None

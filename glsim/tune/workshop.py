@@ -25,8 +25,10 @@ _T = TypeVar("_T")
 class Workshop:
     """What all tabs share.
 
-    base: the settings that a tab starts from. command: the part of a command line that names the
-    faces, e.g. ``render face.obj``. real: folder of a recording, or None.
+    Attributes:
+        base: the settings that a tab starts from.
+        command: the part of a command line that names the faces, e.g. ``render face.obj``.
+        real: folder of a recording, or None.
     """
 
     base: Settings
@@ -67,12 +69,12 @@ class Workshop:
         return await loop.run_in_executor(self.measuring, function, *arguments)
 
     async def read_recording(self) -> None:
-        """Measure the real recording, once; it takes seconds, and frames are measured meanwhile."""
+        """Measure the real recording once, on a thread of its own: it takes seconds."""
         if self.real is None or self.recorded is not None:
             return
-        from glsim.tune.recording import measure_recording  # takes 0.3 s
+        from glsim.tune.recording import recording_figures  # takes 0.3 s
 
         try:
-            self.recorded = await asyncio.to_thread(measure_recording, self.real)
+            self.recorded = await asyncio.to_thread(recording_figures, self.real)
         except GlsimError as error:
             log.warning("%s", error)

@@ -1,7 +1,7 @@
 """Validate sensors against published measurements: ``validate_sensor("kinect-v2")``."""
 
 from glsim.validate.captures import Captures
-from glsim.validate.figure import check_matplotlib, draw_figure
+from glsim.validate.figure import draw_figure
 from glsim.validate.report import ValidationReport, band_texts, measured_texts
 from glsim.validate.run import run_checks, validate_sensor
 from glsim.validate.virtual_camera import VirtualCamera
@@ -11,7 +11,6 @@ __all__ = [
     "ValidationReport",
     "VirtualCamera",
     "band_texts",
-    "check_matplotlib",
     "draw_figure",
     "measured_texts",
     "run_checks",

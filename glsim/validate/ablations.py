@@ -20,11 +20,14 @@ _SKIN = {"subsurface_mm": 7.0}
 class Ablations:
     """Changes to a chain; None where the chain has no such part.
 
-    white: keeps only the noise of the phases (no floor, no fixed pattern, no rounding).
-    no_filters: keeps the decoder's thresholds but none of its filters. no_rounding: depth stays a
-    real number. no_light_noise: taps measure light exactly. skin: adds the delay of light within
-    skin. phases: names of the layers that hold the phasors, real and imaginary part of 80 and
-    16 MHz and of 120 MHz.
+    Args:
+        white: keeps only the noise of the phases (no floor, no fixed pattern, no rounding).
+        no_filters: keeps the decoder's thresholds but none of its filters.
+        no_rounding: depth stays a real number.
+        no_light_noise: taps measure light exactly.
+        skin: adds the delay of light within skin.
+        phases: names of the layers that hold the phasors, real and imaginary part of 80 and 16 MHz
+            and of 120 MHz.
     """
 
     white: Changes | None = None

@@ -1,11 +1,12 @@
-"""Captures of the scenes that several checks share, each simulated once."""
+"""Captures of scenes that several checks share; each is simulated once."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.validate import scenes
 from glsim.validate.ablations import Ablations, sensor_ablations
 from glsim.validate.virtual_camera import Capture, Changes, VirtualCamera
 
@@ -26,7 +27,7 @@ class Captures:
 
     @property
     def scene_frames(self) -> int:
-        """Number of frames captured of scenes in which every row or pixel is a sample."""
+        """Number of frames of scenes in which every row or pixel is a sample."""
         return max(4, self.camera.frames // 2)
 
     def wall(self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None) -> Capture:

@@ -1,16 +1,16 @@
-"""Draw the noise of a sensor as one figure of up to nine panels, for a page of a paper."""
+"""Draw the noise of a sensor as one figure of up to nine panels."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from glsim.errors import ConfigError
-from glsim.validate import measure, published_curves, scenes
+from glsim.errors import require_package
+from glsim.measures import stacks as measure
+from glsim.validate import published_curves, scenes
 from glsim.validate.captures import Captures
 from glsim.validate.checks import depth, edges, phases
 from glsim.validate.run import sensor_sheet
@@ -24,8 +24,8 @@ _BLUE, _ORANGE, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
 
 _COLUMNS = 3
 
-#: Noise of slanted surfaces in real frames, for a white wall at 0.9 m: angles, deg, and sigma, mm
-#: (the ratios of check 6 times the 1.25 mm of spatial noise of a frontal one).
+#: Noise of slanted surfaces in real frames, measured: angles, deg, and sigma of a white wall at
+#: 0.9 m, mm.
 _REAL_TILT = (
     (30.0, 45.0, 55.0, 64.0, 66.0, 69.0, 71.0, 74.0),
     tuple(1.25 * r for r in (1.00, 0.98, 1.0, 1.07, 1.15, 1.23, 1.38, 1.42)),
@@ -42,20 +42,9 @@ _STYLE: dict[RcKeyType, object] = {
 }  # fmt: skip
 
 
-def check_matplotlib() -> None:
-    """Raise ConfigError if matplotlib is missing, before minutes of measurements."""
-    if find_spec("matplotlib") is None:
-        raise ConfigError(
-            "--figure needs matplotlib, which is not installed: pip install 'glsim[eval]'"
-        )
-
-
 def draw_figure(captures: Captures) -> bytes:
-    """Draw the panels that apply as a PNG, 180 mm wide, 300 dpi.
-
-    Raises ConfigError without matplotlib.
-    """
-    check_matplotlib()
+    """Draw the panels that apply as a PNG, 180 mm wide, 300 dpi. Raises ConfigError."""
+    require_package("matplotlib", "--figure", "eval")
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -78,7 +67,7 @@ def draw_figure(captures: Captures) -> bytes:
 
 
 def _is_v2(captures: Captures) -> bool:
-    """Whether the sensor is checked as a Kinect V2, so that its published curves belong here."""
+    """Whether the sensor is checked as a Kinect V2."""
     return sensor_sheet(captures.camera.sensor.name).title == "Kinect V2"
 
 
@@ -103,7 +92,7 @@ def _validity_curve(captures: Captures) -> tuple[np.ndarray, np.ndarray, float] 
 
 
 def _reference(captures: Captures) -> tuple[str, Callable[[np.ndarray], np.ndarray]] | None:
-    """Return name and function of the published noise curve of a sensor, m to mm; None without."""
+    """Return name and function, m to mm, of a sensor's published noise curve, if any."""
     if captures.camera.sensor.name == "kinect-v1":
         return "Nguyen 2012", published_curves.nguyen_mm
     return ("Fankhauser 2015", published_curves.fankhauser_mm) if _is_v2(captures) else None

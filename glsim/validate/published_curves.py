@@ -10,8 +10,8 @@ Array = NDArray[np.float64]
 #: Modulation frequencies of the Kinect V2, MHz, in the order of all phase arrays here.
 FREQUENCIES_MHZ = (80, 16, 120)
 
-#: Depth noise of libfreenect2's fusion, mm per rad of the root of the summed phase variances:
-#: c / 2 / 216 MHz for the mean of the three cycle counts, over 2 pi.
+#: Depth noise of libfreenect2's fusion, mm per rad of the root of the summed phase variances.
+#: Derived: c / 2 / 216 MHz for the mean of the three cycle counts, over 2 pi.
 FUSION_MM_PER_RAD = 110.5
 
 #: Measurement phase noise of a Kinect V2 (Jaeremo Lawin, Forssen, Ovren, ECCV 2016; constants of
@@ -38,24 +38,22 @@ def nguyen_mm(z_m: ArrayLike) -> Array:
 
 
 def kde_phase_sigma_rad(amplitude: ArrayLike) -> Array:
-    """(3, ...) phase noise, rad, at an amplitude in libfreenect2's infrared units; <= pi / 2.
+    """Return the (3, ...) noise of filtered phases, rad, at most pi / 2.
 
-    It is that of the filtered phases: fused to depth it gives 13.0, 7.8 and 4.6 mm at amplitudes of
-    25, 40 and 72, where a static pair of real frames has 12.6, 7.3 and 4.2 mm after the filter. It
-    holds from KDE_LEAST_AMPLITUDE to KDE_MOST_AMPLITUDE: at 13 it gives 28 mm and real frames
-    have 40 mm, since phases wrap there; beyond 104 the polynomial of 16 MHz turns back.
+    amplitude: libfreenect2's infrared units, from KDE_LEAST_AMPLITUDE to KDE_MOST_AMPLITUDE; below
+    phases wrap, above the polynomial of 16 MHz turns back.
     """
     a = np.asarray(amplitude, np.float64)
     inverse = np.stack([c0 + c1 * a + c2 * a**2 for c0, c1, c2 in _KDE])
     return np.asarray(1.0 / np.maximum(inverse, 2.0 / np.pi))
 
 
-#: Range of amplitudes in which the fit holds.
+#: Range of amplitudes in which the fit holds (docs/validation.md).
 KDE_LEAST_AMPLITUDE, KDE_MOST_AMPLITUDE = 18.0, 104.0
 
-#: Tap noise that reproduces the curve above, read as that of unfiltered phases, within 7 % rms:
-#: variance = read + shot times the raw amplitude (amplitude over the multiplier of its frequency),
-#: LSB^2. Unlike the curve it is valid above an amplitude of 120. kinect-v2 has nine times as much.
+#: Tap noise fitted to the curve above, read as that of unfiltered phases: variance = read + shot
+#: times the raw amplitude (amplitude over the multiplier of its frequency), LSB^2. It holds above
+#: an amplitude of 120 too.
 TAP_READ_LSB2 = 1.755
 TAP_SHOT_LSB = 0.0166
 AMPLITUDE_MULTIPLIERS = (1.3226, 1.0, 1.6129)
@@ -67,10 +65,17 @@ def tap_phase_sigma_rad(
     read_lsb2: float = TAP_READ_LSB2,
     shot_lsb: float = TAP_SHOT_LSB,
 ) -> Array:
-    """(3, ...) phase noise, rad, of three taps with read and shot noise at an amplitude (IR units).
+    """Compute the phase noise of three taps with read and shot noise.
 
-    rounding_lsb2: variance that rounding adds to a tap, LSB^2. read_lsb2, shot_lsb: variance of a
-    tap without light, LSB^2, and for each LSB of light.
+    Args:
+        amplitude: libfreenect2's infrared units, any shape.
+        rounding_lsb2: variance that rounding adds to a tap, LSB^2.
+        read_lsb2: variance of a tap without light, LSB^2.
+        shot_lsb: its growth per LSB of light, LSB.
+
+    Returns:
+        (3, ...) rad.
+
     """
     a = np.maximum(np.asarray(amplitude, np.float64), 1e-6)
     raw = np.stack([a / m for m in AMPLITUDE_MULTIPLIERS])
@@ -86,7 +91,7 @@ def white_sigma_mm(
 ) -> Array:
     """Depth noise from the phases alone, mm, after a filter that divides it by ``gain``.
 
-    The other parameters are those of tap_phase_sigma_rad.
+    See ``tap_phase_sigma_rad`` for the other arguments.
     """
     phases = tap_phase_sigma_rad(amplitude, rounding_lsb2, read_lsb2, shot_lsb)
     squares = (phases**2).sum(axis=0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,14 +13,17 @@ from glsim.files.markdown import markdown_table
 #: Kinds of sources. measured: on real devices, published or on our real frames. datasheet: a
 #: manufacturer's document or the decoder's source. derived: computed from these or from physics.
 KINDS = ("measured", "datasheet", "derived")
+#: Columns of the table of a report.
+COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
 
 
 @dataclass(frozen=True)
 class Band:
     """Required interval of one measured number: low <= value <= high, in ``unit``.
 
-    key: name of the number in the measurement. kind: of its source, one of KINDS; empty: that of
-    its check.
+    Args:
+        key: name of the number in the measurement.
+        kind: of its source, one of KINDS; empty: that of its check.
     """
 
     key: str
@@ -51,8 +54,10 @@ class Band:
 class Check:
     """One line of a validation sheet.
 
-    description: the checked quantity, as text. source: origin of the bands. kind: of that source,
-    one of KINDS; a band may have another.
+    Args:
+        description: the checked quantity, as text.
+        source: origin of the bands.
+        kind: of that source, one of KINDS; a band may have another.
     """
 
     number: str
@@ -86,15 +91,38 @@ class Check:
 class Measurement:
     """Measured numbers of a check, by the keys of its bands.
 
-    values: None for a number that does not apply to this sensor. note: remark for the reader.
-    why_not: reason why the whole check does not apply. exception: measured reason why a failure is
-    not the sensor's fault.
+    Args:
+        values: None for a number that does not apply to this sensor.
+        note: remark for the reader.
+        why_not: reason why the whole check does not apply.
+        exception: measured reason why a failure is not the sensor's fault.
     """
 
     values: Mapping[str, float | None] = field(default_factory=dict)
     note: str = ""
     why_not: str = ""
     exception: str = ""
+
+
+#: A decorated function: takes the captures of a sensor, returns check number -> measurement.
+CheckFunction = Callable[[Any], dict[str, Measurement]]
+
+
+def validation_check(sheet: str, *checks: Check) -> Callable[[CheckFunction], CheckFunction]:
+    """Declare a function that measures checks.
+
+    Args:
+        sheet: the sensor whose validation sheet has the checks; other sensors without a sheet of
+            their own are checked as a kinect-v2.
+        checks: what is checked; the function takes the ``Captures`` of a sensor and returns a
+            measurement for the number of each.
+    """
+
+    def mark(function: CheckFunction) -> CheckFunction:
+        function.sheet, function.checks = sheet, checks  # type: ignore[attr-defined]
+        return function
+
+    return mark
 
 
 @dataclass(frozen=True)
@@ -173,7 +201,10 @@ class CheckResult:
 class ValidationReport:
     """Results of all checks of one sensor.
 
-    sheet: title of the validation sheet. seconds: wall time. seed, frames: as requested.
+    Args:
+        sheet: title of the validation sheet.
+        seconds: wall time.
+        seed, frames: as requested.
     """
 
     sensor: str
@@ -221,11 +252,11 @@ class ValidationReport:
             "checks": [result.as_json() for result in self.results],
         }
 
-    def as_markdown(self) -> str:
-        """Write the results as a Markdown table."""
+    def as_markdown(self, columns: Sequence[str] = COLUMNS) -> str:
+        """Return a Markdown table with a row per check; ``columns`` are some of COLUMNS."""
         rows = []
         for result in self.results:
-            cells = (
+            texts = (
                 result.check.number,
                 result.check.description,
                 "<br>".join(measured_texts(result)),
@@ -235,9 +266,9 @@ class ValidationReport:
                 result.state,
                 result.note,
             )
-            rows.append([cell.replace("|", "\\|") for cell in cells])
-        head = ("#", "check", "measured", "band", "source", "kind", "", "note")
-        return "\n".join(markdown_table(head, rows)) + "\n"
+            cells = dict(zip(COLUMNS, texts, strict=True))
+            rows.append([cells[column].replace("|", "\\|") for column in columns])
+        return "\n".join(markdown_table(columns, rows)) + "\n"
 
 
 def measured_texts(result: CheckResult) -> list[str]:

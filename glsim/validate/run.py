@@ -3,57 +3,33 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
 
 import moderngl
 
 from glsim.errors import ConfigError
 from glsim.gl.context import open_context
+from glsim.plugins import load_plugin, plugin_names, shipped_objects
 from glsim.validate.captures import Captures
-from glsim.validate.checks import depth, edges, faces, phases, structured_light, walls
-from glsim.validate.report import Check, Measurement, ValidationReport, match_measurements
-from glsim.validate.sheets.kinect_v2 import ANTI_CHECKS, CHECKS
-from glsim.validate.sheets.structured_light import KINECT_V1, KINECT_V2_PAPER
+from glsim.validate.report import (
+    Check,
+    CheckFunction,
+    Measurement,
+    ValidationReport,
+    match_measurements,
+)
 from glsim.validate.virtual_camera import VirtualCamera
 
-CheckFunction = Callable[[Captures], dict[str, Measurement]]
-
-_V2: tuple[CheckFunction, ...] = (
-    walls.noise_level,
-    walls.tilt,
-    walls.albedo,
-    walls.amplitude,
-    walls.correlations,
-    walls.radial,
-    walls.pattern,
-    walls.exponent,
-    walls.skin,
-    phases.phase_noise,
-    edges.mixed_pixels,
-    edges.silhouette,
-    edges.shadows,
-    depth.quantisation,
-    depth.validity,
-    depth.ranges,
-    depth.wiggle,
-    depth.unwrapping,
-    depth.offsets,
-    faces.isolated_faces,
-)
-
-_V1: tuple[CheckFunction, ...] = (
-    structured_light.v1_noise,
-    structured_light.v1_steps,
-    structured_light.v1_shadow,
-    structured_light.v1_range,
-)
-
-_PAPER: tuple[CheckFunction, ...] = (
-    structured_light.paper_noise,
-    structured_light.paper_window,
-    structured_light.paper_geometry,
-)
+#: Sensors with a sheet of their own -> device or authors of its checks. Other sensors, unless a
+#: plug-in has checks of them, are checked as the first.
+_TITLES: Final = {
+    "kinect-v2": "Kinect V2",
+    "kinect-v1": "Kinect V1",
+    "kinect-v2-paper": "Kendrick et al.",
+}
 
 
 @dataclass(frozen=True)
@@ -65,18 +41,33 @@ class ValidationSheet:
     functions: tuple[CheckFunction, ...]
 
 
-_KINECT_V2 = ValidationSheet("Kinect V2", (*CHECKS, *ANTI_CHECKS), _V2)
+@cache
+def sheets() -> dict[str, ValidationSheet]:
+    """Return the sheets by name of the sensor: the checks of glsim and of other packages."""
+    functions = shipped_objects("validate/checks", _is_check)
+    functions += [load_plugin("checks", name, _is_check) for name in plugin_names("checks")]
+    names = dict.fromkeys([*_TITLES, *(function.sheet for function in functions)])
+    return {name: _sheet(name, [f for f in functions if f.sheet == name]) for name in names}
 
-#: Sensors with a sheet of their own, by name of their file; all others have the Kinect V2's.
-SHEETS: dict[str, ValidationSheet] = {
-    "kinect-v1": ValidationSheet("Kinect V1", KINECT_V1, _V1),
-    "kinect-v2-paper": ValidationSheet("Kendrick et al.", KINECT_V2_PAPER, _PAPER),
-}
+
+def _sheet(name: str, functions: Sequence[Any]) -> ValidationSheet:
+    checks = sorted((c for f in functions for c in f.checks), key=lambda c: _order(c.number))
+    return ValidationSheet(_TITLES.get(name, name), tuple(checks), tuple(functions))
+
+
+def _is_check(value: Any) -> bool:
+    return callable(value) and isinstance(getattr(value, "checks", None), tuple)
+
+
+def _order(number: str) -> tuple[str, int, str]:
+    """Return a key that sorts 2 before 10 before A1."""
+    letters = number.rstrip("0123456789")
+    return letters, int(number[len(letters) :] or 0), number
 
 
 def sensor_sheet(name: str) -> ValidationSheet:
     """Return the sheet of a sensor by name: its own, or the Kinect V2's."""
-    return SHEETS.get(name, _KINECT_V2)
+    return sheets().get(name, sheets()["kinect-v2"])
 
 
 #: Sensors that no published measurement with a source describes, and why.
@@ -95,9 +86,12 @@ def validate_sensor(
 ) -> ValidationReport:
     """Run all checks of a sensor: a shipped name or a .toml file.
 
-    A sensor without a sheet of its own is checked as a Kinect V2. frames: number of frames of each
-    wall; more make the numbers more precise. Raises what simulate raises, and ConfigError for an
-    experimental sensor, which has no sheet.
+    A sensor without a sheet of its own is checked as a Kinect V2.
+
+    Raises what simulate raises, and ConfigError for an experimental sensor, which has no sheet.
+
+    Args:
+        frames: number of frames of each wall; more make the numbers more precise.
     """
     own_context = open_context(backend) if context is None else None
     used_context = context or own_context

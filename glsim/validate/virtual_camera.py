@@ -1,4 +1,4 @@
-"""A virtual camera: it captures many frames of a scene through the ordinary simulator."""
+"""A virtual camera that captures frames of a scene through the simulator."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import Mesh
+from glsim.measures.stacks import Array, with_nan
 from glsim.pipeline import Simulator
 from glsim.plan.tasks import make_tasks
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.schema import Settings, load_settings
-from glsim.validate.measure import Array, with_nan
 
 #: Signs that turn camera axes into canonical axes: a half turn about x.
 _TO_CANONICAL = np.array([1, -1, -1], np.float32)
@@ -35,11 +35,16 @@ Changes = Mapping[str, Mapping[str, float]]
 class Capture:
     """Frames of one static scene.
 
-    frames_mm: (T, H, W) delivered depth, whole mm. fine_mm: (T, H, W) the same before rounding to
-    uint16; rounding by a stage of the chain stays. Both are NaN where there is no depth. clean_mm:
-    (H, W), NaN where there is no surface. infrared: (T, H, W) counts. reason: (T, H, W) codes.
-    rays: (H, W, 2), x/z and y/z. encoded: (T, H, W) uint16, the values of the depth files. extra:
-    additional layers by name, (T, H, W, components); a stage that is switched off gives none.
+    Attributes:
+        frames_mm: (T, H, W) delivered depth, whole mm, NaN = no depth.
+        fine_mm: (T, H, W) the same before rounding to uint16; stages may have rounded it.
+        clean_mm: (H, W) true depth, NaN = no surface.
+        infrared: (T, H, W) counts.
+        reason: (T, H, W) reason codes.
+        rays: (H, W, 2) x/z and y/z.
+        encoded: (T, H, W) uint16, the values of the depth files.
+        extra: name -> (T, H, W, components) of additional layers; none of a disabled stage.
+
     """
 
     frames_mm: Array
@@ -57,7 +62,7 @@ class Capture:
         return self.frames_mm - self.clean_mm
 
     def centre(self, width: int = 64, height: int | None = None) -> Capture:
-        """Crop all images to their centre, width x height px; height defaults to width."""
+        """Crop all images to their centre, width x height px (default: a square)."""
         h, w = self.clean_mm.shape
         height = width if height is None else height
         rows = slice((h - height) // 2, (h - height) // 2 + height)
@@ -75,10 +80,7 @@ class Capture:
 
 
 class VirtualCamera:
-    """Capture frames of meshes with one sensor in one GL context.
-
-    frames: default number of frames of a scene.
-    """
+    """Captures frames of meshes with one sensor in one GL context."""
 
     def __init__(
         self, sensor: str, context: moderngl.Context, seed: int = 0, frames: int = 64
@@ -105,16 +107,22 @@ class VirtualCamera:
         seed: int | None = None,
         extra: Sequence[str] = (),
     ) -> Capture:
-        """Capture frames of a mesh in the camera frame, mm.
+        """Capture frames of a mesh.
 
-        crop: side in px of the square around the image of ``at_mm``; None: the whole image.
-        changes: override the sensor's stages. scene: name that, with the seed, decides the noise
-        (a new name gives other numbers). seed: simulates another device. extra: layers of the
-        stages to return as well.
+        Args:
+            mesh: in the camera frame, mm.
+            frames: their number; default: that of the camera.
+            crop: side of the square around the image of ``at_mm``, px; None: the whole image.
+            at_mm: centre of the crop, in the camera frame.
+            changes: parameters of the sensor's stages.
+            scene: name that, with the seed, decides the noise.
+            seed: of the device; default: the camera's.
+            extra: layers of the stages to return as well.
+
         """
         x, y, z = at_mm
         if x == 0 and y == 0:
-            z = 1000.0  # one window for all distances, so that they share a simulator
+            z = 1000.0  # one window for all distances: they share a simulator
         overrides = {
             "sensor": self.name,
             "seed": self.seed if seed is None else seed,
@@ -146,7 +154,7 @@ class VirtualCamera:
 
 
 class _Scene:
-    """A FaceSource of one mesh, which can be replaced."""
+    """A face source of one mesh, which can be replaced."""
 
     name = "mesh"
 
@@ -154,7 +162,7 @@ class _Scene:
         self._shown: OneMesh | None = None
 
     def show(self, mesh: Mesh, scene: str) -> None:
-        """Replace the mesh (canonical frame, mm); the scene's name decides the noise."""
+        """Replace the mesh, canonical frame, mm; the name of the scene decides the noise."""
         self._shown = OneMesh(mesh, scene)
 
     @property

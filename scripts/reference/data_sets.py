@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from glsim.dataset import disk_format
-from glsim.dataset.schema import FrameRecord, HeaderRecord
+from glsim.dataset.record_schema import FrameRecord, HeaderRecord
 from glsim.faces.regions import KNOWN_REGIONS
 from glsim.reason import Reason
 from scripts.reference.markdown import block, code, plain, table

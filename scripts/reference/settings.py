@@ -1,9 +1,12 @@
-"""Reference of the settings and of training recipes, from their pydantic models."""
+"""Reference of the settings and of training recipes, from their pydantic models.
+
+autodoc-pydantic documents models as Python classes: it shows neither TOML tables nor distributions.
+"""
 
 from __future__ import annotations
 
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from textwrap import dedent
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -16,6 +19,7 @@ from glsim.settings.distribution import Distribution
 from glsim.settings.presets import preset_names, preset_title
 from glsim.settings.scene_settings import SCENE_LIMITS
 from glsim.settings.schema import POSE_LIMITS, VARIATION_LIMITS, Settings
+from glsim.settings.source_settings import SourceSettings, source_kinds, source_table
 from glsim.train.recipe import Recipe
 from scripts.reference.markdown import block, code, plain, table
 
@@ -70,30 +74,39 @@ def _tables(model: type[BaseModel], place: str) -> Iterator[str]:
     """Yield the heading and table of a model, then those of the models in it."""
     own = {n: f for n, f in model.model_fields.items() if _inner_model(f.annotation) is None}
     heading = f"`[{place}]`" if place else "Top level"
-    yield f"## {heading}\n\n{plain((model.__doc__ or '').split(chr(10))[0])}\n\n"
-    rows = [
-        [code(name), plain(_type(field)), code(_default(field)), plain(_range(field, place, name)),
-         plain(field.description or "")]
-        for name, field in own.items()
-    ]  # fmt: skip
-    yield table(["key", "type", "default", "range", "meaning"], rows)
+    yield f"## {heading}\n\n" + _summary(model) + _keys(own, place)
+    for kind in source_kinds() if model is SourceSettings else ():
+        keys = source_table(kind).model_fields
+        keys = {name: field for name, field in keys.items() if name not in own}
+        yield f'### `kind = "{kind}"`\n\n' + _summary(source_table(kind))
+        yield _keys(keys, place) if keys else ""
     for name, field in model.model_fields.items():
         inner = _inner_model(field.annotation)
         if inner is not None:
             yield from _tables(inner, f"{place}.{name}" if place else name)
 
 
+def _summary(model: type[BaseModel]) -> str:
+    return plain((model.__doc__ or "").split("\n")[0]) + "\n\n"
+
+
+def _keys(fields: Mapping[str, FieldInfo], place: str) -> str:
+    """Return the table of some keys of a model."""
+    rows = [
+        [code(name), plain(_type_text(field.annotation)), code(_default(field)),
+         plain(_range(field, place, name)), plain(field.description or "")]
+        for name, field in fields.items()
+    ]  # fmt: skip
+    return table(["key", "type", "default", "range", "meaning"], rows)
+
+
 def _inner_model(annotation: Any) -> type[BaseModel] | None:
     """Return the model of a table or of an array of tables; None for other keys."""
-    if get_origin(annotation) is tuple:
+    while get_origin(annotation) in (tuple, Annotated):
         annotation = get_args(annotation)[0]
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return None if annotation is Distribution else annotation
     return None
-
-
-def _type(field: FieldInfo) -> str:
-    return _type_text(field.annotation)
 
 
 def _type_text(annotation: Any) -> str:

@@ -1,6 +1,6 @@
 #version 330 core
-// centres: the layers of a pixel from those of its samples: the middle one, which lies at the
-// pixel's centre, and how wrong it would be to take it for all of them.
+// centres: the layers of a pixel from those of its samples: the sample at the pixel's centre, and
+// its largest difference from the others.
 uniform sampler2D u_fine_seen; // depth, albedo
 uniform sampler2D u_rays;
 uniform vec2 u_focal_px;

@@ -5,9 +5,9 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from glsim.compare.frames import frame_set
-from glsim.compare.spatial import measure_spatial
 from glsim.frame import Frame
+from glsim.measures.frame import frame_set
+from glsim.measures.spatial import measure_spatial
 from glsim.pipeline import simulate
 from glsim.settings.schema import load_settings
 from tests.support.wardrobe import heads

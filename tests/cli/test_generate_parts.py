@@ -26,7 +26,7 @@ def test_a_large_plan_is_a_summary_with_a_price(capsys: pytest.CaptureFixture[st
     assert main([*plan, "--price-per-core-hour", "0.5"]) == 0
     text = capsys.readouterr().out
     assert "3600000 images" in text
-    assert "60 min with 10 worker(s) (100 frames/s of a core as given; size: " in text
+    assert "60 min with 10 worker(s) (size: typical; speed: 100/s of a core as given)" in text
     assert "10 core-hours: 5.00 at 0.5 per core-hour" in text
     assert "p0000" not in text
     assert len(text.splitlines()) < 20

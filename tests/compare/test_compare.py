@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.compare import FrameSet, compare, draw_comparison, read_frame_set
-from glsim.compare.classifier import area_under_curve, fit_logistic, tell_apart
-from glsim.compare.frames import frame_set
+from glsim.compare.classifier import tell_apart
+from glsim.compare.figure import draw_comparison
 from glsim.compare.patches import surface_patches
+from glsim.compare.run import compare_sets
 from glsim.files.atomic import write_atomic
 from glsim.files.png import encode_png
+from glsim.measures.frame import FrameSet, frame_set
+from glsim.recordings.recording import read_frame_set
 from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
 
@@ -62,6 +65,18 @@ def test_other_distances_alone_do_not_tell() -> None:
     assert tell_apart(near, far).auc == pytest.approx(0.5, abs=0.12)
 
 
+def test_without_scikit_learn_the_measures_are_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn", None)
+    said: list[str] = []
+    result = compare_sets(_set(100, 1.0, 3, 2), _set(200, 2.0, 3, 2), said.append)
+    assert result.rows
+    assert "AUC" not in result.as_markdown()
+    assert any("pip install 'glsim[eval]'" in line for line in said)
+    assert draw_comparison(result).startswith(b"\x89PNG")
+
+
 def test_too_few_patches_give_no_verdict() -> None:
     few = surface_patches(frame_set("x", [np.zeros((424, 512), np.uint16)]).frames)["planes"]
     verdict = tell_apart(few, few)
@@ -69,21 +84,8 @@ def test_too_few_patches_give_no_verdict() -> None:
     assert verdict.patches == 0
 
 
-def test_logistic_regression_finds_planted_weights() -> None:
-    random = np.random.default_rng(0)
-    x = random.standard_normal((20_000, 2))
-    label = (random.random(20_000) < 1 / (1 + np.exp(-(0.5 + 2 * x[:, 0] - x[:, 1])))).astype(float)
-    np.testing.assert_allclose(fit_logistic(x, label), [0.5, 2.0, -1.0], atol=0.08)
-
-
-def test_the_area_counts_ties_as_half() -> None:
-    score, label = np.array([1.0, 2.0, 2.0, 3.0]), np.array([0.0, 0.0, 1.0, 1.0])
-    assert area_under_curve(score, label) == 0.875
-    assert area_under_curve(-score, label) == 0.125
-
-
 def test_a_comparison_says_what_differs() -> None:
-    result = compare(_set(100, 1.0, 3, 3), _set(200, 2.0, 3, 3))
+    result = compare_sets(_set(100, 1.0, 3, 3), _set(200, 2.0, 3, 3))
     rows = {(row.group, row.name): row for row in result.rows}
     planes = rows["residual of surfaces from a quadric in 7x7", "median"]
     assert planes.change == pytest.approx(2.0, rel=0.1)
@@ -165,7 +167,7 @@ def test_real_frames_measure_as_in_reality_md(tmp_path: Path) -> None:
         for layer in ("depth", "ir"):
             (tmp_path / f"{stem}_{layer}.png").symlink_to(REAL / f"{stem}_{layer}.png")
     frames = read_frame_set(tmp_path)
-    result = compare(frames, frames)
+    result = compare_sets(frames, frames)
     measured = result.first
     assert measured.temporal.pairs == 1
     np.testing.assert_allclose(measured.temporal.correlation[:3], (0.63, 0.30, 0.01), atol=0.07)

@@ -10,12 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from glsim.dataset import cloud_lock, open_dataset, verify, write_part
+from glsim.dataset import open_dataset, verify
 from glsim.dataset.chunks import CHUNK_FRAMES
+from glsim.dataset.dataset_run import DatasetRun, in_processes
+from glsim.dataset.part_run import run_part
 from glsim.dataset.parts import Part
 from glsim.errors import ConfigError, DatasetError
-from glsim.files import cloud
+from glsim.files import cloud, object_lock
 from glsim.files.cloud import CloudFolder
+from glsim.files.store import open_store
 from tests.support.dataset_fakes import (
     SENSOR,
     Fault,
@@ -25,8 +28,9 @@ from tests.support.dataset_fakes import (
     make_settings,
     make_tasks,
 )
-from tests.support.object_store import BUCKET, Faults, Store, object_store
+from tests.support.s3_server import BUCKET, Faults, S3Server, s3_server
 
+BUSY = DatasetError("another run is writing here")
 SHARDS = make_settings(format="webdataset")
 #: Two shards of the split train, one of each of the others.
 TASKS = make_tasks(4, 5)
@@ -47,13 +51,13 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[Store]:
-    with pytest.MonkeyPatch.context() as patch, object_store(patch) as store:
+def server() -> Iterator[S3Server]:
+    with pytest.MonkeyPatch.context() as patch, s3_server(patch) as store:
         yield store
 
 
 @pytest.fixture
-def store(server: Store, here: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+def store(server: S3Server, here: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
     monkeypatch.setattr(cloud, "RETRY_AFTER_S", (0.0,) * 40)
     server.faults = Faults()
     server.requests.clear()
@@ -92,7 +96,7 @@ def stored(url: str) -> dict[str, bytes]:
     return {name: data for name, data in found.items() if not name.endswith("lock")}
 
 
-def test_the_objects_are_the_files_of_a_local_run(store: Store, url: str, expected) -> None:
+def test_the_objects_are_the_files_of_a_local_run(store: S3Server, url: str, expected) -> None:
     summary = make(url, SHARDS, TASKS)
     assert stored(url) == expected
     assert summary.rendered == 20
@@ -103,12 +107,12 @@ def test_the_objects_are_the_files_of_a_local_run(store: Store, url: str, expect
     assert not any(method == "PUT" and path.endswith(".tar") for method, path in store.requests)
 
 
-def test_workers_upload_their_shards(store: Store, url: str, expected) -> None:
+def test_workers_upload_their_shards(store: S3Server, url: str, expected) -> None:
     make(url, SHARDS, TASKS, workers=2)
     assert stored(url) == expected
 
 
-def test_failing_and_throttled_requests_change_nothing(store: Store, url: str, expected) -> None:
+def test_failing_and_throttled_requests_change_nothing(store: S3Server, url: str, expected) -> None:
     store.faults = Faults(throttled=0.2, failed_puts=0.2, lost_answers=0.2)
     make(url, SHARDS, TASKS)
     assert {kind for kind, count in store.faults.counts.items() if count} == {
@@ -135,7 +139,7 @@ def test_a_run_is_resumed_from_the_bucket(here: None, memory: str, expected) -> 
     assert stored(memory) == expected
 
 
-def test_a_list_that_lags_costs_work_and_no_bytes(store: Store, url: str, expected) -> None:
+def test_a_list_that_lags_costs_work_and_no_bytes(store: S3Server, url: str, expected) -> None:
     interrupt(url, 18)
     store.faults = Faults(hidden=("00000001.jsonl", "train-000000.tar"))
     summary = make(url, SHARDS, TASKS)
@@ -161,17 +165,15 @@ def test_a_damaged_data_set_is_repaired(here: None, memory: str, expected, damag
     make(memory, SHARDS, TASKS)
     folder = CloudFolder(memory)
     for name, data in damage.items():
-        folder.delete([name]) if data is None else folder.put(name, data)
+        folder.delete([name]) if data is None else folder.write(name, data)
     make(memory, SHARDS, TASKS)
     assert stored(memory) == expected
 
 
 def test_parts_are_merged_by_the_last_one(here: None, memory: str, expected) -> None:
     def part(number: int):
-        return write_part(
-            SHARDS, TASKS, memory, fake_frames, Part(number, 2),
-            sensor=SENSOR, renderer="fake renderer", workers=1,
-        )  # fmt: skip
+        run = DatasetRun(SHARDS, TASKS, open_store(memory), fake_frames, SENSOR, "fake renderer")
+        return run_part(run, Part(number, 2), in_processes(1), None)
 
     first = part(1)
     assert first.dataset is None
@@ -186,26 +188,26 @@ def test_another_data_set_is_refused(here: None, memory: str) -> None:
         make(memory, SHARDS.model_copy(update={"seed": 9}), TASKS)
     with pytest.raises(ConfigError, match="object storage takes shards"):
         make(memory, make_settings(format="png"), TASKS)
-    CloudFolder(f"{memory}-other").put("notes.txt", b"mine")
+    CloudFolder(f"{memory}-other").write("notes.txt", b"mine")
     with pytest.raises(DatasetError, match="holds no data set of glsim"):
         make(f"{memory}-other", SHARDS, TASKS)
 
 
-def test_a_bucket_that_is_not_there_is_named(store: Store) -> None:
+def test_a_bucket_that_is_not_there_is_named(store: S3Server) -> None:
     with pytest.raises(DatasetError, match=r"s3://nobody/set.*no such bucket"):
         make("s3://nobody/set", SHARDS, TASKS)
 
 
-def test_one_of_two_runs_gets_the_lock(store: Store, url: str, monkeypatch) -> None:
-    monkeypatch.setattr(cloud_lock, "BEAT_S", 0.05)
-    monkeypatch.setattr(cloud_lock, "EXPIRES_S", 5.0)
+def test_one_of_two_runs_gets_the_lock(store: S3Server, url: str, monkeypatch) -> None:
+    monkeypatch.setattr(object_lock, "BEAT_S", 0.05)
+    monkeypatch.setattr(object_lock, "EXPIRES_S", 5.0)
     folder, won, refused = CloudFolder(url), [], []
     both = threading.Barrier(2)
 
     def run() -> None:
         both.wait()
         try:
-            with cloud_lock.cloud_lock(folder, "lock"):
+            with object_lock.object_lock(folder, "lock", BUSY):
                 won.append(1)
                 both.wait()
         except DatasetError as error:
@@ -228,11 +230,11 @@ def test_one_of_two_runs_gets_the_lock(store: Store, url: str, monkeypatch) -> N
 def test_the_lock_of_a_dead_run_is_taken_over(
     here: None, memory: str, monkeypatch: pytest.MonkeyPatch, host: str | None, pid: int
 ) -> None:
-    monkeypatch.setattr(cloud_lock, "EXPIRES_S", 0.2)
+    monkeypatch.setattr(object_lock, "EXPIRES_S", 0.2)
     folder = CloudFolder(memory)
     words = {"host": host or socket.gethostname(), "pid": pid, "token": "x", "beat": 3}
-    folder.put("lock", json.dumps(words).encode())
-    with cloud_lock.cloud_lock(folder, "lock"):
+    folder.write("lock", json.dumps(words).encode())
+    with object_lock.object_lock(folder, "lock", BUSY):
         assert b'"x"' not in folder.read("lock", 4096)
     assert folder.size("lock") is None
 
@@ -242,8 +244,8 @@ def test_verify_finds_what_is_wrong_in_a_bucket(here: None, memory: str) -> None
     folder = CloudFolder(memory)
     assert verify(memory) == verify(memory, deep=True) == []
     good = folder.read("train-000001.tar", 1 << 30)
-    folder.put("train-000001.tar", good[:-600] + b"x" + good[-599:])
-    folder.put("train-000007.tar", b"")
+    folder.write("train-000001.tar", good[:-600] + b"x" + good[-599:])
+    folder.write("train-000007.tar", b"")
     folder.delete(["test-000000.tar", "skipped.jsonl"])
     assert verify(memory) == [
         "skipped.jsonl is missing",

@@ -15,7 +15,7 @@ from glsim.errors import ConfigError, DatasetError
 from glsim.files import cloud
 from glsim.files.cloud import CloudFolder, cloud_url
 from tests.support.dataset_fakes import make, make_settings, make_tasks
-from tests.support.object_store import BUCKET, Faults, Store, object_store
+from tests.support.s3_server import BUCKET, Faults, S3Server, s3_server
 
 URL = f"s3://{BUCKET}/a/set"
 
@@ -29,8 +29,8 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def served(local: Path) -> Iterator[Store]:
-    with pytest.MonkeyPatch.context() as patch, object_store(patch) as store:
+def served(local: Path) -> Iterator[S3Server]:
+    with pytest.MonkeyPatch.context() as patch, s3_server(patch) as store:
         folder = CloudFolder(URL)
         for file in (path for path in local.rglob("*") if path.is_file() and path.name != "lock"):
             folder.upload(file.relative_to(local).as_posix(), file)
@@ -38,7 +38,7 @@ def served(local: Path) -> Iterator[Store]:
 
 
 @pytest.fixture
-def store(served: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+def store(served: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(cloud, "RETRY_AFTER_S", (0.0,) * 6)
     yield served
@@ -53,7 +53,7 @@ def same(found, expected) -> None:
             np.testing.assert_array_equal(pair.image(layer), other.image(layer))
 
 
-def test_pairs_are_those_of_the_disk(store: Store, local: Path) -> None:
+def test_pairs_are_those_of_the_disk(store: S3Server, local: Path) -> None:
     dataset, expected = open_dataset(URL), open_dataset(local)
     same(dataset, expected)
     same(dataset.split("test"), expected.split("test"))
@@ -62,7 +62,7 @@ def test_pairs_are_those_of_the_disk(store: Store, local: Path) -> None:
     same(open_dataset(Path(URL)), expected)  # pathlib joins the slashes
 
 
-def test_a_frame_takes_one_request_and_the_manifest_is_copied_once(store: Store) -> None:
+def test_a_frame_takes_one_request_and_the_manifest_is_copied_once(store: S3Server) -> None:
     dataset = open_dataset(URL)
     store.requests.clear()
     pair = dataset.pair(3)
@@ -74,13 +74,13 @@ def test_a_frame_takes_one_request_and_the_manifest_is_copied_once(store: Store)
     assert not [path for method, path in store.requests if "manifest" in path]
 
 
-def test_a_throttled_store_is_asked_again(store: Store, local: Path) -> None:
+def test_a_throttled_store_is_asked_again(store: S3Server, local: Path) -> None:
     store.faults = Faults(throttled=0.3)
     same(open_dataset(URL), open_dataset(local))
     assert store.faults.counts["throttled"] > 3
 
 
-def test_a_process_that_was_forked_reads_on_its_own(store: Store) -> None:
+def test_a_process_that_was_forked_reads_on_its_own(store: S3Server) -> None:
     dataset = open_dataset(URL)
     assert dataset.pair(0).noisy_mm.any()
     child = os.fork()
@@ -101,20 +101,20 @@ def test_a_process_that_was_forked_reads_on_its_own(store: Store) -> None:
     ],
 )
 def test_a_changed_object_is_noticed(
-    store: Store, local: Path, name: str, change, message: str
+    store: S3Server, local: Path, name: str, change, message: str
 ) -> None:
     folder, data = CloudFolder(URL), (local / name).read_bytes()
     assert change(data) != data
-    folder.put(name, change(data))
+    folder.write(name, change(data))
     try:
         with pytest.raises(DatasetError, match=message):
             _ = open_dataset(URL).pair(0).clean_mm
     finally:
-        folder.put(name, data)
+        folder.write(name, data)
     assert open_dataset(URL).pair(0).clean_mm.any()
 
 
-def test_what_is_not_there_is_said_in_one_line(store: Store, local: Path) -> None:
+def test_what_is_not_there_is_said_in_one_line(store: S3Server, local: Path) -> None:
     with pytest.raises(DatasetError, match=r"no data set of glsim: it has no dataset\.json"):
         open_dataset(f"s3://{BUCKET}/nothing")
     with pytest.raises(DatasetError, match=r"s3://nobody/set: is no data set"):
@@ -128,7 +128,7 @@ def test_what_is_not_there_is_said_in_one_line(store: Store, local: Path) -> Non
         folder.upload("test-000000.tar", local / "test-000000.tar")
 
 
-def test_a_store_that_stays_away_is_an_error(store: Store) -> None:
+def test_a_store_that_stays_away_is_an_error(store: S3Server) -> None:
     store.faults = Faults(throttled=1.0)
     refused = r"(slow down|Service Unavailable).*run the same command again"
     with pytest.raises(DatasetError, match=refused):

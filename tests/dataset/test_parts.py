@@ -19,10 +19,12 @@ from glsim.dataset import (
     merge_dataset,
     parse_part,
     verify,
-    write_part,
 )
-from glsim.dataset.identity import Inputs
+from glsim.dataset.dataset_run import DatasetRun, in_processes
+from glsim.dataset.identity import InputHashes
+from glsim.dataset.part_run import run_part
 from glsim.errors import ConfigError, DatasetError, DifferentMachineError
+from glsim.files.store import open_store
 from tests.support.dataset_fakes import (
     FORMATS,
     SENSOR,
@@ -51,19 +53,16 @@ def make_part(
     leave: bool = False,
     **faults: Any,
 ) -> PartSummary:
-    return write_part(
+    run = DatasetRun(
         make_settings(format=format),
         make_tasks() if tasks is None else tasks,
-        out,
+        open_store(out),
         partial(fake_frames, **(SKIP | faults)),
-        parse_part(part, {}),
-        sensor=SENSOR,
-        renderer=renderer,
-        workers=workers,
+        SENSOR,
+        renderer,
         inputs=inputs,
-        leave=leave,
-        progress=progress,
     )
+    return run_part(run, parse_part(part, {}), in_processes(workers), progress, leave=leave)
 
 
 def merge_all(out: Path, format: str = "png") -> GenerateSummary:
@@ -179,7 +178,7 @@ def test_one_run_completes_parts_and_merge_alone_works(
     with pytest.raises(DatasetError, match="no data set was begun here"):
         merge_all(tmp_path / "none")
     # Both parts are complete, and the last process was killed just before it merged.
-    monkeypatch.setattr("glsim.dataset.driver.absent_chunks", lambda folder, plan: [0])
+    monkeypatch.setattr("glsim.dataset.part_run.absent_chunks", lambda folder, plan: [0])
     for number in (0, 1):
         assert make_part(tmp_path / "b", f"{number}/2").dataset is None
     monkeypatch.undo()
@@ -188,7 +187,7 @@ def test_one_run_completes_parts_and_merge_alone_works(
 
 
 def test_merge_needs_no_renderer_and_compares_the_settings(tmp_path: Path, undisturbed) -> None:
-    whole = make_part(tmp_path, "0/1", inputs=lambda: Inputs({"a.glsl": "1"}, {}, "x"))
+    whole = make_part(tmp_path, "0/1", inputs=lambda: InputHashes({"a.glsl": "1"}, {}, "x"))
     assert whole.dataset is not None
     assert merge_all(tmp_path).frames == whole.dataset.frames
     with pytest.raises(ConfigError, match=r"was begun with output.format = \"png\", not"):
@@ -210,7 +209,7 @@ def test_a_machine_that_differs_leaves_its_chunks_to_the_others(
     def part(number: int, other: bool = False, **options: Any) -> PartSummary:
         renderer = "another" if other and different == "renderer" else "fake renderer"
         arithmetic = "another" if other and different == "arithmetic" else "first"
-        inputs = partial(Inputs, {}, {}, arithmetic)
+        inputs = partial(InputHashes, {}, {}, arithmetic)
         return make_part(
             tmp_path / "out", f"{number}/3", renderer=renderer, inputs=inputs, **options
         )
@@ -225,7 +224,7 @@ def test_a_machine_that_differs_leaves_its_chunks_to_the_others(
     assert last.taken == (Part(1, 3),)
     assert last.dataset is not None
     assert verify(tmp_path / "out", deep=True) == []
-    make(tmp_path / "whole", inputs=partial(Inputs, {}, {}, "first"), **SKIP)
+    make(tmp_path / "whole", inputs=partial(InputHashes, {}, {}, "first"), **SKIP)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 

@@ -14,12 +14,12 @@ import pytest
 
 from glsim.dataset import GenerateProgress, GenerateSummary, generate, ray_renderer, verify
 from glsim.dataset.chunks import Chunk
-from glsim.dataset.driver import run_all
+from glsim.dataset.dataset_run import DatasetRun, run_all
 from glsim.dataset.ray_renderer import MadeChunk, checked_chunk, on_ray
 from glsim.dataset.records import ChunkRecord, ChunkSummary
-from glsim.dataset.run import DatasetRun
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.files.atomic import checksum
+from glsim.files.store import open_store
 from glsim.ray_cluster import ray_cluster
 from glsim.settings.schema import load_settings
 from tests.support.dataset_fakes import (
@@ -51,7 +51,10 @@ def make_on_ray(
     **faults,
 ) -> GenerateSummary:
     make_frames = partial(fake_frames, **faults)
-    run = DatasetRun(settings or make_settings(), TASKS, out, make_frames, SENSOR, "fake renderer")
+    store = open_store(out)
+    run = DatasetRun(
+        settings or make_settings(), TASKS, store, make_frames, SENSOR, "fake renderer"
+    )
     return run_all(run, on_ray(nodes.address), progress)
 
 

@@ -13,8 +13,6 @@ import pytest
 
 from glsim import Frame, load_settings, simulate
 from glsim.cli.denoise import denoise
-from glsim.compare.frames import frame_set
-from glsim.compare.silhouettes import find_edges
 from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, composed, load
 from glsim.denoise.composites import measured_surfaces
 from glsim.denoise.interface import Denoised, Depth
@@ -22,6 +20,8 @@ from glsim.denoise.loading import as_method
 from glsim.denoise.network import NetworkDenoiser
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
+from glsim.measures.frame import frame_set
+from glsim.measures.silhouettes import find_edges
 
 #: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.
 REAL_FRAMES = Path(

@@ -11,7 +11,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.errors import DatasetError
-from glsim.eval.metrics import Truth
+from glsim.eval.metrics.prediction import Truth
 from glsim.eval.scoring.bias import (
     ENOUGH_PIXELS,
     BiasSums,

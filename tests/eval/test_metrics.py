@@ -11,8 +11,9 @@ from scipy import ndimage
 from skimage.metrics import mean_squared_error, peak_signal_noise_ratio, structural_similarity
 
 from glsim.errors import DenoiserError
-from glsim.eval.metrics import METRICS, Truth, score
 from glsim.eval.metrics.normals import angles_deg
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.score import METRICS, score
 from tests.support.eval_scenes import ADVERSARIAL, CAMERA, SIZE, Array, dome, noisy
 
 RAYS = CAMERA.rays()

@@ -12,7 +12,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.denoise import COMPOSITES
-from glsim.eval.metrics.score import psnr_db
+from glsim.eval.metrics.prediction import psnr_db
 from glsim.eval.paper.network_tables import PAPER_ROWS, network_table
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
 from glsim.eval.paper.runs import find_trained_runs, group_by_network

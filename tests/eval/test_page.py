@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from glsim.errors import GlsimError
-from glsim.eval.report.document import Document, Heading, Picture, TextTable
+from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable
 from glsim.eval.report.page import _template, html_page
 
 PNG = b"\x89PNG\r\n\x1a\n and the rest"
@@ -40,16 +40,16 @@ class Elements(HTMLParser):
 
 
 def test_every_part_of_a_document_becomes_its_element() -> None:
-    table = TextTable(["method", "mean"], [["`face`", "**1.2**\n1.1 - 1.3"], ["median", "2"]])
+    table = TextTable(["method", "mean"], [["`face`", "**1.2** [1.1, 1.3]"], ["median", "2"]])
     page = Document("Scores", ["A **bold** text.", ["one", "two"], Heading("RMSE"), table])
     notes = [Document("Remarks", ["the end"])]
-    picture = Picture("boxes", "A figure.", PNG)
+    picture = CaptionedPng("boxes", "A figure.", PNG)
     elements = Elements(html_page("Title", [page], [picture], notes))
     assert elements.found == [
         *(("title", "Title"), ("h1", "Title"), ("h2", "Scores")),
         *(("p", "A"), ("b", "bold"), ("p", "text."), ("li", "one"), ("li", "two")),
         *(("h3", "RMSE"), ("th", "method"), ("th", "mean"), ("code", "face")),
-        *(("b", "1.2"), ("small", "1.1 - 1.3"), ("td", "median"), ("td", "2")),
+        *(("b", "1.2"), ("small", "[1.1, 1.3]"), ("td", "median"), ("td", "2")),
         *(("h2", "Figures"), ("figcaption", "A figure."), ("h2", "Remarks"), ("p", "the end")),
     ]
     assert elements.attributes["id"] == "boxes"
@@ -63,7 +63,7 @@ def test_every_part_of_a_document_becomes_its_element() -> None:
 @pytest.mark.parametrize("text", ["<script>alert(1)</script>", 'a" onload="x', "{{ title }}", "&"])
 def test_text_is_no_html_and_no_template(text: str) -> None:
     page = Document(text, [text, [text], Heading(text), TextTable([text], [[f"**{text}**"]])])
-    elements = Elements(html_page(text, [page], [Picture("x", text, PNG)]))
+    elements = Elements(html_page(text, [page], [CaptionedPng("x", text, PNG)]))
     assert [found for _, found in elements.found if found != "Figures"] == [text] * 9
     assert elements.attributes["alt"] == text
     assert "onload" not in elements.attributes

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.compare.boards import find_board, find_corners
-from glsim.compare.frames import frame_set
-from glsim.eval.real_frames import RealScores, open_recording, score_recording, tune_on_pairs
-from glsim.eval.real_frames.recording import Source
+from glsim.eval.real_frames import RealScores, score_recording, split_recording, tune_on_pairs
+from glsim.eval.real_frames.split import Source
+from glsim.measures.boards import find_board, find_corners
+from glsim.measures.frame import frame_set
 from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
 from tests.support.recordings import (
@@ -73,7 +73,7 @@ def pair(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def _scores(folder: Path, *names: str, **options: Any) -> RealScores:
     specs = [f"{n}@planted_denoisers:{n}" if ":" not in n else n for n in names]
-    return score_recording(open_recording(Source(folder)), specs, workers=1, **options)
+    return score_recording(split_recording(Source(folder)), specs, workers=1, **options)
 
 
 def test_static_pairs_give_the_error_without_the_truth(pair: Path) -> None:
@@ -125,7 +125,7 @@ def test_losses_and_fills_at_edges_are_counted(pair: Path) -> None:
 
 
 def test_the_ring_is_the_edge_of_the_nearer_surface_on_both_sides() -> None:
-    from glsim.eval.real_frames.measures import rims_and_shadow
+    from glsim.eval.real_frames.frame_truth import rims_and_shadow
 
     frame = frame_set("panel", [shadowed(800.0, 2000.0, 3, 7)]).frames[0]
     first, second, shadow = rims_and_shadow(frame)
@@ -157,7 +157,7 @@ def test_a_board_is_found_in_infrared_and_its_paper_has_the_planted_noise(tmp_pa
 
 
 def test_tuning_sees_one_half_and_scoring_the_other(pair: Path) -> None:
-    recording = open_recording(Source(pair))
+    recording = split_recording(Source(pair))
     tuned, trials = tune_on_pairs(recording, ["masked_gaussian"], workers=1)
     changes = {name: m.pair_change.value for name, m in trials.methods.items()}
     assert tuned == [min(changes, key=lambda name: changes[name])]
@@ -211,7 +211,7 @@ def test_the_real_static_pair_has_the_noise_that_was_measured_twice(tmp_path: Pa
     for name in ("0007", "0008"):
         for ending in ("_depth.png", "_ir.png", "_ir_points.yaml"):
             (tmp_path / f"{name}{ending}").symlink_to(REAL / f"{name}{ending}")
-    scores = score_recording(open_recording(Source(tmp_path)), ["guided"], workers=1)
+    scores = score_recording(split_recording(Source(tmp_path)), ["guided"], workers=1)
     assert scores.boards == 2
     raw = np.array(scores.methods["raw"].pair_rmse_mm)
     np.testing.assert_allclose(raw / [1.83, 2.05, 3.36, 3.87, 2.03, 5.98], 1.0, atol=0.27)

@@ -12,9 +12,12 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import write_dataset
-from glsim.eval.metrics import Regions, Truth, metrics_with_regions, score
 from glsim.eval.metrics.normals import angles_deg, whole_windows
-from glsim.eval.report.tables import region_tables
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.regions import Regions
+from glsim.eval.metrics.score import metrics_with_regions, score
+from glsim.eval.report.document import Heading, TextTable
+from glsim.eval.report.tables import region_document
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.faces.regions import region_numbers
 from glsim.geometry.depth_map import central_normals
@@ -119,7 +122,7 @@ def test_the_report_has_a_table_a_part(
     assert float(table["median", "rmse_mm@nose"]["mean"]) == pytest.approx(mean, rel=1e-6)
     text, page = (out / "table.md").read_text(), (out / "report.html").read_text()
     assert "## Parts of the face" in text
-    assert "**normal_mean_deg [°] ↓**" in text
+    assert "### normal_mean_deg [°] ↓" in text
     head = next(line for line in text.splitlines() if line.startswith("| method | nose"))
     assert head == "| method | nose | tail |"
     assert "<h3>rmse_mm [mm] ↓</h3>" in page
@@ -132,10 +135,11 @@ def test_parts_that_no_frame_shows_are_left_out() -> None:
     row = dict.fromkeys(summary.metrics) | {"subject": "a", "sequence": "s", "frame": 0}
     for method, nose in (("a", 2.0), ("b", 1.5)):
         summary.add(row | {"method": method, "rmse_mm@nose": nose})
-    ((title, head, rows),) = region_tables(summary.compared())
-    assert title == "rmse_mm [mm] ↓"
-    assert head == ["method", "nose"]
-    assert rows == [["`a`", "2.00"], ["`b`", "**1.50**"]]
+    document = region_document(summary.compared())
+    assert document is not None
+    heading, table = document.parts[1:]
+    assert heading == Heading("rmse_mm [mm] ↓")
+    assert table == TextTable(["method", "nose"], [["`a`", "2.00"], ["`b`", "**1.50**"]])
     plain = ScoreSummary(1)
     plain.add(row | {"method": "a"})
-    assert region_tables(plain.compared()) == []
+    assert region_document(plain.compared()) is None

@@ -14,13 +14,14 @@ import pytest
 from glsim.cli import main
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
 from glsim.errors import ConfigError, DatasetError
-from glsim.eval.metrics import METRICS, Truth, score
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.score import METRICS, score
 from glsim.eval.paper.filter_table import filter_table
 from glsim.eval.report.tables import format_number
 from glsim.eval.scoring.baselines import mean_face
 from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.grid_search import tune_filters
 from glsim.eval.scoring.run import Evaluation, evaluate
-from glsim.eval.scoring.tune import tune
 from tests.support.eval_scenes import dome, rows, write_pairs
 
 
@@ -186,7 +187,7 @@ def test_tuning_uses_the_validation_split_only(tmp_path: Path) -> None:
     pairs = write_pairs(tmp_path / "set" / "val", 2, 2).parent
     write_pairs(pairs / "test", 2, 1)
     job = ScoringJob(pairs, "val", ())
-    (tuned,) = tune(job, ["plane"], tmp_path / "o", workers=1)
+    (tuned,) = tune_filters(job, ["plane"], tmp_path / "o", workers=1)
     assert tuned.plain.endswith("cleanup=0")
     with (tmp_path / "o" / "tuning.csv").open() as file:
         trials = list(csv.DictReader(file))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from glsim.eval.metrics import METRICS
+from glsim.eval.metrics.score import METRICS
 from glsim.eval.report.tables import format_number, table_latex, table_markdown
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.run import Evaluation

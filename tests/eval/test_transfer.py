@@ -19,7 +19,7 @@ from glsim.eval.transfer.cells import FILTERS, METRICS, NOISY, CellScores, Metho
 from glsim.eval.transfer.comparison import (
     FIGURES,
     CellResult,
-    Comparison,
+    NetworkComparison,
     compare,
     compare_bias,
     pool_by_sensor,
@@ -185,7 +185,7 @@ def result(
     return CellResult("net", "-", SensorFamily(name="v2", tof=tof), "heads", scene, cell)
 
 
-def verdicts(rows: list[Comparison]) -> list[str]:
+def verdicts(rows: list[NetworkComparison]) -> list[str]:
     return [row.verdict_text.strip("*") for row in rows]
 
 
@@ -200,7 +200,12 @@ def test_the_goal_depends_on_the_sensor_and_the_figure() -> None:
     assert [row.goal for row in rows] == [0.85, 0.85, 1.0, 0.5]
     assert verdicts(rows) == ["fail", "fail", "pass", "pass"]
     assert verdicts(compare([result(1.8, tof=False)], Goals())) == ["pass"] * 4
-    assert verdicts(compare([result(2.5, tof=False)], Goals())) == ["fail", "fail", "pass", "fail"]
+    assert verdicts(compare([result(2.5, tof=False)], Goals())) == [
+        "fail",
+        "fail",
+        "pass",
+        "fail",
+    ]
     at_goal = compare([result(1.7)], Goals(tof_ratio=0.85 + 1e-9))
     assert verdicts(at_goal)[0] in ("pass", "pass?")
 

@@ -20,10 +20,10 @@ from glsim.cli import main
 from glsim.dataset import open_dataset
 from glsim.errors import ConfigError, DatasetError
 from glsim.exports import FORMATS, export_dataset
-from glsim.exports.arrays import encode_exr
-from glsim.exports.cameras import centre_at_zero, open3d_json, ros_yaml
+from glsim.exports.formats.arrays import encode_exr
+from glsim.exports.formats.cameras import centre_at_zero, open3d_json, ros_yaml
+from glsim.exports.formats.points import encode_pcd, encode_ply, point_cloud
 from glsim.exports.frames import ExportFrame, export_frames, kept_lens
-from glsim.exports.points import encode_pcd, encode_ply, point_cloud
 from glsim.geometry.camera import Distortion, Intrinsics
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 

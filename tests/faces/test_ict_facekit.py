@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import Face, FaceKey, FaceSource
 from glsim.faces.ict_facekit import IctFaceKit
-from glsim.faces.ict_facekit.facs import known_units, shape_weights, shapes_of
 from glsim.faces.ict_facekit.load import load_model, model_folder
+from glsim.faces.ict_facekit.shapes import KNOWN_SHAPES, kit_weights
 from glsim.faces.ict_facekit.topology import ALBEDO, REGION_NAMES
-from glsim.faces.performance import CODES
 from tests.support.face_models import write_face_x_model
 
 
@@ -47,7 +46,7 @@ def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A cache of the test's own, and all triangles taken for visible, hidden parts too."""
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(
-        "glsim.faces.ict_facekit.load.find_visible_faces",
+        "glsim.faces.ict_facekit.load.visible_faces",
         lambda model: np.ones(len(model.topology.faces), dtype=bool),
     )
 
@@ -156,20 +155,12 @@ def test_foreign_keys_are_refused(small_model: Path) -> None:
 
 
 def test_action_units_become_shapes() -> None:
-    assert shapes_of("AU12") == {"mouthSmile_L": 1.0, "mouthSmile_R": 1.0}
-    assert shapes_of("AU12_L") == {"mouthSmile_L": 1.0}
-    assert shapes_of("AU27") == {"jawOpen": 1.0}
-    assert shapes_of("AU27_R") == {"jawOpen": 1.0}
-    assert shapes_of("AU30_L") == {"jawLeft": 1.0}
-    units = {f"AU{word.rstrip('LR')}" for code in CODES for word in code.split("+")}
-    assert units <= set(known_units())
-    for wrong in ("AU3", "AU12_X", "AU30", "12", "smile"):
-        with pytest.raises(ConfigError, match=f"{wrong}: ICT-FaceKit has no shape"):
-            shapes_of(wrong)
+    assert {"mouthSmile_L", "jawLeft", "eyeLookOut_R", "browInnerUp_L"} <= KNOWN_SHAPES
     shapes = ("jawOpen", "mouthSmile_L", "mouthSmile_R")
-    weights = shape_weights({"AU25": 1.0, "AU26": 0.8, "AU12_R": 0.3}, shapes)
+    weights = kit_weights({"AU25": 1.0, "AU26": 0.8, "AU12_R": 0.3}, shapes)
     np.testing.assert_allclose(weights, [0.4, 0, 0.3])  # jaws do not add up
-    lips = shape_weights({"AU18": 0.5, "AU22": 1.0}, ("mouthPucker", "mouthFunnel"))
+    assert kit_weights({"AU25": 1.0}, shapes)[0] == 0.1
+    lips = kit_weights({"AU18": 0.5, "AU22": 1.0}, ("mouthPucker", "mouthFunnel"))
     np.testing.assert_allclose(lips, [1 / 3, 2 / 3])
 
 
@@ -187,8 +178,8 @@ def test_the_model_is_cached_and_a_damaged_cache_is_built_again(
     for name, content in (
         ("basis.npy", whole[:-100]),
         ("basis.npy", whole[:-100] + b"?" * 100),
-        ("topology.npz", b"PK\x03\x04 nothing"),
-        ("topology.npz", None),
+        ("words.npz", b"PK\x03\x04 nothing"),
+        ("words.npz", None),
     ):
         (cache / name).unlink()
         if content is not None:

@@ -24,7 +24,7 @@ from glsim.frame import Frame
 from glsim.geometry.mesh import Mesh
 from glsim.pipeline import simulate
 from glsim.plan.tasks import make_tasks
-from glsim.render.regions import majority_last
+from glsim.render.region_pass import majority_last
 from glsim.scene.scenery import ROOM_REGIONS
 from glsim.settings.schema import Settings, load_settings
 from tests.support.dataset_fakes import contents

@@ -15,10 +15,10 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset.layer_images import decode_layer
-from glsim.dataset.recordings import RecordedFrame
 from glsim.errors import DatasetError
 from glsim.files.png import decode_png, encode_png, image_size, read_depth_png, size_problem
 from glsim.files.regular import open_regular, read_regular
+from glsim.recordings.files import FrameFile
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:
@@ -52,7 +52,7 @@ def test_a_bomb_is_refused_by_its_header_everywhere(
     with pytest.raises(DatasetError, match=problem):
         decode_layer(data, "noisy", "x")
     with pytest.raises(DatasetError, match=problem):
-        RecordedFrame("a", file, None).depth_mm()
+        FrameFile("a", file, None).depth_mm()
     for command in (["denoise", "-d", "median"], ["corrupt", "--backend", "numpy"]):
         assert main([command[0], str(file), "-o", str(tmp_path / "o.png"), *command[1:]]) == 1
         assert problem in capsys.readouterr().err
@@ -93,7 +93,7 @@ def test_a_stack_of_huge_images(tmp_path: Path) -> None:
         stream.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header)
         stream.truncate(128 + 2 * 200_000**2)
     with pytest.raises(DatasetError, match="200000 x 200000 pixels"):
-        RecordedFrame("a", file, None).depth_mm()
+        FrameFile("a", file, None).depth_mm()
 
 
 def test_only_regular_files_are_opened(tmp_path: Path) -> None:

@@ -13,23 +13,16 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.cli import main
-from glsim.compare.frames import DepthFrame
 from glsim.errors import ConfigError, DatasetError
-from glsim.fit import (
-    LightProfile,
-    TapNoise,
-    fit_infrared,
-    fit_noise_model,
-    fit_wiggling,
-    fitted_values,
-    measure_recording,
-    read_recording,
-    unplaced_parameters,
-)
 from glsim.fit.fixed_pattern import describe_pattern
-from glsim.fit.recording import Recording
+from glsim.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
+from glsim.fit.recording_statistics import measure_recording
+from glsim.fit.sensor_file import fitted_values, unplaced_parameters
+from glsim.fit.wiggling import fit_wiggling
 from glsim.geometry.camera import Intrinsics
+from glsim.measures.frame import DepthFrame, FrameSet, frame_set
 from glsim.noise.registry import find_stage
+from glsim.recordings.recording import open_recording
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.validate import VirtualCamera, published_curves, scenes
 
@@ -44,6 +37,10 @@ PATTERN = {
     "row_alternation_mm": 0.6,
     "row_step_mm": 0.0,
 }
+
+
+def read(*paths: Path, unit_mm: float = 1.0, infrared: Path | None = None) -> FrameSet:
+    return open_recording(paths, unit_mm, infrared=infrared).read_static()
 
 
 def write(folder: Path, frames: NDArray[np.generic]) -> Path:
@@ -146,7 +143,7 @@ def test_what_it_prints(
 
 
 def test_statistics_of_a_recording(recording: Path) -> None:
-    found = measure_recording(read_recording([recording]), IMAGE)
+    found = measure_recording(read(recording))
     assert found.frames == 30
     assert found.correlation[:3] == pytest.approx((0.63, 0.28, 0), abs=0.06)
     assert found.correlation[-1] == pytest.approx(0.42, abs=0.06)
@@ -167,7 +164,7 @@ def test_law_without_a_simulator() -> None:
     amplitude = GAIN / (z / 1000 * stretch) ** 2 / stretch
     sigma = np.hypot(FLOOR_MM, published_curves.white_sigma_mm(amplitude) / stretch)
     depth = np.rint(z + rng.normal(0, 1, (20, *z.shape)) * sigma).astype(np.uint16)
-    found = measure_recording(Recording(depth, 1.0, "synthetic"), IMAGE)
+    found = measure_recording(frame_set("synthetic", depth, camera=IMAGE))
     model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), (0.0, 0.0, 0.0))
     assert model.knows_amplitude
     assert model.amplitude == pytest.approx(GAIN, rel=0.05)
@@ -179,7 +176,7 @@ def test_law_without_a_simulator() -> None:
 def test_one_wall_does_not_tell_the_amplitude() -> None:
     rng = np.random.default_rng(2)
     depth = np.rint(800 + rng.normal(0, 1.0, (12, 424, 512))).astype(np.uint16)
-    found = measure_recording(Recording(depth, 1.0, "wall"), IMAGE)
+    found = measure_recording(frame_set("wall", depth, camera=IMAGE))
     model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), EMITTER_M)
     assert not model.knows_amplitude
     assert "gain" not in fitted_values(found, model)
@@ -192,10 +189,10 @@ def test_holes_and_units(tmp_path: Path) -> None:
     depth[rng.random(depth.shape) < 0.01] = 0
     folder = write(tmp_path / "quarter", depth)
     image = Intrinsics(80, 60, 100, 100, 40, 30)
-    found = measure_recording(read_recording([folder], 0.25), image)
+    found = measure_recording(read(folder, unit_mm=0.25).with_camera(image))
     assert float(np.sqrt(np.nanmean(found.variance_mm2))) == pytest.approx(1.5, rel=0.05)
     files = sorted(folder.glob("*.png"))
-    assert read_recording(files, 0.25).depth.shape == (10, 60, 80)
+    assert len(read(*files, unit_mm=0.25).frames) == 10
 
 
 def wall(frames: int = 3, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint16]:
@@ -205,16 +202,16 @@ def wall(frames: int = 3, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint1
 def test_recordings_that_cannot_serve(tmp_path: Path) -> None:
     def refused(kind: type[Exception], match: str, *paths: Path) -> None:
         with pytest.raises(kind, match=match) as caught:
-            read_recording(paths)
+            read(*paths)
         assert "\n" not in str(caught.value)
 
     (tmp_path / "empty").mkdir()
-    refused(DatasetError, "holds no .png files", tmp_path / "empty")
-    refused(ConfigError, "no such file or folder", tmp_path / "missing")
+    refused(DatasetError, "holds no 16-bit", tmp_path / "empty")
+    refused(ConfigError, "no such folder", tmp_path / "missing")
     refused(DatasetError, "one frame only", write(tmp_path / "single", wall(1)))
     mixed = write(tmp_path / "mixed", wall())
     cv2.imwrite(str(mixed / "0001.png"), wall(1, (24, 32))[0])
-    refused(DatasetError, "0001.png: is 32x24, but 0000.png is 64x48", mixed)
+    refused(DatasetError, "0001 is 32x24, but 0000 is 64x48", mixed)
     refused(
         DatasetError, "1 channels of 8 bits", write(tmp_path / "bytes", wall().astype(np.uint8))
     )
@@ -224,11 +221,9 @@ def test_recordings_that_cannot_serve(tmp_path: Path) -> None:
     refused(DatasetError, "0002.png: is no readable image", broken)
     moved = wall()
     moved[2, :, 20:] = 1400
-    refused(
-        DatasetError, "0001.png and 0002.png show different scenes", write(tmp_path / "m", moved)
-    )
+    refused(DatasetError, "0001 and 0002 show different scenes", write(tmp_path / "m", moved))
     with pytest.raises(ConfigError, match="--depth-unit-mm 0"):
-        read_recording([mixed], 0)
+        read(mixed, unit_mm=0)
 
 
 def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
@@ -236,9 +231,9 @@ def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
     noise = rng.integers(500, 4000, (48, 64)).astype(np.uint16)[None].repeat(4, axis=0)
     noise[:, ::7] = 0
     noise[:, :, ::7] = 0
-    recording = read_recording([write(tmp_path / "mess", noise)])
+    recording = read(write(tmp_path / "mess", noise))
     with pytest.raises(DatasetError, match="belong to smooth surfaces"):
-        measure_recording(recording, Intrinsics(64, 48, 50, 50, 32, 24))
+        measure_recording(recording)
 
 
 @pytest.mark.parametrize(
@@ -287,7 +282,7 @@ def real(*names: str) -> list[Path]:
 
 @real_frames
 def test_unrelated_real_frames_are_refused_and_a_static_pair_is_not() -> None:
-    assert read_recording(real("0007", "0008")).infrared is not None
+    assert read(*real("0007", "0008")).frames[0].infrared is not None
     for other in (
         ("0000", "0005"),
         ("0007_sync", "0008_sync"),
@@ -295,17 +290,16 @@ def test_unrelated_real_frames_are_refused_and_a_static_pair_is_not() -> None:
         ("0008", "0007_sync"),
     ):
         with pytest.raises(DatasetError, match="show different scenes") as caught:
-            read_recording(real(*other))
+            read(*real(*other))
         assert "\n" not in str(caught.value)
 
 
 @real_frames
 def test_a_real_pair_gives_the_published_light_and_noise() -> None:
     """Measured on 204 frames of this device: IR 30,300 / r^2, 1.05 mm and 4,600 counts."""
-    recording = read_recording(real("0007", "0008"))
-    assert recording.infrared is not None
-    found = measure_recording(recording, REAL_IMAGE)
-    law = fit_infrared(found, recording, REAL_IMAGE, 1.0, TapNoise())
+    recording = read(*real("0007", "0008")).with_camera(REAL_IMAGE)
+    found = measure_recording(recording)
+    law = fit_infrared(found, recording, 1.0, TapNoise())
     assert 16 * law.gain == pytest.approx(30_300, rel=0.15)
     assert law.law.floor_mm == pytest.approx(1.05, rel=0.1)
     assert law.law.slope_mm == pytest.approx(4_600, rel=0.1)
@@ -319,8 +313,8 @@ def test_unrelated_noise_is_refused(tmp_path: Path) -> None:
     """No frame resembles another although each is white noise without any structure."""
     rng = np.random.default_rng(7)
     frames = rng.integers(500, 4000, (3, 48, 64)).astype(np.uint16)
-    with pytest.raises(DatasetError, match=r"0000.png and 0001.png show different scenes"):
-        read_recording([write(tmp_path / "noise", frames)])
+    with pytest.raises(DatasetError, match="0000 and 0001 show different scenes"):
+        read(write(tmp_path / "noise", frames))
 
 
 def test_infrared_in_a_folder_of_its_own(recording: Path, tmp_path: Path) -> None:
@@ -329,16 +323,14 @@ def test_infrared_in_a_folder_of_its_own(recording: Path, tmp_path: Path) -> Non
     light.mkdir()
     for number, file in enumerate(sorted(recording.glob("*_ir.png"))):
         (light / f"{number}.png".rjust(8, "0")).write_bytes(file.read_bytes())
-    pairs, apart = read_recording([recording]), read_recording([depth], 1.0, light)
-    assert pairs.infrared is not None
-    assert apart.infrared is not None
-    assert np.array_equal(pairs.infrared, apart.infrared)
+    for pair, apart in zip(read(recording).frames, read(depth, infrared=light).frames, strict=True):
+        np.testing.assert_array_equal(pair.infrared, apart.infrared)
     (light / "0003.png").unlink()
     with pytest.raises(DatasetError, match="holds 29 infrared images for 30 depth maps"):
-        read_recording([depth], 1.0, light)
-    (depth / "0004_ir.png").write_bytes(b"")
-    with pytest.raises(DatasetError, match=r"0000_ir.png: no such file, but other frames have"):
-        read_recording([depth])
+        read(depth, infrared=light)
+    (depth / "0004_ir.png").write_bytes((light / "0001.png").read_bytes())
+    with pytest.raises(DatasetError, match=r"0000_depth has no infrared image, but other frames"):
+        read(depth)
 
 
 @pytest.mark.parametrize("smooth", [True, False])
@@ -389,7 +381,7 @@ def test_wiggling_of_a_slanted_wall() -> None:
             error -= 110.5 * size * np.sin((3 if harmonic == 2 else 6) * turn - phase)
     depth = np.where(depth > 3500, 0.0, depth + error / stretch)
     frames = np.rint(depth + rng.normal(0, 1.0, (10, *depth.shape)) * (depth > 0))
-    found = measure_recording(Recording(frames.astype(np.uint16), 1.0, "slanted"), IMAGE)
+    found = measure_recording(frame_set("slanted", frames.astype(np.uint16), camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE)
     assert wiggling is not None
     for harmonic, (size, phases) in truth.items():
@@ -397,7 +389,7 @@ def test_wiggling_of_a_slanted_wall() -> None:
         assert wiggling.amplitude[harmonic] == pytest.approx(size, rel=0.1)
         assert wiggling.phase_rad[harmonic] == pytest.approx(list(phases.values()), abs=0.15)
     facing = np.rint(900 + rng.normal(0, 1.0, (4, *depth.shape))).astype(np.uint16)
-    assert fit_wiggling(measure_recording(Recording(facing, 1.0, "wall"), IMAGE), IMAGE) is None
+    assert fit_wiggling(measure_recording(frame_set("wall", facing, camera=IMAGE)), IMAGE) is None
 
 
 def test_harmonics_of_the_simulator_come_back(context: moderngl.Context) -> None:
@@ -412,7 +404,7 @@ def test_harmonics_of_the_simulator_come_back(context: moderngl.Context) -> None
         [(-half, half, 3600), (half, half, 700), (half, -half, 700), (-half, -half, 3600)]
     )
     frames = camera.capture(slanted, 16, None, changes={"tof_light": harmonics}).encoded
-    found = measure_recording(Recording(frames, 1.0, "slanted"), IMAGE)
+    found = measure_recording(frame_set("slanted", frames, camera=IMAGE))
     model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), EMITTER_M)
     values = fitted_values(found, model, wiggling=fit_wiggling(found, IMAGE))
     assert values["harmonic_2"] == pytest.approx(0.015, rel=0.15)

@@ -11,8 +11,8 @@ import numpy as np
 
 import glsim
 from glsim.cli import main
+from glsim.measures.stacks import Array
 from glsim.validate import VirtualCamera, scenes
-from glsim.validate.measure import Array
 from tests.support.stage_harness import Z_MAX, z_correlation
 
 RECORDED, SIMULATED = 24, 6

@@ -9,10 +9,12 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.fit import fit_wiggling, measure_recording, read_recording
-from glsim.fit.recording import Recording
+from glsim.fit.recording_statistics import measure_recording
+from glsim.fit.wiggling import fit_wiggling
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.mesh import Mesh
+from glsim.measures.frame import frame_set
+from glsim.recordings.recording import open_recording
 from glsim.validate import VirtualCamera, scenes
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
@@ -55,7 +57,7 @@ def test_harmonics_come_back_from_walls_at_several_distances(
     }  # fmt: skip
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     shot = camera.capture(walls(slant_deg), FRAMES, None, changes={"tof_fast": changes})
-    found = measure_recording(Recording(shot.encoded, 1.0, "walls"), IMAGE)
+    found = measure_recording(frame_set("walls", shot.encoded, camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
     assert wiggling is not None
     assert wiggling.planes >= 3
@@ -72,7 +74,7 @@ def test_a_sensor_without_harmonics_has_none(context: moderngl.Context) -> None:
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     changes = {"tof_fast": {"harmonic_2": 0.0, "harmonic_5": 0.0}}
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
-    found = measure_recording(Recording(shot.encoded, 1.0, "walls"), IMAGE)
+    found = measure_recording(frame_set("walls", shot.encoded, camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
     assert wiggling is not None
     assert not any(wiggling.known(harmonic) for harmonic in (2, 5))
@@ -84,7 +86,9 @@ def test_a_sensor_without_harmonics_has_none(context: moderngl.Context) -> None:
 )
 def test_a_real_room_of_bent_and_distorted_surfaces_shows_none() -> None:
     """Doors and chairs through the lens are no planes; the error says so."""
-    recording = read_recording([REAL / f"{name}_depth.png" for name in ("0007", "0008")])
+    recording = open_recording([REAL / f"{name}_depth.png" for name in ("0007", "0008")])
     image = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
-    wiggling = fit_wiggling(measure_recording(recording, image), image, EMITTER_M)
+    wiggling = fit_wiggling(
+        measure_recording(recording.read_static().with_camera(image)), image, EMITTER_M
+    )
     assert wiggling is None or not any(wiggling.known(harmonic) for harmonic in (2, 5))

@@ -6,10 +6,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.compare.frames import DepthFrame
-from glsim.compare.silhouettes import find_edges
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
+from glsim.measures.frame import DepthFrame
+from glsim.measures.silhouettes import find_edges
 from glsim.reason import Reason
 from tests.support.tof_harness import QUIET, Camera, Image, Placed, merged, quad
 

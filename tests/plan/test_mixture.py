@@ -15,12 +15,13 @@ from glsim.pipeline import open_sources
 from glsim.plan.mixture import image_counts, mix_sources
 from glsim.plan.paper_split import PAPER_IMAGES, split_as_paper
 from glsim.plan.tasks import make_tasks
-from glsim.settings.schema import SourceSettings, load_settings
+from glsim.settings.schema import load_settings
+from glsim.settings.source_settings import SourceSettings, parse_source
 from tests.support.face_sets import FACE, TRIANGLES, ply_bytes, put, write_tester
 
 
 def _sources(*options: dict[str, float]) -> list[SourceSettings]:
-    return [SourceSettings.model_validate(option) for option in options]
+    return [parse_source(option) for option in options]
 
 
 def test_counts_and_weights() -> None:
@@ -106,7 +107,10 @@ def test_several_sources_make_one_plan(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"kind": "folder", "every": 2}, r"source.0: every: folder has no such option \(d3dfacs"),
+        (
+            {"kind": "folder", "every": 2},
+            r"every: folder has no such option \(biwi, d3dfacs",
+        ),
         ({"kind": "biwi", "peak_only": True}, "peak_only: biwi has no such option"),
         ({"kind": "d3dfacs", "steps": 2}, "steps: d3dfacs has no such option"),
         ({"kind": "d3dfacs", "poses": False}, "poses: d3dfacs has no such option"),
@@ -123,8 +127,8 @@ def test_unknown_options_are_refused(options: dict[str, object], message: str) -
 @pytest.mark.parametrize("kind", ["d3dfacs", "facewarehouse", "biwi"])
 def test_sets_need_a_root_and_a_unit_that_means_something(kind: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=f"source '{kind}' needs --root"):
-        open_source(SourceSettings.model_validate({"kind": kind}), 0)
+        open_source(parse_source({"kind": kind}), 0)
     with pytest.raises(ConfigError, match="no such unit"):
-        open_source(SourceSettings.model_validate({"kind": kind, "root": tmp_path, "unit": "x"}), 0)
-    given = SourceSettings.model_validate({"kind": kind, "root": tmp_path})
+        open_source(parse_source({"kind": kind, "root": tmp_path, "unit": "x"}), 0)
+    given = parse_source({"kind": kind, "root": tmp_path})
     assert open_source(given, 0).name == kind

@@ -49,7 +49,7 @@ def test_a_file_then_assignments_then_options_change_a_preset(tmp_path: Path) ->
 
 def test_another_source_or_a_wall_takes_the_place_of_the_presets() -> None:
     heads = load_settings(None, [], {}, {"kind": "procedural"}, "office")
-    assert heads.source[0].framing is None
+    assert not hasattr(heads.source[0], "framing")
     assert heads.scene.room == "office"
     wall = load_settings(None, ["scene.wall_mm=4000"], {}, None, "office")
     assert wall.scene.room == "none"

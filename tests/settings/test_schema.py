@@ -9,7 +9,8 @@ import pytest
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.settings.distribution import constant
-from glsim.settings.schema import Settings, SourceSettings, load_settings, parse_assignment
+from glsim.settings.schema import Settings, load_settings, parse_assignment
+from glsim.settings.source_settings import parse_source
 
 FILE = """
 sensor = "kinect-v1"
@@ -42,7 +43,7 @@ def test_defaults() -> None:
     settings = load_settings()
     assert settings == Settings(
         sensor="kinect-v2",
-        source=(SourceSettings(kind="procedural", subjects=10, frames_per_subject=30),),
+        source=(parse_source({"subjects": 10, "frames_per_subject": 30}),),
     )
     assert settings.split == (0.70, 0.12, 0.18)
     assert (settings.seed, settings.devices, settings.strict) == (0, 1, False)
@@ -143,7 +144,7 @@ def test_shares_may_be_text() -> None:
         ("split=[inf, 0, 0]", "the shares must be >= 0 and add up to 1"),
         ("split=a,b,c", "split.0: .*number.*got 'a'"),
         ("source=[]", "source: at least one is needed"),
-        ("source.kind=clay", "source.0.kind: 'clay' is not one of procedural, ict-facekit, peo"),
+        ("source.kind=clay", "source.0.kind: 'clay' is not one of biwi, d3dfacs, facewarehouse, f"),
         ("source.subjects=0", "source.0.subjects: .*greater than or equal to 1"),
         ("scene.wall_albedo=1.5", "scene.wall_albedo: .*less than or equal to 1"),
         ("output.format=gif", "output.format: 'gif' is not one of png, webdataset"),

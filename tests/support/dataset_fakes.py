@@ -72,7 +72,7 @@ class Fault:
     index: int
     once: str = ""
     out: str = ""
-    name: str = "file"
+    name: str = ".png"
 
     def strikes(self, index: int) -> bool:
         if index != self.index:
@@ -128,7 +128,7 @@ def put_on_full_disk(out: str, name: str) -> None:
 
     def create_on_full_disk(temporary: Path) -> Any:
         file = create(temporary)
-        if temporary.name.endswith(f"-{name}") and temporary.is_relative_to(out):
+        if temporary.name.endswith(name) and temporary.is_relative_to(out):
             atomic._create = create
             file.close()
             return Path("/dev/full").open("wb")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.faces.base import Face, FaceKey
-from glsim.faces.ict_facekit.facs import known_shapes
+from glsim.faces.ict_facekit.shapes import KNOWN_SHAPES
 from glsim.geometry.mesh import Mesh
 
 ROWS, COLUMNS = 61, 49
@@ -84,7 +84,7 @@ def write_face_x_model(folder: Path) -> Path:
     landmarks = [
         int(np.argmin(np.linalg.norm(front[:, :2] - point, axis=1))) for point in _multi_pie()
     ]
-    expressions = sorted(known_shapes())
+    expressions = sorted(KNOWN_SHAPES)
     (folder / "vertex_indices.json").write_text(
         json.dumps({"expressions": expressions, "idx_to_landmark_verts": landmarks})
     )

@@ -1,4 +1,4 @@
-"""Depth frames with planted noise, patterns and shadows, for the tests of glsim.compare."""
+"""Depth frames with planted noise, patterns and shadows, for the tests of glsim.measures."""
 
 from __future__ import annotations
 

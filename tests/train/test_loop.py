@@ -16,7 +16,8 @@ from torch.utils.data import DataLoader
 
 from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
-from glsim.eval.metrics.score import Truth, score
+from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.score import score
 from glsim.train.batches import StoredBatches
 from glsim.train.epoch_sampler import EpochSampler
 from glsim.train.interior_mask import interior_mask

@@ -12,7 +12,8 @@ from glsim.errors import ConfigError, ShaderError
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.pipeline import simulate
-from glsim.settings.schema import Settings, SourceSettings, load_settings, with_assignments
+from glsim.settings.schema import Settings, load_settings, with_assignments
+from glsim.settings.source_settings import parse_source
 from glsim.tune.bench import Bench, marked_lines
 from glsim.tune.packet import LAYERS, pack
 from glsim.tune.state import StageCode, Tuning
@@ -40,7 +41,7 @@ def settings(tmp_path: Path) -> Settings:
     file = tmp_path / "small.toml"
     file.write_text(SENSOR)
     loaded = load_settings(overrides={"sensor": str(file), "strict": True})
-    single = SourceSettings(subjects=1, frames_per_subject=4)
+    single = parse_source({"subjects": 1, "frames_per_subject": 4})
     return loaded.model_copy(update={"source": (single,)})
 
 

@@ -14,18 +14,27 @@ from matplotlib.figure import Figure
 from glsim.cli import main
 from glsim.errors import ConfigError
 from glsim.sensors.sensor import SENSOR_FOLDER
-from glsim.validate import Captures, VirtualCamera, figure, published_curves, report, run, scenes
+from glsim.validate import (
+    Captures,
+    VirtualCamera,
+    figure,
+    published_curves,
+    report,
+    run,
+    scenes,
+    sources,
+)
 from glsim.validate.checks import depth, edges, faces, phases, structured_light, walls
 from glsim.validate.report import Band, Check, CheckResult, Measurement, ValidationReport
-from glsim.validate.sheets import kinect_v2
-from glsim.validate.sheets import structured_light as structured_light_sheet
 
 # --- the sheet ----------------------------------------------------------------------------------
 
 
 def test_the_sheet_has_all_thirty_checks_and_says_what_the_design_says() -> None:
-    assert [check.number for check in kinect_v2.CHECKS] == [str(n) for n in range(1, 31)]
-    bands = {c.number: [(b.low, b.high) for b in c.bands] for c in kinect_v2.CHECKS}
+    checks = run.sensor_sheet("kinect-v2").checks
+    numbers = [*(str(n) for n in range(1, 31)), *(f"A{n}" for n in range(1, 7))]
+    assert [check.number for check in checks] == numbers
+    bands = {c.number: [(b.low, b.high) for b in c.bands] for c in checks}
     assert bands["1"] == [(1.0, 1.7)]
     assert bands["3"] == [(1.1, 1.8), (1.2, 2.1), (1.55, 3.4), (2.3, 5.5)]
     assert bands["6"] == [(0.9, 1.15), (0.9, 1.25), (1.2, 2.2), (1.3, 3.0)]
@@ -35,7 +44,7 @@ def test_the_sheet_has_all_thirty_checks_and_says_what_the_design_says() -> None
 
 
 def test_every_check_says_what_kind_of_source_it_has() -> None:
-    for sheet in (*run.SHEETS.values(), run.sensor_sheet("kinect-v2")):
+    for sheet in run.sheets().values():
         for check in sheet.checks:
             assert check.kinds, check.number
             assert all(check.kind_of(band) in report.KINDS for band in check.bands)
@@ -43,10 +52,8 @@ def test_every_check_says_what_kind_of_source_it_has() -> None:
             if check.kinds == ("measured",):
                 assert any(
                     name in check.source
-                    for name in (
-                        kinect_v2.FANK, kinect_v2.KDE, kinect_v2.REAL, structured_light_sheet.NGUYEN
-                    )
-                ), check.number  # fmt: skip
+                    for name in (sources.FANK, sources.KDE, sources.REAL, sources.NGUYEN)
+                ), check.number
     mixed = Check(
         "1", "", (Band("a", 0, 1, kind="measured"), Band("b", 0, 1), Band("c", 0, 1)), "s"
     )
@@ -149,7 +156,7 @@ def test_scenes_face_the_camera() -> None:
 
 
 def failed(measurements: dict[str, Measurement]) -> set[str]:
-    checks = {c.number: c for c in (*kinect_v2.CHECKS, *kinect_v2.ANTI_CHECKS)}
+    checks = {c.number: c for c in run.sensor_sheet("kinect-v2").checks}
     return {n for n, m in measurements.items() if CheckResult(checks[n], m).state == "FAIL"}
 
 
@@ -247,7 +254,7 @@ def test_a_sensor_without_noise_fails_and_does_not_break(context: moderngl.Conte
 def test_without_matplotlib_it_says_so_first(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(figure, "find_spec", lambda _: None)
+    monkeypatch.setattr("glsim.errors.find_spec", lambda _: None)
     assert main(["validate", "kinect-v2", "--figure", "x.png"]) == 2
     assert "pip install 'glsim[eval]'" in capsys.readouterr().err
 
@@ -294,8 +301,9 @@ def test_command_writes_table_json_and_figure(
 def test_command_fails_for_a_wrong_sensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sheet = run.ValidationSheet("other", kinect_v2.CHECKS[:5], (walls.noise_level,))
-    monkeypatch.setitem(run.SHEETS, "kinect-v1", sheet)
+    checks = run.sensor_sheet("kinect-v2").checks[:5]
+    sheet = run.ValidationSheet("other", checks, (walls.noise_level,))
+    monkeypatch.setitem(run.sheets(), "kinect-v1", sheet)
     assert main(["validate", "kinect-v1", "--frames", "8"]) == 1
     assert "FAIL" in capsys.readouterr().out
 

@@ -13,7 +13,7 @@ from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import MeshError
 from glsim.frame import Frame, Skipped, to_mm
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng
 from glsim.train.data.checks import Target, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.stream import BatchStream
@@ -48,7 +48,7 @@ class BlockMaker:
         pairs = [_pair_mm(frame, pair_layers(self.target)) for frame in frames]
         moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
         neighbours = Neighbours(moments, self.inputs)
-        rng = np.random.default_rng(stable_seed("inputs", self.stream.seed, lane, block))
+        rng = pcg_rng("inputs", self.stream.seed, lane, block)
         images = []
         for number, (frame, (noisy_mm, target_mm)) in enumerate(zip(frames, pairs, strict=True)):
             before, after = ([pairs[n][0] for n in side] for side in neighbours.of(number))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import DatasetError
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng
 from glsim.train.data.stored import StoredPairs
 
 
@@ -26,8 +26,9 @@ class StoredCaptures(StoredPairs):
     def __init__(
         self, dataset: Path, split: str, *, frames_apart: int = 1, **settings: Any
     ) -> None:
-        """settings: those of `StoredPairs`. Raises as it does, and DatasetError for a frame that
-        is the only one of its sequence.
+        """Open the split with the settings of ``StoredPairs``.
+
+        Raises as it does, and DatasetError for a frame that is the only one of its sequence.
         """
         super().__init__(dataset, split, **settings)
         self._apart = frames_apart
@@ -56,7 +57,7 @@ class StoredCaptures(StoredPairs):
     def second_of(self, number: int) -> int:
         """Draw the number of the second capture of a frame, for the present epoch."""
         words = ("second capture", self._seed, int(self._epoch.item()), number)
-        rng = np.random.default_rng(stable_seed(*words))
+        rng = pcg_rng(*words)
         first, last = self._ends[number]
         others = [
             other

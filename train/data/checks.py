@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.dataset import Dataset, Split
 from glsim.dataset.disk_format import MANIFEST
-from glsim.dataset.reader import no_clean, no_expected
+from glsim.dataset.pair import no_clean, no_expected
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
 from glsim.errors import ConfigError, DatasetError
@@ -53,8 +53,9 @@ def joint_protocol(protocols: Sequence[DepthProtocol]) -> DepthProtocol:
 def moved_pair(images: NDArray[np.float32], inputs: NetworkInputs) -> NDArray[np.float32]:
     """Return a pair under the protocol paper: the nearest point of its target at 1 mm.
 
-    images: (C + 1, H, W), the stack of inputs and the target. All depths are moved alike, so that
-    neighbours in time keep their distance from the frame.
+    Args:
+        images: (C + 1, H, W), the stack of inputs and the target. All depths are moved alike, so
+            that neighbours in time keep their distance from the frame.
     """
     moved = subtract_offset(images, offset_to_nearest(images[-1]))
     if inputs.infrared:
@@ -143,7 +144,8 @@ def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -
 def _check_file(dataset: Dataset, file: Mapping[str, Any], sizes: dict[str, int]) -> None:
     """Raise DatasetError if the file is missing or ends before the image does.
 
-    sizes: cache of the sizes of shards, filled here.
+    Args:
+        sizes: cache of the sizes of shards, filled here.
     """
     if file["name"] not in sizes:
         size = dataset.file_size(file["name"])

@@ -34,7 +34,7 @@ class Neighbours:
     """
 
     def __init__(self, moments: Sequence[Moment], inputs: NetworkInputs) -> None:
-        """moments: of all frames; those of a sequence are consecutive and in the order of time."""
+        """Take the moments of all frames; those of a sequence are consecutive, in order of time."""
         self._inputs = inputs
         words = dict.fromkeys(moment.sequence for moment in moments)
         numbers = {sequence: number for number, sequence in enumerate(words)}

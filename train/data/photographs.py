@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from glsim.errors import DatasetError
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng
 from glsim.train.data.pairs import PairDataset
 from glsim.train.data.photograph_files import Photograph
 
@@ -77,7 +77,7 @@ class PhotographPairs(PairDataset):
         length: int,
         seed: int,
     ) -> None:
-        """sigma_grey: standard deviation of the noise, grey levels of 255. length: pairs."""
+        """Take the noise's standard deviation, grey levels of 255, and the number of pairs."""
         super().__init__()
         self._photographs, self._span, self._sigma = list(photographs), span, sigma_grey
         self._side, self._length, self._seed = side, length, seed
@@ -88,9 +88,7 @@ class PhotographPairs(PairDataset):
     def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:
         """Return one pair."""
         number = range(len(self))[index]
-        rng = np.random.default_rng(
-            stable_seed("photograph", self._seed, int(self._epoch.item()), number)
-        )
+        rng = pcg_rng("photograph", self._seed, int(self._epoch.item()), number)
         grey = self._photographs[int(rng.integers(len(self._photographs)))].grey
         top, left = (int(rng.integers(size - self._side + 1)) for size in grey.shape)
         part = grey[top : top + self._side, left : left + self._side].astype(np.float32)

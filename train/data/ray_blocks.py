@@ -34,9 +34,11 @@ class RayBlocks:
     in Ray's object store, and no node begins another block before one is used. Blocks are taken by
     their place and not as they arrive, so the batches are those of a rendering here.
 
-    lanes: numbers and first blocks of the lanes, in the order of their use. Raises ConfigError as
-    ``ray_cluster``; ``pairs`` raises the errors of the nodes, and DifferentMachineError for a node
-    that computes differently from the first one.
+    Raises ConfigError as ``ray_cluster``; ``pairs`` raises the errors of the nodes, and
+    DifferentMachineError for a node that computes differently from the first one.
+
+    Args:
+        lanes: numbers and first blocks of the lanes, in the order of their use.
     """
 
     def __init__(self, maker: BlockMaker, lanes: list[tuple[int, int]], address: str) -> None:

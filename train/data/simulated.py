@@ -83,25 +83,30 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         protocol: DepthProtocol | None = None,
         ray: str | None = None,
     ) -> None:
-        """settings: faces, poses, sensor and crop; its seed determines the people, and ``seed``
-        the choice and order of their frames and the noise.
-
-        inputs: what the network sees besides depth. Neighbours in time are frames of the same
-        sequence; its settings should be held within it (``redraw = "sequence"``), at the frame
-        rate of the camera (``source.frames_per_second``). vary_inputs: as in ``Augmentation``.
-
-        reuse: uses of each pair. N divides the cost of rendering per batch by N, and the network
-        sees fewer new pairs. All uses of a pair lie within some hundred batches (one block, see
-        ``stream``). start: number of the first batch, to resume. length: batches per iteration;
-        default: endless. backend: as in ``glsim.simulate``. target: as in ``StoredPairs``.
-        protocol: as in ``StoredPairs``; default: that of ``settings.output.nearest_to_mm``.
-
-        ray: address of a cluster of Ray whose nodes render, see ``glsim.ray_cluster.ray_cluster``;
-        this process gets the pairs. The batches are the same. Then ``loader`` needs no workers.
+        """Prepare the stream of batches.
 
         A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
-        while iterating also MeshError (a whole block of bad faces, or one if settings.strict) and
-        DeviceError.
+        while iterating also MeshError (a whole block of bad faces, or one if settings.strict)
+        and DeviceError.
+
+        Args:
+            settings: faces, poses, sensor and crop; its seed determines the people, and ``seed``
+                the choice and order of their frames and the noise.
+            inputs: what the network sees besides depth. Neighbours in time are frames of the same
+                sequence; its settings should be held within it (``redraw = "sequence"``), at the
+                frame rate of the camera (``source.frames_per_second``).
+            vary_inputs: as in ``Augmentation``.
+            reuse: uses of each pair. N divides the cost of rendering per batch by N, and the
+                network sees fewer new pairs. All uses of a pair lie within some hundred batches
+                (one block, see ``stream``).
+            start: number of the first batch, to resume.
+            length: batches per iteration; default: endless.
+            backend: as in ``glsim.simulate``.
+            target: as in ``StoredPairs``.
+            protocol: as in ``StoredPairs``; default: that of ``settings.output.nearest_to_mm``.
+            ray: address of a cluster of Ray whose nodes render, see
+                ``glsim.ray_cluster.ray_cluster``; this process gets the pairs. The batches are the
+                same. Then ``loader`` needs no workers.
         """
         for name, value, least in (("batch", batch, 1), ("reuse", reuse, 1), ("start", start, 0)):
             if value < least:
@@ -144,8 +149,9 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
         """Make a DataLoader of batches in order. Raises ConfigError.
 
-        workers: processes that render; 0: this one. With ``ray`` none is started here. A script
-        that uses workers needs ``if __name__ == "__main__":``.
+        Args:
+            workers: processes that render; 0: this one. With ``ray`` none is started here. A script
+                that uses workers needs ``if __name__ == "__main__":``.
         """
         _check_workers(workers)
         if self._ray is not None:
@@ -203,7 +209,8 @@ def _check_workers(workers: int) -> None:
 class _BlockRenderer:
     """Renders the blocks of some lanes, a little ahead of their use.
 
-    lanes: numbers and first blocks of the lanes, in the order of their use.
+    Args:
+        lanes: numbers and first blocks of the lanes, in the order of their use.
     """
 
     def __init__(self, maker: BlockMaker, lanes: list[tuple[int, int]]) -> None:

@@ -16,7 +16,7 @@ from glsim.dataset import open_dataset
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
 from glsim.depth_protocol import DepthProtocol
 from glsim.frame import to_mm
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng
 from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.pairs import PairDataset
@@ -78,17 +78,20 @@ class StoredPairs(PairDataset):
         target: Target = "clean",
         protocol: DepthProtocol | None = None,
     ) -> None:
-        """crop: side of the square frames, px; default: whole frames, all of one size. cut: how
-        larger frames are cropped. inputs: what the network sees besides depth. seed: seed of
-        ``augmentation`` and random crops. target: the layer that a network learns to give;
-        "expected" leaves the sensor's systematic error. protocol: where depths are counted from,
-        see ``glsim.depth_protocol``; default: as the data set's files.
+        """Open the split. Raises as ``glsim.train.data.checks.checked_split``.
 
-        cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
-        files in every epoch. Only the process that made this object has a cache: the workers of a
-        DataLoader always read, because each would hold a copy.
-
-        Raises DatasetError and ConfigError, see ``glsim.train.data.checks.checked_split``.
+        Args:
+            crop: side of the square frames, px; default: whole frames, all of one size.
+            cut: how larger frames are cropped.
+            inputs: what the network sees besides depth.
+            seed: seed of ``augmentation`` and random crops.
+            target: the layer that a network learns to give; "expected" leaves the sensor's
+                systematic error.
+            protocol: where depths are counted from, see ``glsim.depth_protocol``; default: as the
+                data set's files.
+            cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
+                files in every epoch. Only the process that made this object has a cache: the
+                workers of a DataLoader always read, because each would hold a copy.
         """
         super().__init__()
         self.dataset = open_dataset(dataset)
@@ -121,9 +124,7 @@ class StoredPairs(PairDataset):
         """Return one pair. Raises DatasetError with the file's name for an unreadable image."""
         number = range(len(self))[index]
         images = self._images(number)
-        rng = np.random.default_rng(
-            stable_seed("augment", self._seed, int(self._epoch.item()), number)
-        )
+        rng = pcg_rng("augment", self._seed, int(self._epoch.item()), number)
         images = self._cropped(images, rng)
         if self._augmentation.flip and rng.random() < 0.5:
             images = images[:, :, ::-1]
@@ -191,7 +192,10 @@ class StoredPairs(PairDataset):
     def _layers_of(self, number: int, count: int | None = None) -> list[NDArray[np.float32]]:
         """Read the layers of a frame, (H, W) each: noisy and target in mm, and infrared if used.
 
-        From the cache if possible. count: number of layers that are needed; default: all.
+        From the cache if possible.
+
+        Args:
+            count: number of layers that are needed; default: all.
         """
         cache = self._cache_of_process()
         if cache is not None and cache.known[number]:

@@ -21,7 +21,7 @@ from glsim.plan.split import split_subjects
 from glsim.plan.tasks import Task
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import pcg_rng, stable_seed
 
 #: Number of lanes; 1, 2, 3, 4, 6 and 12 workers share them evenly.
 LANES: Final = 12
@@ -48,8 +48,11 @@ class BatchPlace(NamedTuple):
 class BatchStream:
     """The plan of an endless sequence of batches.
 
-    consecutive: whether the frames of a person are consecutive ones of a sequence, seen by one
-    device. sources: opened from ``settings``. people: names of the split's people, for each source.
+    Attributes:
+        consecutive: whether the frames of a person are consecutive ones of a sequence, seen by one
+            device.
+        sources: opened from ``settings``.
+        people: names of the split's people, for each source.
     """
 
     settings: Settings
@@ -71,7 +74,7 @@ class BatchStream:
         turn, lane = divmod(batch, LANES)
         block, within = divmod(turn, BATCHES_PER_BLOCK * self.reuse)
         use, part = divmod(within, BATCHES_PER_BLOCK)
-        rng = np.random.default_rng(stable_seed("order", self.seed, lane, block, use))
+        rng = pcg_rng("order", self.seed, lane, block, use)
         order = rng.permutation(self.block_pairs)
         return BatchPlace(
             lane, block, tuple(order[part * self.batch : (part + 1) * self.batch].tolist())
@@ -79,7 +82,7 @@ class BatchStream:
 
     def tasks(self, lane: int, block: int) -> list[Task]:
         """Draw the frames to render for a block."""
-        rng = np.random.default_rng(stable_seed("block", self.seed, lane, block))
+        rng = pcg_rng("block", self.seed, lane, block)
         shares = np.array([s.weight or s.count or 1.0 for s in self.settings.source])
         shares[[not names for names in self.people]] = 0
         tasks: list[Task] = []

@@ -39,7 +39,8 @@ def draw_surface_bumps(
 ) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres to add to depth.
 
-    height_mm: upper limit of the standard deviation of the largest bumps.
+    Args:
+        height_mm: upper limit of the standard deviation of the largest bumps.
     """
     total_mm = np.zeros(shape, np.float32)
     if rng.random() < _UNTOUCHED:
@@ -58,8 +59,9 @@ def draw_slope(
 ) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres to add to depth: a plane through 0 in the middle.
 
-    largest_mm_per_px: upper limit of its slope; small ones are more frequent.
-    nearest_mm: least depth of the frame; the slope is reduced so that half of it remains.
+    Args:
+        largest_mm_per_px: upper limit of its slope; small ones are more frequent.
+        nearest_mm: least depth of the frame; the slope is reduced so that half of it remains.
     """
     if rng.random() < _LEVEL:
         return np.zeros(shape, np.float32)

@@ -23,7 +23,7 @@ from glsim.eval.paper.figures.panels import PanelRow, panel_figure
 from glsim.eval.paper.figures.surfaces import surfaces_figure
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network
-from glsim.eval.report.document import Document, Picture
+from glsim.eval.report.document import CaptionedPng, Document
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.report.page import html_page
 from glsim.files.atomic import write_atomic
@@ -88,7 +88,7 @@ def write_paper_figures(
         if missing:
             caption += f" Missing, without a checkpoint: {', '.join(missing)}."
         drawing(figure.name)
-        pictures.append(Picture(figure.name, caption, to_png(figure.draw())))
+        pictures.append(CaptionedPng(figure.name, caption, to_png(figure.draw())))
     out = reproduction / FOLDER
     paths = []
     for picture in pictures:

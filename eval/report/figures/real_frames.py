@@ -9,15 +9,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.compare.boards import board_corners
-from glsim.compare.frames import DepthFrame
 from glsim.denoise import compose, load
 from glsim.denoise.interface import Depth
-from glsim.eval.real_frames.measures import BINS_M, SHIFT_BIN_MM
-from glsim.eval.real_frames.recording import Recording
+from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.results import RealScores
+from glsim.eval.real_frames.split import SplitRecording
 from glsim.eval.report.figures.style import matplotlib, method_style, new_figure
+from glsim.measures.frame import DepthFrame
 from glsim.preview import shaded
+from glsim.recordings.board_corners import board_corners
 
 _TEXT_SIZE: Final = 7
 #: The shift of networks without calibration is a few mm, that of filters tenths of one.
@@ -88,7 +88,7 @@ def _finish(axis: Any, title: str, x_label: str) -> None:
         axis.spines[side].set_visible(False)
 
 
-def crops_figure(recording: Recording, denoisers: Sequence[str]) -> Any:
+def crops_figure(recording: SplitRecording, denoisers: Sequence[str]) -> Any:
     """Draw a part of the frame in the middle of the recording by every method: shaded, difference.
 
     The part is around the chessboard, or the middle of the image. Raises what denoisers raise.
@@ -104,7 +104,7 @@ def crops_figure(recording: Recording, denoisers: Sequence[str]) -> Any:
     return _draw_crops(frame, maps, _cut(recording, frame))
 
 
-def _cut(recording: Recording, frame: DepthFrame) -> tuple[slice, slice]:
+def _cut(recording: SplitRecording, frame: DepthFrame) -> tuple[slice, slice]:
     source = recording.source
     corners = board_corners(frame, source.path, source.pattern)
     shape = frame.depth_mm.shape

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise.interface import Depth
-from glsim.eval.metrics.catalogue import FLYING_MM
+from glsim.eval.metrics.prediction import FLYING_MM
 from glsim.eval.report.figures.cut_surface import cut_surface
 from glsim.eval.report.figures.map_pictures import FLYING
 from glsim.eval.report.figures.style import matplotlib

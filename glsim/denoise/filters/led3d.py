@@ -127,3 +127,7 @@ def _with_filled_holes(depth: Depth, holes: Mask) -> Depth:
             touched = padded[rows + down, columns + right]
             np.maximum.at(farthest, touched, depth[rows, columns])
     return np.where(holes, farthest[labels], depth)
+
+
+#: Name on the command line -> filter.
+FILTERS = {"led3d": Led3DCleanUp}

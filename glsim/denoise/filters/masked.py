@@ -161,3 +161,25 @@ def _ratio(total: Depth, weight: Depth) -> Depth:
     ratio = np.zeros_like(total)
     np.divide(total, weight, out=ratio, where=weight > 0)
     return ratio
+
+
+#: Name on the command line -> filter.
+FILTERS = {
+    "masked_median": MaskedMedian,
+    "masked_bilateral": MaskedBilateral,
+    "masked_gaussian": MaskedGaussian,
+    "plane": LocalPlane,
+    "quadric": LocalQuadric,
+    "guided": Guided,
+    "rolling_guidance": RollingGuidance,
+}
+#: Values that tuning tries: filter -> parameter -> values. Tuning also tries ``cleanup``.
+GRIDS = {
+    "masked_median": {"size": (3, 5, 7, 9)},
+    "masked_bilateral": {"sigma_mm": (5.0, 15.0, 40.0), "sigma_px": (1.0, 1.5, 2.0, 3.0)},
+    "masked_gaussian": {"sigma_px": (0.7, 1.0, 1.5, 2.0, 3.0)},
+    "plane": {"sigma_px": (1.0, 1.5, 2.0, 3.0, 4.0)},
+    "quadric": {"sigma_px": (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)},
+    "guided": {"radius": (2, 3, 5), "epsilon_mm": (2.0, 5.0, 15.0)},
+    "rolling_guidance": {"sigma_mm": (5.0, 15.0), "sigma_px": (1.0, 2.0)},
+}

@@ -77,3 +77,12 @@ class NonLocalMeans:
             whole, [self.strength], None, self.template, self.search, cv2.NORM_L1
         )
         return _with_depth(cleaned)
+
+
+#: Name on the command line -> filter.
+FILTERS = {
+    "noisy": Unchanged,
+    "median": Median,
+    "bilateral": Bilateral,
+    "nlm": NonLocalMeans,
+}

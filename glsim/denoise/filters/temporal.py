@@ -67,3 +67,7 @@ class Adaptive:
             total[going] += noisy_mm[past][going]
             count[going] += 1
         return Denoised(total / count, valid[now])
+
+
+#: Name on the command line -> filter.
+FILTERS = {"adaptive": Adaptive, "temporal_median": TemporalMedian}

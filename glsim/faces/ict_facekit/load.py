@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import logging
 from pathlib import Path
@@ -11,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
-from glsim.faces.ict_facekit.cache import cache_path, read_cache, write_cache
-from glsim.faces.ict_facekit.facs import known_shapes
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MM_PER_UNIT, MorphableModel
 from glsim.faces.ict_facekit.regions import FACE_PARTS
+from glsim.faces.ict_facekit.shapes import KNOWN_SHAPES
 from glsim.faces.ict_facekit.topology import REGION_NAMES, Topology, build_topology
-from glsim.faces.ict_facekit.visible_faces import find_visible_faces
+from glsim.faces.ict_facekit.visible import visible_faces
+from glsim.faces.model_cache import read_cache, write_cache
+from glsim.files.cache_folder import cache_folder
 from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.meshio.obj import read_obj, read_vertices
 
@@ -25,6 +27,8 @@ LANDMARKS: Final = 68  # Multi-PIE
 _NEUTRAL: Final = "generic_neutral_mesh.obj"
 _INDICES: Final = "vertex_indices.json"
 _DOWNLOAD: Final = "git clone https://github.com/ICT-VGL/ICT-FaceKit"
+_CACHE_VERSION: Final = "4"  # raise it when the content of the cache changes
+_TOPOLOGY: Final = ("faces", "kept", "region")
 _LOG = logging.getLogger(__name__)
 
 
@@ -54,12 +58,33 @@ def load_model(folder: Path) -> MorphableModel:
     """
     expressions, landmarks = _read_indices(folder / _INDICES)
     files = [folder / _NEUTRAL, *_identity_files(folder), *_expression_files(folder, expressions)]
-    cache = cache_path([*files, folder / _INDICES])
-    model = read_cache(cache, expressions)
-    if model is not None:
+    cache = _cache_path([*files, folder / _INDICES])
+    if (model := _cached(cache)) is not None:
         return model
     _LOG.info("%s: reading %d OBJ files (once; kept in %s)", folder, len(files), cache)
-    return write_cache(cache, _build(files, expressions, landmarks))
+    model = _build(files, expressions, landmarks)
+    topology = model.topology
+    arrays = {"basis": model.basis} | {name: getattr(topology, name) for name in _TOPOLOGY}
+    write_cache(cache, arrays, {"expressions": expressions}, "the face model")
+    return _cached(cache) or model
+
+
+def _cache_path(files: list[Path]) -> Path:
+    """Return the cache of these source files; it depends on their names, sizes and times."""
+    digest = hashlib.sha256(_CACHE_VERSION.encode())
+    for path in files:
+        status = path.stat()
+        digest.update(f"\0{path.name}\0{status.st_size}\0{status.st_mtime_ns}".encode())
+    return cache_folder() / f"ict-facekit-{digest.hexdigest()[:16]}"
+
+
+def _cached(cache: Path) -> MorphableModel | None:
+    found = read_cache(cache)
+    if found is None:
+        return None
+    arrays, words = found
+    topology = Topology(*(np.asarray(arrays[name]) for name in _TOPOLOGY))
+    return MorphableModel(arrays["basis"], tuple(words["expressions"]), topology)
 
 
 def _identity_files(folder: Path) -> list[Path]:
@@ -85,7 +110,7 @@ def _read_indices(path: Path) -> tuple[tuple[str, ...], NDArray[np.int64]]:
         landmarks = np.array(content["idx_to_landmark_verts"], dtype=np.int64)
         if landmarks.shape != (LANDMARKS,):
             raise ValueError(f"{len(landmarks)} landmarks, not {LANDMARKS}")
-        if missing := sorted(known_shapes() - set(expressions)):
+        if missing := sorted(KNOWN_SHAPES - set(expressions)):
             raise ValueError(f"no expression {missing[0]}")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise MeshError(
@@ -141,7 +166,7 @@ def _build(
 def _visible_part(model: MorphableModel) -> MorphableModel:
     """Return the model without triangles that are never visible, and without unused vertices."""
     topology = model.topology
-    faces = topology.faces[find_visible_faces(model)]
+    faces = topology.faces[visible_faces(model)]
     used, compact = np.unique(faces, return_inverse=True)
     basis = model.basis.reshape(len(model.basis), -1, 3)[:, used].reshape(len(model.basis), -1)
     kept = Topology(

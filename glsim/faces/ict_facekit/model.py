@@ -15,18 +15,16 @@ from glsim.geometry.occluder import occluder_of
 
 IDENTITY_MODES: Final = 100
 MM_PER_UNIT: Final = 10.0  # the model is in centimetres
-#: Rows of every matrix product: OpenBLAS rounds by the number of rows (seen on AMD's Zen 5). 32
-#: faces take 13 ms, by one product 10 ms; a single face 6 ms, by a product of one row 1.4 ms.
-_PRODUCT_ROWS: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
 class MorphableModel:
     """A linear face model: vertices = weights @ basis, in canonical millimetres.
 
-    basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory map
-        of the cache file, shared by all processes of the machine.
-    expressions: names of the E shapes, in the order of the rows.
+    Args:
+        basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory
+            map of the cache file, shared by all processes of the machine.
+        expressions: names of the E shapes, in the order of the rows.
     """
 
     basis: NDArray[np.float32]
@@ -46,14 +44,33 @@ class MorphableModel:
         return digest.hexdigest()
 
     def evaluate(self, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the vertices of B faces, (B, V, 3) mm; a face has the same bytes in any batch.
+        """Return the vertices of faces; a face has the same bytes in any batch, on any processor.
 
-        weights: (B, 1 + 100 + E).
+        The rows are added one after the other: a matrix product rounds by the place of a face in
+        the batch (OpenBLAS on AMD's Zen 4 and 5), by threads and by the processor.
+
+        Args:
+            weights: (B, 1 + 100 + E) float32.
+
+        Returns:
+            (B, V, 3) float32 vertices, mm.
         """
-        blocks = -(-len(weights) // _PRODUCT_ROWS)
-        padded = np.zeros((blocks, _PRODUCT_ROWS, weights.shape[1]), np.float32)
-        padded.reshape(-1, weights.shape[1])[: len(weights)] = weights
-        vertices = np.empty((blocks, _PRODUCT_ROWS, self.basis.shape[1]), np.float32)
-        for block, result in zip(padded, vertices, strict=True):
-            np.matmul(block, self.basis, out=result)
-        return vertices.reshape(blocks * _PRODUCT_ROWS, -1, 3)[: len(weights)]
+        faces = np.empty((len(weights), self.basis.shape[1]), np.float32)
+        split = len(self.basis) - len(self.expressions)
+        neutrals: dict[bytes, NDArray[np.float32]] = {}  # the frames of a person share one
+        for row, face in zip(weights, faces, strict=True):
+            person = row[:split].tobytes()
+            if person not in neutrals:
+                face[:] = 0
+                self._add(face, row, range(split))
+                neutrals[person] = face.copy()
+            face[:] = neutrals[person]
+            self._add(face, row, range(split, len(row)))
+        return faces.reshape(len(weights), -1, 3)
+
+    def _add(self, face: NDArray[np.float32], weights: NDArray[np.float32], rows: range) -> None:
+        """Add the weighted rows of the basis to a face, (V * 3,) mm, in place."""
+        term = np.empty_like(face)
+        for row in rows:
+            if weights[row]:
+                face += np.multiply(self.basis[row], weights[row], out=term)

@@ -29,7 +29,9 @@ NOSE_WIDTH_RATIO: Final = 1.4  # half width of the nose over that of its base (l
 def face_parts(points: _Array, landmarks: _Array) -> dict[str, NDArray[np.bool_]]:
     """Return part -> (V,) whether each point belongs to it; parts overlap.
 
-    points: (V, 3) centimetres, +x the subject's left, +y up. landmarks: (68, 3).
+    Args:
+        points: (V, 3) centimetres, +x the subject's left, +y up.
+        landmarks: (68, 3).
     """
     x, y, side = points[:, 0], points[:, 1], np.abs(points[:, 0])
     eyes = (landmarks[36:42], landmarks[42:48])

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.ict_facekit.facs import shape_weights
 from glsim.faces.ict_facekit.load import kept_landmarks, load_model, model_folder
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
+from glsim.faces.ict_facekit.shapes import kit_weights
 from glsim.faces.ict_facekit.topology import REGION_NAMES
-from glsim.faces.performance import rng_for
 from glsim.faces.sequences import performance_expression, performance_frames
 from glsim.geometry.mesh import Mesh
+from glsim.settings.seeds import rng_for
 
 MAX_WEIGHT: Final = 3.0  # standard deviations of an identity mode; larger weights give unreal faces
 DRAWS: Final = 4  # the probability that all four exceed MAX_WEIGHT is 5e-11
@@ -29,16 +29,22 @@ ROW_MULTIPLE: Final = 8  # products of fewer rows take another path in BLAS, wit
 class IctFaceKit:
     """A FaceSource of the ICT-FaceKit morphable model (MIT licence, downloaded by the user).
 
-    root: the cloned repository or its FaceXModel folder; read once, then cached (see ``cache``).
-    seed: determines every identity and performance. frames_per_sequence: length of a sequence.
-    frames_per_second: see ``performance_frames``.
-    new_identity_every_frame: use another person in every frame, for benchmarks.
-    Raises ConfigError if the model is missing or incomplete. ``load`` raises MeshError if one of
-    its files is damaged.
-
     Canonical frame: the model's centimetres times 10, with one offset for all people that puts the
     tip of the mean face's nose at (0, 0, 45) mm; the mean face with neck then spans
     x -124..124, y -194..144, z -178..45.
+
+    ``load`` raises MeshError if one of its files is damaged.
+
+    Args:
+        root: the cloned repository or its FaceXModel folder; read once, then cached (see
+            ``cache``).
+        seed: determines every identity and performance.
+        frames_per_sequence: length of a sequence.
+        frames_per_second: see ``performance_frames``.
+        new_identity_every_frame: use another person in every frame, for benchmarks.
+
+    Raises:
+        ConfigError: the model is missing or incomplete.
     """
 
     name = "ict-facekit"
@@ -116,7 +122,7 @@ class IctFaceKit:
         for row, key, expression in zip(weights, keys, expressions, strict=False):
             row[0] = 1.0
             row[1 : 1 + IDENTITY_MODES] = self._identity(key)
-            row[1 + IDENTITY_MODES :] = shape_weights(expression, model.expressions)
+            row[1 + IDENTITY_MODES :] = kit_weights(expression, model.expressions)
         heads = model.evaluate(weights)
         for key, head, expression in zip(keys, heads, expressions, strict=False):
             mesh = Mesh(head, model.topology.faces, self._albedo, model.occluder)

@@ -54,8 +54,10 @@ _IRIS_OF: Final = {"M_ScleraLeft": "M_IrisLeft", "M_ScleraRight": "M_IrisRight"}
 class Topology:
     """Triangles and vertex labels shared by all faces of the model.
 
-    faces: (F, 3) int32 into the kept vertices. kept: (V,) int64, their indices in the OBJ files.
-    region: (V,) uint8 into REGION_NAMES.
+    Args:
+        faces: (F, 3) int32 into the kept vertices.
+        kept: (V,) int64, their indices in the OBJ files.
+        region: (V,) uint8 into REGION_NAMES.
     """
 
     faces: NDArray[np.int32]
@@ -70,10 +72,12 @@ class Topology:
 def build_topology(neutral: ObjFile, landmarks: NDArray[np.int64]) -> Topology:
     """Select, label and order the triangles. Raises MeshError.
 
-    landmarks: (68,) vertex indices of the Multi-PIE points. Left out: lacrimal fluid, eye blend,
-    eye occlusion, lashes (flat cards), and the iris meshes. The iris meshes lie about 1.5 mm behind
-    the cornea, which is part of the sclera meshes and opaque here: the cornea in front of the iris
-    is labelled "iris" instead.
+    Left out: lacrimal fluid, eye blend, eye occlusion, lashes (flat cards), and the iris meshes.
+    The iris meshes lie about 1.5 mm behind the cornea, which is part of the sclera meshes and
+    opaque here: the cornea in front of the iris is labelled "iris" instead.
+
+    Args:
+        landmarks: (68,) vertex indices of the Multi-PIE points.
     """
     triangles, polygon = neutral.triangles()
     material = neutral.materials[polygon]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.faces.people.regions import REGIONS
-from glsim.faces.performance import rng_for
+from glsim.settings.seeds import rng_for
 
 _SKIN: Final = (0.60, 0.045, 0.45, 0.75)  # mean, sd, minimum and maximum over people
 _HAIR: Final = (0.20, 0.06, 0.08, 0.32)

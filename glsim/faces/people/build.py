@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.faces.action_units import SHAPES
 from glsim.faces.people.details import DETAILS
-from glsim.faces.people.facs import ACTIONS, UNSIDED
 from glsim.faces.people.files import BaseMesh, Target, read_base_mesh, read_target
 from glsim.faces.people.model import BodyModel, SparseShapes
 from glsim.faces.people.phenotype import phenotype_targets, phenotype_weights
@@ -19,7 +19,7 @@ from glsim.faces.people.refinement import GROUPS, drawn_quads, refine
 from glsim.faces.people.regions import MASKS, label_regions, read_masks
 from glsim.faces.people.rig import read_rig
 from glsim.faces.people.subdivision import LinearMap
-from glsim.faces.people.visible import find_visible_faces
+from glsim.faces.people.visible import visible_faces
 from glsim.faces.performance import smootherstep
 
 _MACRO: Final = "mpfb2/targets/macrodetails"
@@ -31,6 +31,8 @@ _MEAN: Final = {
     "gender": 0.5, "age": 2 / 3, "muscle": 0.5, "weight": 0.5, "height": 0.5, "proportions": 0.5,
     "cupsize": 0.5, "african": 1 / 3, "asian": 1 / 3, "caucasian": 1 / 3,
 }  # fmt: skip
+#: Actions without sides in the data: they are cut into two halves that overlap at the midline.
+_UNSIDED: Final = ("browInnerUp", "cheekPuff")
 #: Half the width of the blend between the two halves of an action without sides, mm: chosen.
 _SPLIT_MM: Final = 12.0
 _WEIGHT_FLOOR: Final = 1e-3  # smaller weights of bones are noise of the interpolation
@@ -86,7 +88,7 @@ def build_model(folder: Path) -> BodyModel:
 
 def _visible_part(model: BodyModel) -> BodyModel:
     """Return the model without triangles that are never visible, and without unused vertices."""
-    faces = model.faces[find_visible_faces(model)]
+    faces = model.faces[visible_faces(model)]
     used, compact = np.unique(faces, return_inverse=True)
     new = np.full(len(model.regions), -1)
     new[used] = np.arange(len(used))
@@ -167,7 +169,7 @@ def _read_actions(
     def of(action: str) -> Target:
         stem = action.removesuffix("Left").removesuffix("Right")
         side = 0.0
-        if stem in UNSIDED:
+        if stem in _UNSIDED:
             side = 1.0 if action.endswith("Left") else -1.0
         name = stem if side else action
         target = read_target(folder / _ACTION / f"{name}.target")
@@ -182,7 +184,7 @@ def _read_actions(
         here = np.flatnonzero(np.abs(moved).max(axis=1) > 1e-4)
         return Target(place[here], moved[here])
 
-    return _sparse((name, of(name)) for name in ACTIONS)
+    return _sparse((name, of(name)) for name in SHAPES)
 
 
 def _sparse(shapes: Iterable[tuple[str, Target]]) -> SparseShapes:

@@ -16,8 +16,10 @@ from typing import Final
 class Pair:
     """Two opposite targets. negative, positive: their files, relative to the targets' folder.
 
-    spread: standard deviation of the number that is drawn. mirror: for a pair of the left side,
-    name of the pair of the right side that gets nearly the same number; else "".
+    Args:
+        spread: standard deviation of the number that is drawn.
+        mirror: for a pair of the left side, name of the pair of the right side that gets nearly the
+            same number; else "".
     """
 
     negative: str

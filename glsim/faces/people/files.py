@@ -53,8 +53,10 @@ def data_folder() -> Path:
 class BaseMesh:
     """The base mesh with its helper geometry.
 
-    vertices_mm: (19158, 3) float64. groups: name -> (F, 4) int vertex indices of quads.
-    texture: (19158, 2) texture coordinates in [0, 1] of one corner at each vertex.
+    Args:
+        vertices_mm: (19158, 3) float64.
+        groups: name -> (F, 4) int vertex indices of quads.
+        texture: (19158, 2) texture coordinates in [0, 1] of one corner at each vertex.
     """
 
     vertices_mm: NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 
 from glsim.faces.people.details import HEAD_SHAPES, PAIRS, SHAPE_MAX
 from glsim.faces.people.phenotype import ORIGINS, phenotype_weights
-from glsim.faces.performance import rng_for
+from glsim.settings.seeds import rng_for
 
 #: Age groups: share of the people, and years. People in front of a camera are mostly grown.
 _AGES: Final = ((0.12, 6.0, 15.0), (0.68, 15.0, 60.0), (0.20, 60.0, 85.0))

@@ -11,7 +11,9 @@ from glsim.faces.people.subdivision import LinearMap
 def membrane(quads: NDArray[np.int64], inside: NDArray[np.bool_]) -> LinearMap:
     """Return the map that puts each inner vertex at the mean of its neighbours; others stay.
 
-    quads: (Q, 4). inside: (V,), a few hundred vertices at most: the equations are dense.
+    Args:
+        quads: (Q, 4).
+        inside: (V,), a few hundred vertices at most: the equations are dense.
     """
     size = len(inside)
     inner = np.flatnonzero(inside)

@@ -18,8 +18,10 @@ _Floats = NDArray[np.float32]
 class SparseShapes:
     """Named shapes, each an offset of some points.
 
-    starts: (N + 1,) int64: shape n holds the entries starts[n] to starts[n + 1].
-    points: (E,) int32. offsets_mm: (E, 3) float32.
+    Args:
+        starts: (N + 1,) int64: shape n holds the entries starts[n] to starts[n + 1].
+        points: (E,) int32.
+        offsets_mm: (E, 3) float32.
     """
 
     names: tuple[str, ...]
@@ -49,7 +51,9 @@ class SparseShapes:
 class Skeleton:
     """Bones, parents before children. A pose turns each bone about its joint.
 
-    names: (B,). parents: (B,) int32, -1 for the root.
+    Args:
+        names: (B,).
+        parents: (B,) int32, -1 for the root.
     """
 
     names: tuple[str, ...]
@@ -60,8 +64,10 @@ class Skeleton:
     ) -> NDArray[np.float64]:
         """Return (B, 3, 4) matrices that move points of the body at rest with each bone.
 
-        joints_mm: (B, 3) at rest. turns: bone -> (3, 3) rotation relative to its parent, in the
-        axes of the body at rest; bones without one keep their angle to the parent.
+        Args:
+            joints_mm: (B, 3) at rest.
+            turns: bone -> (3, 3) rotation relative to its parent, in the axes of the body at rest;
+                bones without one keep their angle to the parent.
         """
         moved = np.empty((len(self.names), 3, 4))
         for bone, (name, parent) in enumerate(zip(self.names, self.parents, strict=True)):
@@ -81,14 +87,17 @@ class Skeleton:
 class BodyModel:
     """The model, in canonical axes, millimetres; the template stands with its arms out.
 
-    template_mm: (P + B, 3) float32: P coarse vertices, then the joints of the B bones.
-    targets: shapes of the template. actions: facial actions, shapes of the V fine vertices.
-    starts, sources, shares: (V,), (N,) and (N,): fine vertex v is the sum of ``shares`` times the
-        coarse vertices ``sources`` from starts[v] to starts[v + 1].
-    faces: (F, 3) int32. regions: (V,) uint8 indices into REGIONS (see ``regions``).
-    skin: (V, B) float32 weights of the bones. The first ``rigid`` fine vertices move with the bone
-        "head" alone.
-    landmarks: name -> fine vertex.
+    Args:
+        template_mm: (P + B, 3) float32: P coarse vertices, then the joints of the B bones.
+        targets: shapes of the template.
+        actions: facial actions, shapes of the V fine vertices.
+        starts, sources, shares: (V,), (N,) and (N,): fine vertex v is the sum of ``shares`` times
+            the coarse vertices ``sources`` from starts[v] to starts[v + 1].
+        faces: (F, 3) int32.
+        regions: (V,) uint8 indices into REGIONS (see ``regions``).
+        skin: (V, B) float32 weights of the bones. The first ``rigid`` fine vertices move with the
+            bone "head" alone.
+        landmarks: name -> fine vertex.
     """
 
     template_mm: _Floats
@@ -112,7 +121,11 @@ class BodyModel:
     def body(self, weights: Mapping[str, float]) -> tuple[_Floats, NDArray[np.float64]]:
         """Return the (V, 3) float32 fine vertices and (B, 3) float64 joints of a body at rest.
 
-        weights: target -> weight. Raises KeyError for an unknown target.
+        Args:
+            weights: target -> weight.
+
+        Raises:
+            KeyError: an unknown target.
         """
         coarse = self.template_mm.copy()
         self.targets.add(coarse, weights)

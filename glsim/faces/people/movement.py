@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.people.posture import rotation
-from glsim.faces.performance import rng_for
+from glsim.geometry.pose import rotation
+from glsim.settings.seeds import rng_for
 
 _Array = NDArray[np.float64]
 

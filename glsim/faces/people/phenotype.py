@@ -59,7 +59,8 @@ def phenotype_targets() -> dict[str, tuple[str, ...]]:
 def phenotype_weights(values: Mapping[str, float]) -> dict[str, float]:
     """Return target -> weight, without zeros.
 
-    values: phenotype -> value in [0, 1], and the share of each origin.
+    Args:
+        values: phenotype -> value in [0, 1], and the share of each origin.
     """
     shares = {origin: values[origin] for origin in ORIGINS}
     for name, anchors in ANCHORS.items():

@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.performance import rng_for
+from glsim.geometry.pose import rotation
+from glsim.settings.seeds import rng_for
 
 _Array = NDArray[np.float64]
 
@@ -39,8 +40,11 @@ _GAP_MM: Final = 22.0  # between an arm and the torso: cloth
 class BodyShape:
     """What a posture needs to know of a body at rest, mm.
 
-    joints: bone -> (3,) joint. half_width: of the trunk between chest and hips. front: z of the
-    trunk's front at the chest. chin: (3,).
+    Args:
+        joints: bone -> (3,) joint.
+        half_width: of the trunk between chest and hips.
+        front: z of the trunk's front at the chest.
+        chin: (3,).
     """
 
     joints: Mapping[str, _Array]
@@ -56,19 +60,6 @@ class Posture:
     turns: Mapping[str, _Array]
     sitting: bool
     arms: tuple[str, str]
-
-
-def rotation(yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> _Array:
-    """(3, 3): to the person's left, then up, then tilted to the left, as ``PoseSettings``."""
-    matrix = np.eye(3)
-    for axis, degrees in ((1, yaw_deg), (0, -pitch_deg), (2, -roll_deg)):
-        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-        turn = np.eye(3)
-        j, k = (axis + 1) % 3, (axis + 2) % 3
-        turn[j, j] = turn[k, k] = c
-        turn[j, k], turn[k, j] = -s, s
-        matrix = matrix @ turn
-    return matrix
 
 
 def draw_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Posture:

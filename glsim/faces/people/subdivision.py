@@ -21,7 +21,10 @@ _Ints = NDArray[np.int64]
 class LinearMap:
     """A sparse matrix: the weights of input vertices in output vertices.
 
-    rows, columns: (N,) int64. weights: (N,) float64. height: number of output vertices.
+    Args:
+        rows, columns: (N,) int64.
+        weights: (N,) float64.
+        height: number of output vertices.
     """
 
     rows: _Ints
@@ -69,7 +72,8 @@ class LinearMap:
 class Subdivided:
     """A mesh after one step. The old vertices keep their numbers; new ones follow.
 
-    quads, triangles: (Q, 4) and (T, 3), the triangles being those beside divided quads.
+    Args:
+        quads, triangles: (Q, 4) and (T, 3), the triangles being those beside divided quads.
     """
 
     map: LinearMap
@@ -80,8 +84,10 @@ class Subdivided:
 def subdivide(quads: _Ints, marked: NDArray[np.bool_], fixed: NDArray[np.bool_]) -> Subdivided:
     """Divide the marked quads into four each.
 
-    marked: (Q,). fixed: (V,) vertices of faces that are not among the quads: they stay, and no
-    quad with two of them in a row may be marked.
+    Args:
+        marked: (Q,).
+        fixed: (V,) vertices of faces that are not among the quads: they stay, and no quad with two
+            of them in a row may be marked.
     """
     size = len(fixed)
     ends = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=2), axis=2)

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.faces.action_units import shape_weights
 from glsim.faces.people.albedo import draw_albedo
-from glsim.faces.people.facs import action_weights
 from glsim.faces.people.identity import Identity, sample_identity
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.movement import movement
@@ -28,7 +28,8 @@ FRAMINGS: Final = ("face", "bust", "body")
 class Stance:
     """A posture in the frame of the mesh.
 
-    rotation, origin_mm: (3, 3) and (3,): the canonical frame in that of the posed body.
+    Args:
+        rotation, origin_mm: (3, 3) and (3,): the canonical frame in that of the posed body.
     """
 
     posture: Posture
@@ -52,11 +53,13 @@ class Subject:
     ) -> _Floats:
         """Return (V, 3) float32 vertices in the canonical frame, mm.
 
-        framing: of FRAMINGS, what lies at the origin. expression: action unit -> intensity.
+        Args:
+            framing: of FRAMINGS, what lies at the origin.
+            expression: action unit -> intensity.
         """
         model, stance = self._model, self.stance(sequence, framing)
         rest = self.rest_mm.copy()
-        model.actions.add(rest, action_weights(expression))
+        model.actions.add(rest, shape_weights(expression))
         turns = dict(stance.posture.turns)
         further = movement(self._seed, self.name, sequence, framing, time_s)
         for bone, turn in further.items():

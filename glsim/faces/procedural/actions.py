@@ -32,8 +32,10 @@ class Pull:
 class ActionUnit:
     """An action unit: its pulls, and the motion of lids and jaw at full intensity.
 
-    upper_lid, lower_lid: share by which the lid closes; negative: it opens. jaw_deg: rotation that
-    opens the jaw about the temporomandibular joint. jaw_slide: translation of the jaw, mm.
+    Args:
+        upper_lid, lower_lid: share by which the lid closes; negative: it opens.
+        jaw_deg: rotation that opens the jaw about the temporomandibular joint.
+        jaw_slide: translation of the jaw, mm.
     """
 
     name: str

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.performance import rng_for
 from glsim.faces.procedural.falloff import Array
 from glsim.faces.procedural.fields import FieldPoints, RigidParts
+from glsim.settings.seeds import rng_for
 
 #: Wavelengths, mm: from a head's width to a cheek's; amplitudes are proportional to them.
 WAVELENGTHS_MM = (260.0, 150.0, 90.0)

@@ -37,8 +37,10 @@ JAW_BASIS_ROWS = 2
 class ActionBasis:
     """The part of the expression basis shared by all subjects.
 
-    pulls: (2 * units, V * 3) float32 mm; rows are AU1_L, AU1_R, AU2_L... spans: per row, the slices
-    that are not zero. jaw: (V,) weight of the jaw's rotation in [0, 1].
+    Args:
+        pulls: (2 * units, V * 3) float32 mm; rows are AU1_L, AU1_R, AU2_L...
+        spans: per row, the slices that are not zero.
+        jaw: (V,) weight of the jaw's rotation in [0, 1].
     """
 
     units: tuple[ActionUnit, ...]
@@ -107,7 +109,9 @@ def subject_basis(
 ) -> NDArray[np.float32]:
     """Build a subject's lid and jaw rows of the basis, (LID_BASIS_ROWS + JAW_BASIS_ROWS, V * 3) mm.
 
-    neutral: (V, 3) mm. globes: (2, 3) mm, centres of the left and right eyeball.
+    Args:
+        neutral: (V, 3) mm.
+        globes: (2, 3) mm, centres of the left and right eyeball.
     """
     rows = np.zeros((LID_BASIS_ROWS + JAW_BASIS_ROWS, len(neutral), 3), dtype=np.float32)
     for number, field in enumerate(lid_closure(neutral, globes, lids)):

@@ -35,7 +35,8 @@ def lid_lines(x: Array) -> tuple[Array, Array]:
 def open_lids(x: Array, rows_below: Array, low: np.ndarray) -> Array:
     """Return the y displacement (N,) of grid vertices that opens the slit to the fissure (mm).
 
-    rows_below: (N,) rows below the slit's row (negative above it).
+    Args:
+        rows_below: (N,) rows below the slit's row (negative above it).
     """
     up, down = lid_lines(x)
     target = np.where(low | (rows_below > 0), down, up)
@@ -45,8 +46,10 @@ def open_lids(x: Array, rows_below: Array, low: np.ndarray) -> Array:
 def lid_offset(x: Array, above: Array) -> Array:
     """Return the z offset (N,) of the skin at the lid creases (mm).
 
-    above: (N,) y relative to the slit's row. The upper crease is about 5 mm above the margin and
-    fades inwards, the lower is shallow.
+    The upper crease is about 5 mm above the margin and fades inwards, the lower is shallow.
+
+    Args:
+        above: (N,) y relative to the slit's row.
     """
     up, low = lid_lines(x)
     s = (x - CANTHUS_X[0]) / (CANTHUS_X[1] - CANTHUS_X[0])

@@ -36,9 +36,14 @@ ANCHORS = 4  # the last points of FieldPoints: left and right eye, left and righ
 class FieldPoints:
     """The template's points and the four anchors (N = V + 4).
 
-    points: (N, 3) mm. normals: (N, 3) unit, outwards. x: (N,) distance from the midline, mm.
-    y, z: (N,) mm. side: (N,) +1 left, -1 right, 0 on the midline, smooth over 3 mm.
-    upper: (N,) 1 above the mouth's line, 0 below, with a step between the lips, smooth beyond them.
+    Args:
+        points: (N, 3) mm.
+        normals: (N, 3) unit, outwards.
+        x: (N,) distance from the midline, mm.
+        y, z: (N,) mm.
+        side: (N,) +1 left, -1 right, 0 on the midline, smooth over 3 mm.
+        upper: (N,) 1 above the mouth's line, 0 below, with a step between the lips, smooth beyond
+            them.
     """
 
     points: Array

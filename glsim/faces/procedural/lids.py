@@ -28,11 +28,15 @@ LID_ROWS = 11  # rows above or below the slit that a lid can move
 class Lids:
     """The lid vertices of both eyes.
 
-    index: (L,) vertices. upper, lower: (L,) weights of the motion of the upper and lower margin.
-    share: (L,) position between the corners, 0 medial, 1 lateral. left: (L,) on the subject's left.
-    strips: upper and lower, each (C, LID_ROWS) vertices of the C columns, margin first.
-    strip_left: (C,) whether a column belongs to the left eye. linings: upper and lower, each (P,)
-    strip numbers and (P,) vertices of the rings behind the margin.
+    Args:
+        index: (L,) vertices.
+        upper, lower: (L,) weights of the motion of the upper and lower margin.
+        share: (L,) position between the corners, 0 medial, 1 lateral.
+        left: (L,) on the subject's left.
+        strips: upper and lower, each (C, LID_ROWS) vertices of the C columns, margin first.
+        strip_left: (C,) whether a column belongs to the left eye.
+        linings: upper and lower, each (P,) strip numbers and (P,) vertices of the rings behind the
+            margin.
     """
 
     index: NDArray[np.intp]
@@ -92,8 +96,11 @@ def globe_height(x: Array, y: Array, centers: Array) -> Array:
 def lid_closure(points: Array, centers: Array, lids: Lids) -> tuple[Array, Array, Array, Array]:
     """Return a subject's closing motion: (upper linear, upper square, lower linear, lower square).
 
-    points: (V, 3) mm, the neutral head. centers: (2, 3) mm, left and right eyeball centres.
     Each result is (L, 3) mm for the lid vertices ``lids.index``.
+
+    Args:
+        points: (V, 3) mm, the neutral head.
+        centers: (2, 3) mm, left and right eyeball centres.
     """
     upper, lower = lids.strips
     gap = np.maximum(points[upper[:, 0], 1] - points[lower[:, 0], 1], 0.0)

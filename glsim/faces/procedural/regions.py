@@ -13,7 +13,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.performance import rng_for
 from glsim.faces.procedural import mouth
 from glsim.faces.procedural.eyes import IRIS_RADIUS, PUPIL_RADIUS
 from glsim.faces.procedural.falloff import Array, smoothstep
@@ -27,6 +26,7 @@ from glsim.faces.procedural.template import (
     Template,
 )
 from glsim.faces.procedural.volumes import EYE_RADIUS
+from glsim.settings.seeds import rng_for
 
 REGIONS: tuple[str, ...] = (
     "skin", "brow", "hair", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose",
@@ -109,7 +109,9 @@ def draw_albedo(
 ) -> NDArray[np.float32]:
     """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments.
 
-    regions: (V,) indices into REGIONS. hair_mm: thickness of the hair; 0.8 or less means bald.
+    Args:
+        regions: (V,) indices into REGIONS.
+        hair_mm: thickness of the hair; 0.8 or less means bald.
     """
     rng = rng_for(seed, "albedo", subject)
 

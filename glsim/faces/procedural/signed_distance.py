@@ -21,8 +21,11 @@ MAX_STEP_MM = 7.0  # longest step of a ray, so that it does not jump across a ga
 class Ellipsoid:
     """An ellipsoid that models a bone, a fat pad or a muscle; a hollow if ``carve`` is set.
 
-    center, radii: millimetres. pitch_deg rotates it about x (positive: front end down),
-    yaw_deg about y (positive: front end towards +x). blend_mm: size of its joining fillet.
+    Args:
+        center, radii: millimetres.
+        pitch_deg: rotation about x; positive: front end down.
+        yaw_deg: rotation about y; positive: front end towards +x.
+        blend_mm: size of its joining fillet.
     """
 
     name: str
@@ -112,9 +115,12 @@ def cast_to_surface(
 ) -> Array:
     """Trace rays from inside the head to the skin; return the (N, 3) points reached.
 
-    origins: (N, 3) inside the head. directions: (N, 3) unit. Sphere tracing with short steps,
-    because the distance inside an ellipsoid is approximate. Equal rays, as of both halves of the
-    head, are traced once.
+    Sphere tracing with short steps, because the distance inside an ellipsoid is approximate. Equal
+    rays, as of both halves of the head, are traced once.
+
+    Args:
+        origins: (N, 3) inside the head.
+        directions: (N, 3) unit.
     """
     rays, place = np.unique(np.hstack([origins, directions]), axis=0, return_inverse=True)
     origins, directions = rays[:, :3], rays[:, 3:]

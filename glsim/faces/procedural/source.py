@@ -28,8 +28,10 @@ _NECK = Neck(head_share)
 class ProceduralFaces:
     """A FaceSource of parametric heads, without data files.
 
-    seed: determines every identity and performance. frames_per_sequence: length of a sequence.
-    frames_per_second: see ``performance_frames``.
+    Args:
+        seed: determines every identity and performance.
+        frames_per_sequence: length of a sequence.
+        frames_per_second: see ``performance_frames``.
     """
 
     name = "procedural"

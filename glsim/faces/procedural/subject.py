@@ -40,9 +40,13 @@ from glsim.geometry.occluder import occluder_of
 class HeadModel:
     """Data shared by all subjects; built once per process.
 
-    field_points, rigid: where fields are evaluated. identity: (parameters, V * 3) float32, mm per
-    unit; identity_spans: the parts of its rows that are not 0. actions: shared expression basis.
-    regions: (V,) uint8 indices into REGIONS. occluder: (F', 3) int32, see ``Mesh``.
+    Args:
+        field_points, rigid: where fields are evaluated.
+        identity: (parameters, V * 3) float32, mm per unit.
+        identity_spans: the parts of its rows that are not 0.
+        actions: shared expression basis.
+        regions: (V,) uint8 indices into REGIONS.
+        occluder: (F', 3) int32, see ``Mesh``.
     """
 
     template: Template
@@ -81,7 +85,8 @@ def head_model() -> HeadModel:
 class Subject:
     """A person: neutral (V, 3) float64 mm, albedo (V,), and their lid and jaw rows of the basis.
 
-    own_spans: per row, the slices that are not zero.
+    Args:
+        own_spans: per row, the slices that are not zero.
     """
 
     neutral: Array

@@ -37,7 +37,8 @@ AROUND = (
 def arch_point(along: Array) -> tuple[Array, Array, Array]:
     """Return x (N,), z (N,) behind the front, and outward unit normals (N, 2) in x and z.
 
-    along: (N,) signed arc length from the midline, positive on the left.
+    Args:
+        along: (N,) signed arc length from the midline, positive on the left.
     """
     x = np.linspace(0.0, 1.6 * ARCH_WIDTH, 400)
     z = -ARCH_DEPTH * (x / ARCH_WIDTH) ** ARCH_POWER

@@ -42,10 +42,13 @@ FLIP = np.array([-1.0, 1.0, 1.0])  # mirror at the median plane
 class Template:
     """The mean head with vertex labels.
 
-    points: (V, 3) float64 mm, canonical frame. faces: (F, 3) int32. part: (V,) PART_*.
-    low: (V,) whether below the mouth's line, on a lower lid or a lower tooth. row, column, slit,
-    ring: (V,) as in SkinTopology, 0 outside the skin. eye_angle: (V,) angle from an eyeball's axis,
-    rad; pi outside the eyeballs.
+    Args:
+        points: (V, 3) float64 mm, canonical frame.
+        faces: (F, 3) int32.
+        part: (V,) PART_*.
+        low: (V,) whether below the mouth's line, on a lower lid or a lower tooth.
+        row, column, slit, ring: (V,) as in SkinTopology, 0 outside the skin.
+        eye_angle: (V,) angle from an eyeball's axis, rad; pi outside the eyeballs.
     """
 
     points: Array

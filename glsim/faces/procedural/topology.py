@@ -36,10 +36,12 @@ SLIT_NONE, SLIT_EYE, SLIT_MOUTH = 0, 1, 2
 class SkinTopology:
     """Vertex labels and triangles of the skin.
 
-    row, column: (V,) grid position, column signed (positive: the subject's left).
-    slit: (V,) SLIT_*. ring: (V,) 0 on the skin, 1... inwards from a slit, -1 at the crown's pole.
-    low: (V,) whether on a lower lid or lip or its rings, or on the skin below the mouth's row.
-    faces: (F, 3) int32, counter-clockwise seen from outside.
+    Args:
+        row, column: (V,) grid position, column signed (positive: the subject's left).
+        slit: (V,) SLIT_*.
+        ring: (V,) 0 on the skin, 1... inwards from a slit, -1 at the crown's pole.
+        low: (V,) whether on a lower lid or lip or its rings, or on the skin below the mouth's row.
+        faces: (F, 3) int32, counter-clockwise seen from outside.
     """
 
     row: IntArray

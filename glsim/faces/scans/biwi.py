@@ -54,9 +54,12 @@ _FLIP_YZ: Final = np.diag([1.0, -1.0, -1.0])
 class Biwi:
     """A FaceSource for the Biwi set in its original layout.
 
-    every: use every n-th frame of each recording.
-    unit, axes: override the templates' millimetres and +x-y-z.
-    Raises ConfigError for an invalid setting or a missing root.
+    Args:
+        every: use every n-th frame of each recording.
+        unit, axes: override the templates' millimetres and +x-y-z.
+
+    Raises:
+        ConfigError: an invalid setting or a missing root.
     """
 
     name = "biwi"

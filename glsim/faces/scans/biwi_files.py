@@ -24,7 +24,11 @@ _ROTATION_TOLERANCE: Final = 0.02
 class HeadPose:
     """A head pose: x_camera_mm = rotation @ x_template_mm + centre_mm.
 
-    rotation: (3, 3). centre_mm: (3,). Camera axes: x right, y down, z away.
+    Camera axes: x right, y down, z away.
+
+    Args:
+        rotation: (3, 3).
+        centre_mm: (3,).
     """
 
     rotation: NDArray[np.float64]

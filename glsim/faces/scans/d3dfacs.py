@@ -41,10 +41,14 @@ _SIDE: Final = re.compile(r"(?<![a-z])(left|right)(?![a-z])|(?<=[_.-])([lr])(?=[
 class D3dfacs(Folder):
     """A FaceSource for D3DFACS in its original layout.
 
-    every: use every n-th frame of each sequence, from its first.
-    peak_only: use only the peak frame of each sequence.
-    unit, axes: override the format's (registrations: metres; raw: detected by size; axes +x+y+z).
-    Raises ConfigError as Folder does.
+    Args:
+        every: use every n-th frame of each sequence, from its first.
+        peak_only: use only the peak frame of each sequence.
+        unit, axes: override the format's (registrations: metres; raw: detected by size; axes
+            +x+y+z).
+
+    Raises:
+        ConfigError: as Folder does.
     """
 
     name = "d3dfacs"

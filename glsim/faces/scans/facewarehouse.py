@@ -79,9 +79,13 @@ class _PersonGeometry:
 class FaceWarehouse:
     """A FaceSource for FaceWarehouse in its original layout.
 
-    steps: frames from one blend shape to the next, 1 or more. poses: whether to include the poses.
-    unit: "auto" makes the neutral face 141 mm wide; a number is the millimetres per unit.
-    Raises ConfigError for an invalid setting or a missing root.
+    Args:
+        steps: frames from one blend shape to the next, 1 or more.
+        poses: whether to include the poses.
+        unit: "auto" makes the neutral face 141 mm wide; a number is the millimetres per unit.
+
+    Raises:
+        ConfigError: an invalid setting or a missing root.
     """
 
     name = "facewarehouse"

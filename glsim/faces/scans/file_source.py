@@ -26,7 +26,8 @@ def first_subjects(
 ) -> list[str]:
     """Return the first ``count`` names (None: all). Raises ConfigError if there are fewer.
 
-    nothing: error text for an empty root.
+    Args:
+        nothing: error text for an empty root.
     """
     if not names:
         raise ConfigError(f"{root}: {nothing}")

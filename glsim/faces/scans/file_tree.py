@@ -61,8 +61,10 @@ def list_names(folder: Path) -> list[str]:
 def find_meshes(folder: Path, above: tuple[str, ...]) -> Iterator[Path]:
     """Yield the mesh files of a folder, then of its sub-folders.
 
-    above: real paths of the parent folders; a link to one of them is skipped. A folder that is too
-    deep for the system's longest path is skipped with a warning.
+    A folder that is too deep for the system's longest path is skipped with a warning.
+
+    Args:
+        above: real paths of the parent folders; a link to one of them is skipped.
     """
     if len(above) > _MAX_DEPTH or len(os.fsencode(folder)) > _MAX_PATH_BYTES:
         _LOG.warning("%.200s...: too deep below the root; its meshes are left out", folder)

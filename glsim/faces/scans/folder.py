@@ -58,12 +58,15 @@ FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; affects Face
 class Folder:
     """A FaceSource over the mesh files below ``root``.
 
-    unit, axes: as for ``load_mesh``. "auto" is detected on the first valid mesh of a subject and
-        used for all its meshes, so that a sequence does not jump.
-    recentre: put the origin behind the nose of the first valid mesh of each sequence, so that the
-        head still moves within a sequence.
-    frames_per_second: converts frame numbers to FaceKey.time_s.
-    Raises ConfigError for an invalid setting, a missing root or a root without meshes.
+    Args:
+        unit, axes: as for ``load_mesh``. "auto" is detected on the first valid mesh of a subject
+            and used for all its meshes, so that a sequence does not jump.
+        recentre: put the origin behind the nose of the first valid mesh of each sequence, so that
+            the head still moves within a sequence.
+        frames_per_second: converts frame numbers to FaceKey.time_s.
+
+    Raises:
+        ConfigError: an invalid setting, a missing root or a root without meshes.
     """
 
     name = "folder"

@@ -18,8 +18,11 @@ _ITERATIONS = 30
 def mm_per_unit(vertices: NDArray[np.floating]) -> float:
     """Return the millimetres per unit that make the face FACE_WIDTH_MM wide; 0 without a width.
 
-    vertices: (V, 3) of a neutral head, y up, z out of the face. The width is measured less than
-    0.55 widths behind the nose tip and up to 0.4 widths above it, by fixed-point iteration.
+    The width is measured less than 0.55 widths behind the nose tip and up to 0.4 widths above it,
+    by fixed-point iteration.
+
+    Args:
+        vertices: (V, 3) of a neutral head, y up, z out of the face.
     """
     x, y, z = vertices.T
     middle, width = (x.min() + x.max()) / 2, float(np.ptp(x))

@@ -1,1 +1,1 @@
-"""Measurements behind the checks; each function returns measurements by number of check."""
+"""The checks of sensors: every function decorated with ``validation_check`` in these files."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import scenes
 from glsim.validate.captures import Captures
-from glsim.validate.measure import Array
-from glsim.validate.report import Measurement
+from glsim.validate.report import Band, Check, Measurement, validation_check
+from glsim.validate.sources import LF2, OWN, REAL, STRUCTURED_LIGHT
 
 #: Allowed periods of the ripple of three taps at 80, 16 and 120 MHz, mm: 3 and 6 cycles per half
 #: wavelength; and the period of four taps at 80 MHz, which must be absent.
@@ -25,6 +29,14 @@ _SKIN = 0.6
 COUNTS_PER_AMPLITUDE = 16.0
 
 
+@validation_check(
+    "kinect-v2",
+    Check("22", "quantisation: share of fractions; variance it adds; levels on a 10 cm ramp at 3 m",
+          (Band("fractions", 0.0, 0.0), Band("variance", 0.07, 0.097, "mm^2", "derived"),
+           Band("levels", 95.0, inf, "", "derived")), f"MSDN; {OWN}", "datasheet"),
+    Check("A1", "no disparity banding: levels of depth missing on a ramp at 3 m",
+          (Band("missing", 0.0, 5.0, "%"),), STRUCTURED_LIGHT),
+)  # fmt: skip
 def quantisation(captures: Captures) -> dict[str, Measurement]:
     """Measure check 22 and anti-check A1: rounding to mm, levels of depth on a ramp."""
     ramp = captures.camera.capture(
@@ -83,6 +95,15 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
     return x, y, measure.mean_of(share[amplitude >= 11])
 
 
+@validation_check(
+    "kinect-v2",
+    # Real frames, smooth surfaces within 3.5 m, relative to bright ones: 39 % valid at 9, 62 % at
+    # 11, 84 % at 13, 97 % at 15; half at 10; 88 % on average from 11 to 17. Bands: 20 % off that.
+    # libfreenect2's thresholds alone give 3 to 8 (derived); the frames decide.
+    Check("23", "amplitude at which half of the pixels are valid; share valid from 11 to 17",
+          (Band("a*", 8.0, 12.0), Band("valid", 70.0, 100.0, "%")),
+          f"{REAL}: 10 and 88 %, +-20 %", "measured"),
+)  # fmt: skip
 def validity(captures: Captures) -> dict[str, Measurement]:
     """Measure check 23: the amplitude at which half of the pixels are valid."""
     curve = captures.cached("validity", lambda: validity_curve(captures))
@@ -93,6 +114,12 @@ def validity(captures: Captures) -> dict[str, Measurement]:
     return {"23": Measurement({"a*": half_valid, "valid": 100 * above})}
 
 
+@validation_check(
+    "kinect-v2",
+    Check("25", "range, albedo 0.6: share valid outside 500 to 4500 mm; least share valid inside",
+          (Band("outside", 0.0, 0.0, "%"), Band("inside", 99.0, 100.0, "%")), f"{LF2}; MSDN",
+          "datasheet"),
+)  # fmt: skip
 def ranges(captures: Captures) -> dict[str, Measurement]:
     """Measure check 25 on walls on both sides of both range gates.
 
@@ -127,6 +154,13 @@ def wiggle_curve(captures: Captures) -> tuple[Array, Array]:
     return distances, np.array(errors)
 
 
+@validation_check(
+    "kinect-v2",
+    Check("26", "wiggle, 0.6 to 3 m: peak; power off the periods of three taps; at 468 mm",
+          (Band("peak", 1.5, 8.0, "mm", "measured"), Band("other", 0.0, 10.0, "%"),
+           Band("468 mm", 0.0, 5.0, "%")),
+          f"{REAL}: 1.2 mm at 417 and 1.4 mm at 625 mm; {LF2}; {OWN}", "derived"),
+)  # fmt: skip
 def wiggle(captures: Captures) -> dict[str, Measurement]:
     """Measure check 26: the ripple of the mean error over distance.
 
@@ -156,6 +190,11 @@ def wiggle(captures: Captures) -> dict[str, Measurement]:
     }
 
 
+@validation_check(
+    "kinect-v2",
+    Check("28", "unwrapping: errors beyond 300 mm on walls at a >= 15, 0.5 to 4.5 m",
+          (Band("gross", 0.0, 1e-4),), f"{LF2}; {OWN}", "derived"),
+)  # fmt: skip
 def unwrapping(captures: Captures) -> dict[str, Measurement]:
     """Measure check 28 on walls over the whole range, each so dark that its amplitude is 15."""
     gross = total = 0
@@ -173,6 +212,12 @@ def unwrapping(captures: Captures) -> dict[str, Measurement]:
     return {"28": Measurement({"gross": share}, f"{gross} of {total} valid pixels")}
 
 
+@validation_check(
+    "kinect-v2",
+    Check("29", "device offset; change from frame to frame; skin bias if enabled",
+          (Band("offset", -30.0, 30.0, "mm", "measured"), Band("change", 0.0, 0.1, "mm"),
+           Band("skin", 4.0, 12.0, "mm")), f"iai_kinect2; {OWN}", "derived"),
+)  # fmt: skip
 def offsets(captures: Captures) -> dict[str, Measurement]:
     """Measure check 29: the mean error of eight devices (seeds), its change over frames, skin.
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import scenes
 from glsim.validate.captures import INTERNAL, Captures
-from glsim.validate.measure import Array
 from glsim.validate.published_curves import shadow_px
-from glsim.validate.report import Measurement
+from glsim.validate.report import Band, Check, Measurement, validation_check
+from glsim.validate.sources import FANK, LF2, OWN, REAL
 from glsim.validate.virtual_camera import Capture, Changes
 
 NEAR_MM = 900.0
@@ -26,6 +28,23 @@ def capture_edge(captures: Captures, far_mm: float, changes: Changes | None = No
     ).centre(48, 64)  # fmt: skip
 
 
+@validation_check(
+    "kinect-v2",
+    Check("15", "lateral: jitter of a straight edge, 0.9 before 1.5 m",
+          (Band("std", 0.25, 0.8, "px"),), f"{FANK}; {OWN}", "measured"),
+    Check("16", "mixed pixels per edge row, 0.9 before 1.5 m: filters off (and none outside); on",
+          (Band("off", 0.6, 2.1, "px"), Band("off, outside", 0.0, 0.005, "px"),
+           Band("on", 0.0, 0.7, "px")), f"{LF2}; {OWN}", "derived"),
+    Check("17", "sum of phasors, 0.9 before 2 m, filters off: pixels per row between; outside",
+          (Band("between", 0.0, 0.1, "px"), Band("outside", 0.2, 1.1, "px")),
+          f"physics; {LF2}; {OWN}", "derived"),
+    # Real frames: median width of the lit side 1.6 px on one device, 2 on two, 2.2 on one; +-0.1
+    # px.
+    Check("18", "edge filter: invalid pixels per row, 0.9 before 0.95 m; before 1.5 m",
+          (Band("0.95 m", 0.0, 0.005, "px"), Band("1.5 m", 1.5, 2.3, "px", "measured")),
+          f"{LF2}; {REAL}: 1.6 to 2.2 px on the lit side",
+          "datasheet"),
+)  # fmt: skip
 def mixed_pixels(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 15 to 18: edge jitter, mixed and invalid pixels with and without filters."""
     filtered = capture_edge(captures, 1500)
@@ -46,6 +65,12 @@ def mixed_pixels(captures: Captures) -> dict[str, Measurement]:
     return measurements
 
 
+@validation_check(
+    "kinect-v2",
+    Check("19", "silhouette alone, filters off: depth beyond 30 mm of it; growth per side",
+          (Band("strays", 0.0, 0.0, "px"), Band("growth", -0.5, 2.3, "px"),
+           Band("mean growth", 0.0, 2.3, "px")), OWN, "derived"),
+)  # fmt: skip
 def silhouette(captures: Captures) -> dict[str, Measurement]:
     """Measure check 19 on a square without background.
 
@@ -138,6 +163,19 @@ def _shadow_width(place: Array, profile: Array, side: int) -> float:
     return float(away[darkest] - 0.5 + lack[darkest:].sum())
 
 
+@validation_check(
+    "kinect-v2",
+    # In real infrared images half of the light is back after 48.7 mm of baseline; libfreenect2's
+    # geometry has 45 mm. Each +-1 px, times f (1 / near - 1 / far).
+    Check("20", "shadow of an edge at 0.9 m on 1.1, 1.5, 2 m; on the other three sides",
+          (Band("1.1 m", 2.3, 4.6, "px"), Band("1.5 m", 6.3, 8.9, "px"),
+           Band("2 m", 9.0, 11.9, "px"), Band("other sides", -1.0, 1.0, "px", "derived")),
+          f"{REAL}: 48.7 mm; libfreenect2: 45 mm; +-1 px; geometry", "measured"),
+    # In real infrared images light rises in three steps, 15 mm of baseline apart.
+    Check("21", "penumbra: levels of amplitude between light and dark; growth of sigma there",
+          (Band("levels", 0.0, 2.0), Band("sigma", 1.2, 3.0, kind="derived")),
+          f"{REAL}: at most two levels, of three emitters; {OWN}", "measured"),
+)  # fmt: skip
 def shadows(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 20 and 21: widths of shadows, levels of light in the penumbra."""
     widths: dict[str, float] = {}

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.validate import measure, scenes
+from glsim.measures import stacks as measure
+from glsim.validate import scenes
 from glsim.validate.captures import Captures
-from glsim.validate.report import Measurement
+from glsim.validate.report import Band, Check, Measurement, validation_check
+from glsim.validate.sources import OWN, STRUCTURED_LIGHT
 from glsim.validate.virtual_camera import Capture
 
 _PEOPLE = 6
@@ -21,6 +23,16 @@ def portraits(captures: Captures) -> list[Capture]:
     ]
 
 
+@validation_check(
+    "kinect-v2",
+    Check("24", "isolated face, 0.9 m: invalid inside; clean mask kept; growth per rim pixel",
+          (Band("invalid", 0.0, 0.2, "%"), Band("kept", 99.5, 100.0, "%"),
+           Band("growth", 0.3, 2.3, "px")), OWN, "derived"),
+    Check("30", "normals of a noisy face: mean angle to the clean ones",
+          (Band("angle", 12.0, 24.0, "deg"),), OWN, "derived"),
+    Check("A3", "no sharp shadow of 20 to 50 px on a face at 0.9 m: longest hole in a row",
+          (Band("hole", 0.0, 19.0, "px"),), STRUCTURED_LIGHT),
+)  # fmt: skip
 def isolated_faces(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 24 and 30, and anti-check A3: no sharp shadow on a face."""
     invalid = inside = kept = surface = grown = rim = 0

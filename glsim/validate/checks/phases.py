@@ -6,24 +6,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.validate import measure, published_curves, scenes
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
+from glsim.validate import published_curves, scenes
 from glsim.validate.captures import INTERNAL, Captures
 from glsim.validate.checks.depth import COUNTS_PER_AMPLITUDE
-from glsim.validate.measure import Array
-from glsim.validate.report import Measurement
+from glsim.validate.report import Band, Check, Measurement, validation_check
+from glsim.validate.sources import KDE, LF2, OWN, REAL
 from glsim.validate.virtual_camera import Capture, Changes
 
 #: Distance of the walls; it gives amplitudes of up to 120, and of 10 with a dark albedo.
 _WALL_MM = 1500.0
 
 
+#: Phase noise after the filter at amplitudes of 20, 50 and 100, rad, per frequency in MHz (Jaremo
+#: Lawin 2016).
+_KDE_RAD = {80: (0.085, 0.033, 0.019), 16: (0.055, 0.024, 0.017), 120: (0.112, 0.040, 0.021)}
+#: Depth noise of real frames at these amplitudes, 4600 mm / infrared, over that of the fit above.
+_REAL_SHARE = {20: 0.86, 50: 0.91, 100: 0.79}
+
+
 @dataclass(frozen=True, eq=False)
 class PhaseNoise:
     """Noise of phases and depth at N amplitudes.
 
-    amplitude: (N,) measured, infrared units. sigma_rad: (3, N) phase noise at 80, 16 and 120 MHz
-    after the bilateral filter; raw_sigma_rad: filters off. raw_mm, filtered_mm: (N,) temporal
-    sigma of the depth without and with the filters, both without floor and rounding.
+    Args:
+        amplitude: (N,) measured, infrared units.
+        sigma_rad: (3, N) phase noise at 80, 16 and 120 MHz after the bilateral filter.
+        raw_sigma_rad: filters off.
+        raw_mm, filtered_mm: (N,) temporal sigma of the depth without and with the filters, both
+            without floor and rounding.
     """
 
     amplitude: Array
@@ -89,6 +101,20 @@ def _phasors(capture: Capture, layers: tuple[str, ...]) -> Array:
     return np.asarray(parts[0] + 1j * parts[1])
 
 
+@validation_check(
+    "kinect-v2",
+    Check("9", "phase noise after the filter at amplitudes 20, 50, 100 (80, 16, 120 MHz)",
+          tuple(Band(f"{mhz} MHz @{a}", round(0.8 * _REAL_SHARE[a] * s, 4), round(1.2 * s, 4),
+                     "rad")
+                for mhz, row in _KDE_RAD.items() for a, s in zip((20, 50, 100), row, strict=True)),
+          f"{KDE} +20 %; {REAL}: noise over infrared -20 %", "measured"),
+    # The formula is that of small errors: below an amplitude of 30 raw phases have more than 0.2
+    # rad (three times the filtered ones of check 9), and some wrap.
+    Check("10", "fusion: depth noise / (110.5 mm sqrt(sum of phase variances)), a >= 30",
+          (Band("least", 0.97, 1.03), Band("most", 0.97, 1.03)), f"{LF2}; {OWN}", "derived"),
+    Check("11", "filter: sigma before / after, a >= 30",
+          (Band("least", 2.8, 3.05), Band("most", 2.8, 3.05)), f"{LF2}; {OWN}", "derived"),
+)  # fmt: skip
 def phase_noise(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 9 to 11: phase noise, its fusion into depth noise, gain of the filter."""
     noise = measure_phase_noise(captures, np.array([10.0, 20.0, 30.0, 50.0, 100.0]))

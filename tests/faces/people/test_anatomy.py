@@ -9,9 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
-from glsim.faces.ict_facekit.facs import known_units as ict_units
+from glsim.faces.action_units import SHAPES, shape_weights, shapes_of
 from glsim.faces.people.cache import load_model
-from glsim.faces.people.facs import ACTIONS, action_weights, actions_of, known_units
 from glsim.faces.people.identity import sample_identity
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.regions import REGIONS
@@ -36,22 +35,26 @@ def shown(model: BodyModel, name: str, expression: Mapping[str, float]) -> NDArr
     return Subject(model, 0, name).frame("s00_12", "face", 0.0, expression)
 
 
-def test_units_are_those_of_the_other_generator_and_of_all_performances() -> None:
-    assert set(known_units()) == set(ict_units())
+def test_action_units_are_those_of_all_performances() -> None:
+    assert shapes_of("AU12") == {"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0}
+    assert shapes_of("AU12_L") == {"mouthSmileLeft": 1.0}
+    assert shapes_of("AU27") == shapes_of("AU27_R") == {"jawOpen": 1.0}
+    assert shapes_of("AU30_L") == {"jawLeft": 1.0}
     for code in CODES:
         for word in code.split("+"):
             side = f"_{word[-1]}" if word[-1] in "LR" else ""
-            assert actions_of(f"AU{word.rstrip('LR')}{side}")
-    with pytest.raises(ConfigError, match=r"AU99: .* cannot show"):
-        actions_of("AU99")
+            assert shapes_of(f"AU{word.rstrip('LR')}{side}")
+    for wrong in ("AU99", "AU12_X", "AU30", "12", "smile"):
+        with pytest.raises(ConfigError, match=f"{wrong}: no blend shape shows this action unit"):
+            shapes_of(wrong)
 
 
 def test_an_action_takes_the_largest_weight_and_lips_are_pushed_out_once() -> None:
-    weights = action_weights({"AU26": 1.0, "AU25": 1.0, "AU18": 1.0, "AU22": 1.0})
+    weights = shape_weights({"AU26": 1.0, "AU25": 1.0, "AU18": 1.0, "AU22": 1.0})
     assert weights["jawOpen"] == 0.5
     assert weights["mouthPucker"] + weights["mouthFunnel"] == pytest.approx(1.0)
-    assert list(weights) == [action for action in ACTIONS if action in weights]
-    assert set(action_weights({"AU1_L": 0.5})) == {"browInnerUpLeft"}
+    assert list(weights) == [action for action in SHAPES if action in weights]
+    assert set(shape_weights({"AU1_L": 0.5})) == {"browInnerUpLeft"}
 
 
 @needs_anny

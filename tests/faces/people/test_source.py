@@ -15,7 +15,7 @@ from glsim.faces import open_source
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.people import People
 from glsim.faces.people.regions import REGIONS
-from glsim.settings.schema import SourceSettings
+from glsim.settings.source_settings import parse_source
 from tests.support.people import needs_anny
 
 pytestmark = needs_anny
@@ -141,8 +141,8 @@ def test_postures_vary_and_no_hand_hides_the_face(people: People) -> None:
 
 
 def test_settings_open_people_with_a_framing() -> None:
-    source = open_source(SourceSettings(kind="people", framing="bust"), seed=5)
+    source = open_source(parse_source({"kind": "people", "framing": "bust"}), seed=5)
     assert isinstance(source, People)
     assert (source.seed, source.framing) == (5, "bust")
     with pytest.raises(ValueError, match="framing: procedural has no such option"):
-        SourceSettings(kind="procedural", framing="bust")
+        parse_source({"kind": "procedural", "framing": "bust"})

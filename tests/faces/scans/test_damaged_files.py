@@ -1,4 +1,4 @@
-"""Damaged files are read or skipped with a reason; benchmarks/fuzz_sources.py: 2,000 per format."""
+"""Damaged files are read or skipped with a reason; ``benchmarks.stress mutate``: more."""
 
 from __future__ import annotations
 

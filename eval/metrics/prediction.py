@@ -1,0 +1,218 @@
+"""A predicted depth map beside its clean frame: what the functions of metrics take.
+
+Several metrics share what is costly; it is computed once, when the first of them asks for it.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.denoise.interface import Depth, Mask
+from glsim.errors import DenoiserError
+from glsim.eval.metrics.normals import angles_deg, whole_windows
+from glsim.eval.metrics.regions import Regions
+from glsim.eval.metrics.ssim import Moments, ssim
+from glsim.geometry.depth_map import central_normals
+from glsim.geometry.edges import BAND_PX, JUMP_MM
+
+#: A depth with a larger error, mm, is a flying pixel.
+FLYING_MM: Final = 50.0
+#: The MAX of the paper's PSNR, mm.
+PSNR_MAX_MM: Final = 8000.0
+
+
+class Truth:
+    """A clean frame and its noisy input, prepared for scoring.
+
+    Args:
+        clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth.
+        rays: (H, W, 2), x/z and y/z.
+        regions: the face regions, if known.
+        offset_mm: what was subtracted from both maps; normals are those of the surface at its
+            distance from the camera, undefined for NaN (not known).
+    """
+
+    def __init__(
+        self,
+        clean_mm: Depth,
+        noisy_mm: Depth,
+        rays: NDArray[np.floating],
+        regions: Regions | None = None,
+        offset_mm: float = 0.0,
+    ) -> None:
+        self.regions = regions
+        self.offset_mm = offset_mm
+        self.clean = clean_mm.astype(np.float64)
+        self.noisy = noisy_mm.astype(np.float64)
+        self.rays = rays
+        self.valid: Mask = self.clean > 0
+        self.input_valid: Mask = self.noisy > 0
+        self.moments = Moments.of(self.clean)
+        jumps = jump_edges(self.clean)
+        self.edge = edge_band(self.valid, jumps)
+        self.parts = {"all": self.valid, "interior": self.valid & ~self.edge, "edge": self.edge}
+        self.smooth = whole_windows(self.valid & ~jumps)
+
+
+def jump_edges(clean: NDArray[np.floating]) -> Mask:
+    """Return (H, W) pixels with a row or column neighbour over JUMP_MM nearer or farther."""
+    edges = np.zeros(clean.shape, np.bool_)
+    for axis in (0, 1):
+        first, second = (
+            tuple(part if a == axis else slice(None) for a in (0, 1))
+            for part in (slice(None, -1), slice(1, None))
+        )
+        jump = np.abs(clean[second] - clean[first]) > JUMP_MM
+        jump &= (clean[first] > 0) & (clean[second] > 0)
+        edges[first] |= jump
+        edges[second] |= jump
+    return edges
+
+
+def edge_band(valid: Mask, jumps: Mask) -> Mask:
+    """Return (H, W) valid pixels at most BAND_PX rows and columns from an invalid pixel or a jump.
+
+    The image border makes no edge: depth beyond it is unknown.
+    """
+    inside = valid & ~jumps
+    # The pixels of a jump belong to the band, an invalid pixel does not: hence BAND_PX - 1.
+    near_hole = cv2.erode(valid.astype(np.uint8), _square(BAND_PX)) == 0
+    near_jump = cv2.erode(inside.astype(np.uint8) | ~valid, _square(BAND_PX - 1)) == 0
+    band: Mask = valid & (near_hole | near_jump)
+    return band
+
+
+def _square(radius: int) -> NDArray[np.uint8]:
+    return np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
+
+
+def check_prediction(prediction: NDArray[np.generic], shape: tuple[int, ...]) -> Depth:
+    """Return a prediction as float32 (H, W).
+
+    Raises DenoiserError for another shape or dtype, values that are not finite, and negative ones.
+    """
+    if prediction.shape != shape:
+        raise DenoiserError(f"returned depth of shape {prediction.shape} instead of {shape}")
+    if prediction.dtype.kind not in "fiu":
+        raise DenoiserError(f"returned depth of type {prediction.dtype} instead of numbers")
+    depth: Depth = prediction.astype(np.float32)
+    if not np.isfinite(depth).all():
+        raise DenoiserError(
+            f"returned {int((~np.isfinite(depth)).sum())} depths that are no number"
+        )
+    if (depth < 0).any():
+        raise DenoiserError(f"returned {int((depth < 0).sum())} negative depths")
+    return depth
+
+
+class Prediction:
+    """A prediction and its truth.
+
+    Args:
+        prediction_mm: (H, W) millimetres, 0 = no depth.
+        truth: the clean frame and the input.
+
+    Raises:
+        DenoiserError: as ``check_prediction``.
+    """
+
+    def __init__(self, prediction_mm: NDArray[np.generic], truth: Truth) -> None:
+        self.truth = truth
+        self.depth = check_prediction(prediction_mm, truth.clean.shape).astype(np.float64)
+        self.valid: Mask = self.depth > 0
+        self.error = self.depth - truth.clean
+        self._statistics: dict[tuple[str, str], dict[str, float]] = {}
+
+    @cached_property
+    def squared(self) -> NDArray[np.float64]:
+        """(H, W) squared errors, mm²; a hole is depth 0."""
+        return self.error * self.error
+
+    @cached_property
+    def mse_mm2(self) -> float:
+        """The mean squared error over all pixels."""
+        return float(self.squared.mean())
+
+    @cached_property
+    def ssim(self) -> dict[str, float]:
+        """Structural similarity by the name of its constants."""
+        return ssim(self.truth.moments, Moments.of(self.depth))
+
+    @cached_property
+    def counts(self) -> tuple[int, int, int]:
+        """Numbers of pixels: valid in both, in the prediction, in the clean map."""
+        both = self.valid & self.truth.valid
+        hits, predicted, real = (
+            int(np.count_nonzero(m)) for m in (both, self.valid, self.truth.valid)
+        )
+        return hits, predicted, real
+
+    @cached_property
+    def flips(self) -> int:
+        """The number of pixels that are valid in one of both maps only."""
+        hits, predicted, real = self.counts
+        return predicted + real - 2 * hits
+
+    def errors(self, base: str, part: str) -> tuple[NDArray[np.float64], Mask]:
+        """Return the (N,) errors, mm, of a set of pixels, and the set as an (H, W) mask.
+
+        Args:
+            base: "both": prediction and clean valid; "filled": these, where the input is not;
+                "input": input and clean valid, with the input's error where the method has no
+                depth.
+            part: "all", "interior" or "edge" of the clean map.
+        """
+        truth = self.truth
+        valid = truth.input_valid if base == "input" else self.valid
+        pixels = valid & truth.valid & truth.parts[part]
+        if base == "filled":
+            pixels &= ~truth.input_valid
+        errors = self.error[pixels]
+        if base == "input":
+            fallback = truth.noisy[pixels] - truth.clean[pixels]
+            errors = np.where(self.valid[pixels], errors, fallback)
+        return errors, pixels
+
+    def statistics(self, base: str, part: str) -> dict[str, float]:
+        """Return RMSE, mean, median, 95th percentile of |error| and the mean error of a set, mm."""
+        if (base, part) not in self._statistics:
+            error, _ = self.errors(base, part)
+            self._statistics[base, part] = error_statistics(error)
+        return self._statistics[base, part]
+
+    @cached_property
+    def angles(self) -> tuple[NDArray[np.float64], Mask]:
+        """(N,) angles between the normals of both maps, degrees, and their pixels, (H, W)."""
+        truth = self.truth
+        at = truth.smooth & whole_windows(self.valid) & math.isfinite(truth.offset_mm)
+        first, second = (
+            central_normals(depth + truth.offset_mm, truth.rays, at)
+            for depth in (self.depth, truth.clean)
+        )
+        return angles_deg(first, second), at
+
+
+def error_statistics(error: NDArray[np.float64]) -> dict[str, float]:
+    """Return the statistics of (N,) errors in mm by name; NaN without errors."""
+    if error.size == 0:
+        return dict.fromkeys(("rmse", "mae", "median", "p95", "bias"), math.nan)
+    size = np.abs(error)
+    median, p95 = np.percentile(size, [50, 95])
+    return {
+        "rmse": math.sqrt(float((error * error).mean())),
+        "mae": float(size.mean()),
+        "median": float(median),
+        "p95": float(p95),
+        "bias": float(error.mean()),
+    }
+
+
+def psnr_db(mse_mm2: float) -> float:
+    """Return the PSNR for MAX = PSNR_MAX_MM, dB; NaN for an MSE of 0, where it is undefined."""
+    return 10.0 * math.log10(PSNR_MAX_MM**2 / mse_mm2) if mse_mm2 > 0 else math.nan

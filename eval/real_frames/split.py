@@ -1,0 +1,102 @@
+"""A recording to score on: its static pairs, and its halves for tuning and scoring."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.measures.boards import PATTERN
+from glsim.measures.frame import DepthFrame
+from glsim.measures.static import static_pairs
+from glsim.recordings.recording import DEFAULT_FRAMES, read_frame_set
+
+#: Side of a tile of the image, px. Chosen: three times the widest filter that tuning tries, so that
+#: most pixels of a tile share no input with the next tile.
+TILE_PX: Final = 64
+#: Least number of static scenes whose halves and intervals are over scenes; with fewer, they are
+#: over tiles of the image. Chosen.
+LEAST_SCENES: Final = 6
+
+
+@dataclass(frozen=True)
+class Source:
+    """The place of a recording, from which a worker reads it again."""
+
+    path: Path
+    focal_px: float | None = None
+    most: int = DEFAULT_FRAMES
+    pattern: tuple[int, int] = PATTERN
+
+
+@dataclass(frozen=True, eq=False)
+class SplitRecording:
+    """A recording with its static scenes.
+
+    Attributes:
+        source: its place.
+        frames: in order.
+        partner: frame -> another frame of its static scene.
+        scene: frame -> number of its static scene.
+
+    """
+
+    source: Source
+    frames: tuple[DepthFrame, ...]
+    partner: dict[int, int]
+    scene: dict[int, int]
+
+    @property
+    def scenes(self) -> int:
+        """The number of scenes with at least two static frames."""
+        return len(set(self.scene.values()))
+
+    @property
+    def by_scene(self) -> bool:
+        """Whether the units of tuning, scoring and intervals are scenes, else tiles."""
+        return self.scenes >= LEAST_SCENES
+
+    def units(self, frame: int) -> NDArray[np.int64]:
+        """Return the (H, W) number of each pixel's scene or tile."""
+        shape = self.frames[frame].depth_mm.shape
+        if self.by_scene:
+            return np.full(shape, self.scene[frame], np.int64)
+        rows, columns = (np.arange(size) // TILE_PX for size in shape)
+        return rows[:, None] * self._tiles_across + columns[None]
+
+    def is_tuning_unit(self, unit: int) -> bool:
+        """Whether a unit is for tuning: every second scene, or the black tiles of a chessboard."""
+        if self.by_scene:
+            return unit % 2 == 0
+        return sum(divmod(unit, self._tiles_across)) % 2 == 0
+
+    @property
+    def _tiles_across(self) -> int:
+        return -(-self.frames[0].camera.width // TILE_PX)
+
+    def checksums(self) -> dict[str, str]:
+        """Return frame -> checksum of its depth and infrared."""
+        sums = {}
+        for frame in self.frames:
+            digest = hashlib.blake2b(frame.depth_mm.tobytes(), digest_size=8)
+            if frame.infrared is not None:
+                digest.update(frame.infrared.tobytes())
+            sums[frame.name] = digest.hexdigest()
+        return sums
+
+
+def split_recording(source: Source) -> SplitRecording:
+    """Read a recording and find its static scenes. Raises the errors of ``read_frame_set``."""
+    frames = read_frame_set(source.path, focal_px=source.focal_px, most=source.most).frames
+    partner: dict[int, int] = {}
+    scene: dict[int, int] = {}
+    for first, second in static_pairs(frames):
+        partner[first] = second
+        partner.setdefault(second, first)
+        number = scene.setdefault(first, len(set(scene.values())))
+        scene[second] = number
+    return SplitRecording(source, frames, partner, scene)

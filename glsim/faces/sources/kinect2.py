@@ -1,0 +1,18 @@
+"""The source ``kinect2``: recorded frames, which data sets of ``glsim import kinect2`` name."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from glsim.errors import ConfigError
+from glsim.faces.base import FaceSettings, FaceSource
+
+
+class Kinect2Settings(FaceSettings):
+    """Real recordings of a Kinect V2, for glsim import only."""
+
+    every: int | None = Field(None, ge=1, description="take every n-th frame")
+
+    def open(self, seed: int) -> FaceSource:
+        """Raise ConfigError: there is no geometry."""
+        raise ConfigError("source 'kinect2' holds recorded frames, no faces: glsim import kinect2")

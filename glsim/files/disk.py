@@ -1,0 +1,158 @@
+"""A folder of a disk as a store, see ``glsim.files.store``."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import IO, TypeVar
+
+from glsim.errors import DatasetError, GlsimError
+from glsim.files.atomic import AtomicFile, file_checksum, wrap_read_errors, wrap_write_errors
+from glsim.files.flush import flush_file, flush_files
+from glsim.files.lock import locked, locked_together
+from glsim.files.regular import open_regular, read_regular
+
+_A = TypeVar("_A")
+_B = TypeVar("_B")
+#: Largest file that ``put_first`` compares, bytes: far more than a plan has.
+_MAX_FIRST_BYTES = 1 << 28
+
+
+class Disk:
+    """The store in the folder ``root``; its methods are those of ``Store``."""
+
+    is_remote = False
+
+    def __init__(self, root: Path, temporary: Path | None = None) -> None:
+        """Name the folder, and one for temporary files on the same file system."""
+        self.root, self._temporary = root, temporary
+        self._made: set[Path] = set()
+
+    def __str__(self) -> str:
+        return str(self.root)
+
+    def where(self, name: str) -> str:
+        """Return the path of a file."""
+        return str(self.root / name)
+
+    def names(self, folder: str) -> list[str]:
+        """List the entries of a folder.
+
+        Raises DatasetError if it leads out of the store, or the store is a file.
+        """
+        path = self.root / folder
+        if not path.is_dir():
+            if not folder and path.exists():
+                raise DatasetError(f"{path}: is a file: choose a folder")
+            return []
+        if not path.resolve().is_relative_to(self.root.resolve()):
+            raise DatasetError(f"{path}: leads out of {self.root}")
+        with wrap_read_errors(path):
+            return sorted(os.listdir(path))  # noqa: PTH208 (a million names)
+
+    def size(self, name: str) -> int | None:
+        """Return the size of a regular file, bytes."""
+        try:
+            with open_regular(self.root / name, inside=self.root) as file:
+                return os.fstat(file.fileno()).st_size
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise DatasetError(f"{self.where(name)}: {error.strerror}") from None
+
+    def checksum(self, name: str) -> dict[str, int] | None:
+        """Return the size and CRC32 of a file; None too if it cannot be read."""
+        return file_checksum(self.root / name)
+
+    def read(self, name: str, limit: int) -> bytes | None:
+        """Read a regular file."""
+        with wrap_read_errors(self.root / name):
+            try:
+                return read_regular(self.root / name, limit, inside=self.root)
+            except (FileNotFoundError, NotADirectoryError):
+                return None
+
+    def read_range(self, name: str, start: int, size: int) -> bytes:
+        """Read a part of a regular file."""
+        with wrap_read_errors(self.root / name), self.open(name) as file:
+            file.seek(start)
+            return file.read(size)
+
+    def open(self, name: str) -> IO[bytes]:
+        """Open a regular file."""
+        with wrap_read_errors(self.root / name):
+            return open_regular(self.root / name, inside=self.root)
+
+    def local(self, name: str, expected: dict[str, int] | None, key: str) -> Path:
+        """Return the file itself."""
+        return self.root / name
+
+    def map(self, function: Callable[[_A], _B], items: Iterable[_A]) -> Iterator[_B]:
+        """Call a function for each item, one after another."""
+        return map(function, items)
+
+    @contextmanager
+    def writing(self, folder: str) -> Iterator[Disk]:
+        """Make an empty folder for temporary files, which ends with the block."""
+        temporary = self.root / folder
+        with wrap_write_errors(temporary):
+            shutil.rmtree(temporary, ignore_errors=True)
+            temporary.mkdir(parents=True)
+        try:
+            yield Disk(self.root, temporary)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+    def create(self, name: str, *, sync: bool = True) -> AtomicFile:
+        """Open a new file under a temporary name; its folder is created."""
+        path = self.root / name
+        if self._temporary is None:
+            return AtomicFile(path, sync=sync)
+        if path.parent not in self._made:
+            with wrap_write_errors(path.parent):
+                path.parent.mkdir(parents=True, exist_ok=True)
+            self._made.add(path.parent)
+        return AtomicFile(path, self._temporary / f"{secrets.token_hex(8)}-{path.name}", sync=sync)
+
+    def put(self, name: str, data: bytes, *, sync: bool = True) -> dict[str, int]:
+        """Write a whole file."""
+        with self.create(name, sync=sync) as file:
+            file.write(data)
+        return file.checksum
+
+    def put_first(self, name: str, data: bytes) -> bytes:
+        """Write a file unless there is one; one process at a time."""
+        with locked(self.root / f"{name}.lock", DatasetError(), wait=True):
+            found = self.read(name, _MAX_FIRST_BYTES)
+            if found is None:
+                self.put(name, data)
+            return data if found is None else found
+
+    def flush(self, names: Iterable[str]) -> None:
+        """Flush files and their folders, all at once."""
+        with wrap_write_errors(self.root):
+            flush_files([self.root / name for name in names], self.root)
+
+    def delete(self, names: Iterable[str]) -> None:
+        """Delete files, and flush their folders."""
+        folders = set()
+        for path in (self.root / name for name in names):
+            with wrap_write_errors(path):
+                path.unlink(missing_ok=True)
+            folders.add(path.parent)
+        for folder in (folder for folder in folders if folder.is_dir()):
+            with wrap_write_errors(folder):
+                flush_file(folder)
+
+    def lock(
+        self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
+    ) -> AbstractContextManager[None]:
+        """Hold a lock of the kernel, which frees it when the process dies."""
+        file = self.root / name
+        with wrap_write_errors(self.root):
+            file.parent.mkdir(parents=True, exist_ok=True)
+        return locked_together(file, busy) if shared else locked(file, busy, wait=wait)

@@ -1,0 +1,7 @@
+"""Measure depth frames, real or simulated: noise, pattern, light, edges, lost pixels.
+
+``frame`` holds frames in memory, ``static`` says which of them show one view. ``temporal``,
+``spatial``, ``pattern``, ``light``, ``silhouettes``, ``validity`` and ``boards`` measure one fact
+of such frames each; ``stacks`` measures arrays of many frames of one scene, ``depth_errors`` pairs
+with a clean map. ``correlation``, ``cells`` and ``surfaces`` serve all of them.
+"""

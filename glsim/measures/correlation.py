@@ -1,0 +1,69 @@
+"""Correlation of noise between the pixels of an image."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Lags of tables: (rows down, columns right).
+LAGS = ((0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (3, 0), (1, 1))
+
+
+def lagged_sums(
+    images: Array, lags: Sequence[tuple[int, int]] = LAGS, *, both_axes: bool = False
+) -> Array:
+    """Sum products of pixels at each lag, and squares of the same pixels.
+
+    Args:
+        images: (..., H, W) noise of mean 0; NaN marks unknown pixels.
+        lags: (rows, columns) >= 0. A diagonal is averaged with its mirror image.
+        both_axes: average each lag with that of swapped rows and columns.
+
+    Returns:
+        (..., L, 2) sums; their ratio is the correlation, see ``correlation_of``.
+
+    """
+    sums = np.zeros((*images.shape[:-2], len(lags), 2))
+    for number, (down, right) in enumerate(lags):
+        ways = {(down, right), (right, down)} if both_axes else {(down, right)}
+        ways |= {(a, -b) for a, b in ways if a and b}
+        for way in sorted(ways):
+            first, second = _shifted(images, *way)
+            products = first * second
+            squares = 0.5 * (first**2 + second**2) + 0.0 * products  # NaN where either is
+            sums[..., number, 0] += np.nansum(products, axis=(-2, -1))
+            sums[..., number, 1] += np.nansum(squares, axis=(-2, -1))
+    return sums
+
+
+def _shifted(images: Array, down: int, right: int) -> tuple[Array, Array]:
+    height, width = images.shape[-2:]
+    first = images[..., : max(height - down, 0), max(0, -right) : max(width - max(0, right), 0)]
+    return first, images[..., down:, max(0, right) : width + min(0, right)]
+
+
+def correlation_of(sums: Iterable[Array]) -> tuple[float, ...]:
+    """Return the correlation at each lag, of the (..., L, 2) sums of several images together.
+
+    NaN for a lag without pixels, and for all LAGS without images.
+    """
+    parts = [s.reshape(-1, *s.shape[-2:]).sum(axis=0) for s in sums]
+    total = np.sum(parts, axis=0) if parts else np.zeros((len(LAGS), 2))
+    return tuple(float(p / s) if s > 0 else float("nan") for p, s in total)
+
+
+def without_local_mean(noise: Array, size: int = 31) -> Array:
+    """Subtract the mean of the known pixels in size x size, so that slow drift does not count."""
+    known = np.isfinite(noise)
+    total, count = (
+        cv2.boxFilter(
+            image, cv2.CV_64F, (size, size), normalize=False, borderType=cv2.BORDER_CONSTANT
+        )
+        for image in (np.where(known, noise, 0.0), known.astype(np.float64))
+    )
+    return np.where(known, noise - total / np.maximum(count, 1.0), np.nan)

@@ -1,0 +1,147 @@
+"""Read one frame of a depth camera from its files.
+
+16-bit integers count steps of a recording's unit. Floats are millimetres, as libfreenect2 writes
+them, or metres if no value exceeds 20: no depth camera measures less than 20 mm or more than 20 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import DatasetError, MeshError
+from glsim.faces.scans.biwi_files import read_depth_bin
+from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, decode_png, size_problem
+from glsim.files.regular import read_regular
+
+Array = NDArray[np.float32]
+
+#: Size of a Kinect V2's images, which a dump of libfreenect2 does not state.
+DUMP_SHAPE = (424, 512)
+IMAGES, DUMPS = (".png", ".tif", ".tiff"), (".bin", ".raw", ".depth", ".ir")
+#: Calibration of a Biwi recording, in the folder of its frames.
+BIWI_CALIBRATION = "depth.cal"
+_METRES_BELOW = 20.0
+
+
+@dataclass(frozen=True)
+class FrameFile:
+    """One frame on disk.
+
+    Attributes:
+        name: unique in the recording, without slashes.
+        depth_file: 16-bit PNG, TIFF, ``.npy`` stack, dump of libfreenect2, or Biwi's depth.bin.
+        infrared_file: the same for the infrared image; None without one.
+        number: position in a stack, else 0.
+        unit_mm: step of integer depths.
+        mirror: flip left and right when it is read.
+
+    """
+
+    name: str
+    depth_file: Path
+    infrared_file: Path | None
+    number: int = 0
+    unit_mm: float = 1.0
+    mirror: bool = False
+
+    def depth_mm(self) -> Array:
+        """Read (H, W) float32 depth, mm, 0 = no depth. Raises DatasetError."""
+        image = read_image(self.depth_file, self.number)
+        if image.dtype.kind == "f":
+            scale = 1000.0 if _in_metres(self.depth_file) else 1.0
+            floats = np.nan_to_num(image.astype(np.float32), posinf=0.0)
+            depth = np.maximum(floats, 0.0) * np.float32(scale)
+        else:
+            depth = image.astype(np.float32) * np.float32(self.unit_mm)
+        return depth[:, ::-1].copy() if self.mirror else depth
+
+    def infrared(self) -> Array | None:
+        """Read (H, W) float32 infrared counts, 0 to 65535; None without infrared.
+
+        Raises DatasetError.
+        """
+        if self.infrared_file is None:
+            return None
+        image = np.nan_to_num(read_image(self.infrared_file, self.number).astype(np.float32))
+        return image[:, ::-1].copy() if self.mirror else image
+
+    @property
+    def quantum_mm(self) -> float:
+        """The step of stored depths, mm; 0 for floats."""
+        suffix = self.depth_file.suffix.lower()
+        if suffix == ".png":  # integers always; the other formats are opened
+            return self.unit_mm
+        return 0.0 if read_image(self.depth_file, self.number).dtype.kind == "f" else self.unit_mm
+
+
+def read_image(file: Path, number: int = 0) -> NDArray[np.generic]:
+    """Read one (H, W) image of a file: uint16 or float. Raises DatasetError."""
+    suffix = file.suffix.lower()
+    if suffix == ".npy":
+        stack = open_stack(file)
+        if number >= len(stack):
+            raise DatasetError(f"{file}: has {len(stack)} frames, frame {number} is needed")
+        return np.asarray(stack[number])
+    if suffix in DUMPS and file.with_name(BIWI_CALIBRATION).is_file():
+        try:
+            return read_depth_bin(file)
+        except MeshError as error:
+            raise DatasetError(str(error)) from None
+    try:
+        data = read_regular(file, MAX_IMAGE_BYTES)
+    except OSError as error:
+        raise DatasetError(f"{file}: {error.strerror or error}") from None
+    if suffix in DUMPS:
+        return _dump(file, data)
+    image = decode_png(data, MAX_MAP_PX)
+    if image is None:
+        raise DatasetError(f"{file}: {size_problem(data, MAX_MAP_PX) or 'is no readable image'}")
+    if image.ndim != 2 or not (image.dtype == np.uint16 or image.dtype.kind == "f"):
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        raise DatasetError(
+            f"{file}: has {channels} channels of {image.dtype.itemsize * 8} bits; a frame of "
+            "a depth camera has one of 16 bits: remove other pictures from the folder"
+        )
+    return image
+
+
+def _dump(file: Path, data: bytes) -> NDArray[np.generic]:
+    height, width = DUMP_SHAPE
+    if len(data) != 4 * height * width:
+        raise DatasetError(
+            f"{file}: has {len(data)} bytes; a dump of libfreenect2's Frame has 512 x 424 float32 "
+            f"({4 * height * width}): decode raw packets with libfreenect2 first"
+        )
+    return np.frombuffer(data, "<f4").reshape(DUMP_SHAPE)
+
+
+def open_stack(file: Path) -> NDArray[np.generic]:
+    """Open a ``.npy`` stack as (T, H, W), mapped from the disk. Raises DatasetError."""
+    try:
+        stack: NDArray[np.generic] = np.load(file, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise DatasetError(f"{file}: is no readable .npy file: {error}") from None
+    good = stack.dtype == np.uint16 or stack.dtype.kind == "f"
+    if stack.ndim not in (2, 3) or not good or 0 in stack.shape:
+        raise DatasetError(
+            f"{file}: is {stack.dtype} {stack.shape}; a stack of frames is (T, H, W), uint16 in "
+            "steps of --depth-unit-mm or float in millimetres or metres"
+        )
+    if stack.shape[-1] * stack.shape[-2] > MAX_MAP_PX:
+        raise DatasetError(
+            f"{file}: its images are {stack.shape[-1]} x {stack.shape[-2]} pixels, more than the "
+            f"{MAX_MAP_PX} pixels that glsim reads"
+        )
+    return stack if stack.ndim == 3 else stack[None]
+
+
+def _in_metres(file: Path) -> bool:
+    """Whether the floats of a file are metres: no value of its first frames exceeds 20."""
+    first = open_stack(file)[:8] if file.suffix.lower() == ".npy" else read_image(file)
+    sample = np.asarray(first, np.float32)
+    known = sample[np.isfinite(sample) & (sample > 0)]
+    return bool(known.size) and float(np.max(known)) < _METRES_BELOW

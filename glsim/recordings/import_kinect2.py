@@ -1,0 +1,226 @@
+"""Import recordings of a depth camera: noisy depth and infrared, no clean map."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glsim.dataset.driver import write_dataset
+from glsim.dataset.identity import InputHashes
+from glsim.dataset.inputs import source_hashes
+from glsim.dataset.progress import GenerateProgress, GenerateSummary
+from glsim.errors import ConfigError, DatasetError, MeshError
+from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.files.contents import content_hash
+from glsim.frame import Frame, Skipped
+from glsim.geometry.rect import Rect
+from glsim.plan.tasks import Task, make_tasks
+from glsim.reason import Reason
+from glsim.recordings.files import FrameFile
+from glsim.recordings.recording import CALIBRATION, Recording, open_recording
+from glsim.settings.schema import DEFAULT_SENSOR, Settings, load_settings
+from glsim.worker_processes import Workers
+
+TITLE = "a real depth camera; there are no clean maps"
+#: Step of the depth files of recordings of floats, mm. Chosen: a quarter of a Kinect's noise floor,
+#: and 16 bits reach 16 m.
+FLOAT_UNIT_MM = 0.25
+#: Shares of train, val and test: real frames are for testing.
+DEFAULT_SPLIT = "0,0,1"
+
+
+class RecordingSource:
+    """The recordings in a folder and its sub-folders, as the source of a plan: a subject each.
+
+    Raises ConfigError for a folder that does not exist, DatasetError if it holds no frames.
+    """
+
+    name = "kinect2"
+
+    def __init__(self, root: Path, unit_mm: float = 1.0, mirror: bool = False, every: int = 1):
+        self.root = root
+        try:
+            self.recordings = {_word(root.resolve().name): open_recording(root, unit_mm, mirror)}
+        except DatasetError:
+            parts = sorted(path for path in root.iterdir() if path.is_dir())
+            found = [(p, r) for p in parts if (r := _try(p, unit_mm, mirror)) is not None]
+            if not found:
+                raise
+            self.recordings = {_word(path.name): recording for path, recording in found}
+            if len(self.recordings) < len(found):
+                raise DatasetError(
+                    f"{root}: two folders have the same name without spaces: rename one"
+                ) from None
+        if any(recording.kind == "data set" for recording in self.recordings.values()):
+            raise DatasetError(f"{root}: is a data set of glsim already")
+        self._every, self._mirror = every, mirror
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the names of the recordings."""
+        names = list(self.recordings)
+        if count is not None and count > len(names):
+            raise ConfigError(f"{self.root}: has {len(names)} recordings, not {count}")
+        return names[:count]
+
+    def frames(self, subject: str, count: int | None) -> list[FaceKey]:
+        """Return the keys of a recording's frames, numbered from 0 in the order of the names."""
+        files = self.files(subject)
+        return [
+            FaceKey(
+                subject,
+                "main",
+                number,
+                path=files[number].depth_file.relative_to(self.root).as_posix(),
+            )
+            for number in range(0, len(files), self._every)[:count]
+        ]
+
+    def files(self, subject: str) -> list[FrameFile]:
+        """Return the frames of a recording."""
+        return [f for f in self.recordings[subject].files if isinstance(f, FrameFile)]
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+        """Raise: recordings hold images, not faces."""
+        raise ConfigError(f"{self.root}: recordings have no meshes: use glsim import kinect2")
+
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Hash the files of recordings, and what else decides their frames: name -> hash."""
+        hashes = {"mirror": str(self._mirror)}
+        for subject in subjects:
+            paths = [self.recordings[subject].path / CALIBRATION]
+            for frame in self.files(subject)[:: self._every]:
+                paths += [p for p in (frame.depth_file, frame.infrared_file) if p is not None]
+            hashes |= {os.path.relpath(path, self.root): content_hash(path) for path in paths}
+        return hashes
+
+    @property
+    def has_infrared(self) -> bool:
+        """Whether every frame has an infrared image."""
+        return all(f.infrared_file for subject in self.recordings for f in self.files(subject))
+
+    @property
+    def step_mm(self) -> float:
+        """The step of depth files, mm, that keeps integers exactly and floats nearly so."""
+        return min(self.files(s)[0].quantum_mm or FLOAT_UNIT_MM for s in self.recordings)
+
+
+def import_recordings(
+    root: Path,
+    out: Path,
+    *,
+    depth_unit_mm: float = 1.0,
+    mirror: bool = False,
+    every: int = 1,
+    split: str | None = None,
+    workers: Workers = "auto",
+    progress: Callable[[GenerateProgress], None] | None = None,
+) -> GenerateSummary:
+    """Write the recordings in ``root``, or in its sub-folders, as a data set of glsim.
+
+    Its layers are noisy and, if every frame has it, infrared. Unreadable frames are skipped with
+    the reason. The camera is the stated one, else a Kinect V2's.
+
+    Args:
+        root: a folder that ``open_recording`` reads, or a folder of such folders.
+        out: folder of the data set.
+        depth_unit_mm: step of integer files, mm, kept in the data set.
+        mirror: flip left and right, as dumps of libfreenect2 need.
+        every: use every n-th frame.
+        split: shares of train, val and test; default: all test.
+        workers: number of processes.
+        progress: called with the state after each frame.
+
+    Raises:
+        ConfigError: no such folder.
+        DatasetError: no frames, or an error of ``write_dataset``.
+
+    """
+    source = RecordingSource(root, depth_unit_mm, mirror, every)
+    layers = ("noisy", "infrared") if source.has_infrared else ("noisy",)
+    tree: dict[str, Any] = {
+        "source": {"kind": "kinect2", "root": root, "every": every},
+        "output": {"layers": layers, "depth_unit_mm": source.step_mm},
+        "split": split or DEFAULT_SPLIT,
+    }
+    settings = load_settings(overrides=tree)
+    subject, first = next(iter(source.recordings.items()))
+    camera = first.camera_of(source.files(subject)[0].depth_mm().shape)
+    sensor: dict[str, Any] = {"name": "recording", "title": TITLE, "stages": []}
+    sensor |= {"width": camera.width, "height": camera.height}
+    tasks = make_tasks(settings, [source])
+    return write_dataset(
+        settings,
+        tasks,
+        out,
+        partial(recorded_frames, source=source),
+        sensor=sensor,
+        renderer="none: recorded",
+        workers=workers,
+        progress=progress,
+        inputs=lambda: InputHashes(sources=source_hashes([source], tasks)),
+    )
+
+
+def recorded_frames(
+    settings: Settings, tasks: Iterable[Task], *, source: RecordingSource
+) -> Iterator[Frame | Skipped]:
+    """Yield one result per task, in order; see ``import_recordings``."""
+    for task in tasks:
+        try:
+            yield _frame(settings, task, source)
+        except DatasetError as error:
+            if settings.strict:
+                raise MeshError(str(error)) from None
+            yield Skipped(task.key, source.name, str(error))
+
+
+def _frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
+    recording = source.recordings[task.key.subject]
+    recorded = source.files(task.key.subject)[task.key.frame]
+    noisy_m = recorded.depth_mm() / np.float32(1000)
+    infrared = recorded.infrared()
+    if infrared is not None and infrared.shape != noisy_m.shape:
+        raise DatasetError(
+            f"{recorded.infrared_file}: is {infrared.shape[1]}x{infrared.shape[0]}, its depth map "
+            f"{noisy_m.shape[1]}x{noisy_m.shape[0]}"
+        )
+    if not noisy_m.any():
+        raise DatasetError(f"{recorded.depth_file}: no pixel has depth (all are 0)")
+    camera = recording.camera_of(noisy_m.shape)
+    nothing = np.zeros_like(noisy_m)
+    notes: dict[str, object] = {"real": f"{recording.kind}, frame {recorded.name}", "clean": "none"}
+    own = recording.camera is not None and camera == recording.camera
+    notes["camera"] = CALIBRATION if own else f"assumed: {DEFAULT_SENSOR}"
+    if own and recording.distortion:
+        notes["distortion_not_removed"] = [float(k) for k in recording.distortion]
+    return Frame(
+        task.key,
+        source.name,
+        task.seeds.frame,
+        camera,
+        Rect(0, 0, camera.width, camera.height),
+        nothing,
+        noisy_m,
+        nothing if infrared is None else infrared,
+        np.where(noisy_m > 0, Reason.VALID, Reason.NO_SURFACE).astype(np.uint8),
+        depth_unit_mm=settings.output.depth_unit_mm,
+        notes=notes,
+    )
+
+
+def _try(path: Path, unit_mm: float, mirror: bool) -> Recording | None:
+    try:
+        return open_recording(path, unit_mm, mirror)
+    except DatasetError:
+        return None
+
+
+def _word(name: str) -> str:
+    """Return a folder's name without characters that paths do not take."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "recording"

@@ -1,0 +1,133 @@
+"""Draw the layer of face regions as the camera sees them, in one further pass."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.geometry.camera import SensorRig
+from glsim.geometry.rect import Rect
+from glsim.gl.draw import FullscreenPass, draw_meshes, index_buffer
+from glsim.gl.program import link_files
+from glsim.gl.shader_source import Layer
+from glsim.gl.targets import Target, TargetPool, set_matrix
+from glsim.render.mesh_cache import CACHED_TOPOLOGIES
+
+REGION = Layer("region", "float")
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledMesh:
+    """A mesh with region numbers.
+
+    Attributes:
+        faces: (F, 3).
+        positions: its vertices on the GPU.
+        labels: (V,) float32 numbers; None: all 0.
+    """
+
+    faces: NDArray[np.int32]
+    positions: moderngl.Buffer
+    labels: NDArray[np.float32] | None
+
+
+class RegionPass:
+    """Draws the region numbers of meshes on the grid of a rig's image."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        rig: SensorRig,
+        pools: tuple[TargetPool, TargetPool],
+        rays: Target,
+    ) -> None:
+        """pools: target pools of pinhole camera and image; the same pool if no lens distorts.
+
+        rays: target that holds ``rig.rays()``.
+        """
+        self._context, self._rays = context, rays
+        self._camera_pool, self._pool = pools
+        self._pinhole = pinhole = rig.pinhole()
+        self._program = link_files(context, "render/regions.frag", "render/regions.vert")
+        set_matrix(self._program, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
+        self._depth = context.depth_renderbuffer((pinhole.width, pinhole.height))
+        self._buffers: dict[int, moderngl.Framebuffer] = {}
+        self._arrays: OrderedDict[tuple[int, int], tuple[LabelledMesh, moderngl.VertexArray]]
+        self._arrays = OrderedDict()
+        self._lens_pass: FullscreenPass | None = None
+        if rig.keeps_distortion:
+            lens = link_files(context, "render/lens_regions.frag")
+            lens["u_pinhole"] = (pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy)
+            lens["u_pinhole_region"], lens["u_rays"] = 0, 1
+            self._lens_pass = FullscreenPass(context, lens)
+
+    def draw(
+        self, meshes: Sequence[LabelledMesh], views: Sequence[NDArray[np.float32]], window: Rect
+    ) -> Target:
+        """Draw the layer REGION of a window (0 = no region) in a target of the image's pool.
+
+        Args:
+            views: one (4, 4) matrix per mesh, canonical mm to camera m.
+        """
+        whole = Rect(0, 0, self._pinhole.width, self._pinhole.height)
+        area = window if self._lens_pass is None else whole
+        target = self._camera_pool.take(REGION, area)
+        key = target.texture.glo
+        if key not in self._buffers:
+            self._buffers[key] = self._context.framebuffer([target.texture], self._depth)
+        buffer = self._buffers[key]
+        buffer.use()
+        buffer.viewport, buffer.scissor = whole, area
+        buffer.clear(viewport=area)
+        draw_meshes(self._context, [self._array(mesh) for mesh in meshes], self._program, views)
+        if self._lens_pass is None:
+            return target
+        distorted = self._pool.take(REGION, window)
+        lens_buffer = self._pool.framebuffer([distorted])
+        lens_buffer.use()
+        lens_buffer.viewport = window
+        target.texture.use(0)
+        self._rays.texture.use(1)
+        self._lens_pass.draw()
+        self._camera_pool.give_back(target)
+        return distorted
+
+    def _array(self, mesh: LabelledMesh) -> moderngl.VertexArray:
+        key = mesh.positions.glo, id(mesh.labels)
+        if key not in self._arrays or self._arrays[key][0].faces is not mesh.faces:
+            self._arrays[key] = mesh, self._upload(mesh)  # keeps the mesh, and so its ids, alive
+            if len(self._arrays) > CACHED_TOPOLOGIES:
+                self._arrays.popitem(last=False)
+        self._arrays.move_to_end(key)
+        return self._arrays[key][1]
+
+    def _upload(self, mesh: LabelledMesh) -> moderngl.VertexArray:
+        count = mesh.positions.size // 12  # three float32 per vertex
+        labels = np.zeros(count, np.float32) if mesh.labels is None else mesh.labels
+        indices, size = index_buffer(self._context, majority_last(mesh.faces, labels), count)
+        position = (mesh.positions, "3f", "in_position_mm")
+        label = (self._context.buffer(labels), "1f", "in_region")
+        return self._context.vertex_array(self._program, [position, label], indices, size)
+
+
+def majority_last(faces: NDArray[np.int32], labels: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Rotate the corners of (F, 3) triangles so that the last one has the majority label.
+
+    If all three labels differ it is the lowest, whatever the order of the corners.
+
+    Returns (F, 3).
+
+    Args:
+        labels: (V,).
+    """
+    corner = labels[faces]
+    votes = (corner[:, :, None] == corner[:, None, :]).sum(axis=2)
+    best = np.lexsort((corner, -votes))[:, 0]
+    order = (best[:, None] + np.array([1, 2, 3])) % 3
+    rotated: NDArray[np.int32] = np.take_along_axis(faces, order, axis=1)
+    return rotated

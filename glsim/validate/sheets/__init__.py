@@ -1,1 +1,0 @@
-"""Validation sheets as data: which checks a sensor must pass, with bands and sources."""

@@ -1,0 +1,1 @@
+"""A source, two stages, a sensor, a denoiser, a metric, an export and a check for glsim."""

@@ -1,0 +1,11 @@
+"""The export ``counts``."""
+
+from __future__ import annotations
+
+import glsim
+
+COUNTS = glsim.Export(
+    "counts",
+    "number of pixels with depth",
+    lambda frame: [("_count.txt", str(int((frame.depth_m["noisy"] > 0).sum())).encode())],
+)
