@@ -268,7 +268,7 @@ def _calibration(folder: Path, mirror: bool) -> tuple[Intrinsics | None, tuple[f
         lens = storage.getNode("distortionCoefficients").mat()
         storage.release()
     except (cv2.error, SystemError):
-        matrix = lens = None
+        matrix = lens = np.empty(0)
     if matrix is None or matrix.shape != (3, 3):
         raise DatasetError(f"{file}: has no 3 x 3 cameraMatrix: repair or remove it")
     height, width = DUMP_SHAPE

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from glsim.dataset.schema import read_object
+from glsim.dataset.record_schema import read_object
 from glsim.denoise import depth_files
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 

@@ -174,7 +174,7 @@ def test_eval_gives_networks_their_infrared_and_neighbours(tmp_path: Path) -> No
     from glsim.eval.scoring.blocks import FrameBlock, ScoringJob
 
     job = ScoringJob(tmp_path / "data", "test", (spec,))
-    result = job.start()(FrameBlock(0, 0, 5))
+    (result,) = job.run(iter([FrameBlock(0, 0, 5)]))
     assert not result.bad
     found = [row["both_rmse_mm"] for row in result.rows if row["method"] == "net [hard]"]
     pairs = open_dataset(tmp_path / "data").split("test")

@@ -10,11 +10,11 @@ import pytest
 from glsim.faces.performance import (
     CODES,
     performance_for,
-    rng_for,
     sequence_name,
     sequence_number,
     smootherstep,
 )
+from glsim.settings.seeds import rng_for
 
 PERFORMANCES = [performance_for(3, f"p{s:04d}", n) for s in range(4) for n in range(20)]
 

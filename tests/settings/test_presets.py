@@ -44,7 +44,7 @@ def test_a_file_then_assignments_then_options_change_a_preset(tmp_path: Path) ->
     assert settings.scene.camera_mm.constant == 1100
     assert settings.output.crop == 32
     assert (settings.source[0].kind, settings.source[0].subjects) == ("people", 7)
-    assert settings.source[0].framing == "bust"
+    assert vars(settings.source[0])["framing"] == "bust"
 
 
 def test_another_source_or_a_wall_takes_the_place_of_the_presets() -> None:
