@@ -64,7 +64,7 @@ _POSE: Final = {"yaw_deg": {"uniform": [-30, 30]}, "pitch_deg": {"uniform": [-15
 
 @dataclass(frozen=True)
 class CardRow:
-    """One row of a table: changes to the settings of kinect-v2 at 0.9 m, and the crop in px."""
+    """A row of a table: changes to the settings of kinect-v2 at 0.9 m, and its crop, px."""
 
     name: str
     settings: dict[str, Any]
@@ -121,10 +121,7 @@ class CardJob:
 
 
 def _frames(job: CardJob, row: CardRow) -> Iterator[tuple[Depth, Depth, Truth]]:
-    """Yield clean and noisy millimetres, and truth: what the sensor would say without noise.
-
-    Clean and truth are unrounded, noisy is rounded as stored.
-    """
+    """Yield clean, noisy and expected depth, mm; only the noisy depth is rounded, as in files."""
     people = {"subjects": job.frames, "frames_per_subject": 1}
     base = {"sensor": "kinect-v2", "seed": _SEED, "output": {"crop": row.crop}}
     settings = load_settings(overrides=base | row.settings, source=job.source | people)

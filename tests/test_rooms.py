@@ -91,7 +91,12 @@ HOMES = {
     "safetensors": ("glsim.denoise.safetensors_file",),
     "lightning_fabric": ("glsim.train",),
     "tensorboard": ("glsim.train",),
-    "matplotlib": ("glsim.validate", "glsim.compare", "glsim.eval.report.figures"),
+    "matplotlib": (
+        "glsim.validate",
+        "glsim.compare",
+        "glsim.eval.report.figures",
+        "glsim.eval.paper.figures",
+    ),
     "jinja2": ("glsim.eval.report.page",),
     "nicegui": ("glsim.tune",),
     "fastapi": ("glsim.tune.server",),

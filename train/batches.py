@@ -6,9 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any, Final, Protocol, cast
 
@@ -16,12 +14,9 @@ import numpy as np
 import torch
 from lightning_fabric import Fabric
 from torch.utils.data import (
-    BatchSampler,
     ConcatDataset,
     DataLoader,
     Dataset,
-    DistributedSampler,
-    Sampler,
     Subset,
     TensorDataset,
 )
@@ -35,9 +30,10 @@ from glsim.train.data.checks import (
     joint_protocol,
     protocol_entry,
 )
-from glsim.train.data.pairs import Batch, PairDataset
+from glsim.train.data.pairs import Batch, JoinedPairs, PairDataset
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
+from glsim.train.epoch_sampler import SEED_STRIDE, EpochSampler
 from glsim.train.losses.registry import build_loss
 from glsim.train.losses.second_capture import SecondCaptureLoss
 from glsim.train.models.registry import inputs_of
@@ -47,8 +43,6 @@ from glsim.train.recipe import DataSettings, Recipe
 VALIDATION_BATCH: Final = 8
 #: Validation frames rendered for ``--simulate`` unless the recipe gives a number.
 _SIMULATED_VALIDATION_FRAMES: Final = 200
-#: Distance between the seeds of two devices or data sets, and of two recipe seeds.
-_SEED_STRIDE: Final = 1_000_003
 
 
 class BatchSource(Protocol):
@@ -176,7 +170,7 @@ class SimulatedBatches:
         return SimulatedPairs(
             self._settings,
             batch=self._recipe.training.batch,
-            seed=self._recipe.seed + rank * _SEED_STRIDE,
+            seed=self._recipe.seed + rank * SEED_STRIDE,
             reuse=self._recipe.data.reuse,
             inputs=inputs_of(self._recipe.model),
             vary_inputs=True,
@@ -214,7 +208,7 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
                 data.flip, data.relief_mm, data.slope_mm_per_px, vary_inputs=True
             ),
             inputs=inputs,
-            seed=recipe.seed + number * _SEED_STRIDE,
+            seed=recipe.seed + number * SEED_STRIDE,
             target=data.target,
             protocol=data.protocol,
         )
@@ -238,27 +232,6 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     return StoredBatches(
         JoinedPairs(train), _evenly_spaced(JoinedPairs(validation), data), joined, recipe
     )
-
-
-class JoinedPairs(ConcatDataset[Batch], PairDataset):
-    """Pairs of several data sets, one data set after the other."""
-
-    def __init__(self, parts: Sequence[PairDataset]) -> None:
-        super().__init__(parts)
-        self._parts = parts
-        self._remote = any(getattr(part, "is_remote", False) for part in parts)
-
-    def __getitems__(self, indices: list[int]) -> list[Batch]:
-        """Return the pairs of a batch; read those in object storage in parallel."""
-        if not self._remote:
-            return [self[index] for index in indices]
-        with ThreadPoolExecutor(len(indices)) as pool:
-            return list(pool.map(self.__getitem__, indices))
-
-    def set_epoch(self, epoch: int) -> None:
-        """See ``PairDataset``."""
-        for part in self._parts:
-            part.set_epoch(epoch)
 
 
 def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatches:
@@ -292,37 +265,3 @@ def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Subset[Batch]
     count = min(data.validation_frames or len(validation), len(validation))
     indices = np.linspace(0, len(validation) - 1, count).round().astype(int)
     return Subset(validation, indices.tolist())
-
-
-class EpochSampler(Sampler[list[int]]):
-    """Sampler of whole batches of pair indices, which can start at any batch of an epoch."""
-
-    def __init__(self, count: int, batch: int, seed: int, replicas: int = 1, rank: int = 0) -> None:
-        """Raises ConfigError if a device would get no whole batch."""
-        if count < batch * replicas:
-            raise ConfigError(
-                f"training.batch = {batch} on {replicas} device(s), but there are {count} pairs to "
-                "train on: set a smaller batch (--set training.batch=1), or generate more pairs"
-            )
-        self._shuffled: DistributedSampler[int] = DistributedSampler(
-            range(count),  # type: ignore[arg-type]  # only its length is asked
-            replicas,
-            rank,
-            shuffle=True,
-            seed=seed * _SEED_STRIDE,
-            drop_last=True,
-        )
-        self._batches = BatchSampler(self._shuffled, batch, drop_last=True)
-        self._skip = 0
-
-    def set_epoch(self, epoch: int, skip: int) -> None:
-        """Make the next iteration yield the batches of this epoch without the first ``skip``."""
-        self._shuffled.set_epoch(epoch)
-        self._skip = skip
-
-    def __len__(self) -> int:
-        """Return the number of batches in a whole epoch."""
-        return len(self._batches)
-
-    def __iter__(self) -> Iterator[list[int]]:
-        return islice(iter(self._batches), self._skip, None)

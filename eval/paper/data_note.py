@@ -1,4 +1,4 @@
-"""Whose heads the frames of a reproduction show: a sentence for every caption."""
+"""The sources of heads of a reproduction, in a sentence for every caption."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _NAMES = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURC
 
 
 def data_note(dataset: Dataset) -> str:
-    """Name the sources of a data set with their frames, and what other heads stand in for."""
+    """Name the face sources of a data set, their frames, and the sets that they replace."""
     held = Counter(str(pair.record["source"]) for pair in dataset)
     sources = ", ".join(f"{source_name(kind)} ({count:,})" for kind, count in held.items())
     note = f"Frames: {sources}."

@@ -15,7 +15,7 @@ from glsim.eval.scoring.run import Evaluation
 
 
 def filter_table(evaluation: Evaluation, table: ResultTable) -> Document:
-    """Return the paper's rows and columns beside ours, and which of its relations hold here."""
+    """Write table 1 beside our values, and the relations of the paper that hold."""
     columns = [PRINTED_FILTERS[name].title for name in PAPER_FILTERS]
     mse, psnr, psnr_mean, similar = (
         {name: table[name][metric].mean for name in PAPER_FILTERS}

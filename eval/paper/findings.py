@@ -63,7 +63,7 @@ _RELATIONS: Final[dict[str, tuple[tuple[str, ...], Callable[[Mse], bool]]]] = {
     ),
 }
 
-#: What only the authors can tell, and what it decides.
+#: Questions to the authors, and what the answers decide.
 _QUESTIONS: Final = (
     "Were tables 1 to 3 scored on faces whose nearest point is at 1 mm, or were networks only "
     "trained there? The size of the MSE and the order of the filters depend on it.",
@@ -80,10 +80,11 @@ _QUESTIONS: Final = (
 
 
 def write_findings(folder: Path) -> list[Path]:
-    """Write the page from a reproduction's scores and figures; return the written files.
+    """Write the page of a reproduction; return the written files.
 
-    Raises ConfigError, DatasetError or DenoiserError for a folder that holds no reproduction, and
-    GlsimError without Jinja2.
+    Raises:
+        ConfigError, DatasetError, DenoiserError: for a folder that holds no reproduction.
+        GlsimError: without Jinja2.
     """
     document = _document(folder)
     title = "A reproduction of Kendrick, Yap and Tan"
@@ -142,8 +143,7 @@ def _document(folder: Path) -> Document:
 def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
     """Return row -> MSE, mean over seeds.
 
-    A row with artefact removal is that of its partner plus their difference in the seeds that both
-    have, so that the seeds do not count as a difference.
+    A row with artefact removal is its partner's plus their difference in common seeds.
     """
     path = folder / "table.csv"
     with wrap_read_errors(path):
@@ -173,7 +173,7 @@ def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
 
 
 def _network_relations(mse: Mapping[DepthProtocol, Mse]) -> TextTable:
-    """Return which relations of the printed tables hold under each protocol."""
+    """Tabulate the relations of the printed tables that hold under each protocol."""
     printed = {row.title: row.mse_mm2 for row in PRINTED_FILTERS.values()}
     printed |= {title: row.mse_mm2 for title, row in PRINTED_NETWORKS.items()}
     table = []
@@ -187,7 +187,7 @@ def _network_relations(mse: Mapping[DepthProtocol, Mse]) -> TextTable:
 
 
 def _ranges(mse: Mapping[DepthProtocol, Mse]) -> Iterator[str]:
-    """Say how large the networks' MSE is beside the noisy input's."""
+    """Describe the range of the networks' MSE relative to the noisy input's."""
     for name, values in mse.items():
         networks = {row: values[row] for row in PRINTED_NETWORKS if row in values}
         if not networks or _BASELINE not in values:
@@ -204,7 +204,7 @@ def _ranges(mse: Mapping[DepthProtocol, Mse]) -> Iterator[str]:
 
 
 def _sizes(groups: Sequence[SeedGroup]) -> str:
-    """Say how large the networks are that stand for the rows."""
+    """Describe the sizes of the networks of the rows."""
     rows = [group for group in groups if group.row is not None]
     smaller = [group for group in rows if group.size != "full"]
     if not smaller:
@@ -218,7 +218,7 @@ def _sizes(groups: Sequence[SeedGroup]) -> str:
 
 
 def _photographs(path: Path) -> Iterator[str]:
-    """Say how the networks of photographs do on depth, as photographs.md has it."""
+    """Summarise photographs.md: networks trained on photographs, scored on depth."""
     if not path.is_file():
         return
     with wrap_read_errors(path):

@@ -40,7 +40,7 @@ _SURFACE_BLOCK: Final = {
 
 
 class _Scores:
-    """Scores of the seeds of a network for a composite ``part`` of soft validity, or ""."""
+    """Scores of a network's seeds; ``part`` is its composite, "" for a network with a mask."""
 
     def __init__(self, group: SeedGroup, part: str, table: ResultTable) -> None:
         self.group, self.part = group, part
@@ -61,7 +61,7 @@ class _Scores:
         return set(self._entries)
 
     def values(self, metric: str, seeds: Collection[int] | None = None) -> list[float]:
-        """Return the mean of a metric over all frames, one value per seed. seeds: None for all."""
+        """Return the mean of a metric over all frames for each seed; None selects all seeds."""
         wanted = self._entries if seeds is None else sorted(seeds)
         return [self._entries[seed][metric].mean for seed in wanted]
 
@@ -90,10 +90,16 @@ def network_table(
     trained: Sequence[TrainedRun],
     refused: Sequence[str] = (),
 ) -> Document:
-    """Return table 2 or 3 beside ours, and which of its relations hold here.
+    """Write table 2 or 3 beside our values, and the relations of the paper that hold.
 
-    trained: the scored networks; ``table`` has their labels. refused: why others are left out.
     Networks without a row in the paper follow its rows.
+
+    Args:
+        which: number of the table.
+        evaluation: the scores.
+        table: the scores by the label of a method.
+        trained: the scored networks.
+        refused: reasons why other networks are left out.
     """
     groups = group_by_network(trained)
     of_paper = [group for row in PAPER_ROWS[which] for group in groups if group.row == row]
@@ -166,7 +172,7 @@ def _paper_table(
 
 
 def _printed_cells(row: PrintedRow) -> list[str]:
-    """Return the texts of the columns of ``_PAPER_BLOCK``, as printed."""
+    """Return the printed values of the columns of ``_PAPER_BLOCK``."""
     return [format_number(row.mse_mm2), f"{row.psnr_db:.2f}", f"{row.ssim:.4f}"]
 
 

@@ -40,10 +40,10 @@ _METRICS: Final = {
 _RATIO: Final = "both_interior_rmse_mm"
 #: Methods that give the table a scale: denoiser -> name.
 _SCALE: Final = {"noisy": "noisy input", "median": "Median", "bilateral": "Bilateral"}
-#: Frames that are scored at most, evenly spaced: differences here are far larger than their error.
+#: Largest number of scored frames, evenly spaced. Chosen: the differences far exceed their error.
 _MOST_FRAMES: Final = 60
 _OUR_PAIRS: Final = "our pairs"
-#: How holes reach a network: a network of photographs has seen none.
+#: Treatments of holes, which a network of photographs has never seen.
 _AS_IT_IS, _FILLED = "as they are", "filled, mask kept"
 
 Scores = dict[str, float]
@@ -51,7 +51,7 @@ Scores = dict[str, float]
 
 @dataclass(frozen=True)
 class _Trained:
-    """A network, what it was trained on, and its error on held-out photographs over their noise."""
+    """A network, its training data, and its relative error on held-out photographs."""
 
     run: TrainedRun
     trained_on: str
@@ -69,11 +69,21 @@ def photograph_table(
     runs: Path,
     scoring: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[Document, str]:
-    """Score the networks; return the page, and a CSV table with a row per network and seed.
+    """Score networks trained on photographs and on depth.
 
-    photo_runs: folder of folders of runs of ``glsim train --photos``, one folder per noise. runs:
-    those on our pairs; networks that photo_runs lacks are left out. scoring: gets the number of
-    scored frames and their total. Raises ConfigError without runs, DatasetError, DenoiserError.
+    Args:
+        frames: the test frames of the reproduction.
+        photo_runs: folder with a folder per noise, each with runs of ``glsim train --photos``.
+        runs: folder of runs on depth; networks that photo_runs lacks are left out.
+        scoring: called with the number of scored frames and their total.
+
+    Returns:
+        The page, and a CSV table with a row per network and seed.
+
+    Raises:
+        ConfigError: without runs.
+        DatasetError: for an unreadable frame.
+        DenoiserError: for an unreadable network.
     """
     networks = _find(photo_runs, runs)
     methods = [load(item.run.spec) for item in networks]
@@ -99,7 +109,7 @@ def photograph_table(
 
 
 def fill_holes(depth_mm: Depth) -> Depth:
-    """Give each hole the depth of the nearest measured pixel; (H, W) mm. Nothing stays nothing."""
+    """Fill holes with the depth of the nearest measured pixel; (H, W) mm, 0 = no depth."""
     measured = depth_mm > 0
     if not measured.any():
         return depth_mm

@@ -1,4 +1,4 @@
-"""Table 1 under both protocols and both masks, over seeds: what of it holds, and where.
+"""Table 1 under both protocols and both masks, over seeds, with the relations that hold.
 
 A case is a protocol (see ``glsim.depth_protocol``) and a clean mask: dense, or BlenSor's, which has
 no surface where the noisy map has no depth. Each seed is a data set of other people and noise,
@@ -38,7 +38,7 @@ _CHANGING: Final = ("median", "nlm", "bilateral")
 
 @dataclass
 class FilterCase:
-    """The scores of a protocol and a mask. values: filter -> metric -> mean of each seed."""
+    """Scores of a protocol and a mask; ``values``: filter -> metric -> mean of each seed."""
 
     protocol: DepthProtocol
     mask: str
@@ -66,9 +66,10 @@ def protocol_folder(out: Path, protocol: DepthProtocol) -> Path:
 
 
 def read_filter_cases(folder: Path) -> list[FilterCase]:
-    """Return the cases that are scored in the folder of a reproduction, in the order of names.
+    """Read the scored cases in the folder of a reproduction, in the order of names.
 
-    Raises DatasetError if there is none, or for a table that cannot be read.
+    Raises:
+        DatasetError: if there is none, or for a table that cannot be read.
     """
     cases: dict[tuple[str, str], FilterCase] = {}
     for path in sorted((folder / FILTERS_FOLDER).glob("*/*/*/table.csv")):
@@ -136,9 +137,8 @@ _OF_16_BIT: Final = ("noisy", "median")
 def dissimilarity_per_mse(ssim: float, mse_mm2: float) -> float:
     """Return (1 - SSIM) / MSE, 1e-7 per mm^2.
 
-    With the L of 16-bit maps C1 and C2 are large, and 1 - SSIM is a sum of squared errors with
-    weights that fall with the depth around: it tells where a map's depth begins, whatever the size
-    of its errors.
+    With L of 16-bit maps, C1 and C2 dominate, and 1 - SSIM is a sum of squared errors with weights
+    that decrease with depth: the ratio shows where depth is counted from.
     """
     return 1e7 * (1 - ssim) / mse_mm2
 
@@ -151,7 +151,7 @@ def _dissimilarities(case: FilterCase, name: str) -> list[float]:
 
 
 def _dissimilarity_table(cases: list[FilterCase]) -> TextTable:
-    """Return the ratio of each case; of the printed one, with the rounding of its SSIM."""
+    """Tabulate the ratio of each case, and the printed one with its rounding error."""
     printed = []
     for name in _OF_16_BIT:
         row = PRINTED_FILTERS[name]
@@ -218,7 +218,7 @@ def relations(mse: Mapping[str, float]) -> dict[str, bool]:
 
 
 def relation_table(cases: list[FilterCase]) -> TextTable:
-    """Return in how many seeds of each case a relation holds."""
+    """Tabulate the number of seeds of each case in which a relation holds."""
     printed = relations({n: row.mse_mm2 for n, row in PRINTED_FILTERS.items()})
     rows = [["printed", *map(yes_or_no, printed.values())]]
     for case in cases:
@@ -244,7 +244,7 @@ def _printed_ratio(row: PrintedRow) -> float:
 
 
 def conclusions(cases: list[FilterCase]) -> Iterator[str]:
-    """Say how near each case comes to the MSE and the SSIM that table 1 prints."""
+    """Compare each case with the MSE and the SSIM that table 1 prints."""
     printed = PRINTED_FILTERS["noisy"].mse_mm2
     for case in cases:
         mse, share = case.mean("noisy", "mse_mm2"), case.mean("noisy", "mse_flips_pct")
@@ -268,6 +268,6 @@ def conclusions(cases: list[FilterCase]) -> Iterator[str]:
 
 
 def _factor(case: FilterCase) -> float:
-    """Return by which factor, at least 1, the baseline is off the printed one; infinite for 0."""
+    """Return the ratio of the baseline and the printed one, at least 1; infinite for 0."""
     ratio = case.mean("noisy", "mse_mm2") / PRINTED_FILTERS["noisy"].mse_mm2
     return max(ratio, 1 / ratio) if ratio else float("inf")

@@ -17,11 +17,19 @@ from glsim.files.atomic import read_json
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """A run of ``glsim train``. label: its name in tables, the name of its folder.
+    """A run of ``glsim train``.
 
-    row: its row in the paper's tables, None for another network. size: full, small or own.
-    description: what is smaller than published. minutes: training time. parameters: number of
-    weights. finished: False if the training was interrupted; the checkpoint is the best until then.
+    Attributes:
+        checkpoint: its best checkpoint.
+        title: title of the network.
+        row: row in the paper's tables; None for another network.
+        size: full, small or own.
+        description: differences from the published training.
+        seed: seed of the recipe.
+        minutes: training time.
+        steps: steps of the optimiser.
+        parameters: number of weights.
+        finished: False if the training was interrupted.
     """
 
     checkpoint: Path
@@ -37,7 +45,7 @@ class TrainedRun:
 
     @property
     def label(self) -> str:
-        """Name in tables, unique in a folder of runs."""
+        """Name in tables: that of the run's folder."""
         return self.checkpoint.parent.name.replace("@", "-")
 
     @property
@@ -52,9 +60,13 @@ class TrainedRun:
 
 
 def find_trained_runs(folder: Path) -> tuple[list[TrainedRun], list[str]]:
-    """Return the runs in ``folder`` in the order of names, and why others are left out.
+    """Find the runs in ``folder``, in the order of their names.
 
-    Raises ConfigError if there is no such folder or no checkpoint in it.
+    Returns:
+        The runs, and a reason for each checkpoint that is left out.
+
+    Raises:
+        ConfigError: if there is no such folder or no checkpoint in it.
     """
     if not folder.is_dir():
         raise ConfigError(f"--runs {folder}: no such folder")

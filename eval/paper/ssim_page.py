@@ -1,4 +1,4 @@
-"""The page of the study of SSIM: readings beside the paper's column, and what follows."""
+"""The page of the study of SSIM: readings beside the paper's column, and conclusions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def nearest_reading(scores: ReadingScores) -> str:
 
 
 def ssim_document(cases: Mapping[str, ReadingScores]) -> Document:
-    """Return the page. cases: what frames, such as "protocol paper" -> their scores."""
+    """Write the page; ``cases`` maps a set of frames, such as "protocol paper", to its scores."""
     titles = [PRINTED_FILTERS[column].title for column in COLUMNS]
     document = Document(
         "The SSIM column of table 1: which reading of the text gives it",
@@ -88,8 +88,8 @@ def _conclusion(scores: ReadingScores) -> str:
     return text
 
 
-#: A reading within this of all four printed values would count as found. Chosen: the noise of a
-#: mean over some tens of frames is of that size.
+#: Largest difference from the four printed values of a confirmed reading. Chosen: the standard
+#: error of a mean over some tens of frames.
 _FOUND = 0.01
 
 

@@ -1,9 +1,9 @@
 """The SSIM column of the paper's table 1 under every reading of its text.
 
-The text leaves open which data type the maps have, which range L stands for ("the dynamic range
-found in the pixels"), whether K1 and K2 are a tenth of the usual by intention, and which program
-computed it. Here each reading is computed on our frames. Ours are not the paper's frames: what can
-be said is which readings cannot give its column on any of them, and which come near.
+The text does not define the data type of the maps, the range L ("the dynamic range found in the
+pixels"), whether K1 and K2 are intentionally a tenth of the usual values, and the program. Each
+reading is computed on our frames, which are not the paper's: this can refute readings, and show
+which come near.
 
 scikit-image takes L from the type of the first image if it is not given: 255 for uint8, 65535 for
 uint16, and, before version 0.20, 2 for floats (-1 to 1); since then it refuses floats without L.
@@ -47,8 +47,12 @@ _NLM: Final = (30.0, 7, 21)
 class Reading:
     """One reading of the paper's SSIM.
 
-    data: what the maps are turned into. data_range: what L is. k: K1 and K2. program: what computes
-    it. of: SSIM of two depth maps, (H, W) float32 mm, the prediction first.
+    Attributes:
+        data: data type of the maps.
+        data_range: definition of L.
+        k: K1 and K2.
+        program: the program that computes it.
+        of: SSIM of two depth maps, (H, W) float32 mm, the prediction first.
     """
 
     data: str
@@ -100,9 +104,10 @@ def millimetres(depth: Depth) -> _Image:
 def scikit_image(
     first: _Image, second: _Image, data_range: float, k: tuple[float, float], gauss: bool = False
 ) -> float:
-    """Compute scikit-image's SSIM. gauss: the Gaussian window and plain covariance of Wang et al.
+    """Compute scikit-image's SSIM, with ``gauss`` as Wang et al. define window and covariance.
 
-    Raises ConfigError without scikit-image.
+    Raises:
+        ConfigError: without scikit-image.
     """
     try:
         from skimage.metrics import structural_similarity
@@ -208,9 +213,12 @@ def reading_of_type(data: str) -> Reading:
 
 @dataclass(frozen=True)
 class ReadingScores:
-    """Means over frames. ssim: reading -> column -> SSIM. mse_mm2: column -> MSE, all pixels.
+    """Means over frames.
 
-    ours_off: the largest difference between our SSIM and scikit-image's on any map.
+    Attributes:
+        ssim: reading -> column -> SSIM.
+        mse_mm2: column -> MSE of all pixels.
+        ours_off: largest difference between our SSIM and scikit-image's.
     """
 
     frames: int

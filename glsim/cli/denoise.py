@@ -88,8 +88,8 @@ def denoise(
     composite: Annotated[
         str,
         typer.Option(
-            help="Use of a network's soft validity: measured (the input's depth, without pixels in "
-            "mid-air, small holes closed), soft, hard or 'input mask'."
+            help="Use of a network's probability of depth: measured (the input's pixels without "
+            "flying ones, small holes closed), soft, hard or 'input mask'."
         ),
     ] = "measured",
     depth_unit_mm: Annotated[
@@ -103,20 +103,18 @@ def denoise(
     protocol: Annotated[
         str | None,
         typer.Option(
-            help="What the denoiser sees: depth (as measured) or paper (the nearest point of each "
-            "map at 1 mm; it is moved back). Default: that of the network's training, else depth."
+            help="Depth for the denoiser: depth (as measured) or paper (moved so that the nearest "
+            "point of each map is at 1 mm, and back). Default: as the network was trained."
         ),
     ] = None,
 ) -> None:
     """Denoise 16-bit depth maps; 0 means no depth, in and out.
 
-    Maps of a data set that was written with an offset (--protocol paper) are denoised at their
-    distance from the camera and written with the same offset.
-
-    Maps keep their names. For denoisers that use neighbours in time, the maps of a folder are a
-    sequence in the order of their names; while watching, they see earlier frames only. Maps that
-    cannot be read are reported and skipped. Of a folder that glsim wrote, only the noisy depth is
-    taken.
+    Maps keep their names; unreadable ones are reported and skipped. For denoisers that use
+    neighbours in time, the maps of a folder are a sequence in the order of their names; --watch
+    gives them earlier frames only. Of a folder that glsim wrote, only the noisy depth is used.
+    Maps of a data set with an offset (--protocol paper) are denoised at their distance from the
+    camera and written with the same offset.
     """
     from glsim.denoise import MapDenoiser, check_composite, load
     from glsim.depth_protocol import check_protocol
@@ -207,7 +205,7 @@ def _watch(
     depth_unit_mm: float | None,
     protocol: DepthProtocol,
 ) -> None:
-    """Denoise what appears in a folder until Ctrl-C; then say how many maps and how fast."""
+    """Denoise the maps that appear in a folder until Ctrl-C; then print their number and times."""
     from array import array
 
     from glsim.denoise.depth_files import unit_mm

@@ -80,8 +80,8 @@ def train(
         str | None,
         typer.Option(
             metavar="DIR",
-            help="Train on photographs with Gaussian noise instead, of a folder or of "
-            "scikit-image, in the depth range of --data.",
+            help="Train on photographs with Gaussian noise instead (a folder, or scikit-image), "
+            "scaled to the depths of --data.",
             rich_help_panel=MORE,
         ),
     ] = None,
@@ -113,7 +113,7 @@ def train(
             "--from",
             metavar="BEST.PT",
             help="Start from the weights of a checkpoint, an ONNX file or a shipped network "
-            "(face); further inputs have no weight at first.",
+            "(face); weights of further inputs start at 0.",
             rich_help_panel=MORE,
         ),
     ] = None,

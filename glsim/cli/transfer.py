@@ -97,7 +97,7 @@ def transfer(
     composite: Annotated[
         str,
         typer.Option(
-            help="Scored map of a network's soft validity, as for glsim denoise.",
+            help="Use of a network's probability of depth, as for glsim denoise.",
             rich_help_panel=MORE,
         ),
     ] = "measured",
@@ -107,7 +107,7 @@ def transfer(
     ] = False,
     workers: WorkersOption = "auto",
 ) -> None:
-    """Train without a sensor or a source of faces; score on what was left out, beside filters.
+    """Train without a sensor or a source of faces; score on the one left out, beside filters.
 
     Writes transfer.md, transfer.csv, transfer.json and transfer.png: interior error, normals,
     flips and flying pixels of the noisy input, the best tuned filter and the network, for each

@@ -1,9 +1,7 @@
 """Composites: depth maps made of a denoised depth and the probability that a pixel has depth.
 
-The default, "measured", leaves it to the sensor where there is depth: it keeps measured pixels,
-drops those in mid-air and closes small holes. The probability alone ("hard") drops 58 % of the
-outermost ring of things before a background in real frames of a Kinect V2, a third of the second
-ring, and fills a third of the shadows with single pixels.
+The default, "measured", keeps the sensor's mask without flying pixels and small holes. Thresholding
+the probability ("hard") erodes silhouettes and fills shadows in real frames: docs/denoise.md.
 """
 
 from __future__ import annotations
@@ -28,20 +26,17 @@ COMPOSITES: Final = {
 #: The composite of ``glsim denoise``, ``glsim.load_denoiser`` and the model card.
 DEFAULT_COMPOSITE: Final = "measured"
 
-#: A denoiser doubts that a pixel has depth if the probability is at most this.
+#: A pixel is doubtful if its probability of depth is at most this.
 DOUBT: Final = 0.5
-#: Two pixels lie on one surface if their depths differ by at most this, mm and mm per m of
-#: distance; as in ``glsim.measures.silhouettes``. At 0.9 m the last pixel of a head's rim lies
-#: 21 mm behind its neighbour (radius 90 mm, 2.5 mm a pixel), and this allows 28 mm.
+#: Largest difference between neighbours on one surface, mm and mm per m of distance; as in
+#: ``glsim.measures.silhouettes``. Derived: the last pixel of a head's rim at 0.9 m is 21 mm behind.
 SAME_SURFACE_MM, SAME_SURFACE_MM_PER_M = 15.0, 15.0
-#: Surfaces are looked for this far around a pixel: the width of the widest hole that is closed.
+#: Radius of the neighbourhood, px, and width of the widest hole that is closed.
 REACH_PX: Final = 2
-#: A pixel that is in doubt lies on a surface if so many of the 24 pixels around lie on the same
-#: surface and are in no doubt; or if this share of those in the image lie on it at all, as on a
-#: straight edge. Chosen by experiment: docs/denoise.md.
+#: A doubtful pixel lies on a surface with this number of sure pixels on it among the 24 around, or
+#: with this share of any pixels on it. Chosen by experiment: docs/denoise.md.
 LEAST_SURE, LEAST_PATCH = 3, 0.5
-#: A filled pixel touches at least so many measured ones: those in a gap 2 px wide touch 3. So no
-#: single pixel appears in a shadow.
+#: Least number of measured neighbours of a filled pixel: 3 in a gap 2 px wide.
 LEAST_TOUCHING: Final = 3
 
 
@@ -52,16 +47,18 @@ def check_composite(name: str, where: str) -> None:
 
 
 def compose(denoised: Denoised, noisy_mm: Depth) -> dict[str, NDArray[Any]]:
-    """Return depth maps with 0 = no depth: key "" for a bool validity, else those of COMPOSITES.
+    """Return the composites of a result: name -> (H, W) depth, 0 = none; name "" for a bool mask.
 
-    noisy_mm: (H, W) the input. A soft product below half a millimetre becomes 0.
+    Args:
+        denoised: the result of a denoiser.
+        noisy_mm: (H, W) its input.
     """
     names = ("",) if denoised[1].dtype.kind == "b" else COMPOSITES
     return {name: composed(denoised, noisy_mm, name) for name in names}
 
 
 def composed(denoised: Denoised, noisy_mm: Depth, composite: str) -> NDArray[Any]:
-    """Return one depth map as ``compose`` does. A bool validity is used whatever the composite."""
+    """Return one composite; a bool mask is applied whatever the composite."""
     depth, valid = denoised
     none = depth.dtype.type(0)
     if valid.dtype.kind == "b":
@@ -75,15 +72,20 @@ def composed(denoised: Denoised, noisy_mm: Depth, composite: str) -> NDArray[Any
 
 
 def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm: Depth) -> Depth:
-    """Return the composite "measured", (H, W) millimetres of the type of ``depth_mm``, 0 = none.
+    """Return the composite "measured".
 
-    depth_mm, probability: (H, W) result of a denoiser; the probability is 0 where its depth is not
-    to be trusted (``glsim.denoise.safeguards``). noisy_mm: (H, W) the input, 0 = no return.
+    A doubtful measured pixel stays if it lies on a surface (LEAST_SURE, LEAST_PATCH), with its
+    denoised depth if that is on the same surface, else with its measured depth. A hole of at most
+    REACH_PX inside the image is filled where the denoiser is sure and all depths around lie on one
+    surface.
 
-    A measured pixel in doubt stays if it lies on a surface (LEAST_SURE, LEAST_PATCH), with its
-    denoised depth, or its measured one if the denoised depth is not on the same surface. A hole
-    that is nowhere wider than REACH_PX and does not touch the border gets its denoised depth where
-    the denoiser is in no doubt and all depths around lie on one surface.
+    Args:
+        depth_mm: (H, W) denoised depth.
+        probability: (H, W) of depth; 0 where ``glsim.denoise.safeguards`` reject the depth.
+        noisy_mm: (H, W) the input, 0 = no return.
+
+    Returns:
+        (H, W) millimetres of the type of ``depth_mm``, 0 = none.
     """
     measured = noisy_mm > 0
     sure = probability > DOUBT
@@ -95,12 +97,12 @@ def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm
 
 
 def tolerance_mm(depth_mm: Depth) -> Depth:
-    """Return the largest difference of depths on one surface, mm, of the shape of ``depth_mm``."""
+    """Return the largest difference between depths on one surface, mm, for each pixel."""
     return np.asarray(SAME_SURFACE_MM + SAME_SURFACE_MM_PER_M * 0.001 * depth_mm, np.float32)
 
 
 def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
-    """Return the pixels of ``asked`` that lie on a surface. sure: measured, in no doubt."""
+    """Return the pixels of ``asked`` on a surface of ``sure`` (measured, not doubtful) ones."""
     own = noisy_mm[asked]
     allowed = tolerance_mm(own)
     alike, surely, places = (np.zeros(own.shape, np.uint8) for _ in range(3))
@@ -118,7 +120,7 @@ def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
 def _closed_holes(noisy_mm: Depth, sure_mm: Depth, kept: Mask) -> Mask:
     """Return the holes to close.
 
-    sure_mm: (H, W) denoised depth, 0 where in doubt. kept: measured pixels that keep their depth.
+    ``sure_mm`` is the denoised depth, 0 where doubtful; ``kept`` marks measured pixels to keep.
     """
     asked = _narrow_holes(noisy_mm == 0) & (sure_mm > 0)
     own = sure_mm[asked]
@@ -146,7 +148,7 @@ def _narrow_holes(empty: Mask) -> Mask:
 
 
 def _around(image: NDArray[Any], asked: Mask, reach_px: int) -> Iterator[NDArray[Any]]:
-    """Yield the neighbours of N pixels, (N,) for each place within reach_px; 0 outside."""
+    """Yield the (N,) values of N pixels' neighbours at each offset within reach_px; 0 outside."""
     padded = np.pad(image, reach_px)
     rows, columns = np.nonzero(asked)
     for down in range(2 * reach_px + 1):

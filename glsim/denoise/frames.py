@@ -40,9 +40,10 @@ class Key(NamedTuple):
 class Sample:
     """A pair of depth maps, (H, W) millimetres, 0 = no depth, with their camera.
 
-    regions: (H, W) numbers of face regions (see ``Frames.regions``), if the set has them.
-    offset_mm: what was subtracted from both maps, 0 under the protocol depth; NaN if the distance
-    from the camera is not known.
+    Attributes:
+        regions: (H, W) numbers of face regions (see ``Frames.regions``), if the set has them.
+        offset_mm: offset subtracted from both maps: 0 under the protocol depth; NaN if the distance
+            from the camera is unknown.
     """
 
     clean_mm: Depth
@@ -87,9 +88,9 @@ class Frames(Protocol):
 
 
 def check_millimetres(depth: Depth, where: str, protocol: DepthProtocol = "depth") -> None:
-    """Raise DatasetError if half of the depths are nearer than any camera measures (metres).
+    """Raise DatasetError if most depths are nearer than any camera measures, as in metres.
 
-    protocol: paper accepts a map with its nearest point at 1 mm.
+    The protocol paper accepts a map with its nearest point at 1 mm.
     """
     values = depth[depth > 0]
     least_mm = MIN_MEASURED_MM if protocol == "depth" else _METRES_MM
@@ -175,10 +176,13 @@ class Stacks:
         return cached
 
     def around(self, number: int, before: int, after: int) -> tuple[Depth, int]:
-        """Return the (T, H, W) noisy frames around a frame, millimetres, and its index among them.
+        """Return the noisy frames around a frame, (T, H, W) millimetres, and its index among them.
 
-        Neighbours have the same sequence and size, and the offset of the frame; unreadable ones are
-        left out. Raises DatasetError if the frame itself cannot be read.
+        Neighbours are of the same sequence and size, moved to the offset of the frame; unreadable
+        ones are left out.
+
+        Raises:
+            DatasetError: if the frame itself cannot be read.
         """
         sample = self.sample(number)
         key = self._frames.key(number)

@@ -39,9 +39,10 @@ class TorchNetwork:
 
 
 def load_model(path: Path) -> DepthModel:
-    """Load the model of a checkpoint of ``glsim train``, best.pt or last.pt; runs no code in it.
+    """Load the model of a checkpoint of ``glsim train``, best.pt or last.pt; run no code in it.
 
-    Raises DenoiserError for a file that is truncated, foreign, or does not fit this glsim's models.
+    Raises:
+        DenoiserError: for a file that is truncated, foreign, or does not fit the models of glsim.
     """
     return _load(path)[0]
 
@@ -74,8 +75,12 @@ def _load(path: Path) -> tuple[DepthModel, DepthProtocol]:
 def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:
     """Load the network of a checkpoint as a denoiser.
 
-    min_probability: see ``NetworkDenoiser``; networks that code "no depth" as 0 ignore it.
-    Raises DenoiserError as ``load_model``.
+    Args:
+        path: best.pt or last.pt.
+        min_probability: see ``NetworkDenoiser``; networks that code "no depth" as 0 ignore it.
+
+    Raises:
+        DenoiserError: as ``load_model``.
     """
     model, protocol = _load(path)
     uncertain = bool(getattr(model, "uncertainty", False))

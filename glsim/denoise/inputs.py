@@ -1,4 +1,4 @@
-"""What a network sees besides the depth of its frame: infrared, and neighbours in time.
+"""Inputs of a network besides the depth of its frame: infrared, and neighbours in time.
 
 A network's input is one stack of images, (C, H, W) float32:
 
@@ -18,8 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-#: Most neighbours on each side; more than four add little (noise falls with the root of the
-#: number), and a head has moved by then.
+#: Most neighbours on each side. Chosen: noise falls only with the root of their number.
 MAX_NEIGHBOURS: Final = 4
 #: Names of the inputs of exported networks, in the order of the stack.
 DEPTH, INFRARED, BEFORE, AFTER = "noisy_mm", "infrared", "before_mm", "after_mm"
@@ -69,10 +68,17 @@ def stack_inputs(
     after_mm: Sequence[NDArray[Any]] = (),
     infrared: NDArray[Any] | None = None,
 ) -> NDArray[np.float32]:
-    """Return the stack of a frame, (C, H, W) float32.
+    """Stack the inputs of a frame.
 
-    depth_mm: (H, W). before_mm, after_mm: its neighbours, the nearest first; surplus ones are left
-    out. infrared: (H, W) counts, or None.
+    Args:
+        inputs: the inputs of the network.
+        depth_mm: (H, W) depth of the frame, 0 = no return.
+        before_mm: earlier frames, the latest first; surplus ones are ignored.
+        after_mm: later frames, the next one first; surplus ones are ignored.
+        infrared: (H, W) counts, or None.
+
+    Returns:
+        (C, H, W) float32.
     """
     stack = np.zeros((inputs.channels, *depth_mm.shape), np.float32)
     parts = inputs.named(stack)

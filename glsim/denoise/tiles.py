@@ -1,7 +1,6 @@
 """Run a network over a large frame in tiles, so that its memory is that of one tile.
 
-The shipped network takes about 1.2 kB a pixel with OpenCV (measured: 1.3 GB for the 1024 x 1024 of
-a tile, so 5 GB for 2048 x 2048 pixels at once) and half of that with onnxruntime.
+Measured: the shipped network takes 1.2 kB a pixel with OpenCV, and half of that with onnxruntime.
 """
 
 from __future__ import annotations
@@ -14,12 +13,10 @@ from numpy.typing import NDArray
 
 _Image = NDArray[np.float32]
 
-#: Largest frame that is run at once, pixels, and side of a tile: 1.3 GB with the shipped network,
-#: by measurement. Frames of depth cameras (1024 x 1024 and less) are never divided.
+#: Side of a tile, px. Chosen: frames of depth cameras (1024 x 1024 and less) are never divided.
 TILE_PX: Final = 1024
-#: Pixels at a tile's inner borders that are computed and not used. The shipped network sees 122 px
-#: to each side: its features 36 (a Gaussian of radius 24, three of 4), its convolutions 62, and the
-#: mean that is taken from its correction 24.
+#: Width of the borders of a tile that are discarded, px. Derived: the shipped network sees 122 px
+#: to each side (features 36, convolutions 62, mean correction 24).
 #: A multiple of 16, as TILE_PX, since networks halve the size up to four times.
 MARGIN_PX: Final = 128
 
@@ -39,12 +36,20 @@ def run_tiled(
     tile_px: int = TILE_PX,
     margin_px: int = MARGIN_PX,
 ) -> dict[str, _Image]:
-    """Run a network on inputs of (H, W) or (C, H, W); its outputs, (H, W) float32 each, by name.
+    """Run a network; divide a frame of more than ``tile_px``^2 pixels into overlapping tiles.
 
-    A frame of more than tile_px^2 pixels is divided into overlapping tiles. The result is that of
-    the whole frame, up to rounding, for a network that sees at most margin_px to each side; one
-    that averages over the whole frame gets the averages of tiles. H, W, tile_px and margin_px are
-    multiples of ``glsim.denoise.network.SIZE_MULTIPLE_PX``.
+    The result equals that of the whole frame, up to rounding, for a network that sees at most
+    ``margin_px`` to each side. All sizes are multiples of
+    ``glsim.denoise.network.SIZE_MULTIPLE_PX``.
+
+    Args:
+        network: the network.
+        noisy_mm: (H, W), or the (C, H, W) stack of all inputs.
+        tile_px: side of a tile.
+        margin_px: width of the discarded borders of tiles.
+
+    Returns:
+        Output name -> (H, W) float32.
     """
     height, width = frame_mm.shape[-2:]
     if height * width <= tile_px**2:

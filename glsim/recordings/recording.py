@@ -288,7 +288,7 @@ def _opencv_calibration(file: Path) -> tuple[Intrinsics, tuple[float, ...]]:
         lens: NDArray[Any] | None = storage.getNode("distortionCoefficients").mat()
         storage.release()
     except (cv2.error, SystemError):
-        matrix = lens = None
+        matrix = lens = np.empty(0)
     if matrix is None or matrix.shape != (3, 3):
         raise DatasetError(f"{file}: has no 3 x 3 cameraMatrix: repair or remove it")
     height, width = DUMP_SHAPE

@@ -14,6 +14,7 @@ import glsim
 from glsim.cli import main
 from glsim.denoise import checkpoint, load
 from glsim.denoise.inputs import NetworkInputs
+from glsim.denoise.loading import shipped_file
 from glsim.denoise.onnx_file import Runtime, load_onnx
 from glsim.denoise.onnx_inputs import read_inputs
 from glsim.errors import DenoiserError
@@ -120,8 +121,9 @@ def test_an_option_limits_the_earlier_frames(tmp_path: Path) -> None:
     np.testing.assert_array_equal(limited(stack[2:], 1).depth_mm, whole(stack[2:], 1).depth_mm)
 
 
-def test_bytes_that_are_no_network_have_no_inputs(network: Path) -> None:
-    whole = (network / "net.onnx").read_bytes()
+def test_bytes_that_are_no_network_have_no_inputs() -> None:
+    with shipped_file("face-ir") as path:
+        whole = path.read_bytes()
     for data in (
         b"",
         b"no graph",

@@ -65,7 +65,7 @@ def test_figure_3_shows_the_set_that_is_asked_for(data: Dataset) -> None:
     assert choose_frame(data, "d3dfacs").pair.record["source"] == "d3dfacs"
     assert choose_frame(data, "facewarehouse").pair.record["source"] == "procedural"
     frame = choose_frame(data, "d3dfacs")
-    figure = surfaces_figure(frame, "note")
+    figure: Any = surfaces_figure(frame, "note")
     assert [axis.get_title() for axis in figure.axes] == ["clean", "noisy"]
     for axis in figure.axes:
         assert axis.get_xlabel() == "x [mm]"

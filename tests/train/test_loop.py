@@ -18,7 +18,8 @@ from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.score import score
-from glsim.train.batches import EpochSampler, StoredBatches
+from glsim.train.batches import StoredBatches
+from glsim.train.epoch_sampler import EpochSampler
 from glsim.train.interior_mask import interior_mask
 from glsim.train.loop import fit
 from glsim.train.losses.supervised import AllPixels, Masked

@@ -13,7 +13,8 @@ from glsim.train.data import ray_blocks
 from glsim.train.data.simulated import SimulatedPairs
 from tests.support.ray_nodes import Nodes, connected_nodes
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # Ray leaves files and sockets open
+#: Ray leaves files and sockets open.
+pytestmark = [pytest.mark.long, pytest.mark.filterwarnings("ignore")]
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ from glsim.geometry.depth_map import lit_by_marching
 from glsim.geometry.mesh import Mesh
 from glsim.pipeline import open_sources
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _TEXT_SIZE: Final = 7
 #: Colours: parts of the head that the camera does not see; seen and lit; seen in the shadow.
 _UNSEEN, _LIT, _SHADOW = "#b4bcc6", "#e9b98a", "#7b1e3a"
@@ -37,9 +40,9 @@ _SAME_POINT_MM: Final = 9.0
 _RAYS, _RAY_STEPS = 9, 200
 
 
-def frustum_figure(dataset: Dataset, frame: FigureFrame, note: str) -> Any:
+def frustum_figure(dataset: Dataset, frame: FigureFrame, note: str) -> Figure:
     """Draw the whole frustum, and beside it the head with the shadow; return the figure."""
-    figure = new_figure(8.6, 4.6)
+    figure: Figure = new_figure(8.6, 4.6)
     head = _head(dataset, frame)
     corners = to_figure_axes(head.vertices_mm)[head.faces]
     colours = _face_colours(head, frame)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -26,6 +26,10 @@ from glsim.eval.report.figures.map_pictures import (
 from glsim.eval.report.figures.side_view import TURN_DEG, half_width_mm, side_view
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 PanelRow = Literal["depth", "error", "normals", "side"]
 _LABELS: Final[dict[PanelRow, str]] = {
     "depth": "depth",
@@ -42,16 +46,19 @@ _TICKS_PX, _TICKS_MM = 40, 100
 
 def panel_figure(
     frame: FigureFrame, methods: Mapping[str, Depth], rows: Sequence[PanelRow], note: str
-) -> Any:
-    """Draw a column of panels for the truth and for each method; return the figure.
+) -> Figure:
+    """Draw a column of panels for the truth and for each method.
 
-    methods: title -> (H, W) depth in millimetres, 0 = none; the noisy input is one of them.
-    note: a line below the panels.
+    Args:
+        frame: the frame.
+        methods: title -> (H, W) depth in millimetres, 0 = none; includes the noisy input.
+        rows: kinds of panels.
+        note: a line below the panels.
     """
     columns = {"truth": frame.clean, **methods}
     # A row of maps above a row of side views, and the last row, have an axis below.
     below = [kind != after for kind, after in pairwise([*(k == "side" for k in rows), None])]
-    figure = new_figure(
+    figure: Figure = new_figure(
         _PANEL_IN * len(columns) + _SIDES_IN,
         _PANEL_IN * len(rows) + _AXIS_IN * sum(below) + _ENDS_IN,
     )
@@ -77,7 +84,7 @@ def panel_figure(
     return figure
 
 
-def _draw(axis: Any, kind: PanelRow, depth: Depth, frame: FigureFrame) -> None:
+def _draw(axis: Axes, kind: PanelRow, depth: Depth, frame: FigureFrame) -> None:
     if kind == "side":
         _draw_side_view(axis, depth, frame)
         return
@@ -102,7 +109,7 @@ def _draw(axis: Any, kind: PanelRow, depth: Depth, frame: FigureFrame) -> None:
     axis.set_ylim(edges[2:])
 
 
-def _draw_side_view(axis: Any, depth: Depth, frame: FigureFrame) -> None:
+def _draw_side_view(axis: Axes, depth: Depth, frame: FigureFrame) -> None:
     half = half_width_mm()
     try:
         picture = side_view(depth, frame.clean, frame.window.intrinsics)
@@ -114,7 +121,7 @@ def _draw_side_view(axis: Any, depth: Depth, frame: FigureFrame) -> None:
     axis.set_yticks([-_TICKS_MM, 0, _TICKS_MM])
 
 
-def _label(axes: Sequence[Any], kind: PanelRow, bottom: bool) -> None:
+def _label(axes: Sequence[Axes], kind: PanelRow, bottom: bool) -> None:
     """Label the axes of a row of panels with their units, px or mm.
 
     The vertical axis is labelled at the left end; the horizontal ones only if ``bottom``.
@@ -131,7 +138,7 @@ def _label(axes: Sequence[Any], kind: PanelRow, bottom: bool) -> None:
     axes[0].set_ylabel(f"{_LABELS[kind]}\n{up} [{unit}]", fontsize=_TITLE_SIZE - 1)
 
 
-def _colour_bar(figure: Any, axis: Any, kind: PanelRow, frame: FigureFrame) -> None:
+def _colour_bar(figure: Figure, axis: Axes, kind: PanelRow, frame: FigureFrame) -> None:
     if kind == "normals":
         _normal_key(axis)
         return
@@ -145,7 +152,7 @@ def _colour_bar(figure: Any, axis: Any, kind: PanelRow, frame: FigureFrame) -> N
     axis.tick_params(labelsize=_TEXT_SIZE)
 
 
-def _normal_key(axis: Any) -> None:
+def _normal_key(axis: Axes) -> None:
     """Say which direction has which colour."""
     axis.set_axis_off()
     lines = (("right", (1.0, 0.5, 0.5)), ("up", (0.5, 1.0, 0.5)), ("to camera", (0.5, 0.5, 1.0)))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.eval.report.figures.style import matplotlib
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Direction to the light in figure axes: from the upper left, behind the camera.
 _LIGHT: Final = np.array([-0.4, -0.75, 0.55]) / np.linalg.norm([-0.4, -0.75, 0.55])
@@ -28,7 +31,9 @@ def to_figure_axes(points_mm: Points) -> NDArray[np.float64]:
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
-def axes_3d(figure: Any, place: int, columns: int, elevation_deg: float, azimuth_deg: float) -> Any:
+def axes_3d(
+    figure: Figure, place: int, columns: int, elevation_deg: float, azimuth_deg: float
+) -> Any:
     """Add 3D axes in millimetres to a figure with one row of ``columns``."""
     axis = figure.add_subplot(1, columns, place, projection="3d", computed_zorder=False)
     axis.view_init(elev=elevation_deg, azim=azimuth_deg)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from glsim.eval.report.figures.cut_surface import cut_surface
 from glsim.eval.report.figures.style import add_note, new_figure
 from glsim.geometry.depth_map import normals
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _TEXT_SIZE: Final = 8
 #: Where the reader looks from: a little above the head, and from the side where no shadow falls.
 _ELEVATION_DEG, _AZIMUTH_DEG = 12.0, -62.0
@@ -28,9 +31,9 @@ _MARGIN_MM: Final = 10.0
 _TO_CAMERA: Final = np.array([1.0, -1.0, -1.0])
 
 
-def surfaces_figure(frame: FigureFrame, note: str) -> Any:
+def surfaces_figure(frame: FigureFrame, note: str) -> Figure:
     """Draw the surfaces of the clean and the noisy map of a frame; return the figure."""
-    figure = new_figure(7.6, 4.3)
+    figure: Figure = new_figure(7.6, 4.3)
     seen = to_figure_axes(_points(frame.clean, frame))[frame.clean > 0]
     low, high = seen.min(axis=0) - _MARGIN_MM, seen.max(axis=0) + _MARGIN_MM
     for place, (title, depth) in enumerate({"clean": frame.clean, "noisy": frame.noisy}.items()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from glsim.dataset import Dataset, open_dataset
 from glsim.errors import ConfigError
@@ -28,6 +28,9 @@ from glsim.eval.report.figures.style import to_png
 from glsim.eval.report.page import html_page
 from glsim.files.atomic import write_atomic
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Folder of the figures in that of the reproduction.
 FOLDER: Final = "paper_figures"
 _NOISY: Final = Column("noisy\nBaseline", "noisy")
@@ -48,7 +51,7 @@ class _Figure:
 
     name: str
     caption: str
-    draw: Callable[[], Any]
+    draw: Callable[[], Figure]
     rows: Sequence[str] = ()
 
 
@@ -118,7 +121,7 @@ def _figures(dataset: Dataset, groups: Sequence[SeedGroup], note: str) -> list[_
         Column(f"ours, {_SHIPPED}\nshipped", _SHIPPED),
     ]
 
-    def panels(columns: Sequence[Column], rows: Sequence[PanelRow]) -> Callable[[], Any]:
+    def panels(columns: Sequence[Column], rows: Sequence[PanelRow]) -> Callable[[], Figure]:
         return lambda: _panels(example, [_NOISY, *columns], rows, note)
 
     maps: tuple[PanelRow, ...] = ("depth", "error", "side")
@@ -166,5 +169,5 @@ def _figures(dataset: Dataset, groups: Sequence[SeedGroup], note: str) -> list[_
 
 def _panels(
     frame: FigureFrame, columns: Sequence[Column], rows: Sequence[PanelRow], note: str
-) -> Any:
+) -> Figure:
     return panel_figure(frame, denoise(frame, columns), rows, note)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from glsim.cli.transfers.steps import Network, Step, StudyRun
+from glsim.cli.transfers.steps import Step, StudyNetwork, StudyRun
 from glsim.denoise import load
 from glsim.errors import ConfigError, TrainError
 from glsim.eval.transfer.cases import TrainingSet
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 class Work(NamedTuple):
-    """Steps in groups, after each of which there are new results; networks, and notes on them."""
+    """Groups of steps, each of which ends with new results; the networks, and notes on them."""
 
     groups: list[list[Step]]
-    networks: list[Network]
+    networks: list[StudyNetwork]
     notes: list[str]
 
 
@@ -39,7 +39,7 @@ def steps_of_given(run: StudyRun, specs: Sequence[str], composite: str) -> Work:
             raise ConfigError(f"--network {spec}: name it another than {name}: LABEL@{file}")
         named[name] = file
     networks = [
-        Network(name, file, replace(case, title="-"), composite)
+        StudyNetwork(name, file, replace(case, title="-"), composite)
         for name, file in named.items()
         for case in run.cases
     ]
@@ -58,7 +58,7 @@ def steps_of_trainings(run: StudyRun, composite: str) -> Work:
     for case in run.cases:
         training = case.training
         assert training is not None  # find_cases was asked for trainings
-        network = Network(training.name, str(run.checkpoint(training)), case, composite)
+        network = StudyNetwork(training.name, str(run.checkpoint(training)), case, composite)
         networks.append(network)
         groups.append([*run.training_steps(training, recipe), *run.network_steps(network)])
         notes.append(_training_note(training, recipe))
@@ -66,7 +66,7 @@ def steps_of_trainings(run: StudyRun, composite: str) -> Work:
 
 
 def _once(groups: list[list[Step]]) -> list[list[Step]]:
-    """Return the groups with each step only where it comes first; cases share data and runs."""
+    """Drop repeated steps from the groups: cases share data and runs."""
     seen: set[tuple[str, str]] = set()
     result = []
     for group in groups:

@@ -47,9 +47,14 @@ _TUNED: Final = 2 * len(GRIDS) + 1
 
 @dataclass(frozen=True)
 class Step:
-    """A step of the study. amount: its units of work. run: returns the units that it did now.
+    """A step of the study.
 
-    complete: whether its results are there, as far as a glance at the folder tells.
+    Attributes:
+        kind: kind of work.
+        title: name for the progress bar.
+        amount: units of work in total.
+        complete: quick check of the folder for the step's results.
+        run: do the step; return the units of work done.
     """
 
     kind: Kind
@@ -68,7 +73,7 @@ class Pace:
     _units: dict[Kind, int] = field(default_factory=dict)
 
     def note(self, kind: Kind, units: int, seconds: float) -> None:
-        """Count work that was done."""
+        """Record work that was done."""
         if units:
             self._seconds[kind] = self._seconds.get(kind, 0.0) + seconds
             self._units[kind] = self._units.get(kind, 0) + units
@@ -84,10 +89,14 @@ class Pace:
 
 
 @dataclass(frozen=True)
-class Network:
-    """A network to score. name: in tables and folders. case: the cells that test it.
+class StudyNetwork:
+    """A network to score.
 
-    composite: its map, if its validity is soft.
+    Attributes:
+        name: name in tables and folders.
+        file: its checkpoint or ONNX file.
+        case: the test sets.
+        composite: composite of a network with a probability of depth.
     """
 
     name: str
@@ -124,7 +133,7 @@ class StudyRun:
         yield from map(self._generate, sets)
         yield self._train(training, sets, recipe)
 
-    def network_steps(self, network: Network) -> Iterator[Step]:
+    def network_steps(self, network: StudyNetwork) -> Iterator[Step]:
         """Yield the steps that score a network on the cells of its case."""
         return (self._score_network(data, network) for data in self._tests(network.case))
 
@@ -132,7 +141,7 @@ class StudyRun:
         """Return the file of a trained network."""
         return self.out / "runs" / training.name / "best.pt"
 
-    def results(self, networks: Sequence[Network]) -> list[CellResult]:
+    def results(self, networks: Sequence[StudyNetwork]) -> list[CellResult]:
         """Return what has been scored, in the order of the networks and their cells."""
         found: dict[tuple[str, str, Path], CellResult] = {}
         for network in networks:
@@ -188,7 +197,7 @@ class StudyRun:
         title = f"filters, tuned and scored: {data.cell}"
         return Step("filters", title, amount, (out / "rows.csv").exists, run)
 
-    def _score_network(self, data: DataSet, network: Network) -> Step:
+    def _score_network(self, data: DataSet, network: StudyNetwork) -> Step:
         out = self._scores(data, network.name)
         frames = data.people[2] * data.frames_per_person
 
