@@ -23,7 +23,6 @@ from glsim.settings.seeds import rng_for
 MAX_WEIGHT: Final = 3.0  # standard deviations of an identity mode; larger weights give unreal faces
 DRAWS: Final = 4  # the probability that all four exceed MAX_WEIGHT is 5e-11
 BATCH_FRAMES: Final = 32  # frames per matrix product: 9 MB of vertices, 0.3 ms per frame
-ROW_MULTIPLE: Final = 8  # products of fewer rows take another path in BLAS, with other last bits
 
 
 class IctFaceKit:
@@ -100,31 +99,30 @@ class IctFaceKit:
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return a subject's (V, 3) float32 vertices without expression, mm, and (F, 3) faces."""
         model = self._model
-        weights = np.zeros((ROW_MULTIPLE, len(model.basis)), dtype=np.float32)
-        weights[:, 0] = 1.0
+        weights = np.zeros((1, len(model.basis)), dtype=np.float32)
+        weights[0, 0] = 1.0
         weights[0, 1 : 1 + IDENTITY_MODES] = self._identity(FaceKey(subject, "neutral", 0))
-        return model.evaluate(weights)[0].copy(), model.topology.faces
+        return model.evaluate(weights)[0], model.topology.faces
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
         """Return the hash of the model as it is read from its files, or from the cache."""
         return {"face model": self._model.content_hash()}
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Yield one face per key, in order; one matrix product evaluates up to 32 faces."""
+        """Yield one face per key, in order, evaluated in batches."""
         for first in range(0, len(keys), BATCH_FRAMES):
             yield from self._load_batch(keys[first : first + BATCH_FRAMES])
 
     def _load_batch(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
         model = self._model
-        rows = -(-len(keys) // ROW_MULTIPLE) * ROW_MULTIPLE
-        weights = np.zeros((rows, len(model.basis)), dtype=np.float32)
+        weights = np.zeros((len(keys), len(model.basis)), dtype=np.float32)
         expressions = [performance_expression(self.seed, key) for key in keys]
-        for row, key, expression in zip(weights, keys, expressions, strict=False):
+        for row, key, expression in zip(weights, keys, expressions, strict=True):
             row[0] = 1.0
             row[1 : 1 + IDENTITY_MODES] = self._identity(key)
             row[1 + IDENTITY_MODES :] = kit_weights(expression, model.expressions)
         heads = model.evaluate(weights)
-        for key, head, expression in zip(keys, heads, expressions, strict=False):
+        for key, head, expression in zip(keys, heads, expressions, strict=True):
             mesh = Mesh(head, model.topology.faces, self._albedo, model.occluder)
             yield Face(key, mesh, expression)
 
