@@ -22,7 +22,7 @@ from glsim.settings.seeds import rng_for
 
 MAX_WEIGHT: Final = 3.0  # standard deviations of an identity mode; larger weights give unreal faces
 DRAWS: Final = 4  # the probability that all four exceed MAX_WEIGHT is 5e-11
-BATCH_FRAMES: Final = 32  # frames per matrix product: 9 MB of vertices, 0.3 ms per frame
+BATCH_FRAMES: Final = 32  # frames that share the sum of a person: 9 MB of vertices
 
 
 class IctFaceKit:
