@@ -39,7 +39,7 @@ def test_every_recipe_installs_the_debian_packages_of_the_hint(name: str) -> Non
 
 def test_the_page_has_a_row_for_every_extra() -> None:
     rows = re.findall(r"^\| (`.*?) \|", INSTALL_PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    named = {name for row in rows for name in re.findall(r"`([a-z]+)`", row)}
+    named = {name for row in rows for name in re.findall(r"`([a-z-]+)`", row)}
     assert set(PROJECT["optional-dependencies"]) <= named
 
 
