@@ -1,4 +1,4 @@
-"""Make docs/figures/tune*.png and tune.webp: python -m scripts.tune_figures
+"""Make docs/figures/tune*.png and tune.webp: python -m scripts.tune_figures.
 
 Photographs of the pages of ``glsim tune`` in Chromium, light and dark, and a moving picture of a
 minute's work: a slider, a turned surface, a mistake in the code, A beside B. Needs the extra

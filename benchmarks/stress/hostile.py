@@ -59,7 +59,7 @@ class Result:
     problem: str
 
 
-def _open(root: Path, out: Path) -> int:
+def _open(root: Path, _out: Path) -> int:
     """Read every record and image by Python, as a user's own program does."""
     from glsim import open_dataset
     from glsim.errors import GlsimError

@@ -174,5 +174,5 @@ def _limit(seconds: int) -> None:
     signal.alarm(10 * seconds)
 
 
-def _too_long(signal_number: int, frame: object) -> None:
+def _too_long(_signal_number: int, _frame: object) -> None:
     raise TimeoutError(f"more than {_SECONDS} s")

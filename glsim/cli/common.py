@@ -174,7 +174,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
     """
     terminated: list[int] = []
 
-    def terminate(number: int, frame: FrameType | None) -> None:
+    def terminate(number: int, _frame: FrameType | None) -> None:
         terminated.append(number)
         raise KeyboardInterrupt  # ends workers and removes temporary files as Ctrl-C does
 

@@ -227,7 +227,7 @@ def load_sensor(
     name: str,
     overrides: Mapping[str, Mapping[str, Distribution]] | None = None,
     rig_overrides: Mapping[str, Any] | None = None,
-    place: _Place = lambda *path: "the overrides",
+    place: _Place = lambda *_: "the overrides",
     changes: Sequence[StageChange] = (),
 ) -> Sensor:
     """Load a sensor by name, shipped or of another package, or a sensor file by path.
