@@ -17,7 +17,7 @@ from PIL import Image
 
 from benchmarks.tune import after, chromium_page, shown, tune_page
 from glsim.files.atomic import write_atomic
-from glsim.gl.shader_source import SHADER_ROOT
+from glsim.gl.includes import SHADER_ROOT
 from glsim.tune.static_page import write_static_page
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"

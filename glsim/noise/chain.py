@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, did_you_mean
+from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass
 from glsim.gl.program import link
-from glsim.gl.shader_source import Layer, ShaderSource
+from glsim.gl.shader_source import ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.frame_context import FrameContext, StageView
 from glsim.noise.registry import shipped_stages

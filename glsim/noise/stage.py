@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, ShaderError, did_you_mean
-from glsim.gl.shader_source import Parameter, ShaderSource
+from glsim.gl.declarations import Parameter
+from glsim.gl.shader_source import ShaderSource
 from glsim.noise.frame_context import Layers, StageView
 from glsim.settings.distribution import Distribution, DrawKeys, constant
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.rect import Rect
+from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes, index_buffer
 from glsim.gl.program import link_files
-from glsim.gl.shader_source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.mesh_cache import CACHED_TOPOLOGIES
 

@@ -33,9 +33,9 @@ from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
+from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
 from glsim.gl.program import link_files
-from glsim.gl.shader_source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.mesh_cache import GpuMesh, MeshCache
 from glsim.render.region_pass import REGION, LabelledMesh, RegionPass

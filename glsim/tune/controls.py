@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from glsim.gl.shader_source import Parameter
+from glsim.gl.declarations import Parameter
 from glsim.noise.stage import ENABLED, Stage
 from glsim.sensors.sensor import Sensor
 from glsim.settings.distribution import Distribution

@@ -10,14 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from glsim.gl.shader_source import (
-    SHADER_ROOT,
-    Parameter,
-    declaration_patterns,
-    display_name,
-    included_text,
-    load_source,
-)
+from glsim.gl.declarations import Parameter, declaration_patterns
+from glsim.gl.includes import SHADER_ROOT, display_name, included_text
+from glsim.gl.shader_source import load_source
 from glsim.noise.chain import BLANK, EXPECTED_LAYER
 from glsim.noise.stage import ENABLED, Stage, draw_values
 from glsim.reason import Reason

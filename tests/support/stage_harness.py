@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
-from glsim.gl.shader_source import Layer
+from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.chain import StagePass
 from glsim.noise.frame_context import FrameContext
