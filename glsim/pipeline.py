@@ -32,7 +32,8 @@ from glsim.frame_assembly import assemble_frame, seen_landmarks
 from glsim.frame_scene import FrameScene, unusable
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
-from glsim.noise.chain import ShaderChain, array_reach_px, run_array_stages
+from glsim.noise.array_chain import array_reach_px, run_array_stages
+from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values

@@ -16,7 +16,7 @@ from glsim.faces.base import Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.noise import chain
-from glsim.noise.chain import StagePass
+from glsim.noise.stage_pass import StagePass
 from glsim.pipeline import Simulator, simulate
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.renderer import Renderer

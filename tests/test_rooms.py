@@ -73,6 +73,7 @@ HOMES = {
         "glsim.gl",
         "glsim.render",
         "glsim.noise.chain",
+        "glsim.noise.stage_pass",
         "glsim.render_cache",
         "glsim.pipeline",
         "glsim.validate",

@@ -8,7 +8,7 @@ to 2000, ``//@ [0.1, 1e6; log] 1 ...`` a logarithmic scale, ``[0.1, 1e6; 1, 100 
 outside it are valid in boxes and files.
 ``uniform sampler2D u_depth;`` declares that the layer ``depth`` is read and ``out float depth;``
 that it is written; ``//@ 1/3`` after an ``out`` makes the written layers a third of the frame's
-size. glsim binds the other ``u_`` uniforms, a fixed set (glsim.noise.chain).
+size. glsim binds the other ``u_`` uniforms, a fixed set (glsim.noise.stage_pass).
 """
 
 from __future__ import annotations

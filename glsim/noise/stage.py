@@ -40,6 +40,9 @@ Reach = Callable[[Mapping[str, float]], int]
 ENABLED = "enabled"
 _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage runs", Path(), 0)
 
+#: One frame's parameter values: stage name -> parameter -> value.
+StageValues = Mapping[str, Mapping[str, float]]
+
 
 def _own_pixel(_: Mapping[str, float]) -> int:
     return 0

@@ -34,7 +34,8 @@ from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
-from glsim.noise.chain import PATTERN_LAYER, check_chain
+from glsim.noise.chain import check_chain
+from glsim.noise.layer_names import PATTERN_LAYER
 from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
