@@ -46,9 +46,11 @@ class RegionPass:
         pools: tuple[TargetPool, TargetPool],
         rays: Target,
     ) -> None:
-        """pools: target pools of pinhole camera and image; the same pool if no lens distorts.
+        """Link the program and allocate the buffers.
 
-        rays: target that holds ``rig.rays()``.
+        Args:
+            pools: target pools of pinhole camera and image; one and the same without distortion.
+            rays: target that holds ``rig.rays()``.
         """
         self._context, self._rays = context, rays
         self._camera_pool, self._pool = pools

@@ -53,14 +53,15 @@ _RAYS = Layer("rays", "vec2")
 class Rendered:
     """The clean layers of one scene. They are valid within the ``with`` block that made them.
 
-    layers: targets by name: clean (m along the axis, 0 = no surface), normal (unit vector towards
-        the camera, albedo), albedo, lit (0 to 1), and region if labels were given; for a rig that
-        supersamples also fine_seen (depth and albedo of the samples) and uneven.
-    window: the part of the frame that the layers hold.
-    nearest_m: a lower bound of all depths in the scene.
-    silhouette: limits passes to the pixels with a surface.
-    rays: x/z and y/z of each pixel's ray, the whole frame; the renderer owns this target.
-    pool: owner of the other targets; later passes of the frame take their targets from it.
+    Attributes:
+        layers: targets by name: clean (m along the axis, 0 = no surface), normal (unit vector
+            towards the camera, albedo), albedo, lit (0 to 1), and region if labels were given; for
+            a rig that supersamples also fine_seen (depth and albedo of the samples) and uneven.
+        window: the part of the frame that the layers hold.
+        nearest_m: a lower bound of all depths in the scene.
+        silhouette: limits passes to the pixels with a surface.
+        rays: x/z and y/z of each pixel's ray, the whole frame; the renderer owns this target.
+        pool: owner of the other targets; later passes of the frame take their targets from it.
     """
 
     layers: Mapping[str, Target]

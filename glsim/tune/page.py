@@ -1,4 +1,4 @@
-"""The page of one tab: what is shown, and what happens when something is moved."""
+"""The page of one tab: its elements, its drawing loop, and its reactions to changes."""
 
 from __future__ import annotations
 
@@ -24,14 +24,13 @@ from glsim.tune.state import History, StageCode, Tuning
 from glsim.tune.topbar import TopBar
 from glsim.tune.workshop import Workshop
 
-#: Seconds. Pause between a painted picture and its statistics; the same while pictures follow each
-#: other, which statistics slow down; and how long a tab may take to paint: a hidden one never does.
+#: Pause between a painted picture and its statistics, the same while the page plays, and longest
+#: wait for a tab to paint (a hidden one never does), seconds.
 _REST, _REST_PLAYING, _PAINTING = 0.15, 1.5, 2.0
-#: Pause between two changes of the panel while the page plays, seconds: a change takes the browser
-#: 25 ms, as long as to paint a picture.
+#: Pause between two updates of the panel while the page plays, seconds: one takes the browser as
+#: long as a picture.
 _REST_PANEL = 0.5
-#: How long a browser's request for the next picture waits for one, seconds: it asks again. The
-#: server ends as late as this after Ctrl-C.
+#: Longest wait of a browser's request for a picture, and of the server's end after Ctrl-C, seconds.
 _WAITING = 2.0
 
 _HEAD = """
@@ -188,9 +187,8 @@ class Page:
     async def packet_after(self, number: int) -> bytes | None:
         """Wait up to 2 s for a picture later than ``number``; return its packet, None without one.
 
-        The browser always has such a request open. To announce a picture through the socket and
-        then be asked for it took 54 ms, as long as to paint it. While the page plays, the request
-        says that the browser has picture ``number``: the next one is drawn, or has been.
+        The browser always has such a request open, which saves announcing a picture through the
+        socket. While the page plays, a request also starts the drawing of the next picture.
         """
         if self.top.playing and number == self._number and not self._drawing:
             self.top.next_frame()
@@ -218,18 +216,19 @@ class Page:
     def _draw_ahead(self, tuning: Tuning) -> None:
         """Begin to draw a tuning's frame while the browser still takes the frame before it."""
         drawing = asyncio.create_task(self._drawn(tuning))
-        drawing.add_done_callback(lambda task: task.cancelled() or task.exception())  # said later
+        # Errors are reported where the task is awaited; this only silences asyncio.
+        drawing.add_done_callback(lambda task: task.cancelled() or task.exception())
         self._ahead = tuning, self.top.noise_of, drawing
 
     def _refused(self, tuning: Tuning, why: str) -> None:
-        """Say why a tuning cannot be drawn, and go back to what is shown."""
+        """Show why a tuning cannot be drawn, and return to the shown one."""
         if self._closed:
             return
         with self.client:
             self.editor.problem(why)
             self.top.stop()
             if self.picture is None or tuning == self.picture.tuning:
-                return  # not the tuning is wrong, but a file that has changed
+                return  # a file has changed; the tuning is good
             self.history.refuse(tuning)
             self.sections.refresh(self.picture)
             self.top.refresh()
@@ -252,7 +251,7 @@ class Page:
             try:
                 shown = None
                 while self.picture is not None and self.picture is not shown and not self._closed:
-                    # The picture comes first, and a dragged slider: to show figures takes as long.
+                    # Pictures and dragged sliders come first: showing figures takes as long.
                     with suppress(TimeoutError):
                         await asyncio.wait_for(self._painted.wait(), _PAINTING)
                     await asyncio.sleep(play_s if self.top.playing else rest_s)
@@ -297,7 +296,7 @@ class Page:
         self.call("themed")
 
     async def _is_dark(self) -> bool:
-        """Ask the browser whether the page is dark: by the system's choice or the user's."""
+        """Ask the browser whether the page is dark, by system or user choice."""
         script = "document.body.classList.contains('body--dark')"
         return bool(await self.client.run_javascript(script, timeout=60.0))
 
