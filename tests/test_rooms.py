@@ -34,6 +34,7 @@ ROOMS = (
     "glsim.frame_assembly",
     "glsim.noise",
     "glsim.sensors",
+    "glsim.face_batches",
     "glsim.frame_scene",
     "glsim.render_cache",
     "glsim.pipeline",

@@ -25,7 +25,7 @@ def _largest_island_px(p: Mapping[str, float]) -> int:
     max_step_mm=("float", 20, 0.1, 5000, "mm", "depth difference that still connects neighbours"),
 )
 def despeckle(
-    _view: StageView, layers: Layers, p: Mapping[str, float]
+    view: StageView, layers: Layers, p: Mapping[str, float]
 ) -> dict[str, NDArray[np.float32]]:
     """Removes small islands of depth, as structured-light drivers do."""
     import cv2

@@ -5,9 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from nicegui import Client, background_tasks, ui
@@ -15,6 +13,7 @@ from nicegui import Client, background_tasks, ui
 from glsim.errors import GlsimError
 from glsim.reason import Reason
 from glsim.sensors.sensor import Sensor
+from glsim.tune.after_painting import AfterPainting
 from glsim.tune.bench import DrawnFrame
 from glsim.tune.editor import CodeEditor
 from glsim.tune.packet import pack
@@ -22,11 +21,11 @@ from glsim.tune.sections import Sections
 from glsim.tune.side_by_side import SideBySide
 from glsim.tune.state import History, StageCode, Tuning
 from glsim.tune.topbar import TopBar
+from glsim.tune.watched_files import WatchedFiles
 from glsim.tune.workshop import Workshop
 
-#: Pause between a painted picture and its statistics, the same while the page plays, and longest
-#: wait for a tab to paint (a hidden one never does), seconds.
-_REST, _REST_PLAYING, _PAINTING = 0.15, 1.5, 2.0
+#: Pause between a painted picture and its statistics, and the same while the page plays, seconds.
+_REST, _REST_PLAYING = 0.15, 1.5
 #: Pause between two updates of the panel while the page plays, seconds: one takes the browser as
 #: long as a picture.
 _REST_PANEL = 0.5
@@ -53,10 +52,8 @@ class Page:
         self._number = 0
         self._packet: bytes | None = None
         self._drawing = self._wanted = self._closed = False
-        self._followed: set[str] = set()
-        self._files: dict[Path, float] = {}
-        self._read_at = 0.0
-        self._painted = asyncio.Event()
+        self._files = WatchedFiles()
+        self._after_painting = AfterPainting(self._newest, lambda: self.top.playing)
         self._presented = asyncio.Event()
         self._ahead: tuple[Tuning, int | None, asyncio.Task[DrawnFrame]] | None = None
 
@@ -70,7 +67,7 @@ class Page:
         """
         ui.add_head_html(_HEAD)
         self.dark = ui.dark_mode(None)
-        ui.on("tune_shown", self._shown)
+        ui.on("tune_shown", self._after_painting.painted)
         with ui.element("main").classes("tune"):
             with ui.element("header").classes("top"):
                 self.comparison = SideBySide(self, self._drawn, _figures)
@@ -177,7 +174,7 @@ class Page:
         return await self.workshop.on_gl(self.bench.draw, tuning, self.top.noise_of)
 
     async def _draw(self, tuning: Tuning) -> None:
-        self._read_at = time.time()
+        self._files.read_at = time.time()
         ahead, self._ahead = self._ahead, None
         if ahead is not None and ahead[:2] == (tuning, self.top.noise_of):
             self.picture = await ahead[2]
@@ -205,7 +202,7 @@ class Page:
             return
         self._number += 1
         self._packet = pack(picture.frame, number=self._number)
-        self._painted.clear()
+        self._after_painting.expect()
         self._presented.set()
         with self.client:
             self.editor.problem("")
@@ -235,34 +232,8 @@ class Page:
 
     def _follow_painted(self) -> None:
         """Show the newest picture's settings in the panel, and its figures, when it is painted."""
-        self._follow(self._list, 0.0, _REST_PANEL)
-        self._follow(self._measure, _REST, _REST_PLAYING)
-
-    def _follow(
-        self, show: Callable[[DrawnFrame], Awaitable[None]], rest_s: float, play_s: float
-    ) -> None:
-        """Call ``show`` for the newest picture after it is painted, until there is no newer one.
-
-        Args:
-            rest_s, play_s: pause between painting and showing; the same while the page plays.
-        """
-
-        async def follow() -> None:
-            try:
-                shown = None
-                while self.picture is not None and self.picture is not shown and not self._closed:
-                    # Pictures and dragged sliders come first: showing figures takes as long.
-                    with suppress(TimeoutError):
-                        await asyncio.wait_for(self._painted.wait(), _PAINTING)
-                    await asyncio.sleep(play_s if self.top.playing else rest_s)
-                    shown = self.picture
-                    await show(shown)
-            finally:
-                self._followed.discard(show.__name__)
-
-        if show.__name__ not in self._followed:
-            self._followed.add(show.__name__)
-            background_tasks.create(follow(), name=show.__name__)
+        self._after_painting.call(self._list, 0.0, _REST_PANEL)
+        self._after_painting.call(self._measure, _REST, _REST_PLAYING)
 
     async def _list(self, picture: DrawnFrame) -> None:
         with self.client:
@@ -283,8 +254,8 @@ class Page:
         if self.workshop.recorded:
             self.call("recording", self.workshop.recorded, here)
 
-    def _shown(self) -> None:
-        self._painted.set()
+    def _newest(self) -> DrawnFrame | None:
+        return None if self._closed else self.picture
 
     # looks, and files that change elsewhere
 
@@ -302,16 +273,7 @@ class Page:
 
     async def _watch(self) -> None:
         """Reload the sensor's own files when an editor outside has changed them."""
-        if self.sensor is None:
-            return
-        specs = [stage.spec for stage in self.sensor.stages]
-        sources = [spec.source for spec in specs if spec.source is not None]
-        files = {self.sensor.file, *(Path(spec.file) for spec in specs if spec.source is None)}
-        files = files.union(*(source.files for source in sources))
-        times = {f: f.stat().st_mtime for f in files if f.is_file()}
-        known, self._files = self._files, times
-        # A file that was not looked at before may have changed since it was read.
-        if any(t != known[f] if f in known else t > self._read_at for f, t in times.items()):
+        if self.sensor is not None and self._files.have_changed(self.sensor):
             self.bench.reload()
             self.sections.reload()
             await self.refresh()
