@@ -103,9 +103,12 @@ class ReproductionPlan(TomlTable):
     ) -> Iterator[list[str]]:
         """Yield the arguments of each ``glsim`` command in order.
 
-        roots: kind of the source -> folder, of the paper's face sets that are there. photos: a
-        folder of photographs; default: those of scikit-image. Raises ConfigError for a folder
-        without such a set.
+        Args:
+            roots: kind of the source -> folder, of the paper's face sets that are there.
+            photos: folder of photographs; default: those of scikit-image.
+
+        Raises:
+            ConfigError: a folder has no such set.
         """
         from glsim.eval.paper.protocol_page import protocol_folder
         from glsim.train.data.photograph_files import BUNDLED  # loads OpenCV

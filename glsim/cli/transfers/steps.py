@@ -47,9 +47,12 @@ _TUNED: Final = 2 * len(GRIDS) + 1
 
 @dataclass(frozen=True)
 class Step:
-    """A step of the study. amount: its units of work. run: returns the units that it did now.
+    """A step of the study.
 
-    complete: whether its results are there, as far as a glance at the folder tells.
+    Attributes:
+        amount: its units of work.
+        complete: whether the folder seems to hold its results.
+        run: does the step and returns the units of work that it did now.
     """
 
     kind: Kind
@@ -85,9 +88,12 @@ class Pace:
 
 @dataclass(frozen=True)
 class Network:
-    """A network to score. name: in tables and folders. case: the cells that test it.
+    """A network to score.
 
-    composite: its map, if its validity is soft.
+    Attributes:
+        name: in tables and folders.
+        case: the cells that test it.
+        composite: the map that is scored if its validity is soft.
     """
 
     name: str
