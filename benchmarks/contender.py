@@ -25,7 +25,7 @@ from glsim.frame import encode_depth
 from glsim.geometry.bounds import FieldOfView, bounding_corners, image_window
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
-from glsim.noise.chain import run_twins
+from glsim.noise.array_chain import run_twins
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
 from glsim.sensors.sensor import Sensor, sensor_of

@@ -1,4 +1,4 @@
-"""Time of a shipped network for one frame, on one thread: python -m benchmarks.denoise [--opencv]
+"""Time a shipped network on one frame and one thread: python -m benchmarks.denoise [--opencv].
 
 The frame is a plane at 0.9 m with 2 mm of noise; what a network computes does not depend on what
 it sees. Networks of video hold four earlier frames by then.

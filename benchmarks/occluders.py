@@ -1,4 +1,4 @@
-"""Error and gain of occluders: python -m benchmarks.occluders [--ict-root FaceXModel]
+"""Measure error and gain of occluders: python -m benchmarks.occluders [--ict-root FaceXModel].
 
 Error: each face is drawn twice at 0.9 m, by all its triangles and by those of its occluder
 (`glsim/geometry/occluder.py`): how far the surface moves, mm along the axis, and the share of the

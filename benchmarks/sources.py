@@ -96,7 +96,7 @@ def _warehouse(root: Path, frames: int) -> dict[str, object]:
     return {"kind": "facewarehouse", "root": root, "steps": max(1, frames // 8 // 46)}
 
 
-def _poses(root: Path, frames: int) -> dict[str, object]:
+def _poses(root: Path, _frames: int) -> dict[str, object]:
     from tests.support.face_sets import obj_bytes, put
 
     points, quads = _grid(120, 96)

@@ -1,4 +1,4 @@
-"""Speed of the page of glsim tune, measured in Chromium: python -m benchmarks.tune [--changes 6]
+"""Speed of the page of glsim tune, measured in Chromium: python -m benchmarks.tune [--changes 6].
 
 Slider to picture: the time from an arrow key on a slider to the painted images and surface, for the
 first slider of each stage in turn: the median over all stages, and that of the slowest stage.

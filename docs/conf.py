@@ -83,7 +83,7 @@ _ARGUMENT = re.compile(r"(\w+(?:, \w+)*): (.*)")
 
 
 def _format_docstring(
-    app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]
+    _app: Any, _what: str, _name: str, _value: Any, _options: Any, lines: list[str]
 ) -> None:
     """Turn the plain text of a docstring into reStructuredText, in place.
 
@@ -112,7 +112,7 @@ def _format_docstring(
     lines[:] = done
 
 
-def _write_reference(app: Any) -> None:
+def _write_reference(_app: Any) -> None:
     from scripts.reference import write_pages
 
     write_pages()
@@ -136,7 +136,7 @@ def _has_tuner() -> bool:
     return any("--static" in options_of(command) for command in found)
 
 
-def _name_tuner(app: Any, name: str, source: list[str]) -> None:
+def _name_tuner(_app: Any, name: str, source: list[str]) -> None:
     """Replace the place of the tuner on the front page by a link, or by nothing."""
     if name == "index":
         link = (

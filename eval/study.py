@@ -1,4 +1,4 @@
-"""Score filters on the same faces under several sensors: does the ranking depend on the noise?"""
+"""Score filters on the same faces under several sensors, to see if noise decides the ranking."""
 
 from __future__ import annotations
 

@@ -18,14 +18,10 @@ from glsim.geometry.mesh import SKIN_ALBEDO
 from glsim.geometry.rect import Rect
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
-from glsim.noise.chain import (
-    PATTERN_LAYER,
-    ShaderChain,
-    pattern_layer,
-    run_array_stages,
-    run_twins,
-)
+from glsim.noise.array_chain import run_array_stages, run_twins
+from glsim.noise.chain import ShaderChain, pattern_layer
 from glsim.noise.frame_context import FrameContext
+from glsim.noise.layer_names import PATTERN_LAYER
 from glsim.noise.stage import draw_values
 from glsim.render.renderer import Renderer
 from glsim.sensors.pattern_map import check_shape

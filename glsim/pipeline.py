@@ -13,10 +13,8 @@ simulate(settings)       opens the sources and the context; per task of the plan
 
 from __future__ import annotations
 
-import itertools
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +23,7 @@ from typing import Any
 import moderngl
 
 from glsim.errors import ConfigError, MeshError
+from glsim.face_batches import load_ahead
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceSource
 from glsim.frame import LAYERS, Frame, Skipped
@@ -32,7 +31,8 @@ from glsim.frame_assembly import assemble_frame, seen_landmarks
 from glsim.frame_scene import FrameScene, unusable
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
-from glsim.noise.chain import ShaderChain, array_reach_px, run_array_stages
+from glsim.noise.array_chain import array_reach_px, run_array_stages
+from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
@@ -43,10 +43,6 @@ from glsim.render_cache import RenderCache
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
 from glsim.settings.schema import Settings, with_assignments
 from glsim.settings.seeds import stable_seed
-
-#: Faces per batch: a matrix product of this many rows keeps a core busy, and the vertices of a
-#: batch take tens of megabytes.
-_FACE_BATCH = 32
 
 #: Frames in flight between drawing and readback. A GPU draws asynchronously and needs a few; the
 #: software rasteriser draws at once, where more frames only add delay.
@@ -81,8 +77,7 @@ def simulate(
 ) -> Iterator[Frame | Skipped]:
     """Make the frames of ``tasks`` (default: the whole plan), in order, one result per task.
 
-    A face that cannot be rendered becomes a Skipped. Raises ConfigError, ShaderError, DeviceError,
-    and MeshError for a bad face if ``settings.strict``.
+    A face that cannot be rendered becomes a Skipped.
 
     Args:
         sources: the open face sources, any FaceSource (default: those of ``settings.source``).
@@ -91,6 +86,10 @@ def simulate(
         layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads
             it; "regions", the parts of the face, and "expected" are drawn on request only.
         extra_layers: layers of the stages to copy to ``Frame.extra``.
+
+    Raises:
+        ConfigError, ShaderError, DeviceError: the settings or this machine cannot make frames.
+        MeshError: a face cannot be rendered, and ``settings.strict`` is set.
     """
     opened = list(sources) if sources is not None else open_sources(settings)
     planned = make_tasks(settings, opened) if tasks is None else tasks
@@ -110,9 +109,8 @@ class Simulator:
     """Makes frames of one sensor on one GL context.
 
     ``with_values``, ``with_stage`` and ``with_layers`` return another simulator of the same
-    sources and context, which shares what has not changed: no program is linked anew, and the
-    frame that was made last is drawn from the first changed stage on. The first one stays as it is,
-    so that it serves on if a change is refused.
+    sources and context, and leave this one as it is. The two share linked programs and the last
+    frame, which is drawn again from the first changed stage on only.
     """
 
     def __init__(
@@ -129,11 +127,8 @@ class Simulator:
         """Compile the shaders. Raises ConfigError or ShaderError.
 
         Args:
-            settings: of the frames.
-            sources: the open face sources.
-            context: draws the frames.
-            extra_layers: layers of the stages to copy to ``Frame.extra``.
-            layers: the images that are needed.
+            sources: the open face sources of ``settings``.
+            layers, extra_layers: as in ``simulate``.
             changes: stages with other code than the sensor's file says.
             cache: of another simulator of the same sources and context; default: a new one.
         """
@@ -245,26 +240,12 @@ class Simulator:
         """Yield one result per task, in order."""
         in_flight: deque[_InFlight | Skipped] = deque()
         ring = len(self._readbacks)
-        for number, (task, face) in enumerate(self._faces(tasks)):
+        for number, (task, face) in enumerate(load_ahead(tasks, self._scenes.load)):
             if len(in_flight) == ring:
                 yield self._deliver(in_flight.popleft())
             in_flight.append(self._start(task, face, self._readbacks[number % ring]))
         while in_flight:
             yield self._deliver(in_flight.popleft())
-
-    def _faces(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
-        """Load faces in batches of tasks that share a source.
-
-        A thread reads the next batch while one is drawn, so that drawing does not wait for disks.
-        """
-        with ThreadPoolExecutor(1, "faces") as reader:
-            ahead: deque[Future[list[tuple[Task, Face | BadFace]]]] = deque()
-            for batch in _batches(tasks):
-                ahead.append(reader.submit(self._scenes.load, batch))
-                if len(ahead) == 2:
-                    yield from ahead.popleft().result()
-            while ahead:
-                yield from ahead.popleft().result()
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
         """Queue the drawing of one frame, or return the record of a bad face."""
@@ -337,10 +318,3 @@ class Simulator:
         if scene.landmarks_m is None:
             return made
         return replace(made, landmarks=seen_landmarks(scene.landmarks_m, made))
-
-
-def _batches(tasks: Iterable[Task]) -> Iterator[list[Task]]:
-    """Split tasks, in their order, into batches of one source each."""
-    for _, run in itertools.groupby(tasks, key=lambda task: task.source):
-        while batch := list(itertools.islice(run, _FACE_BATCH)):
-            yield batch

@@ -11,8 +11,8 @@ import moderngl
 from glsim.faces.base import FaceSource
 from glsim.frame_scene import FrameScene, FrameScenes
 from glsim.geometry.camera import SensorRig
-from glsim.noise.chain import LinkedStages
 from glsim.noise.stage_layers import KeptLayers
+from glsim.noise.stage_pass import LinkedStages
 from glsim.render.renderer import Rendered, Renderer
 from glsim.settings.schema import Settings
 

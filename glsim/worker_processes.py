@@ -260,18 +260,9 @@ def serve(descriptor: int) -> None:
     """
     connection: Connection[Any, Any] = Connection(descriptor)
     parent, reported_s = os.getppid(), time.monotonic()
-
-    def tasks() -> Iterator[Any]:
-        while True:
-            connection.send(_TaskRequest())
-            answer = connection.recv()
-            if not answer:
-                return
-            yield from answer
-
     try:
         try:
-            for result in connection.recv().run(tasks()):
+            for result in connection.recv().run(_tasks(connection)):
                 now_s = time.monotonic()
                 if not isinstance(result, Interim) or now_s - reported_s > _REPORT_EVERY_S:
                     connection.send(result)
@@ -288,3 +279,12 @@ def serve(descriptor: int) -> None:
             connection.send(WorkerFailure(failure))
     except (EOFError, ConnectionError):
         sys.exit(1)  # nobody listens any more
+
+
+def _tasks(connection: Connection[Any, Any]) -> Iterator[Any]:
+    while True:
+        connection.send(_TaskRequest())
+        answer = connection.recv()
+        if not answer:
+            return
+        yield from answer

@@ -1,6 +1,7 @@
-"""Draw docs/figures/rooms.png: python scripts/rooms_figure.py (under a minute; needs glsim[people])
+"""Draw docs/figures/rooms.png: python scripts/rooms_figure.py.
 
-Ten people of the presets office and living-room: shaded clean depth, noisy depth, infrared.
+Ten people of the presets office and living-room: shaded clean depth, noisy depth, infrared. Takes
+under a minute and needs glsim[people].
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Make docs/figures/tune*.png and tune.webp: python -m scripts.tune_figures
+"""Make docs/figures/tune*.png and tune.webp: python -m scripts.tune_figures.
 
 Photographs of the pages of ``glsim tune`` in Chromium, light and dark, and a moving picture of a
 minute's work: a slider, a turned surface, a mistake in the code, A beside B. Needs the extra
@@ -17,7 +17,7 @@ from PIL import Image
 
 from benchmarks.tune import after, chromium_page, shown, tune_page
 from glsim.files.atomic import write_atomic
-from glsim.gl.shader_source import SHADER_ROOT
+from glsim.gl.includes import SHADER_ROOT
 from glsim.tune.static_page import write_static_page
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"

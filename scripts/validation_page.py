@@ -1,4 +1,4 @@
-"""Rewrite the tables and the figure of docs/validation.md: python scripts/validation_page.py
+"""Rewrite the tables and the figure of docs/validation.md: python scripts/validation_page.py.
 
 About three minutes on two cores. Tables stand between <!-- sensor --> and <!-- end -->.
 """

@@ -47,9 +47,7 @@ def corrupted(
 
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_both_backends_agree(context: moderngl.Context, sensor: str) -> None:
-    """The edges of shadows differ: the mesh of a map ends at its pixels' centres, but the NumPy
-    march takes pixels as squares.
-    """
+    """Shadow edges differ: a map's mesh ends at pixel centres, the NumPy march at pixel borders."""
     clean = turned_face(context, crop=None)
     drawn, computed = corrupted(sensor, clean), corrupted(sensor, clean, backend="numpy")
     one, other = drawn.noisy.astype(int), computed.noisy.astype(int)

@@ -11,7 +11,8 @@ import moderngl
 import pytest
 
 import glsim
-from glsim.gl.shader_source import SHADER_ROOT, load_source
+from glsim.gl.includes import SHADER_ROOT
+from glsim.gl.shader_source import load_source
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.registry import shipped_stages
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor

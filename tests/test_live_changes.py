@@ -15,8 +15,8 @@ from glsim.errors import ConfigError, ShaderError
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
-from glsim.noise import chain
-from glsim.noise.chain import StagePass
+from glsim.noise import stage_pass
+from glsim.noise.stage_pass import StagePass
 from glsim.pipeline import Simulator, simulate
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.renderer import Renderer
@@ -236,7 +236,7 @@ def test_values_link_no_program_and_a_stage_links_one(
 ) -> None:
     sources, tasks = planned(settings)
     simulator = Simulator(settings, sources, context)
-    linked = calls_of(monkeypatch, chain, "link")
+    linked = calls_of(monkeypatch, stage_pass, "link")
     changed = simulator.with_values({"axial.base_sigma_mm": 1, "pose.yaw_deg": 3})
     assert linked == []
     louder = changed.with_stage("axial", LOUD)

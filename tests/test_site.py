@@ -177,7 +177,11 @@ def test_no_page_names_an_address_that_is_reserved_for_examples() -> None:
 
 def test_every_extra_is_explained() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = {*project["optional-dependencies"]} - {"test", "test-all", "bench"}  # for work on glsim itself
+    extras = {*project["optional-dependencies"]} - {
+        "test",
+        "test-all",
+        "bench",
+    }  # for work on glsim itself
     text = (DOCS / "howto" / "install.md").read_text(encoding="utf-8")
     assert {name for name in extras if f"| `{name}` |" not in text} == set()
 

@@ -59,7 +59,7 @@ class Result:
     problem: str
 
 
-def _open(root: Path, out: Path) -> int:
+def _open(root: Path, _out: Path) -> int:
     """Read every record and image by Python, as a user's own program does."""
     from glsim import open_dataset
     from glsim.errors import GlsimError
@@ -171,24 +171,14 @@ def _read(box: Path, name: str, reader: str) -> Result:
     grown_mb = max(0, usage.ru_maxrss - base_kb) / 1e3
     lines = [line for line in text.splitlines() if line.strip()]
     touched = [p.name for p, a, b in zip(watched, before, after, strict=True) if a != b]
-    problem = ""
     if touched or opened:
         problem = f"{_TOUCHED}: {', '.join(touched) or opened.splitlines()[0]}"
     elif not ended:
         problem = f"more than {_WAIT_S} s of waiting"
-    elif status == -signal.SIGXCPU:
-        problem = f"more than {_SECONDS} s"
-    elif status not in (0, 1, 2):
-        problem = f"ended by signal {-status}"
-    elif found := _BAD_TEXT.search(text):
-        problem = f"says {found[0]!a}"
-    elif sum(line.startswith("glsim: error") for line in lines) != (status != 0):
-        if reader != "verify":
-            problem = "not one line for one error"
-    elif max(map(len, lines), default=0) > _MESSAGE:
-        problem = "a message too long"
-    elif 1e6 * grown_mb > _BYTES:
-        problem = "more than 1 GB"
+    else:
+        problem = _bad_status(status) or _bad_output(text, lines, status, reader)
+        if not problem and 1e6 * grown_mb > _BYTES:
+            problem = "more than 1 GB"
     in_shards = reader == "denoise" and (box / "set" / "test-000000.tar").exists()
     if name == "sound" and status and not in_shards:  # denoise reads PNG files alone
         problem = problem or "refuses a sound set"
@@ -197,6 +187,21 @@ def _read(box: Path, name: str, reader: str) -> Result:
     shutil.rmtree(out, ignore_errors=True)
     said = lines[-1] if lines else ""
     return Result(name, reader, status, seconds, grown_mb, said, problem)
+
+
+def _bad_status(status: int) -> str:
+    if status == -signal.SIGXCPU:
+        return f"more than {_SECONDS} s"
+    return "" if status in (0, 1, 2) else f"ended by signal {-status}"
+
+
+def _bad_output(text: str, lines: list[str], status: int, reader: str) -> str:
+    if found := _BAD_TEXT.search(text):
+        return f"says {found[0]!a}"
+    errors = sum(line.startswith("glsim: error") for line in lines)
+    if errors != (status != 0):
+        return "" if reader == "verify" else "not one line for one error"
+    return "a message too long" if max(map(len, lines), default=0) > _MESSAGE else ""
 
 
 def _state(path: Path) -> tuple[int, ...]:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 _PERCENT = 2.0
-#: What a heap may keep of one frame; a twentieth of a per cent of a long run.
+#: Growth of the heap that one frame may cause; negligible in a long run.
 _LEAST_MB = 4.0
 _TOPOLOGIES = 300
 

@@ -92,8 +92,8 @@ def _in_process(name: str, options: argparse.Namespace) -> dict[str, Any]:
 def run_kind(name: str, count: int, seed: int = 0, keep: Path | None = None) -> dict[str, Any]:
     """Read ``count`` damaged inputs of a kind in this process; return a row of the table.
 
-    outcomes: used, refused, failed -> number. slowest_s: of one input. grown_mb: growth of the
-    largest resident size. failures, crashes: a text each.
+    The row holds ``outcomes`` (used, refused, failed -> number), ``slowest_s`` of one input,
+    ``grown_mb`` of the peak resident memory, and a text per failure and per crash.
     """
     from glsim.errors import GlsimError
 
@@ -174,5 +174,5 @@ def _limit(seconds: int) -> None:
     signal.alarm(10 * seconds)
 
 
-def _too_long(signal_number: int, frame: object) -> None:
+def _too_long(_signal_number: int, _frame: object) -> None:
     raise TimeoutError(f"more than {_SECONDS} s")

@@ -1,6 +1,4 @@
-"""Table 1 of Kendrick, Yap and Tan, "Synthetic Data Generation for Demonstrating Noise Reduction in
-Facial Depth Imaging": the printed values of its filters beside ours.
-"""
+"""The paper's table 1: the printed values of its filters beside ours."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Tables 2 and 3 of Kendrick, Yap and Tan, "Synthetic Data Generation for Demonstrating Noise
-Reduction in Facial Depth Imaging": the printed values of its networks beside ours.
-"""
+"""The paper's tables 2 and 3: the printed values of its networks beside ours."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def photograph_table(
     frames: Frames,
     photo_runs: Path,
     runs: Path,
-    scoring: Callable[[int, int], None] = lambda done, total: None,
+    scoring: Callable[[int, int], None] = lambda *_: None,
 ) -> tuple[Document, str]:
     """Score networks trained on photographs and on depth.
 

@@ -1,5 +1,7 @@
-"""Values that Kendrick, Yap and Tan print in "Synthetic Data Generation for Demonstrating Noise
-Reduction in Facial Depth Imaging": table 1 (filters), tables 2 and 3 (networks).
+"""Printed values of the paper: table 1 (filters), tables 2 and 3 (networks).
+
+Kendrick, Yap and Tan, "Synthetic Data Generation for Demonstrating Noise Reduction in Facial Depth
+Imaging".
 """
 
 from __future__ import annotations

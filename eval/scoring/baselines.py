@@ -30,12 +30,12 @@ def _eroded(depth: Depth, pixels: int) -> Depth:
 
 #: Name -> function of (clean, mean face) that returns a prediction, or None without a mean face.
 TRIVIAL_BASELINES: Final[dict[str, Callable[[Depth, Depth | None], Depth | None]]] = {
-    "zero image": lambda clean, mean: np.zeros_like(clean),
-    "mean face": lambda clean, mean: mean,
-    "clean, eroded 1 px": lambda clean, mean: _eroded(clean, 1),
-    "clean, eroded 2 px": lambda clean, mean: _eroded(clean, 2),
-    "clean, eroded 4 px": lambda clean, mean: _eroded(clean, 4),
-    "clean, shifted 1 px": lambda clean, mean: _shifted(clean, 1),
+    "zero image": lambda clean, _: np.zeros_like(clean),
+    "mean face": lambda _, mean: mean,
+    "clean, eroded 1 px": lambda clean, _: _eroded(clean, 1),
+    "clean, eroded 2 px": lambda clean, _: _eroded(clean, 2),
+    "clean, eroded 4 px": lambda clean, _: _eroded(clean, 4),
+    "clean, shifted 1 px": lambda clean, _: _shifted(clean, 1),
 }
 
 #: Largest number of frames, evenly spread, for baselines: only their magnitude matters.

@@ -64,12 +64,7 @@ def find_cases(
     """
     by_sensor = {sensor.name: sensor for sensor in study.sensor}
     by_source = {source.name: source for source in study.source}
-    chosen = tuple(
-        _known(name, by_sensor, f"--train-on {name}") for name in dict.fromkeys(train_on)
-    )
-    for sensor in chosen:
-        if sensor.train_people == 0:
-            raise ConfigError(f"--train-on {sensor.name}: this sensor is only tested")
+    chosen = tuple(_trainable(name, by_sensor) for name in dict.fromkeys(train_on))
     base = chosen or study.trainable
     unseen = tuple(sensor for sensor in study.sensor if sensor not in chosen)
     if given and not leave:
@@ -111,6 +106,14 @@ def _parsed(
     if kind == "source" and name:
         return _known(name, by_source, f"--leave {text}")
     raise ConfigError(f"--leave {text}: write sensor:NAME, source:NAME or {ALL}")
+
+
+def _trainable(name: str, families: dict[str, SensorFamily]) -> SensorFamily:
+    """Return the sensor that ``--train-on`` names. Raises ConfigError."""
+    sensor = _known(name, families, f"--train-on {name}")
+    if sensor.train_people == 0:
+        raise ConfigError(f"--train-on {name}: this sensor is only tested")
+    return sensor
 
 
 def _known(name: str, families: dict[str, _Family], option: str) -> _Family:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Protocol, cast
@@ -250,15 +250,8 @@ class Dresser:
             glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
             worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
-        if outfit.garment is not None and self._cloth is not None:
-            fitted = fit_cloth(self._cloth, vertices)
-            for made, albedo in (
-                (make_cloth(fitted, outfit.garment, own.scale, outfit.seed), outfit.cloth_albedo),
-                (make_trousers(fitted, outfit.trousers, outfit.seed), outfit.trousers_albedo),
-                (make_shoes(fitted, outfit.seed), outfit.shoes_albedo),
-            ):
-                if made is not None:
-                    wear("cloth", *made, albedo)
+        for binding, triangles, albedo in self._make_clothes(vertices, own.scale, outfit):
+            wear("cloth", binding, triangles, albedo)
         cloth = [
             thing.binding
             for thing in worn
@@ -268,6 +261,21 @@ class Dresser:
         if occluder is not None:
             occluder = uncovered(occluder, own.body, cloth)
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
+
+    def _make_clothes(
+        self, vertices: Points, scale: float, outfit: Outfit
+    ) -> Iterator[tuple[Binding, NDArray[np.int32], float]]:
+        """Yield binding, triangles and albedo of garment, trousers and shoes."""
+        if outfit.garment is None or self._cloth is None:
+            return
+        fitted = fit_cloth(self._cloth, vertices)
+        for made, albedo in (
+            (make_cloth(fitted, outfit.garment, scale, outfit.seed), outfit.cloth_albedo),
+            (make_trousers(fitted, outfit.trousers, outfit.seed), outfit.trousers_albedo),
+            (make_shoes(fitted, outfit.seed), outfit.shoes_albedo),
+        ):
+            if made is not None:
+                yield *made, albedo
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
         """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final, Protocol, TypeVar
 
 import numpy as np
@@ -93,8 +94,7 @@ def draw_outfit(
     words: dict[str, str] = {}
     numbers: dict[str, float] = {}
 
-    def rng(name: str) -> np.random.Generator:
-        return rng_for(seeds.subject, "appearance", name)
+    rng = partial(rng_for, seeds.subject, "appearance")
 
     def worn(name: str) -> bool:
         return bool(rng(f"share of {name}").random() < getattr(settings, name))

@@ -33,8 +33,11 @@ def make_console(
 ) -> Console:
     """Return a console that prints text as it is: paths and names may hold [brackets] and :colons:.
 
-    Markup is off everywhere: give ``style`` or a ``rich.text.Text`` instead. width: columns, if
-    the output is no terminal. soft_wrap: never break lines.
+    Markup is off everywhere: give ``style`` or a ``rich.text.Text`` instead.
+
+    Args:
+        width: columns where the output is no terminal.
+        soft_wrap: never break lines.
     """
 
     def make(width: int | None) -> Console:
@@ -174,7 +177,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
     """
     terminated: list[int] = []
 
-    def terminate(number: int, frame: FrameType | None) -> None:
+    def terminate(number: int, _frame: FrameType | None) -> None:
         terminated.append(number)
         raise KeyboardInterrupt  # ends workers and removes temporary files as Ctrl-C does
 
@@ -234,7 +237,7 @@ def _report_error(error: Exception, status: int) -> int:
 
 
 def _error_text(error: Exception) -> str:
-    """Return one line. What the system refuses is not a bug."""
+    """Describe an error in one line; only unexpected ones are called a bug."""
     if isinstance(error, GlsimError):
         return str(error)
     if isinstance(error, MemoryError):

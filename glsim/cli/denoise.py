@@ -148,7 +148,7 @@ def _denoise_files(
 ) -> None:
     import numpy as np
 
-    from glsim.denoise.depth_files import MapFrames, find_maps, infrared_files, unit_mm
+    from glsim.denoise.depth_files import MapFrames, find_maps, unit_mm
     from glsim.denoise.frames import Stacks
     from glsim.files.atomic import flush_outputs, write_atomic
     from glsim.files.png import encode_png
@@ -160,9 +160,7 @@ def _denoise_files(
     sigma_targets = _sigma_targets(noisy, out, uncertainty, method)
     sources = [source for source, _ in pairs]
     step_mm = unit_mm(sources, depth_unit_mm)
-    if infrared is not None and not method.infrared:
-        raise ConfigError(f"--infrared: {method.label} does not use infrared; face-ir does")
-    images = infrared_files(sources, infrared) if method.infrared else ()
+    images = _infrared_images(sources, infrared, method)
     frames = MapFrames(sources, step_mm, denoiser.device, images, protocol)
     stacks = Stacks(frames, method.before, method.after)
     failures = 0
@@ -241,6 +239,14 @@ def _spread_ms(seconds: Sequence[float]) -> str:
 
     middle, most = 1000.0 * np.percentile(seconds, (50, 95))
     return f"median {middle:.0f} ms, 95 % within {most:.0f} ms"
+
+
+def _infrared_images(sources: list[Path], infrared: Path | None, method: Method) -> Sequence[Path]:
+    from glsim.denoise.depth_files import infrared_files
+
+    if infrared is not None and not method.infrared:
+        raise ConfigError(f"--infrared: {method.label} does not use infrared; face-ir does")
+    return infrared_files(sources, infrared) if method.infrared else ()
 
 
 def _sigma_targets(

@@ -134,7 +134,7 @@ def evaluate(
     workers: WorkersOption = "auto",
     focal_px: FocalOption = None,
     device: DeviceOption = None,
-    list_denoisers: Annotated[
+    _list_denoisers: Annotated[
         bool,
         typer.Option(
             "--list",

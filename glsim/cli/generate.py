@@ -273,7 +273,7 @@ def generate(
     if merge:
         merge_all_parts(settings, out)
     elif slurm is not None:
-        # The cores of a job, or of the node that it runs on, and not of this machine.
+        # A job counts the cores of its own node, not those of this machine.
         jobs = {"workers": "auto" if workers == "auto" else options["workers"], "leave": leave}
         submit_parts(settings, out, slurm, slurm_set or [], options | jobs)
     elif part is not None:

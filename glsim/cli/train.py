@@ -202,7 +202,7 @@ def stopping() -> Iterator[Callable[[], bool]]:
     """Yield a function that returns whether Ctrl-C or SIGTERM came; a second one ends at once."""
     signals: list[int] = []
 
-    def record(number: int, frame: FrameType | None) -> None:
+    def record(number: int, _frame: FrameType | None) -> None:
         if signals:
             raise KeyboardInterrupt
         signals.append(number)

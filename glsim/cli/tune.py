@@ -133,10 +133,10 @@ def tune(
     console.print(f"glsim tune: {address.url}", soft_wrap=True)
     if not no_browser:
         address.open_browser()
-    # One process draws for one user: by all cores, where generate has a process for each core.
+    # A single process draws here, so it may use all cores.
     os.environ.setdefault("LP_NUM_THREADS", str(available_workers()))
-    # The page's libraries load while the face is made by many short calls of NumPy, each of which
-    # would wait 5 ms (Python's default) for the interpreter: the first picture came 0.6 s later.
+    # The page's libraries load in another thread while the face is made: at Python's default of
+    # 5 ms each of many short NumPy calls would wait that long for the interpreter.
     sys.setswitchinterval(0.0005)
     workshop = Workshop(settings, open_sources, command, start, real, backend)
     workshop.prepare()

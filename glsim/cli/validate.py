@@ -98,7 +98,6 @@ def validate(
 
 
 def _print(report: ValidationReport) -> None:
-    """Print the table to stdout; 200 columns wide when piped, so that grep finds whole words."""
     from glsim.validate import band_texts, measured_texts
 
     table = Table(

@@ -156,7 +156,7 @@ def _dataset_root(folder: Path) -> Path | None:
 
 
 @lru_cache(maxsize=8)
-def _is_header(path: Path, modified_ns: int, size: int) -> bool:
+def _is_header(path: Path, _modified_ns: int, _size: int) -> bool:
     """Return whether a file is the header of a data set; it is read once for all maps."""
     try:
         header, _ = read_object(path)

@@ -36,9 +36,9 @@ _FILTERS: Final[dict[str, type]] = {
 SHIPPED: Final = "face"
 #: The networks that glsim ships, in the folder shipped/: name -> help.
 _NETWORKS: Final = {
-    SHIPPED: "the shipped network, for heads and rooms before any depth camera",
-    "face-ir": "the shipped network that also sees the infrared image",
-    "face-video": "the shipped network that also sees up to four earlier frames",
+    SHIPPED: "The shipped network, for heads and rooms before any depth camera.",
+    "face-ir": "The shipped network that also sees the infrared image.",
+    "face-video": "The shipped network that also sees up to four earlier frames.",
 }
 
 #: The columns of the paper's table 1, in its order.

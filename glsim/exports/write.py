@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -88,19 +88,30 @@ def export_dataset(
     def frames() -> Iterator[ExportFrame]:
         return export_frames(dataset, layers, split, count)
 
-    done = 0
     encoders = [export.encode for export in exports if export.encode is not None]
-    for done, frame in enumerate(frames() if encoders else (), start=1):
-        for encode in encoders:
-            for end, data in encode(frame):
-                write_atomic(data, out / f"{frame.stem}{end}", sync=False)
-        if progress is not None:
-            progress(done)
+    done = _write_files(encoders, frames(), out, progress) if encoders else 0
     for export in exports:
         if export.write is not None:
             done = _write_whole(export, frames(), out)
     if not done:
         raise DatasetError(f"{dataset}: has no frame {'in ' + split if split else 'at all'}")
+    return done
+
+
+def _write_files(
+    encoders: Sequence[Callable[[ExportFrame], Iterable[tuple[str, bytes]]]],
+    frames: Iterator[ExportFrame],
+    out: Path,
+    progress: Callable[[int], None] | None,
+) -> int:
+    """Write the files of each frame; return the number of frames."""
+    done = 0
+    for done, frame in enumerate(frames, start=1):
+        for encode in encoders:
+            for end, data in encode(frame):
+                write_atomic(data, out / f"{frame.stem}{end}", sync=False)
+        if progress is not None:
+            progress(done)
     return done
 
 

@@ -106,8 +106,7 @@ def vertex_frustum(
 ) -> Frustum | None:
     """The frustum of the vertices themselves; None if any is not beyond ``near_m``.
 
-    It is smaller than that of their bounding box for a body whose hands reach forward: the box has
-    its widest parts there too.
+    It can be much smaller than that of their bounding box, e.g. if hands reach forward.
 
     Args:
         vertices_mm: (V, 3).
@@ -208,11 +207,13 @@ def emitter_frustum(
 ) -> Frustum:
     """The frustum that an emitter must see to light the image, with the depths of the whole mesh.
 
-    A surface that casts a shadow into the image lies, seen from the emitter, in the direction of a
-    point that the camera sees. The frustum is not cut to a crop: that would change the grid of the
-    shadow map, and with it the edges of shadows. A mesh that reaches the camera, as the legs
-    of a person who looks up do, has the emitter in its box: what the camera sees is then lit from
-    the camera's near plane on. Raises MeshError if the emitter is inside a scene before the camera.
+    It holds the directions of the points that the camera sees: what shadows them lies there too. A
+    crop does not narrow it, because the edges of shadows depend on the grid of the shadow map. If
+    the mesh reaches the camera (the legs of a person who looks up), the emitter is in its box: the
+    frustum is then that of the camera's view beyond the near plane.
+
+    Raises:
+        MeshError: the emitter is inside a scene before the camera.
     """
     near_m = field_of_view.rig.near_m / 2  # an emitter may stand before the camera
     whole = bounding_frustum(corners_m, origin_m, near_m)

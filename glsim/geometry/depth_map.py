@@ -98,9 +98,9 @@ def surface(
     """The mesh of triangles between pixel centres, cut at edges; None if there are none.
 
     Vertices are in millimetres, in camera axes with y and z negated: ``pose_matrix({})`` moves them
-    back to where they were seen. From the camera's own place nobody sees such a triangle; from
-    another one it is a fin between two surfaces. By default steps of up to 9 % of the depth are
-    bridged, so that a head casts a shadow without gaps.
+    back to where they were seen. Seen from elsewhere, triangles across a jump in depth are fins
+    between two surfaces; by default steps of up to 9 % of the depth are bridged, so that a head
+    casts a shadow without gaps.
 
     Args:
         depth_m: (H, W) metres.

@@ -9,13 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-#: Triangles that are kept, as a share. Chosen: with 0.44 the surface that a sensor at 0.9 m sees
-#: moves along its axis by 0.01 mm at the median and 0.3 mm at the 99th percentile under embedded
-#: heads, by 0.08 and 1.3 mm under ICT-FaceKit, whose mesh is coarser (`benchmarks.occluders`).
+#: Share of the triangles that is kept; chosen by the error that `benchmarks.occluders` measures.
 KEPT_SHARE = 0.44
 
-#: How fast the library raises its bound of the error. Of 1 to 7, its default: 5 is the least that
-#: reaches the share, and leaves a third of the errors at the silhouette.
+#: How fast the library raises its error bound, 1 to 7 (its default): 5 is the slowest that reaches
+#: the share.
 _AGGRESSIVENESS = 5
 
 

@@ -8,7 +8,8 @@ from typing import Any
 import moderngl
 
 from glsim.errors import ShaderError
-from glsim.gl.shader_source import SHADER_ROOT, ShaderSource, load_source
+from glsim.gl.includes import SHADER_ROOT
+from glsim.gl.shader_source import ShaderSource, load_source
 
 _GL_TYPES = {"float": 0x1406, "int": 0x1404, "bool": 0x8B56}
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
-from glsim.gl.shader_source import Layer
+from glsim.gl.declarations import Layer
 
 _BYTES_PER_NUMBER = 4
 

@@ -84,27 +84,12 @@ def read_obj(path: Path) -> ObjFile:
             f"{path}: a face line holds something other than vertex numbers; "
             "the file is damaged, export it again"
         )
-    names = {"": 0}
-    libraries: dict[str, None] = {}
-    materials: list[int] = []
-    vertices_before: list[int] = []  # number of vertex lines before each polygon
-    vertex_lines = material = 0
-    for line in lines:
-        start = line[:2]
-        if start == b"f ":
-            materials.append(material)
-            vertices_before.append(vertex_lines)
-        elif start == b"v ":
-            vertex_lines += 1
-        elif line.startswith(b"usemtl"):
-            material = names.setdefault(_text(line[6:]), len(names))
-        elif line.startswith(b"mtllib") and len(libraries) < _MAX_LIBRARIES:
-            libraries[_text(line[6:])] = None
     if len(sizes) and sizes.min() < 3:
         raise MeshError(
             f"{path}: a face line has {sizes.min()} corners; the file is cut short or damaged, "
             "copy or export it again"
         )
+    vertices_before, materials, names, libraries = _states_of_polygons(lines)
     relative = np.repeat(np.array(vertices_before, dtype=np.int64), sizes)
     numbers = np.where(numbers < 0, numbers + relative, numbers - 1)
     bad = np.flatnonzero((numbers < 0) | (numbers >= len(vertices)))
@@ -122,6 +107,34 @@ def read_obj(path: Path) -> ObjFile:
         tuple(names),
         tuple(libraries),
     )
+
+
+def _states_of_polygons(
+    lines: list[bytes],
+) -> tuple[list[int], list[int], dict[str, int], dict[str, None]]:
+    """Read what the lines before each polygon decide.
+
+    Returns:
+        Per polygon the number of vertex lines before it and the index of its material, then
+        material name -> index, and the names of material files as keys.
+    """
+    names = {"": 0}
+    libraries: dict[str, None] = {}
+    vertices_before: list[int] = []
+    materials: list[int] = []
+    vertex_lines = material = 0
+    for line in lines:
+        start = line[:2]
+        if start == b"f ":
+            materials.append(material)
+            vertices_before.append(vertex_lines)
+        elif start == b"v ":
+            vertex_lines += 1
+        elif line.startswith(b"usemtl"):
+            material = names.setdefault(_text(line[6:]), len(names))
+        elif line.startswith(b"mtllib") and len(libraries) < _MAX_LIBRARIES:
+            libraries[_text(line[6:])] = None
+    return vertices_before, materials, names, libraries
 
 
 def read_material_colours(path: Path) -> dict[str, tuple[float, float, float]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from glsim.errors import ConfigError
 from glsim.files.regular import read_regular
-from glsim.gl.shader_source import Parameter
+from glsim.gl.declarations import Parameter
 from glsim.noise.stage import StageSpec
 
 #: Largest file, bytes: a stage is a page of code.

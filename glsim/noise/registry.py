@@ -15,7 +15,8 @@ from types import ModuleType
 from typing import Any
 
 from glsim.errors import ConfigError, ShaderError, did_you_mean
-from glsim.gl.shader_source import SHADER_ROOT, ShaderSource, load_source, parse_source
+from glsim.gl.includes import SHADER_ROOT
+from glsim.gl.shader_source import ShaderSource, load_source, parse_source
 from glsim.noise import array_stages
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, ShaderError, did_you_mean
-from glsim.gl.shader_source import Parameter, ShaderSource
+from glsim.gl.declarations import Parameter
+from glsim.gl.shader_source import ShaderSource
 from glsim.noise.frame_context import Layers, StageView
 from glsim.settings.distribution import Distribution, DrawKeys, constant
 
@@ -38,6 +39,9 @@ Reach = Callable[[Mapping[str, float]], int]
 #: The parameter that every stage has; it switches the stage off: ``--set axial.enabled=false``.
 ENABLED = "enabled"
 _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage runs", Path(), 0)
+
+#: One frame's parameter values: stage name -> parameter -> value.
+StageValues = Mapping[str, Mapping[str, float]]
 
 
 def _own_pixel(_: Mapping[str, float]) -> int:

@@ -21,11 +21,13 @@ CACHED_TOPOLOGIES = 32
 class GpuMesh:
     """A mesh in GPU buffers.
 
-    faces, occluder: those of the mesh; they are kept, so that no other arrays get their ids.
-    positions: (V, 3) float32, canonical mm. albedos: (V,) float32.
-    surface, projector: the vertex arrays for the camera and for the emitters.
-    vertices_mm, albedo: the arrays whose values the buffers hold; at first objects that are no
-        arrays. Arrays of a mesh are never changed in place, so the same array is not written again.
+    Attributes:
+        faces, occluder: triangles of the mesh, kept alive because their ids are keys of the cache.
+        positions: (V, 3) float32, canonical mm.
+        albedos: (V,) float32.
+        surface, projector: vertex arrays for the camera and for the emitters.
+        vertices_mm, albedo: the arrays that were uploaded last; the same array is not uploaded
+            again, because arrays of a mesh are never changed in place.
     """
 
     faces: NDArray[np.int32]

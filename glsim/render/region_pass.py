@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.rect import Rect
+from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes, index_buffer
 from glsim.gl.program import link_files
-from glsim.gl.shader_source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.mesh_cache import CACHED_TOPOLOGIES
 
@@ -46,9 +46,11 @@ class RegionPass:
         pools: tuple[TargetPool, TargetPool],
         rays: Target,
     ) -> None:
-        """pools: target pools of pinhole camera and image; the same pool if no lens distorts.
+        """Link the program and allocate the buffers.
 
-        rays: target that holds ``rig.rays()``.
+        Args:
+            pools: target pools of pinhole camera and image; one and the same without distortion.
+            rays: target that holds ``rig.rays()``.
         """
         self._context, self._rays = context, rays
         self._camera_pool, self._pool = pools

@@ -33,9 +33,9 @@ from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
+from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
 from glsim.gl.program import link_files
-from glsim.gl.shader_source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.mesh_cache import GpuMesh, MeshCache
 from glsim.render.region_pass import REGION, LabelledMesh, RegionPass
@@ -53,14 +53,15 @@ _RAYS = Layer("rays", "vec2")
 class Rendered:
     """The clean layers of one scene. They are valid within the ``with`` block that made them.
 
-    layers: targets by name: clean (m along the axis, 0 = no surface), normal (unit vector towards
-        the camera, albedo), albedo, lit (0 to 1), and region if labels were given; for a rig that
-        supersamples also fine_seen (depth and albedo of the samples) and uneven.
-    window: the part of the frame that the layers hold.
-    nearest_m: a lower bound of all depths in the scene.
-    silhouette: limits passes to the pixels with a surface.
-    rays: x/z and y/z of each pixel's ray, the whole frame; the renderer owns this target.
-    pool: owner of the other targets; later passes of the frame take their targets from it.
+    Attributes:
+        layers: targets by name: clean (m along the axis, 0 = no surface), normal (unit vector
+            towards the camera, albedo), albedo, lit (0 to 1), and region if labels were given; for
+            a rig that supersamples also fine_seen (depth and albedo of the samples) and uneven.
+        window: the part of the frame that the layers hold.
+        nearest_m: a lower bound of all depths in the scene.
+        silhouette: limits passes to the pixels with a surface.
+        rays: x/z and y/z of each pixel's ray, the whole frame; the renderer owns this target.
+        pool: owner of the other targets; later passes of the frame take their targets from it.
     """
 
     layers: Mapping[str, Target]

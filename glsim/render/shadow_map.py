@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from glsim.geometry.bounds import FieldOfView, Frustum, emitter_frustum
 from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
 from glsim.geometry.rect import Rect
+from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
 from glsim.gl.program import link_files
-from glsim.gl.shader_source import Layer
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.silhouette import Silhouette
 

@@ -8,9 +8,11 @@ import moderngl
 
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.rect import Rect
+from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass
+from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.program import link
-from glsim.gl.shader_source import SHADER_ROOT, Layer, load_source
+from glsim.gl.shader_source import load_source
 from glsim.gl.targets import Target, TargetPool
 
 UNEVEN = Layer("uneven", "float")

@@ -24,37 +24,37 @@ Span = tuple[float, float, float]
 ALONG_WALLS: dict[str, tuple[tuple[float, Maker], ...]] = {
     "office": (
         (0.34, storage.shelf),
-        (0.22, lambda rng, clutter: storage.cabinet(rng)),
+        (0.22, lambda rng, _: storage.cabinet(rng)),
         (0.30, tables.desk),
-        (0.07, lambda rng, clutter: decoration.plant(rng)),
-        (0.07, lambda rng, clutter: storage.moving_box(rng)),
+        (0.07, lambda rng, _: decoration.plant(rng)),
+        (0.07, lambda rng, _: storage.moving_box(rng)),
     ),
     "living-room": (
         (0.20, storage.shelf),
-        (0.16, lambda rng, clutter: storage.cabinet(rng)),
-        (0.26, lambda rng, clutter: seating.sofa(rng)),
+        (0.16, lambda rng, _: storage.cabinet(rng)),
+        (0.26, lambda rng, _: seating.sofa(rng)),
         (0.12, storage.sideboard),
         (0.10, lambda rng, clutter: storage.sideboard(rng, clutter, with_television=True)),
-        (0.09, lambda rng, clutter: decoration.plant(rng)),
-        (0.07, lambda rng, clutter: decoration.floor_lamp(rng)),
+        (0.09, lambda rng, _: decoration.plant(rng)),
+        (0.07, lambda rng, _: decoration.floor_lamp(rng)),
     ),
     "empty": (),
 }
 #: Kind of room -> (share, maker) of what stands free. Shares chosen.
 FREE_STANDING: dict[str, tuple[tuple[float, Maker], ...]] = {
     "office": (
-        (0.35, lambda rng, clutter: seating.office_chair(rng)),
-        (0.20, lambda rng, clutter: seating.chair(rng)),
-        (0.20, lambda rng, clutter: decoration.plant(rng)),
-        (0.10, lambda rng, clutter: storage.waste_bin(rng)),
-        (0.15, lambda rng, clutter: storage.moving_box(rng)),
+        (0.35, lambda rng, _: seating.office_chair(rng)),
+        (0.20, lambda rng, _: seating.chair(rng)),
+        (0.20, lambda rng, _: decoration.plant(rng)),
+        (0.10, lambda rng, _: storage.waste_bin(rng)),
+        (0.15, lambda rng, _: storage.moving_box(rng)),
     ),
     "living-room": (
-        (0.35, lambda rng, clutter: seating.chair(rng)),
+        (0.35, lambda rng, _: seating.chair(rng)),
         (0.20, tables.low_table),
-        (0.20, lambda rng, clutter: decoration.plant(rng)),
-        (0.15, lambda rng, clutter: decoration.floor_lamp(rng)),
-        (0.10, lambda rng, clutter: storage.moving_box(rng)),
+        (0.20, lambda rng, _: decoration.plant(rng)),
+        (0.15, lambda rng, _: decoration.floor_lamp(rng)),
+        (0.10, lambda rng, _: storage.moving_box(rng)),
     ),
     "empty": (),
 }

@@ -111,9 +111,7 @@ def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:
 def _extent(
     n: RoomNumbers, way: Sequence[tuple[float, float, float]]
 ) -> tuple[float, float, float, float]:
-    """(left, back, right, front) of the room. It is convex and holds the whole way, so that no
-    wall stands between camera and person.
-    """
+    """(left, back, right, front) walls of the convex room, which holds all of ``way``."""
     share = _rng(n, "extent").uniform(0.3, 0.7)
     left = min(-share * n.width_mm, *(x - r - _WALL_GAP_MM for x, _, r in way))
     right = max((1 - share) * n.width_mm, *(x + r + _WALL_GAP_MM for x, _, r in way))

@@ -202,9 +202,7 @@ _SCOPES = ("frame", "sequence", "subject")
 
 
 def _held(setting: Distribution, seeds: DrawKeys, settings: SceneSettings) -> DrawKeys:
-    """The seeds with which a setting of the pose is drawn for the whole scope of a room: its own
-    if it stays the same in that scope, else those of the room.
-    """
+    """The seeds of a pose setting in a room: its own if it is constant there, else the room's."""
     if _SCOPES.index(setting.per) >= _SCOPES.index(settings.per):
         return seeds
     return DrawKeys(*[getattr(seeds, settings.per)] * 3)

@@ -55,8 +55,9 @@ class Wall:
 def draw_openings(
     rng: Rng, length: float, height: float, doors: int, windows: int
 ) -> list[Opening]:
-    """Draw doors and windows that fit into a wall without touching each other. Sizes: DIN 18101
-    (doors of 735 to 985 by 1985 to 2110 mm); windows chosen.
+    """Draw doors and windows that fit into a wall without touching each other.
+
+    Doors: DIN 18101 (735 to 985 by 1985 to 2110 mm); sizes of windows chosen.
     """
     found: list[Opening] = []
     for kind in ["door"] * doors + ["window"] * windows:

@@ -34,7 +34,8 @@ from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
-from glsim.noise.chain import PATTERN_LAYER, check_chain
+from glsim.noise.chain import check_chain
+from glsim.noise.layer_names import PATTERN_LAYER
 from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
@@ -227,7 +228,7 @@ def load_sensor(
     name: str,
     overrides: Mapping[str, Mapping[str, Distribution]] | None = None,
     rig_overrides: Mapping[str, Any] | None = None,
-    place: _Place = lambda *path: "the overrides",
+    place: _Place = lambda *_: "the overrides",
     changes: Sequence[StageChange] = (),
 ) -> Sensor:
     """Load a sensor by name, shipped or of another package, or a sensor file by path.

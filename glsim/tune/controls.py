@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from glsim.gl.shader_source import Parameter
+from glsim.gl.declarations import Parameter
 from glsim.noise.stage import ENABLED, Stage
 from glsim.sensors.sensor import Sensor
 from glsim.settings.distribution import Distribution
@@ -29,7 +29,7 @@ class Control:
         least, most: the ends of the slider.
         log_scale: the slider holds the logarithm to base 10.
         start: the sensor's own value.
-        off: the sensor does not have the value until the slider, which stands at ``start``, moves.
+        off: the sensor lacks the value until the slider moves away from ``start``.
     """
 
     name: str

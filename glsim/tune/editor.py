@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import background_tasks, ui
 
-from glsim.gl.shader_source import SHADER_ROOT
+from glsim.gl.includes import SHADER_ROOT
 from glsim.noise.stage import Stage
 from glsim.tune.bench import DrawnFrame, marked_lines
 from glsim.tune.desk import Desk

@@ -22,12 +22,13 @@ _MESH_FRAMES = 30
 def opener(
     settings: Settings, face: Path | None
 ) -> tuple[Settings, Callable[[Settings], Sequence[FaceSource]]]:
-    """Return the settings with their plan of frames, and what opens the faces of such settings.
-
-    Raises MeshError if it cannot be read.
+    """Return settings with a plan of frames, and the function that opens their face sources.
 
     Args:
-        face: a mesh file instead of the settings' source.
+        face: a mesh file that replaces the source of ``settings``.
+
+    Raises:
+        MeshError: ``face`` cannot be read.
     """
     if face is None:
         return settings, open_sources
@@ -38,10 +39,9 @@ def opener(
 
 
 def as_values(settings: Settings, assignments: Sequence[str]) -> tuple[Settings, dict[str, Any]]:
-    """Split settings into those that stay and the values that a page shows as changed.
+    """Split settings into fixed ones and values that the page shows as changed.
 
-    The page shows, saves and copies what ``--set`` says of anything but the source, and what any
-    file of settings says of the sensor's rig and stages.
+    Changed values are those of the rig and the stages, and ``--set`` of the pose and the scene.
     """
     values: dict[str, Any] = {f"rig.{key}": value for key, value in settings.rig.items()}
     for stage, own in settings.stage.items():

@@ -1,13 +1,11 @@
-"""The page of one tab: what is shown, and what happens when something is moved."""
+"""The page of one tab: its elements, its drawing loop, and its reactions to changes."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import time
-from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from nicegui import Client, background_tasks, ui
@@ -15,6 +13,7 @@ from nicegui import Client, background_tasks, ui
 from glsim.errors import GlsimError
 from glsim.reason import Reason
 from glsim.sensors.sensor import Sensor
+from glsim.tune.after_painting import AfterPainting
 from glsim.tune.bench import DrawnFrame
 from glsim.tune.editor import CodeEditor
 from glsim.tune.packet import pack
@@ -22,16 +21,15 @@ from glsim.tune.sections import Sections
 from glsim.tune.side_by_side import SideBySide
 from glsim.tune.state import History, StageCode, Tuning
 from glsim.tune.topbar import TopBar
+from glsim.tune.watched_files import WatchedFiles
 from glsim.tune.workshop import Workshop
 
-#: Seconds. Pause between a painted picture and its statistics; the same while pictures follow each
-#: other, which statistics slow down; and how long a tab may take to paint: a hidden one never does.
-_REST, _REST_PLAYING, _PAINTING = 0.15, 1.5, 2.0
-#: Pause between two changes of the panel while the page plays, seconds: a change takes the browser
-#: 25 ms, as long as to paint a picture.
+#: Pause between a painted picture and its statistics, and the same while the page plays, seconds.
+_REST, _REST_PLAYING = 0.15, 1.5
+#: Pause between two updates of the panel while the page plays, seconds: one takes the browser as
+#: long as a picture.
 _REST_PANEL = 0.5
-#: How long a browser's request for the next picture waits for one, seconds: it asks again. The
-#: server ends as late as this after Ctrl-C.
+#: Longest wait of a browser's request for a picture, and of the server's end after Ctrl-C, seconds.
 _WAITING = 2.0
 
 _HEAD = """
@@ -54,10 +52,8 @@ class Page:
         self._number = 0
         self._packet: bytes | None = None
         self._drawing = self._wanted = self._closed = False
-        self._followed: set[str] = set()
-        self._files: dict[Path, float] = {}
-        self._read_at = 0.0
-        self._painted = asyncio.Event()
+        self._files = WatchedFiles()
+        self._after_painting = AfterPainting(self._newest, lambda: self.top.playing)
         self._presented = asyncio.Event()
         self._ahead: tuple[Tuning, int | None, asyncio.Task[DrawnFrame]] | None = None
 
@@ -71,7 +67,7 @@ class Page:
         """
         ui.add_head_html(_HEAD)
         self.dark = ui.dark_mode(None)
-        ui.on("tune_shown", self._shown)
+        ui.on("tune_shown", self._after_painting.painted)
         with ui.element("main").classes("tune"):
             with ui.element("header").classes("top"):
                 self.comparison = SideBySide(self, self._drawn, _figures)
@@ -178,7 +174,7 @@ class Page:
         return await self.workshop.on_gl(self.bench.draw, tuning, self.top.noise_of)
 
     async def _draw(self, tuning: Tuning) -> None:
-        self._read_at = time.time()
+        self._files.read_at = time.time()
         ahead, self._ahead = self._ahead, None
         if ahead is not None and ahead[:2] == (tuning, self.top.noise_of):
             self.picture = await ahead[2]
@@ -188,9 +184,8 @@ class Page:
     async def packet_after(self, number: int) -> bytes | None:
         """Wait up to 2 s for a picture later than ``number``; return its packet, None without one.
 
-        The browser always has such a request open. To announce a picture through the socket and
-        then be asked for it took 54 ms, as long as to paint it. While the page plays, the request
-        says that the browser has picture ``number``: the next one is drawn, or has been.
+        The browser always has such a request open, which saves announcing a picture through the
+        socket. While the page plays, a request also starts the drawing of the next picture.
         """
         if self.top.playing and number == self._number and not self._drawing:
             self.top.next_frame()
@@ -207,7 +202,7 @@ class Page:
             return
         self._number += 1
         self._packet = pack(picture.frame, number=self._number)
-        self._painted.clear()
+        self._after_painting.expect()
         self._presented.set()
         with self.client:
             self.editor.problem("")
@@ -218,52 +213,27 @@ class Page:
     def _draw_ahead(self, tuning: Tuning) -> None:
         """Begin to draw a tuning's frame while the browser still takes the frame before it."""
         drawing = asyncio.create_task(self._drawn(tuning))
-        drawing.add_done_callback(lambda task: task.cancelled() or task.exception())  # said later
+        # Errors are reported where the task is awaited; this only silences asyncio.
+        drawing.add_done_callback(lambda task: task.cancelled() or task.exception())
         self._ahead = tuning, self.top.noise_of, drawing
 
     def _refused(self, tuning: Tuning, why: str) -> None:
-        """Say why a tuning cannot be drawn, and go back to what is shown."""
+        """Show why a tuning cannot be drawn, and return to the shown one."""
         if self._closed:
             return
         with self.client:
             self.editor.problem(why)
             self.top.stop()
             if self.picture is None or tuning == self.picture.tuning:
-                return  # not the tuning is wrong, but a file that has changed
+                return  # a file has changed; the tuning is good
             self.history.refuse(tuning)
             self.sections.refresh(self.picture)
             self.top.refresh()
 
     def _follow_painted(self) -> None:
         """Show the newest picture's settings in the panel, and its figures, when it is painted."""
-        self._follow(self._list, 0.0, _REST_PANEL)
-        self._follow(self._measure, _REST, _REST_PLAYING)
-
-    def _follow(
-        self, show: Callable[[DrawnFrame], Awaitable[None]], rest_s: float, play_s: float
-    ) -> None:
-        """Call ``show`` for the newest picture after it is painted, until there is no newer one.
-
-        Args:
-            rest_s, play_s: pause between painting and showing; the same while the page plays.
-        """
-
-        async def follow() -> None:
-            try:
-                shown = None
-                while self.picture is not None and self.picture is not shown and not self._closed:
-                    # The picture comes first, and a dragged slider: to show figures takes as long.
-                    with suppress(TimeoutError):
-                        await asyncio.wait_for(self._painted.wait(), _PAINTING)
-                    await asyncio.sleep(play_s if self.top.playing else rest_s)
-                    shown = self.picture
-                    await show(shown)
-            finally:
-                self._followed.discard(show.__name__)
-
-        if show.__name__ not in self._followed:
-            self._followed.add(show.__name__)
-            background_tasks.create(follow(), name=show.__name__)
+        self._after_painting.call(self._list, 0.0, _REST_PANEL)
+        self._after_painting.call(self._measure, _REST, _REST_PLAYING)
 
     async def _list(self, picture: DrawnFrame) -> None:
         with self.client:
@@ -284,8 +254,8 @@ class Page:
         if self.workshop.recorded:
             self.call("recording", self.workshop.recorded, here)
 
-    def _shown(self) -> None:
-        self._painted.set()
+    def _newest(self) -> DrawnFrame | None:
+        return None if self._closed else self.picture
 
     # looks, and files that change elsewhere
 
@@ -297,22 +267,13 @@ class Page:
         self.call("themed")
 
     async def _is_dark(self) -> bool:
-        """Ask the browser whether the page is dark: by the system's choice or the user's."""
+        """Ask the browser whether the page is dark, by system or user choice."""
         script = "document.body.classList.contains('body--dark')"
         return bool(await self.client.run_javascript(script, timeout=60.0))
 
     async def _watch(self) -> None:
         """Reload the sensor's own files when an editor outside has changed them."""
-        if self.sensor is None:
-            return
-        specs = [stage.spec for stage in self.sensor.stages]
-        sources = [spec.source for spec in specs if spec.source is not None]
-        files = {self.sensor.file, *(Path(spec.file) for spec in specs if spec.source is None)}
-        files = files.union(*(source.files for source in sources))
-        times = {f: f.stat().st_mtime for f in files if f.is_file()}
-        known, self._files = self._files, times
-        # A file that was not looked at before may have changed since it was read.
-        if any(t != known[f] if f in known else t > self._read_at for f, t in times.items()):
+        if self.sensor is not None and self._files.have_changed(self.sensor):
             self.bench.reload()
             self.sections.reload()
             await self.refresh()

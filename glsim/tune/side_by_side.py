@@ -28,7 +28,7 @@ class SideBySide:
         draw: Callable[[Tuning], Awaitable[DrawnFrame]],
         measure: Callable[[DrawnFrame], dict[str, Any]],
     ) -> None:
-        """draw: a tuning's picture. measure: its figures."""
+        """Take what draws a tuning's picture, and what measures its figures."""
         self._page, self._draw, self._measure = page, draw, measure
         self._second: Tuning | None = None
         self._number = 0

@@ -1,7 +1,7 @@
-"""What a user has changed of a sensor, as one plain value with a history.
+"""The changes to a sensor as one plain value, with an undo history.
 
-Names and values are those of ``--set``, so that everything that leaves the page (a command line,
-Python, a link, a sensor file) says the same.
+Names and values are those of ``--set``, in every output of the page: a command line, Python, a
+link, a sensor file.
 """
 
 from __future__ import annotations
@@ -101,10 +101,10 @@ def tuning_of_link(text: str) -> Tuning:
 
 
 class History:
-    """The tunings of a page, in order, with a place in them.
+    """The tunings of a page in order; one of them is the current one.
 
-    Successive changes of one name are one step until ``settle``, so that a dragged slider is undone
-    at once.
+    Until ``settle``, successive changes of one name are one step, so that a single undo reverts a
+    dragged slider.
     """
 
     def __init__(self, start: Tuning) -> None:
@@ -132,11 +132,11 @@ class History:
         return True
 
     def settle(self) -> None:
-        """End the current step: the next change of the same name is another one."""
+        """End the current step: the next change of the same name starts a new one."""
         self._open = ""
 
     def refuse(self, tuning: Tuning) -> bool:
-        """Drop a step that cannot be drawn, if it is the current one; return whether it was."""
+        """Drop ``tuning`` if it is current and failed to draw; return True if dropped."""
         if tuning is not self.now or self._at == 0:
             return False
         self._steps = self._steps[: self._at]

@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.frame import Frame
-from glsim.noise.chain import bound_values
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import shipped_stages
+from glsim.noise.stage_pass import bound_values
 from glsim.sensors.sensor import Sensor
 from glsim.settings.seeds import stable_seed
 

@@ -10,15 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from glsim.gl.shader_source import (
-    SHADER_ROOT,
-    Parameter,
-    declaration_patterns,
-    display_name,
-    included_text,
-    load_source,
-)
-from glsim.noise.chain import BLANK, EXPECTED_LAYER
+from glsim.gl.declarations import Parameter, declaration_patterns
+from glsim.gl.includes import SHADER_ROOT, display_name, included_text
+from glsim.gl.shader_source import load_source
+from glsim.noise.layer_names import BLANK, EXPECTED_LAYER
 from glsim.noise.stage import ENABLED, Stage, draw_values
 from glsim.reason import Reason
 from glsim.sensors.sensor import Sensor
@@ -37,11 +32,7 @@ FRAMES_PER_SECOND = 30
 
 
 def describe_chains(sensors: Sequence[Sensor]) -> dict[str, Any]:
-    """Return what the page needs to know of sensors, reasons and GLSL, as JSON values.
-
-    files: name -> text, those that stages may include too. patterns: of declarations, for
-    JavaScript. blank: what sparse stages write in empty pixels, where that is not 0.
-    """
+    """Return sensors, reasons and GLSL files (with all that stages may include) as JSON values."""
     files = {VERTEX: included_text(VERTEX), SILHOUETTE: included_text(SILHOUETTE)}
     for library in sorted((SHADER_ROOT / "lib").glob("*.glsl")):
         files[display_name(library)] = included_text(display_name(library))
@@ -66,8 +57,7 @@ def describe_chains(sensors: Sequence[Sensor]) -> dict[str, Any]:
 def describe_sensor(sensor: Sensor) -> dict[str, Any]:
     """Return a sensor's rig, stages and drawn cameras as JSON values.
 
-    drawn: "stage.parameter" of the settings that are distributions. cameras: their values, a list
-    per camera; those that ``camera_keys`` give.
+    ``drawn`` names the settings that are distributions, ``cameras`` has their values per camera.
     """
     camera = sensor.rig.intrinsics
     drawn: list[str] = []
@@ -113,7 +103,7 @@ def describe_source(file: Path) -> dict[str, Any]:
 
 
 def _stage(stage: Stage) -> dict[str, Any]:
-    """Describe a stage. settings: parameter -> constant; ranges: parameter -> its distribution."""
+    """Describe a stage: constant parameters in ``settings``, distributions in ``ranges``."""
     array = stage.spec.source is None
     parameters = [_parameter(p) for p in stage.spec.parameters.values()] if array else []
     return {

@@ -74,7 +74,7 @@ def write_static_page(
 
 
 def join_script(facts: dict[str, Any]) -> str:
-    """Return the page's one script. Each module becomes a function, so that names do not meet."""
+    """Return the page's one script; each module is a function, so that names do not collide."""
     parts = [f"'use strict';\nwindow.glsimFacts = {_json(facts)};\nconst modules = {{}};\n"]
     for name in MODULES:
         text = (_ASSETS / name).read_text()

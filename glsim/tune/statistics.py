@@ -17,7 +17,7 @@ from glsim.reason import Reason
 
 Array = NDArray[np.float32]
 
-#: Depth of the face behind its nearest point, mm, that of a head.
+#: Pixels up to this far behind the nearest point count as the face, mm: the depth of a head.
 FACE_MM = 250.0
 #: Width of the bins of distance and angle, and least pixels of a bin.
 _DISTANCE_MM, _ANGLE_DEG, _LEAST = 20.0, 10.0, 30
@@ -30,7 +30,10 @@ def frame_statistics(frame: Frame, normal: Array) -> dict[str, Any]:
     """Return the figures of a frame as JSON values; None with too few pixels.
 
     Errors are noisy minus clean, mm, of pixels with both; sigma is their standard deviation about
-    the mean of a bin on the face. normal: (h, w, 4) of the frame's window, in the camera's axes.
+    the mean of a bin on the face.
+
+    Args:
+        normal: (h, w, 4) of the frame's window, in the camera's axes.
     """
     clean, noisy = frame.clean_m * np.float32(1000), frame.noisy_m * np.float32(1000)
     both = (clean > 0) & (noisy > 0)
@@ -104,7 +107,7 @@ def _histogram(values: Array, unit_mm: float) -> dict[str, Any]:
     if values.size < _LEAST:
         return {"low_mm": -1.0, "high_mm": 1.0, "counts": []}
     middle = float(np.median(values))
-    spread = 1.4826 * float(np.median(np.abs(values - middle)))  # of a Gaussian's deviation
+    spread = 1.4826 * float(np.median(np.abs(values - middle)))  # sigma of a Gaussian
     reach = max(4 * spread, 0.5)
     width = unit_mm * max(round(2 * reach / unit_mm / _BINS), 1)
     sides = max(math.ceil(reach / width), 2)

@@ -43,7 +43,7 @@ class Workshop:
     _prepared: Bench | None = None
 
     def prepare(self) -> None:
-        """Draw the start on the GL thread, so that the first tab finds faces and programs made."""
+        """Draw the first frame on the GL thread, so that the first tab opens at once."""
         self._prepared = Bench(self.base, self.open_sources, self.backend)
 
         def draw(bench: Bench) -> None:

@@ -71,7 +71,7 @@ def _is_v2(captures: Captures) -> bool:
     return sensor_sheet(captures.camera.sensor.name).title == "Kinect V2"
 
 
-def _always(captures: Captures) -> bool:
+def _always(_captures: Captures) -> bool:
     return True
 
 

@@ -34,9 +34,7 @@ def unit(name: str) -> SensorRig:
 
 
 def opencv_matrix(image: Intrinsics) -> np.ndarray:
-    """OpenCV's camera matrix. Its pixel centres are at integers, ours at + 0.5: the principal point
-    is the same if both sides of a comparison use one convention, as here.
-    """
+    """OpenCV's camera matrix; here both sides of a comparison put pixel centres at integers."""
     return np.array([[image.fx, 0, image.cx], [0, image.fy, image.cy], [0, 0, 1]])
 
 

@@ -12,8 +12,9 @@ import pytest
 
 from glsim import reason
 from glsim.errors import ShaderError
+from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.program import link
-from glsim.gl.shader_source import SHADER_ROOT, load_source
+from glsim.gl.shader_source import load_source
 from glsim.noise.registry import shipped_stages
 from glsim.reason import Reason
 

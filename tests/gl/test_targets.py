@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glsim.geometry.rect import Rect
-from glsim.gl.shader_source import Layer
+from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, TargetPool
 
 WHOLE = Rect(0, 0, 8, 6)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from glsim.geometry.rect import Rect
+from glsim.gl.declarations import Layer
 from glsim.gl.program import link
-from glsim.gl.shader_source import Layer, load_source
+from glsim.gl.shader_source import load_source
 from glsim.gl.targets import TargetPool
 from glsim.noise.numpy_twins.random import normal_pair, random_bits, uniform01
 from tests.support.stage_harness import Z_MAX, z_correlation, z_mean, z_rate, z_sd

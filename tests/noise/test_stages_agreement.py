@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glsim.geometry.rect import Rect
-from glsim.gl.shader_source import Layer
+from glsim.gl.declarations import Layer
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.numpy_twins.dots import cells
 from glsim.noise.registry import shipped_stages

@@ -100,9 +100,7 @@ def test_the_subjects_left_is_on_the_right_of_the_image(context: moderngl.Contex
 def test_poses_turn_the_head_as_its_owner_would_say(
     angle: str, nearer: tuple[float, float] | None
 ) -> None:
-    """Turned to its left, the nose points to image right, so that the right cheek comes nearer;
-    raised, the chin does; tilted to its left, the crown moves to image right.
-    """
+    """Yaw brings the right cheek nearer, pitch the chin; roll moves the crown to image right."""
     view = pose_matrix({angle: 20.0, "distance_mm": 900})
 
     def seen(x: float, y: float, z: float) -> np.ndarray:

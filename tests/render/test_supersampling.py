@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glsim.errors import ShaderError
-from glsim.gl.shader_source import SHADER_ROOT
+from glsim.gl.includes import SHADER_ROOT
 from glsim.render import supersampling
 from tests.support.scenes import V2_LENS, Plane, interior, layers_of, rectangle, rig
 

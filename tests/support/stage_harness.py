@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
-from glsim.gl.shader_source import Layer
+from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, Target, TargetPool
-from glsim.noise.chain import StagePass
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.numpy_twins.dots import cells
 from glsim.noise.registry import shipped_stages
+from glsim.noise.stage_pass import StagePass
 from glsim.reason import Reason
 
 Image = NDArray[np.float32]

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.gl.context import make_current
-from glsim.gl.shader_source import Layer
+from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext

@@ -14,7 +14,8 @@ from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
 from glsim.gl.targets import Readback
-from glsim.noise.chain import ShaderChain, run_twins
+from glsim.noise.array_chain import run_twins
+from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
 from glsim.pipeline import open_sources

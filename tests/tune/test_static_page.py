@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from glsim.frame import Frame, encode_depth
 from glsim.frame_assembly import reconcile_reasons
-from glsim.gl.shader_source import SHADER_ROOT
+from glsim.gl.includes import SHADER_ROOT
 from glsim.noise.registry import shipped_stages
 from glsim.pipeline import Simulator, open_sources
 from glsim.plan.tasks import make_tasks

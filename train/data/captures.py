@@ -18,9 +18,9 @@ class StoredCaptures(StoredPairs):
     """``pairs[n]`` is (noisy_mm, second_mm): a frame and another one near it in time.
 
     Each (1, H, W) float32 millimetres, 0 = no return. The second capture is a frame of the same
-    sequence, 1 to ``frames_apart`` before or after, drawn anew in each epoch; crop and augmentation
-    are those of `StoredPairs` and the same for both. Before and after are equally likely away from
-    the ends of a sequence, so that steady motion moves the second capture to both sides alike.
+    sequence, 1 to ``frames_apart`` before or after, drawn anew in each epoch. Both sides are
+    equally likely away from the ends of a sequence, so that steady motion adds no bias. Crop and
+    augmentation are those of `StoredPairs`, the same for both frames.
     """
 
     def __init__(

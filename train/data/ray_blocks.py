@@ -30,9 +30,9 @@ from glsim.worker_processes import WorkerFailure
 class RayBlocks:
     """The blocks of some lanes, rendered on a cluster in the order of their use.
 
-    Nodes are at most LANES blocks, or two a core, ahead of the training: what they have made waits
-    in Ray's object store, and no node begins another block before one is used. Blocks are taken by
-    their place and not as they arrive, so the batches are those of a rendering here.
+    Nodes run at most LANES blocks, or two a core, ahead of the training; finished blocks wait in
+    Ray's object store. Blocks are used in order of number, not of arrival, so the batches
+    equal those of a local rendering.
 
     Raises ConfigError as ``ray_cluster``; ``pairs`` raises the errors of the nodes, and
     DifferentMachineError for a node that computes differently from the first one.

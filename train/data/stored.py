@@ -32,23 +32,19 @@ CACHE_MB = 1024.0
 class Augmentation:
     """Random changes to a pair, limited to what the sensor could have measured.
 
-    flip: mirror left and right, at random with probability 1/2. Off by default: a time-of-flight
-        camera's emitter and a structured-light camera's projector sit on one side of the lens, and
-        a mirrored pair has its shadows on the other side of the face. For a network of any camera
-        that is one more camera.
+    Offsets, rotation, scaling and added noise are wrong for depth, whose noise depends on distance
+    and pose: change the settings of the simulator instead. To shift, crop larger frames
+    (``cut="random"``).
 
-    relief_mm: add bumps and creases up to about this height to both depths, see
-        ``glsim.train.data.surface_bumps``.
-
-    slope_mm_per_px: add a plane of up to this slope to both depths, see the same module.
-
-    vary_inputs: change the infrared's gain and the number of neighbours in time, or leave them
-        out, see ``glsim.train.data.extra_inputs``; without such inputs it does nothing.
-
-    Nothing else is offered. A depth offset would be wrong: noise grows, and faces shrink, with
-    distance. So would rotation, scaling and added noise; each has a physical counterpart in the
-    settings of the simulator (pose, distance, parameters of the stages). To shift, crop larger
-    frames (``cut="random"``): padding would draw straight edges that no scene has.
+    Attributes:
+        flip: mirror left and right with probability 1/2. It puts shadows on the other side of the
+            face, as a camera with its emitter on the other side would: right for a network of any
+            camera, wrong for one of a single camera.
+        relief_mm: add bumps and creases up to about this height to both depths, see
+            ``glsim.train.data.surface_bumps``.
+        slope_mm_per_px: add a plane of up to this slope to both depths, see the same module.
+        vary_inputs: change the gain of the infrared and the number of neighbours in time, or leave
+            them out, see ``glsim.train.data.extra_inputs``.
     """
 
     flip: bool = False

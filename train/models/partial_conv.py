@@ -39,8 +39,9 @@ class PartialConv2d(nn.Conv2d):
 
 
 class PartialConvNet(MaskedStack):
-    """A `MaskedStack` of partial convolutions; as many parameters as `DnCNN` of the same depth and
-    width (1 -> 1, depth 7: 185,857).
+    """A `MaskedStack` of partial convolutions with as many parameters as the same `DnCNN`.
+
+    Depth 7, 1 channel in and out: 185,857 parameters.
     """
 
     layer = PartialConv2d

@@ -56,7 +56,7 @@ class _Figure:
 
 
 def write_paper_figures(
-    reproduction: Path, drawing: Callable[[str], None] = lambda name: None
+    reproduction: Path, drawing: Callable[[str], None] = lambda _: None
 ) -> list[Path]:
     """Draw the figures from REPRODUCTION/data and REPRODUCTION/runs; return the written files.
 

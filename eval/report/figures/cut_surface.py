@@ -44,7 +44,7 @@ def cut_surface(depth_mm: Depth, rig: SensorRig) -> Mesh | None:
 
 
 def _at_rim(faces: NDArray[np.int32], vertices: int) -> NDArray[np.bool_]:
-    """Return which triangles have a side that no other triangle has. faces: (N, 3)."""
+    """Return which of the (N, 3) triangles have a side that no other triangle has."""
     sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
     codes: NDArray[Any] = sides[..., 0].astype(np.int64) * vertices + sides[..., 1]
     _, place, count = np.unique(codes, return_inverse=True, return_counts=True)

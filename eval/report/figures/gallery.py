@@ -36,10 +36,11 @@ _ASSUMED_MM: Final = 900.0
 
 @dataclass(frozen=True, eq=False)
 class GalleryFrame:
-    """A frame for the figure. predictions: method -> (H, W) millimetres, 0 = no depth.
+    """A frame for the figure; surfaces are drawn at their distance from the camera.
 
-    offset_mm: what was subtracted from all maps; NaN if it is not known. Surfaces are drawn at
-    their distance from the camera (0.9 m if that is not known).
+    Attributes:
+        predictions: method -> (H, W) millimetres, 0 = no depth.
+        offset_mm: subtracted from all maps; NaN if unknown, then the face is drawn at 0.9 m.
     """
 
     clean: Depth

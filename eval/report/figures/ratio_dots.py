@@ -34,7 +34,12 @@ class RatioDot:
 
 
 def ratio_dots(panels: Sequence[tuple[str, Sequence[RatioDot]]], marks: tuple[str, str]) -> Any:
-    """Draw the panels, which have the same groups. marks: what a full and an open circle mean."""
+    """Draw the panels, which have the same groups.
+
+    Args:
+        panels: heading and dots of each.
+        marks: meanings of a full and of an open circle.
+    """
     groups = list(dict.fromkeys(dot.group for _, dots in panels for dot in dots))
     kinds = list(dict.fromkeys(dot.kind for _, dots in panels for dot in dots))
     lines = {

@@ -36,7 +36,14 @@ def half_width_mm() -> float:
 def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArray[np.uint8]:
     """Draw the shaded surface turned by TURN_DEG, with flying pixels as red dots.
 
-    prediction, clean: (H, W) millimetres. Returns (S, S, 3) RGB. Raises DeviceError without OpenGL.
+    Args:
+        prediction, clean: (H, W) millimetres.
+
+    Returns:
+        (S, S, 3) RGB.
+
+    Raises:
+        DeviceError: there is no OpenGL.
     """
     middle = _middle(clean, intrinsics)
     picture = np.full((_SIDE, _SIDE, 3), _WHITE, np.uint8)

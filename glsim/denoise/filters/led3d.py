@@ -32,7 +32,7 @@ _STEP_MM = 50.0
 
 @dataclass(frozen=True)
 class Led3DCleanUp:
-    """removal of outliers, median, largest piece and hole filling after Mu et al. (Led3D 2019)"""
+    """Removal of outliers, median, largest piece and hole filling after Mu et al. (Led3D 2019)."""
 
     deviations: float = parameter(
         1.0, 0.1, 20, "a pixel this many standard deviations farther from its neighbours goes"

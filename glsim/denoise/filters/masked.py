@@ -43,7 +43,7 @@ _CLEANUP = "side of the window of the mask clean-up, px, odd; 0 keeps the input'
 
 @dataclass(frozen=True)
 class MaskedMedian(_Masked):
-    """median of the valid pixels of a square"""
+    """Median of the valid pixels of a square."""
 
     size: int = parameter(5, 3, 31, "side of the window, px, odd")
     cleanup: int = parameter(0, 0, 31, _CLEANUP)
@@ -63,7 +63,7 @@ class MaskedMedian(_Masked):
 
 @dataclass(frozen=True)
 class MaskedBilateral(_Masked):
-    """bilateral filter over the valid pixels of a square"""
+    """Bilateral filter over the valid pixels of a square."""
 
     diameter: int = parameter(9, 3, 31, "side of the window, px, odd")
     sigma_mm: float = parameter(15.0, 0.1, 8000, "standard deviation of the depth weight")
@@ -86,7 +86,7 @@ class MaskedBilateral(_Masked):
 
 @dataclass(frozen=True)
 class MaskedGaussian(_Masked):
-    """Gaussian mean of the valid pixels (normalised convolution, Knutsson and Westin 1993)"""
+    """Gaussian mean of the valid pixels (normalised convolution, Knutsson and Westin 1993)."""
 
     sigma_px: float = parameter(1.5, 0.3, 20, "standard deviation of the window")
     cleanup: int = parameter(0, 0, 31, _CLEANUP)
@@ -98,7 +98,7 @@ class MaskedGaussian(_Masked):
 
 @dataclass(frozen=True)
 class LocalPlane(_Masked):
-    """plane fitted to the valid pixels under a Gaussian window"""
+    """Plane fitted to the valid pixels under a Gaussian window."""
 
     sigma_px: float = parameter(2.0, 0.5, 20, "standard deviation of the window")
     cleanup: int = parameter(0, 0, 31, _CLEANUP)
@@ -110,7 +110,7 @@ class LocalPlane(_Masked):
 
 @dataclass(frozen=True)
 class LocalQuadric(_Masked):
-    """quadric fitted to the valid pixels under a Gaussian window"""
+    """Quadric fitted to the valid pixels under a Gaussian window."""
 
     sigma_px: float = parameter(2.5, 0.7, 20, "standard deviation of the window")
     cleanup: int = parameter(0, 0, 31, _CLEANUP)
@@ -122,7 +122,7 @@ class LocalQuadric(_Masked):
 
 @dataclass(frozen=True)
 class Guided(_Masked):
-    """guided filter (He et al. 2010, OpenCV ximgproc), guided by the depth itself, holes filled"""
+    """Guided filter (He et al. 2010, OpenCV ximgproc), guided by the depth itself, holes filled."""
 
     radius: int = parameter(3, 1, 30, "radius of the square window, px")
     epsilon_mm: float = parameter(5.0, 0.01, 1000, "depth variations below this are smoothed away")
@@ -141,7 +141,7 @@ class Guided(_Masked):
 
 @dataclass(frozen=True)
 class RollingGuidance(_Masked):
-    """rolling guidance filter (Zhang et al. 2014, OpenCV ximgproc), holes filled"""
+    """Rolling guidance filter (Zhang et al. 2014, OpenCV ximgproc), holes filled."""
 
     sigma_mm: float = parameter(10.0, 0.1, 1000, "standard deviation of the depth weight")
     sigma_px: float = parameter(2.0, 0.3, 20, "structures below this size are removed")

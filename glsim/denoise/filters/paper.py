@@ -21,7 +21,7 @@ def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:
 
 @dataclass(frozen=True)
 class Unchanged:
-    """the noisy input itself: the paper's baseline"""
+    """The noisy input itself: the paper's baseline."""
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Return the input."""
@@ -30,7 +30,7 @@ class Unchanged:
 
 @dataclass(frozen=True)
 class Median:
-    """median over a square, holes count as depth 0 (the paper: size=5)"""
+    """Median over a square, holes count as depth 0 (the paper: size=5)."""
 
     size: int = parameter(5, 3, 5, "side of the window, px: 3 or 5")
 
@@ -45,7 +45,7 @@ class Median:
 
 @dataclass(frozen=True)
 class Bilateral:
-    """bilateral filter in float32, holes count as depth 0 (the paper: 9, 75, 75)"""
+    """Bilateral filter in float32, holes count as depth 0 (the paper: 9, 75, 75)."""
 
     diameter: int = parameter(9, 3, 31, "diameter of the neighbourhood, px")
     sigma_mm: float = parameter(
@@ -64,7 +64,7 @@ class Bilateral:
 
 @dataclass(frozen=True)
 class NonLocalMeans:
-    """non-local means on 16 bits with the L1 norm, holes count as depth 0 (the paper: 30, 7, 21)"""
+    """Non-local means on 16 bits (L1 norm), holes count as depth 0 (the paper: 30, 7, 21)."""
 
     strength: float = parameter(30.0, 0.1, 1000, "h, mm")
     template: int = parameter(7, 3, 21, "side of the compared patches, px, odd")

@@ -11,7 +11,7 @@ from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 
 @dataclass(frozen=True)
 class TemporalMedian:
-    """median over neighbouring frames of a sequence; valid where most of them are valid"""
+    """Median over neighbouring frames of a sequence; valid where most of them are valid."""
 
     frames: int = parameter(3, 3, 15, "number of frames, centred on the filtered one")
 
@@ -40,7 +40,7 @@ class TemporalMedian:
 
 @dataclass(frozen=True)
 class Adaptive:
-    """temporal mean with a threshold after Essmaeel et al. 2012; on single frames the identity
+    """Temporal mean with a threshold after Essmaeel et al. 2012; the identity on single frames.
 
     The paper ran its "adaptive threshold 15" on single frames, as frames=1 does: its row equals its
     baseline in every digit. With more frames each pixel is the mean over past frames, as far back

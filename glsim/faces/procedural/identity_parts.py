@@ -51,7 +51,7 @@ def eye_fissure_length(template: Template, lids: Lids) -> Array:
     return field
 
 
-def ear_length(template: Template, lids: Lids) -> Array:
+def ear_length(template: Template, _lids: Lids) -> Array:
     """Scale the ear about its root, its width at half the rate."""
     ear = (template.part == PART_EAR)[:, None]
     root = np.where(template.points[:, :1] > 0, 1.0, -1.0) * np.array([EAR_ROOT[0], 0.0, 0.0])
@@ -60,7 +60,7 @@ def ear_length(template: Template, lids: Lids) -> Array:
     return np.asarray(ear * away * np.array([0.5, 1.0, 0.5]))
 
 
-def ear_protrusion(template: Template, lids: Lids) -> Array:
+def ear_protrusion(template: Template, _lids: Lids) -> Array:
     """Rotate the ear about its vertical hinge by 1 degree."""
     ear = template.part == PART_EAR
     side = np.where(template.points[:, 0] > 0, 1.0, -1.0)

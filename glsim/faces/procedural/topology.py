@@ -8,6 +8,7 @@ and the last ring is closed, so that an open mouth or eye shows no hole.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -88,28 +89,18 @@ def other_diagonal(row: int, index: int) -> bool:
     return left == (under_nose or slope)
 
 
+#: (row, kind, first column, last column) of each slit.
+_SLITS: Final = (
+    (knot_row(EYE_KNOT), SLIT_EYE, *EYE_COLUMNS),
+    (knot_row(EYE_KNOT), SLIT_EYE, -EYE_COLUMNS[1], -EYE_COLUMNS[0]),
+    (knot_row(MOUTH_KNOT), SLIT_MOUTH, -MOUTH_COLUMN, MOUTH_COLUMN),
+)
+
+
 def build_topology() -> SkinTopology:
     """Build the topology of the skin."""
     build = _MeshBuilder()
-    eye_row, mouth_row = knot_row(EYE_KNOT), knot_row(MOUTH_KNOT)
-    slit_spans = {
-        eye_row: [(SLIT_EYE, EYE_COLUMNS), (SLIT_EYE, (-EYE_COLUMNS[1], -EYE_COLUMNS[0]))],
-        mouth_row: [(SLIT_MOUTH, (-MOUTH_COLUMN, MOUTH_COLUMN))],
-    }
-    upper: dict[tuple[int, int], int] = {}
-    lower: dict[tuple[int, int], int] = {}
-    for row in range(ROWS):
-        for index in range(COLUMNS):
-            column = signed_column(index)
-            slit = SLIT_NONE
-            for kind, (start, end) in slit_spans.get(row, []):
-                slit = kind if start <= column <= end else slit
-            low = mouth_row < row
-            upper[row, column] = lower[row, column] = build.vertex(row, column, slit, 0, low)
-    for row, spans in slit_spans.items():
-        for kind, (start, end) in spans:
-            for column in range(start + 1, end):
-                lower[row, column] = build.vertex(row, column, kind, 0, True)
+    upper, lower = _grid_vertices(build)
     pole = build.vertex(0, 0, SLIT_NONE, -1, False)
     columns = [signed_column(index) for index in range(COLUMNS)]
     ring_of = list(zip(columns, columns[1:] + columns[:1], strict=True))
@@ -121,9 +112,8 @@ def build_topology() -> SkinTopology:
             corners.append(lower[row, there])
             first = other_diagonal(row, index)
             build.quad(*corners[first:], *corners[:first])
-    for row, spans in slit_spans.items():
-        for kind, (start, end) in spans:
-            _line_slit(build, upper, lower, row, kind, start, end)
+    for row, kind, start, end in _SLITS:
+        _line_slit(build, upper, lower, row, kind, start, end)
     table = np.array(build.vertices)
     return SkinTopology(
         row=table[:, 0].astype(np.int32),
@@ -133,6 +123,24 @@ def build_topology() -> SkinTopology:
         low=table[:, 4].astype(bool),
         faces=np.array(build.triangles, dtype=np.int32),
     )
+
+
+def _grid_vertices(
+    build: _MeshBuilder,
+) -> tuple[dict[tuple[int, int], int], dict[tuple[int, int], int]]:
+    """Add the vertices of the grid; return those above and below a row, which differ at slits."""
+    upper: dict[tuple[int, int], int] = {}
+    for row in range(ROWS):
+        for column in map(signed_column, range(COLUMNS)):
+            slit = SLIT_NONE
+            for slit_row, kind, start, end in _SLITS:
+                slit = kind if row == slit_row and start <= column <= end else slit
+            upper[row, column] = build.vertex(row, column, slit, 0, knot_row(MOUTH_KNOT) < row)
+    lower = dict(upper)
+    for row, kind, start, end in _SLITS:
+        for column in range(start + 1, end):
+            lower[row, column] = build.vertex(row, column, kind, 0, True)
+    return upper, lower
 
 
 def _line_slit(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
-from glsim.gl.shader_source import Layer
+from glsim.gl.declarations import Layer
 from glsim.noise.numpy_twins.random import random_bits
 
 CELL_PX = 3

@@ -1,4 +1,4 @@
-// Read GLSL stages as glsim.gl.shader_source does, with its own patterns (from Python), and
+// Read GLSL stages as glsim.gl.declarations does, with its own patterns (from Python), and
 // substitute what WebGL2 writes otherwise.
 
 import { FUNCTIONS } from "./functions.js";

@@ -1,0 +1,247 @@
+"""Parse the declarations of a GLSL line: parameters, layers and the notes behind them.
+
+    uniform float base_sigma_mm = 1.5;  //@ [0, 20] mm  standard deviation at 1 m
+
+declares a parameter: type, name and default in GLSL, then range, unit ("1" for none) and help.
+A second part in the brackets is for sliders alone: ``//@ [0, 65535; 0, 2000] counts ...`` shows 0
+to 2000, ``//@ [0.1, 1e6; log] 1 ...`` a logarithmic scale, ``[0.1, 1e6; 1, 100 log]`` both. Values
+outside it are valid in boxes and files.
+``uniform sampler2D u_depth;`` declares that the layer ``depth`` is read and ``out float depth;``
+that it is written; ``//@ 1/3`` after an ``out`` makes the written layers a third of the frame's
+size. glsim binds the other ``u_`` uniforms, a fixed set (glsim.noise.stage_pass).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, floor, isfinite
+from pathlib import Path
+
+from glsim.errors import ShaderError
+from glsim.geometry.rect import Rect
+from glsim.gl.includes import INCLUDE, Line
+
+UNIFORM = re.compile(
+    r"^\s*uniform\s+(?P<type>\w+)\s+(?P<name>\w+)\s*(?:\[\s*\w+\s*\])?"
+    r"\s*(?:=\s*(?P<default>[^;]+?))?\s*;\s*(?://@(?P<note>.*)|//.*|/\*.*)?$"
+)
+OUT = re.compile(
+    r"^\s*(?:layout\s*\([^)]*\)\s*)?out\s+(?P<type>\w+)\s+(?P<name>\w+)\s*;"
+    r"(?P<rest>\s*(?:/[/*].*)?)$"
+)
+#: Lines that start like a declaration but match none of the above: several names, a block, ...
+_UNREADABLE = re.compile(r"^\s*(?:layout\s*\([^)]*\)\s*)?(?:uniform\s|out\s+\w+\s+[^;()]*;)")
+_DECLARATION = re.compile(r"^\s*(?:layout|uniform|out)\b")
+_NOTE = re.compile(
+    r"^\s*(?:\[(?P<low>[^,;\]]+),(?P<high>[^,;\]]+)(?:;(?P<slider>[^\]]*))?\])?"
+    r"\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
+)
+#: The part of a note that is for sliders: two numbers, "log", or both.
+_SLIDER = re.compile(r"^\s*(?:(?P<low>[^,\s]+)\s*,\s*(?P<high>[^,\s]+?))?\s*(?P<log>\blog)?\s*$")
+_SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
+SPARSE = re.compile(r"^//@ sparse\b")
+#: Longest line with a declaration; the longest shipped has 100 characters. The patterns above take
+#: quadratic time in a line.
+_MAX_DECLARATION = 2000
+#: Largest size of a written layer over the frame's: the renderer's finest has 5 samples a pixel.
+_MAX_SCALE = 5
+_PARAMETER_TYPES = {"float": float, "int": int, "bool": bool}
+_LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A stage's parameter as declared. Values of all types are floats (bool: 0 or 1).
+
+    Attributes:
+        slider: the range that sliders show, if it is smaller than [low, high].
+        log_scale: whether their scale is logarithmic.
+    """
+
+    name: str
+    type: str
+    default: float
+    low: float
+    high: float
+    unit: str
+    help: str
+    file: Path
+    line: int
+    slider: tuple[float, float] | None = None
+    log_scale: bool = False
+
+    def problem(self, value: float) -> str | None:
+        """Return why ``value`` is invalid, or None."""
+        if not isfinite(value):
+            return f"{value} is not a finite number"
+        if self.type != "float" and value != int(value):
+            return f"{value} is not a whole number"
+        if not self.low <= value <= self.high:
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            return f"{value:g} is outside [{self.low:g}, {self.high:g}]{unit}"
+        return None
+
+
+@dataclass(frozen=True)
+class Layer:
+    """An image that a shader writes.
+
+    Attributes:
+        scale: its size over the frame's size.
+    """
+
+    name: str
+    type: str
+    scale: Fraction = Fraction(1)
+
+    @property
+    def components(self) -> int:
+        """Numbers per pixel."""
+        return _LAYER_TYPES[self.type]
+
+    def window(self, frame_window: Rect) -> Rect:
+        """Convert a window from frame pixels to the pixels of this layer."""
+        if self.scale == 1:
+            return frame_window
+        left, top, width, height = frame_window
+        columns = floor(left * self.scale), ceil((left + width) * self.scale)
+        rows = floor(top * self.scale), ceil((top + height) * self.scale)
+        return Rect(columns[0], rows[0], columns[1] - columns[0], rows[1] - rows[0])
+
+
+def declaration_patterns() -> dict[str, str]:
+    """Return the regular expressions of declarations, in JavaScript's syntax, by name.
+
+    A page in a browser reads edited stages with them; includes are those of ``load_source``.
+    """
+    patterns = {
+        "include": INCLUDE,
+        "uniform": UNIFORM,
+        "out": OUT,
+        "unreadable": _UNREADABLE,
+        "note": _NOTE,
+        "slider": _SLIDER,
+        "scale": _SCALE,
+        "sparse": SPARSE,
+    }
+    return {name: made.pattern.replace("(?P<", "(?<") for name, made in patterns.items()}
+
+
+def match_declaration(line: Line, *, vertex: bool) -> re.Match[str] | None:
+    """Match a line with ``UNIFORM``, or with ``OUT`` outside vertex shaders.
+
+    Raises ShaderError for a declaration that is too long, or that neither matches.
+    """
+    text = line.text
+    if len(text) > _MAX_DECLARATION:
+        if _DECLARATION.match(text):
+            raise ShaderError(
+                f"{line.where}: a declaration of {len(text)} characters, the limit is "
+                f"{_MAX_DECLARATION}"
+            )
+        return None
+    if match := UNIFORM.match(text):
+        return match
+    if match := OUT.match(text):
+        return None if vertex else match
+    if _UNREADABLE.match(text):
+        raise ShaderError(
+            f"{line.where}: declare one uniform or layer a line, as 'uniform TYPE NAME' or "
+            f"'out TYPE NAME', not {text.strip()!r}"
+        )
+    return None
+
+
+def written_layer(match: re.Match[str], where: str) -> Layer:
+    """Return the layer that a match of ``OUT`` declares. Raises ShaderError."""
+    if match["type"] not in _LAYER_TYPES:
+        raise ShaderError(
+            f"{where}: a written layer is {', '.join(_LAYER_TYPES)}, not {match['type']}"
+        )
+    return Layer(match["name"], match["type"], _scale(match["rest"], where))
+
+
+def _scale(rest: str, where: str) -> Fraction:
+    """Read the note ``//@ 1/3`` behind an ``out``; 1 without one. Raises ShaderError."""
+    match = _SCALE.search(rest)
+    if match is None:
+        return Fraction(1)
+    try:
+        scale = Fraction(match["scale"])
+    except (ZeroDivisionError, ValueError):
+        scale = Fraction(0)
+    if not Fraction(1, _MAX_SCALE) <= scale <= _MAX_SCALE:
+        raise ShaderError(
+            f"{where}: the size of a layer is 1/{_MAX_SCALE} to {_MAX_SCALE} times the frame's, "
+            f"not {match['scale']:.40}"
+        )
+    return scale
+
+
+def declared_parameter(match: re.Match[str], line: Line) -> Parameter:
+    """Return the parameter that a match of ``UNIFORM`` declares. Raises ShaderError."""
+    where, name, kind = line.where, match["name"], match["type"]
+    if kind not in _PARAMETER_TYPES:
+        raise ShaderError(f"{where}: parameter {name!r} must be float, int or bool, not {kind}")
+    note = _NOTE.match(match["note"] or "")
+    if match["default"] is None or note is None:
+        raise ShaderError(
+            f"{where}: uniform {name!r} needs a default and a note, "
+            f"e.g. uniform {kind} {name} = 1; //@ [0, 10] mm what it does "
+            "(uniforms that glsim binds are called u_...)"
+        )
+    try:
+        default = _number(match["default"])
+        low = _number(note["low"]) if note["low"] else 0.0
+        high = _number(note["high"]) if note["high"] else 1.0
+    except ValueError as error:
+        raise ShaderError(f"{where}: parameter {name!r}: {error}") from None
+    if kind != "bool" and not note["low"]:
+        raise ShaderError(f"{where}: parameter {name!r} needs a range, e.g. //@ [0, 10] mm ...")
+    slider, log_scale = _slider(note["slider"], low, high, f"{where}: parameter {name!r}")
+    help = note["help"].strip()
+    parameter = Parameter(
+        name, kind, default, low, high, note["unit"], help,
+        Path(line.file), line.number, slider, log_scale,
+    )  # fmt: skip
+    if problem := parameter.problem(default):
+        raise ShaderError(f"{where}: parameter {name!r}: the default {problem}")
+    return parameter
+
+
+def _slider(
+    text: str | None, low: float, high: float, where: str
+) -> tuple[tuple[float, float] | None, bool]:
+    """Read the part of a note that is for sliders: its range and its scale. Raises ShaderError."""
+    if text is None:
+        return None, False
+    match = _SLIDER.match(text)
+    if match is None or not text.strip():
+        raise ShaderError(f"{where}: after ';' write a range, 'log' or both, not {text.strip()!r}")
+    shown = None
+    if match["low"] is not None:
+        try:
+            shown = _number(match["low"]), _number(match["high"])
+        except ValueError as error:
+            raise ShaderError(f"{where}: {error}") from None
+        if not low <= shown[0] < shown[1] <= high:
+            raise ShaderError(
+                f"{where}: the slider's range {list(shown)} must lie in [{low:g}, {high:g}]"
+            )
+    log_scale = match["log"] is not None
+    if log_scale and (shown or (low, high))[0] <= 0:
+        raise ShaderError(f"{where}: a logarithmic slider starts above 0")
+    return shown, log_scale
+
+
+def _number(text: str) -> float:
+    words = {"true": 1.0, "false": 0.0}
+    stripped = text.strip().rstrip("uf")
+    if text.strip() in words:
+        return words[text.strip()]
+    try:
+        return float(stripped)
+    except ValueError:
+        raise ValueError(f"{text.strip()!r} is not a plain number") from None

@@ -1,0 +1,84 @@
+"""Run stages on arrays: Python stages after the shaders, or a whole chain by its NumPy twins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError
+from glsim.noise.frame_context import FrameContext, StageView
+from glsim.noise.layer_names import EXPECTED_LAYER, FINE_LAYERS, INITIAL_LAYERS
+from glsim.noise.registry import shipped_stages
+from glsim.noise.stage import ENABLED, Stage, StageValues
+
+
+def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:
+    """Return the distance around a pixel that all array stages in sequence read, pixels."""
+    return sum(
+        stage.spec.reach_px(values[stage.name])
+        for stage in stages
+        if stage.spec.function is not None and values[stage.name][ENABLED]
+    )
+
+
+def run_array_stages(
+    stages: Sequence[Stage],
+    layers: dict[str, NDArray[np.float32]],
+    frame: FrameContext,
+    values: StageValues,
+) -> None:
+    """Run the array stages on ``layers``, in place.
+
+    Raises ConfigError for a stage that returns a layer of another shape.
+    """
+    for stage in stages:
+        if stage.spec.function is not None and values[stage.name][ENABLED]:
+            written = stage.spec.function(frame.view(stage.name), layers, values[stage.name])
+            _update(stage, layers, written, frame.view(stage.name))
+
+
+def run_twins(
+    stages: Sequence[Stage],
+    layers: dict[str, NDArray[np.float32]],
+    frame: FrameContext,
+    values: StageValues,
+) -> None:
+    """Run the whole chain on ``layers``, in place, shaders by their NumPy twins.
+
+    Raises ConfigError for a shader without a twin.
+    """
+    from glsim.noise.numpy_twins import TWINS
+
+    layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
+    for stage in stages:
+        if not values[stage.name][ENABLED]:
+            continue
+        # A user's file may have the name of a shipped stage; it has no twin.
+        ours = shipped_stages().get(stage.spec.name) is stage.spec
+        function = stage.spec.function or (TWINS.get(stage.spec.name) if ours else None)
+        if function is None:
+            raise ConfigError(
+                f"stage {stage.name!r} has no NumPy twin: use --backend egl or osmesa, "
+                "or switch it off"
+            )
+        view = frame.view(stage.name)
+        _update(stage, layers, function(view, layers, values[stage.name]), view)
+
+
+def _update(
+    stage: Stage,
+    layers: dict[str, NDArray[np.float32]],
+    written: Mapping[str, NDArray[np.float32]],
+    view: StageView,
+) -> None:
+    shape = (view.window.height, view.window.width)
+    for name, array in written.items():
+        if name == EXPECTED_LAYER and EXPECTED_LAYER not in layers:
+            continue  # not wanted: this frame's other stages did not compute it
+        if name in INITIAL_LAYERS and array.shape[:2] != shape:
+            raise ConfigError(
+                f"stage {stage.name!r} returned {name!r} of shape {array.shape}, not {shape}"
+            )
+        layers[name] = np.ascontiguousarray(array, dtype=np.float32)

@@ -1,0 +1,37 @@
+"""The layers of a chain that have a fixed name, and values that stand for something in them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from glsim.reason import Reason
+
+#: The layers that exist before the first stage.
+INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays", "expected")
+
+#: Layers of rigs that supersample -> the layer bound in their place for other rigs, whose stages do
+#: not read it. fine_seen: depth and albedo of the samples; uneven: how much these differ.
+FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
+
+#: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where unknown.
+#: Only chains of sensors with a map have it: their shaders see the constant PATTERN_MAP.
+PATTERN_LAYER, PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
+
+#: Depth with the device's systematic error and without everything random: clean before the first
+#: stage. Stages write it only in chains that need it: their shaders see the constant EXPECTED.
+#: tof_light and tof_fast do. The other stages have nothing to add: axial, gaussian, perlin,
+#: simplex, lateral, tof_taps and tof_floor are noise with a mean of 0; millimetre_quantise and
+#: disparity_quantise round, which noise before them turns into noise; fixed_pattern is a map that
+#: differs between pixels, to be removed; dot_spread, correlation_window, max_filter, tof_bilateral
+#: and the edges' stages blur, move or drop; haze, bounces (tof_multipath) and light in shadows
+#: depend on the scene.
+EXPECTED_LAYER, EXPECTED_CONSTANT = "expected", "EXPECTED"
+
+#: Stands for NaN, which GLSL compilers may assume away: larger than any error.
+NO_PATTERN = np.float32(1e6)
+
+#: The layers that a Frame is made of; a chain without an infrared stage has no ``infrared``.
+FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
+
+#: The values other than 0 that sparse stages write in empty pixels.
+BLANK = {"reason": float(Reason.NO_SURFACE)}
