@@ -20,15 +20,20 @@ export const text = (value) => {
 // series: [{points: [[x, y], ...], colour: "--name", bars, dashed}]; x, y: [low, high] of the axes.
 export function chart(canvas, series, x, y, labels) {
   const ratio = window.devicePixelRatio || 1;
-  const width = canvas.clientWidth, height = canvas.clientHeight;
+  const width = canvas.clientWidth,
+    height = canvas.clientHeight;
   if (!width || !height) return;
   canvas.width = Math.round(width * ratio);
   canvas.height = Math.round(height * ratio);
   const c = canvas.getContext("2d");
   c.scale(ratio, ratio);
   c.clearRect(0, 0, width, height);
-  const left = 30, right = 6, top = 6, bottom = 24;
-  const [x0, x1] = x, [y0, y1] = y;
+  const left = 30,
+    right = 6,
+    top = 6,
+    bottom = 24;
+  const [x0, x1] = x,
+    [y0, y1] = y;
   const toX = (v) => left + ((v - x0) / (x1 - x0 || 1)) * (width - left - right);
   const toY = (v) => height - bottom - ((v - y0) / (y1 - y0 || 1)) * (height - top - bottom);
   c.font = "10px system-ui, sans-serif";
@@ -43,7 +48,11 @@ export function chart(canvas, series, x, y, labels) {
     c.textAlign = "right";
     c.fillText(text(v), left - 4, toY(v) + 3);
   }
-  [[x0, "left"], [(x0 + x1) / 2, "center"], [x1, "right"]].forEach(([v, align]) => {
+  [
+    [x0, "left"],
+    [(x0 + x1) / 2, "center"],
+    [x1, "right"],
+  ].forEach(([v, align]) => {
     c.textAlign = align;
     const unit = align === "right" && labels ? ` ${labels}` : "";
     c.fillText(text(v) + unit, toX(v), height - bottom + 14);
@@ -62,16 +71,21 @@ export function chart(canvas, series, x, y, labels) {
     c.beginPath();
     let pen = false;
     for (const [at, v] of one.points) {
-      if (v === null || !Number.isFinite(v)) { pen = false; continue; }
-      if (pen) c.lineTo(toX(at), toY(v)); else c.moveTo(toX(at), toY(v));
+      if (v === null || !Number.isFinite(v)) {
+        pen = false;
+        continue;
+      }
+      if (pen) c.lineTo(toX(at), toY(v));
+      else c.moveTo(toX(at), toY(v));
       pen = true;
     }
     c.stroke();
-    if (one.dots) for (const [at, v] of one.points) {
-      c.beginPath();
-      c.arc(toX(at), toY(v), 2, 0, 7);
-      c.fill();
-    }
+    if (one.dots)
+      for (const [at, v] of one.points) {
+        c.beginPath();
+        c.arc(toX(at), toY(v), 2, 0, 7);
+        c.fill();
+      }
   }
   c.setLineDash([]);
 }

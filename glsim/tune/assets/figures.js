@@ -3,8 +3,21 @@
 import { ceiling, chart, text } from "./charts.js";
 import { REASONS } from "./maps.js";
 
-const NAMES = ["valid", "no_surface", "shadow", "out_of_range", "low_signal", "edge", "dropped",
-  "window", "moved", "grown", "saturated", "unwrap", "mixed"];
+const NAMES = [
+  "valid",
+  "no_surface",
+  "shadow",
+  "out_of_range",
+  "low_signal",
+  "edge",
+  "dropped",
+  "window",
+  "moved",
+  "grown",
+  "saturated",
+  "unwrap",
+  "mixed",
+];
 
 const element = (parent, tag, cls, content) => {
   const made = document.createElement(tag);
@@ -20,8 +33,10 @@ export class Figures {
     this.summary = element(root, "dl", "facts");
     this.charts = {};
     for (const [key, title] of [
-      ["distance", "σ over distance, mm"], ["angle", "σ over angle of the surface, mm"],
-      ["histogram", "error, noisy − clean"], ["correlation", "correlation along rows —, columns - -"],
+      ["distance", "σ over distance, mm"],
+      ["angle", "σ over angle of the surface, mm"],
+      ["histogram", "error, noisy − clean"],
+      ["correlation", "correlation along rows —, columns - -"],
     ]) {
       element(root, "h3", "", title);
       this.charts[key] = element(root, "canvas", "chart");
@@ -64,7 +79,8 @@ export class Figures {
     this.edges.textContent = "";
     this.edges.previousSibling.hidden = !now.silhouettes; // the page without a server has none
     for (const side of now.silhouettes ? ["left", "right"] : []) {
-      const row = element(this.edges, "tr"), edge = now.silhouettes[side];
+      const row = element(this.edges, "tr"),
+        edge = now.silhouettes[side];
       element(row, "td", "", `gap, ${side}`);
       const width = edge.width_px === null ? "no background" : `${text(edge.width_px)} px`;
       element(row, "td", "number", width).title = `median of ${edge.edges} edges`;
@@ -74,27 +90,52 @@ export class Figures {
   draw() {
     const { now, other } = this;
     if (!now) return;
-    for (const [key, unit] of [["distance", "mm"], ["angle", "°"]]) {
+    for (const [key, unit] of [
+      ["distance", "mm"],
+      ["angle", "°"],
+    ]) {
       const points = now[key].map(([at, sigma]) => [at, sigma]);
       const second = other ? other[key].map(([at, sigma]) => [at, sigma]) : [];
       const all = [...points, ...second];
-      if (!all.length) { chart(this.charts[key], [], [0, 1], [0, 1], unit); continue; }
+      if (!all.length) {
+        chart(this.charts[key], [], [0, 1], [0, 1], unit);
+        continue;
+      }
       const x = key === "angle" ? [0, 90] : [Math.min(...all.map((p) => p[0])), Math.max(...all.map((p) => p[0]))];
-      chart(this.charts[key], [
-        { points: second, colour: "--second", dashed: true },
-        { points, colour: "--accent", dots: true },
-      ], x, [0, ceiling(Math.max(...all.map((p) => p[1])))], unit);
+      chart(
+        this.charts[key],
+        [
+          { points: second, colour: "--second", dashed: true },
+          { points, colour: "--accent", dots: true },
+        ],
+        x,
+        [0, ceiling(Math.max(...all.map((p) => p[1])))],
+        unit,
+      );
     }
-    const h = now.histogram, n = h.counts.length;
+    const h = now.histogram,
+      n = h.counts.length;
     const bars = h.counts.map((count, i) => [h.low_mm + ((i + 0.5) / n) * (h.high_mm - h.low_mm), count]);
-    chart(this.charts.histogram, [{ points: bars, colour: "--accent", bars: true }], [h.low_mm, h.high_mm],
-      [0, ceiling(Math.max(1, ...h.counts))], "mm");
+    chart(
+      this.charts.histogram,
+      [{ points: bars, colour: "--accent", bars: true }],
+      [h.low_mm, h.high_mm],
+      [0, ceiling(Math.max(1, ...h.counts))],
+      "mm",
+    );
     const lags = (values) => values.map((v, i) => [i, v]);
     const { row, column } = now.autocorrelation;
     const least = Math.min(0, ...row, ...column);
-    chart(this.charts.correlation, [
-      { points: lags(row), colour: "--accent", dots: true }, { points: lags(column), colour: "--second", dashed: true },
-    ], [0, 8], [least < -0.05 ? -0.5 : 0, 1], "px");
+    chart(
+      this.charts.correlation,
+      [
+        { points: lags(row), colour: "--accent", dots: true },
+        { points: lags(column), colour: "--second", dashed: true },
+      ],
+      [0, 8],
+      [least < -0.05 ? -0.5 : 0, 1],
+      "px",
+    );
   }
 
   showReal(real, here) {

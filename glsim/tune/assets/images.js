@@ -10,10 +10,14 @@ const LAYERS_OF = { difference: ["clean", "noisy"] };
 // The range of depths that is worth colours: from the nearest to the farthest clean surface.
 export function depthRange(picture) {
   const clean = picture.layers.clean;
-  let low = 65535, high = 0;
+  let low = 65535,
+    high = 0;
   for (let i = 0; i < clean.length; i++) {
     const depth = clean[i];
-    if (depth > 0) { if (depth < low) low = depth; if (depth > high) high = depth; }
+    if (depth > 0) {
+      if (depth < low) low = depth;
+      if (depth > high) high = depth;
+    }
   }
   return low < high ? [low, high] : [0, 1];
 }
@@ -39,7 +43,10 @@ export function paint(picture, kind, range, differenceMm, words) {
   } else if (kind === "difference") {
     const scale = (127.5 * unit) / differenceMm;
     for (let i = 0; i < clean.length; i++) {
-      if (clean[i] === 0 || noisy[i] === 0) { words[i] = EMPTY; continue; }
+      if (clean[i] === 0 || noisy[i] === 0) {
+        words[i] = EMPTY;
+        continue;
+      }
       const at = 127.5 + (noisy[i] - clean[i]) * scale;
       words[i] = SIGNED[at < 0 ? 0 : at > 255 ? 255 : at | 0];
     }
@@ -82,7 +89,8 @@ export class LayerImage {
   // view: {x, y, scale}: frame pixel at the middle of the canvas, and its size on the screen.
   // other: the same layer of setting B, drawn to the right of the share `split` of the width.
   draw(view, cursor, line, other, split) {
-    const { canvas } = this, ratio = window.devicePixelRatio || 1;
+    const { canvas } = this,
+      ratio = window.devicePixelRatio || 1;
     const width = Math.round(canvas.clientWidth * ratio);
     const height = Math.round(canvas.clientHeight * ratio);
     if (!width || !height || !this.picture) return;
@@ -100,7 +108,7 @@ export class LayerImage {
       c.drawImage(image.source, toX(q.left), toY(q.top), q.width * scale, q.height * scale);
     };
     put(this);
-    if (other && other.picture) {
+    if (other?.picture) {
       const at = Math.round(split * width);
       c.save();
       c.beginPath();
@@ -127,7 +135,8 @@ export class LayerImage {
     }
     if (cursor) {
       const size = Math.max(scale, 6 * ratio);
-      const x = toX(cursor[0] + 0.5), y = toY(cursor[1] + 0.5);
+      const x = toX(cursor[0] + 0.5),
+        y = toY(cursor[1] + 0.5);
       c.strokeStyle = "#000000";
       c.lineWidth = 3 * ratio;
       c.strokeRect(x - size / 2, y - size / 2, size, size);

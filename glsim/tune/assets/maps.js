@@ -19,24 +19,37 @@ export function table(stops) {
 export const word = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
 
 // Depth: viridis (van der Walt and Smith 2015), its ten stops; near is bright.
-export const DEPTH = table([
-  "#fde725", "#b5de2b", "#6ece58", "#35b779", "#1f9e89",
-  "#26828e", "#31688e", "#3e4989", "#482878", "#440154",
-]);
+export const DEPTH = table(["#fde725", "#b5de2b", "#6ece58", "#35b779", "#1f9e89", "#26828e", "#31688e", "#3e4989", "#482878", "#440154"]);
 // Difference: nearer blue, farther orange, grey where nothing differs.
 export const SIGNED = table(["#08519c", "#5a9bd4", "#e8e8e6", "#f0a04b", "#a63603"]);
 // A gradient of CSS through a table's colours, from low to high.
-export const gradient = (words) => `linear-gradient(to right, ${[0, 64, 128, 191, 255].map((i) => {
-  const w = words[i];
-  return `rgb(${w & 255} ${(w >> 8) & 255} ${(w >> 16) & 255})`;
-}).join(", ")})`;
+export const gradient = (words) =>
+  `linear-gradient(to right, ${[0, 64, 128, 191, 255]
+    .map((i) => {
+      const w = words[i];
+      return `rgb(${w & 255} ${(w >> 8) & 255} ${(w >> 16) & 255})`;
+    })
+    .join(", ")})`;
 export const GREY = table(["#000000", "#ffffff"]);
 
 // Reasons, in the order of glsim.reason.Reason. Holes differ in lightness as well as in hue
 // (after Okabe and Ito's palette).
 export const REASONS = [
-  "#8a8f98", "#1b1e24", "#0072b2", "#6a3d9a", "#d55e00", "#e69f00", "#7f4f24", "#f0e442",
-  "#009e73", "#7fd8be", "#ffffff", "#cc79a7", "#56b4e9",
+  "#8a8f98",
+  "#1b1e24",
+  "#0072b2",
+  "#6a3d9a",
+  "#d55e00",
+  "#e69f00",
+  "#7f4f24",
+  "#f0e442",
+  "#009e73",
+  "#7fd8be",
+  "#ffffff",
+  "#cc79a7",
+  "#56b4e9",
 ];
 export const REASON_WORDS = new Uint32Array(256).fill(word([255, 0, 255]));
-REASONS.forEach((colour, code) => { REASON_WORDS[code] = word(hex(colour)); });
+REASONS.forEach((colour, code) => {
+  REASON_WORDS[code] = word(hex(colour));
+});

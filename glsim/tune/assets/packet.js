@@ -18,7 +18,8 @@ export function unpack(buffer) {
 
 // The value of a layer at a pixel of the frame; outside the window nothing is there.
 export function valueAt(picture, name, x, y) {
-  const column = x - picture.left, row = y - picture.top;
+  const column = x - picture.left,
+    row = y - picture.top;
   if (column < 0 || row < 0 || column >= picture.width || row >= picture.height) {
     return name === "reason" ? 1 : 0;
   }
@@ -30,7 +31,8 @@ export function alike(one, other, names) {
   if (!one || one.left !== other.left || one.top !== other.top) return false;
   if (one.width !== other.width || one.height !== other.height) return false;
   return names.every((name) => {
-    const a = one.layers[name], b = other.layers[name];
+    const a = one.layers[name],
+      b = other.layers[name];
     let i = 0;
     while (i < a.length && a[i] === b[i]) i++;
     return i === a.length;

@@ -8,7 +8,9 @@ import { PointPainter } from "./surface_points.js";
 // Most points of a surface.
 const MOST_POINTS = 60000;
 
-const BACKGROUND = [27, 30, 36], NOISY = [[219, 214, 204], 1], GHOST = [[87, 156, 217], 0.3];
+const BACKGROUND = [27, 30, 36],
+  NOISY = [[219, 214, 204], 1],
+  GHOST = [[87, 156, 217], 0.3];
 
 // Whether WebGL draws with the CPU, or does not draw at all.
 function withoutGpu() {
@@ -28,28 +30,38 @@ export class Surface {
     this.pitch = 0.2;
     this.zoom = 1;
     this.ghost = true;
-    this.painter = mesh
-      ? new MeshPainter(canvas.getContext("webgl2", { antialias: true }))
-      : new PointPainter(canvas.getContext("2d"));
+    this.painter = mesh ? new MeshPainter(canvas.getContext("webgl2", { antialias: true })) : new PointPainter(canvas.getContext("2d"));
     this._turning(canvas);
   }
 
   _turning(canvas) {
-    canvas.addEventListener("pointerdown", (e) => { this.held = [e.clientX, e.clientY]; canvas.setPointerCapture(e.pointerId); });
-    canvas.addEventListener("pointerup", () => { this.held = null; });
+    canvas.addEventListener("pointerdown", (e) => {
+      this.held = [e.clientX, e.clientY];
+      canvas.setPointerCapture(e.pointerId);
+    });
+    canvas.addEventListener("pointerup", () => {
+      this.held = null;
+    });
     canvas.addEventListener("pointermove", (e) => {
       if (!this.held) return;
       this.turn((e.clientX - this.held[0]) * 0.01, (e.clientY - this.held[1]) * 0.01);
       this.held = [e.clientX, e.clientY];
     });
-    canvas.addEventListener("wheel", (e) => {
-      e.preventDefault();
-      this.zoom = Math.min(8, Math.max(0.3, this.zoom * Math.exp(-e.deltaY * 0.001)));
-      this.draw();
-    }, { passive: false });
+    canvas.addEventListener(
+      "wheel",
+      (e) => {
+        e.preventDefault();
+        this.zoom = Math.min(8, Math.max(0.3, this.zoom * Math.exp(-e.deltaY * 0.001)));
+        this.draw();
+      },
+      { passive: false },
+    );
     canvas.addEventListener("keydown", (e) => {
       const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[e.key];
-      if (step) { e.preventDefault(); this.turn(...step); }
+      if (step) {
+        e.preventDefault();
+        this.turn(...step);
+      }
     });
   }
 
@@ -65,33 +77,46 @@ export class Surface {
     const step = Math.max(1, Math.ceil(Math.sqrt((picture.width * picture.height) / MOST_POINTS)));
     // A surface is cut where it is steeper than 83 degrees, and noise alone does not cut it.
     const jump = 1 + Math.max(0.02, (8 * step) / picture.head.focal_px[0]);
-    const grid = { step, jump }, { focal_px, centre_px, depth_unit_mm } = picture.head;
+    const grid = { step, jump },
+      { focal_px, centre_px, depth_unit_mm } = picture.head;
     const rest = JSON.stringify([grid, focal_px, centre_px, depth_unit_mm]);
     const names = ["noisy", "clean"];
     const kept = names.map((name) => rest === this.rest && alike(before, picture, [name]));
     this.rest = rest;
-    this.painter.set(picture, names.map((name) => picture.layers[name]), grid, kept);
+    this.painter.set(
+      picture,
+      names.map((name) => picture.layers[name]),
+      grid,
+      kept,
+    );
     this._measure(picture);
     this.draw();
   }
 
   // The middle and the size of the nearest 600 mm of surface: the person, not the wall.
   _measure(picture) {
-    const clean = picture.layers.clean, unit = picture.head.depth_unit_mm;
+    const clean = picture.layers.clean,
+      unit = picture.head.depth_unit_mm;
     let low = 65535;
     for (let i = 0; i < clean.length; i++) if (clean[i] > 0 && clean[i] < low) low = clean[i];
-    let left = 1e9, right = -1, top = 1e9, bottom = -1;
+    let left = 1e9,
+      right = -1,
+      top = 1e9,
+      bottom = -1;
     for (let i = 0; i < clean.length; i += 3) {
       if (clean[i] === 0 || (clean[i] - low) * unit > 600) continue;
-      const x = i % picture.width, y = (i / picture.width) | 0;
-      left = Math.min(left, x); right = Math.max(right, x); top = Math.min(top, y); bottom = Math.max(bottom, y);
+      const x = i % picture.width,
+        y = (i / picture.width) | 0;
+      left = Math.min(left, x);
+      right = Math.max(right, x);
+      top = Math.min(top, y);
+      bottom = Math.max(bottom, y);
     }
     if (right < 0) return;
     const z = (low * unit + 80) / 1000;
-    const [fx, fy] = picture.head.focal_px, [cx, cy] = picture.head.centre_px;
-    this.centre = [
-      (((left + right) / 2 + picture.left - cx) / fx) * z, (((top + bottom) / 2 + picture.top - cy) / fy) * z, z,
-    ];
+    const [fx, fy] = picture.head.focal_px,
+      [cx, cy] = picture.head.centre_px;
+    this.centre = [(((left + right) / 2 + picture.left - cx) / fx) * z, (((top + bottom) / 2 + picture.top - cy) / fy) * z, z];
     this.radius = 0.42 * Math.max((right - left) / fx, (bottom - top) / fy) * z + 0.05;
   }
 
@@ -99,7 +124,8 @@ export class Surface {
     const { canvas, picture } = this;
     if (!picture || !this.centre || !canvas.clientWidth) return;
     const ratio = window.devicePixelRatio || 1;
-    const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
+    const width = Math.round(canvas.clientWidth * ratio),
+      height = Math.round(canvas.clientHeight * ratio);
     if (canvas.width !== width) canvas.width = width;
     if (canvas.height !== height) canvas.height = height;
     const [sy, cy, sx, cx] = [Math.sin(this.yaw), Math.cos(this.yaw), Math.sin(this.pitch), Math.cos(this.pitch)];

@@ -39,8 +39,11 @@ export function meshOf(depth, width, height, step, jump, into) {
   let count = 0;
   for (let y = 0; y + step < height; y += step) {
     for (let at = y * width, end = at + width - step; at < end; at += step) {
-      const a = depth[at], b = depth[at + step], below = at + step * width;
-      const c = depth[below], d = depth[below + step];
+      const a = depth[at],
+        b = depth[at + step],
+        below = at + step * width;
+      const c = depth[below],
+        d = depth[below + step];
       const low = Math.min(a, b, c, d);
       if (low === 0 || Math.max(a, b, c, d) > low * jump) continue;
       into[count] = at;
@@ -57,7 +60,10 @@ export class MeshPainter {
   constructor(gl) {
     this.gl = gl;
     this.program = gl.createProgram();
-    for (const [kind, code] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+    for (const [kind, code] of [
+      [gl.VERTEX_SHADER, VERTEX],
+      [gl.FRAGMENT_SHADER, FRAGMENT],
+    ]) {
       const shader = gl.createShader(kind);
       gl.shaderSource(shader, code);
       gl.compileShader(shader);
@@ -78,7 +84,8 @@ export class MeshPainter {
   // maps: the depth maps of a picture, in the order of painting. grid: {step, jump}, see meshOf.
   // kept: per map, whether it is the last one.
   set(picture, maps, { step, jump }, kept) {
-    const { gl } = this, { width, height } = picture;
+    const { gl } = this,
+      { width, height } = picture;
     this.picture = picture;
     const most = 6 * Math.ceil(width / step) * Math.ceil(height / step);
     if (this.places.length < most) this.places = new Uint32Array(most);

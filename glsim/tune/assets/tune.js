@@ -2,24 +2,41 @@
 
 import { chart, text } from "./charts.js";
 import { Figures } from "./figures.js";
-import { LayerImage, brightestOf, depthRange } from "./images.js";
-import { DEPTH, GREY, SIGNED, gradient } from "./maps.js";
+import { brightestOf, depthRange, LayerImage } from "./images.js";
+import { DEPTH, GREY, gradient, SIGNED } from "./maps.js";
 import { unpack, valueAt } from "./packet.js";
 import { Surface } from "./surface.js";
 
 const KINDS = [
-  ["clean", "clean"], ["noisy", "noisy"], ["difference", "noisy − clean"],
-  ["reason", "reason"], ["infrared", "infrared"],
+  ["clean", "clean"],
+  ["noisy", "noisy"],
+  ["difference", "noisy − clean"],
+  ["reason", "reason"],
+  ["infrared", "infrared"],
 ];
 const state = {
-  picture: null, other: null, split: 0.5, view: null, cursor: null, line: null, differenceMm: 10,
-  times: [], painted: 0, pressed: 0, shown: 0,
+  picture: null,
+  other: null,
+  split: 0.5,
+  view: null,
+  cursor: null,
+  line: null,
+  differenceMm: 10,
+  times: [],
+  painted: 0,
+  pressed: 0,
+  shown: 0,
 };
 // Pause after a request that failed, as while the server restarts.
 const RETRY_MS = 1000;
 const MAPS = { clean: DEPTH, noisy: DEPTH, difference: SIGNED, infrared: GREY };
-const images = {}, others = {}, keys = {};
-let surface, figures, root, words = [];
+const images = {},
+  others = {},
+  keys = {};
+let surface,
+  figures,
+  root,
+  words = [];
 
 const make = (parent, tag, cls, content) => {
   const made = document.createElement(tag);
@@ -63,13 +80,21 @@ function build(view, panel, reasonWords) {
   canvas.dataset.kind = "surface";
   canvas.setAttribute("aria-label", "noisy surface: drag or arrow keys turn it");
   surface = new Surface(canvas);
-  ghost.addEventListener("change", () => { surface.ghost = ghost.checked; surface.draw(); });
+  ghost.addEventListener("change", () => {
+    surface.ghost = ghost.checked;
+    surface.draw();
+  });
   tile.addEventListener("dblclick", () => enlarge(tile));
   const strip = make(root, "div", "strip");
   state.readout = make(strip, "div", "readout", "move over an image; drag a line with Shift for its profile");
   state.profile = make(strip, "canvas", "profile");
   figures = new Figures(panel);
-  new ResizeObserver(() => { redraw(); surface.draw(); figures.draw(); drawProfile(); }).observe(root);
+  new ResizeObserver(() => {
+    redraw();
+    surface.draw();
+    figures.draw();
+    drawProfile();
+  }).observe(root);
 }
 
 function enlarge(tile) {
@@ -84,7 +109,9 @@ function enlarge(tile) {
 // Show the whole window of the picture.
 function fit() {
   const p = state.picture;
-  const canvas = Object.values(images).map((i) => i.canvas).find((c) => c.clientWidth);
+  const canvas = Object.values(images)
+    .map((i) => i.canvas)
+    .find((c) => c.clientWidth);
   if (!p || !canvas) return;
   const scale = Math.min(canvas.clientWidth / (p.width + 8), canvas.clientHeight / (p.height + 8));
   state.view = { x: p.left + p.width / 2, y: p.top + p.height / 2, scale };
@@ -92,7 +119,8 @@ function fit() {
 }
 
 function pixelAt(canvas, event) {
-  const box = canvas.getBoundingClientRect(), v = state.view;
+  const box = canvas.getBoundingClientRect(),
+    v = state.view;
   return [
     Math.floor(v.x + (event.clientX - box.left - box.width / 2) / v.scale),
     Math.floor(v.y + (event.clientY - box.top - box.height / 2) / v.scale),
@@ -128,15 +156,24 @@ function listen(canvas) {
     readout();
     redraw();
   });
-  canvas.addEventListener("pointerup", () => { held = null; });
-  canvas.addEventListener("wheel", (e) => {
-    if (!state.view) return;
-    e.preventDefault();
-    const [x, y] = pixelAt(canvas, e), factor = Math.exp(-e.deltaY * 0.0015), v = state.view;
-    const scale = Math.min(60, Math.max(0.2, v.scale * factor)), kept = v.scale / scale;
-    state.view = { scale, x: x + (v.x - x) * kept, y: y + (v.y - y) * kept };
-    redraw();
-  }, { passive: false });
+  canvas.addEventListener("pointerup", () => {
+    held = null;
+  });
+  canvas.addEventListener(
+    "wheel",
+    (e) => {
+      if (!state.view) return;
+      e.preventDefault();
+      const [x, y] = pixelAt(canvas, e),
+        factor = Math.exp(-e.deltaY * 0.0015),
+        v = state.view;
+      const scale = Math.min(60, Math.max(0.2, v.scale * factor)),
+        kept = v.scale / scale;
+      state.view = { scale, x: x + (v.x - x) * kept, y: y + (v.y - y) * kept };
+      redraw();
+    },
+    { passive: false },
+  );
   canvas.addEventListener("keydown", (e) => {
     const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[e.key];
     if (!step || !state.picture) return;
@@ -179,20 +216,32 @@ function drawProfile() {
   const [x0, y0, x1, y1] = state.line || [p.left, middle, p.left + p.width - 1, middle];
   const steps = Math.max(Math.abs(x1 - x0), Math.abs(y1 - y0), 1);
   const lines = { clean: [], noisy: [] };
-  let low = Infinity, high = -Infinity;
+  let low = Infinity,
+    high = -Infinity;
   for (let i = 0; i <= steps; i++) {
-    const x = Math.round(x0 + ((x1 - x0) * i) / steps), y = Math.round(y0 + ((y1 - y0) * i) / steps);
+    const x = Math.round(x0 + ((x1 - x0) * i) / steps),
+      y = Math.round(y0 + ((y1 - y0) * i) / steps);
     for (const name of ["clean", "noisy"]) {
       const depth = valueAt(p, name, x, y) * p.head.depth_unit_mm;
       lines[name].push([i, depth || null]);
-      if (depth) { low = Math.min(low, depth); high = Math.max(high, depth); }
+      if (depth) {
+        low = Math.min(low, depth);
+        high = Math.max(high, depth);
+      }
     }
   }
   if (low > high) [low, high] = [0, 1];
   const pad = Math.max((high - low) * 0.05, 2);
-  chart(state.profile, [
-    { points: lines.noisy, colour: "--accent" }, { points: lines.clean, colour: "--second" },
-  ], [0, steps], [low - pad, high + pad], "px");
+  chart(
+    state.profile,
+    [
+      { points: lines.noisy, colour: "--accent" },
+      { points: lines.clean, colour: "--second" },
+    ],
+    [0, steps],
+    [low - pad, high + pad],
+    "px",
+  );
 }
 
 // A picture of the server; null: there is none.
@@ -205,11 +254,15 @@ async function fetchPicture(address) {
 
 // The ends of the colours.
 function showKeys() {
-  const p = state.picture, unit = p.head.depth_unit_mm, brightest = brightestOf(p.layers.infrared);
+  const p = state.picture,
+    unit = p.head.depth_unit_mm,
+    brightest = brightestOf(p.layers.infrared);
   const depths = state.range.map((d) => text(d * unit));
   const ends = {
-    clean: [depths[0], `${depths[1]} mm`], noisy: [depths[0], `${depths[1]} mm`],
-    difference: [`−${state.differenceMm}`, `${state.differenceMm} mm`], infrared: ["0", text(brightest)],
+    clean: [depths[0], `${depths[1]} mm`],
+    noisy: [depths[0], `${depths[1]} mm`],
+    difference: [`−${state.differenceMm}`, `${state.differenceMm} mm`],
+    infrared: ["0", text(brightest)],
   };
   for (const [kind, [low, , high]] of Object.entries(keys)) [low.textContent, high.textContent] = ends[kind];
 }
@@ -230,7 +283,8 @@ function display(picture) {
 // Show the pictures of the server: a request waits there until a later one than the last is drawn.
 // The next one is asked for before this one is painted, so that the server draws beside the browser.
 async function follow(tab) {
-  let last = 0, painted = null;
+  let last = 0,
+    painted = null;
   for (;;) {
     const picture = await fetchPicture(`/tune/next/${tab}?after=${last}`).catch(() => "failed");
     if (picture === "failed") await new Promise((done) => setTimeout(done, RETRY_MS));
@@ -266,10 +320,14 @@ async function showOther(address) {
 
 // The time from a key or a movement in the panel to the picture that it gives.
 for (const kind of ["keydown", "pointermove"]) {
-  document.addEventListener(kind, (e) => {
-    if (kind === "pointermove" && !e.buttons) return;
-    if (!state.pressed && e.target.closest?.(".q-slider")) state.pressed = performance.now();
-  }, { capture: true, passive: true });
+  document.addEventListener(
+    kind,
+    (e) => {
+      if (kind === "pointermove" && !e.buttons) return;
+      if (!state.pressed && e.target.closest?.(".q-slider")) state.pressed = performance.now();
+    },
+    { capture: true, passive: true },
+  );
 }
 
 window.glsimTune = {
@@ -280,8 +338,12 @@ window.glsimTune = {
     follow(tab);
     window.addEventListener("pagehide", () => navigator.sendBeacon(`/tune/closed/${tab}`));
   },
-  display, showOther,
-  fit: () => { fit(); redraw(); },
+  display,
+  showOther,
+  fit: () => {
+    fit();
+    redraw();
+  },
   scale: (mm) => {
     state.differenceMm = mm;
     if (!state.picture) return;
@@ -292,7 +354,10 @@ window.glsimTune = {
   },
   statistics: (now, other) => figures.show(now, other),
   recording: (real, here) => figures.showReal(real, here),
-  themed: () => { figures.draw(); drawProfile(); },
+  themed: () => {
+    figures.draw();
+    drawProfile();
+  },
   state,
 };
 for (const [name, given] of window.tuneQueue || []) window.glsimTune[name](...given);

@@ -1,6 +1,6 @@
 // A sensor's stages on WebGL2: what glsim.noise.chain.ShaderChain does, with the same passes.
 
-import { StageError, components, locate } from "./declarations.js";
+import { components, locate, StageError } from "./declarations.js";
 
 // CRC-32 (zlib's), for the seeds of the stages.
 const CRC = Uint32Array.from({ length: 256 }, (_, n) => {
@@ -28,7 +28,8 @@ function ratio(text) {
 export class Engine {
   // sources: WebGL texts of the shared passes, {vertex, silhouette}.
   constructor(canvas, sources) {
-    const gl = (this.gl = canvas.getContext("webgl2", { antialias: false, depth: false, powerPreference: "high-performance" }));
+    const gl = canvas.getContext("webgl2", { antialias: false, depth: false, powerPreference: "high-performance" });
+    this.gl = gl;
     if (!gl) throw new Error("this browser has no WebGL2");
     if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("this device cannot draw into float textures (EXT_color_buffer_float)");
     this.programs = new Map();
@@ -48,7 +49,9 @@ export class Engine {
   // Compile a fragment shader; the same text is linked once. Raises StageError at the lines of `flat`.
   link(text, flat) {
     if (this.programs.has(text)) return this.programs.get(text);
-    const { gl } = this, program = gl.createProgram(), fragment = this._shader(gl.FRAGMENT_SHADER, text);
+    const { gl } = this,
+      program = gl.createProgram(),
+      fragment = this._shader(gl.FRAGMENT_SHADER, text);
     gl.attachShader(program, this.vertex);
     gl.attachShader(program, fragment);
     gl.linkProgram(program);
@@ -65,7 +68,8 @@ export class Engine {
   }
 
   texture(width, height, parts) {
-    const { gl } = this, texture = gl.createTexture();
+    const { gl } = this,
+      texture = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.texStorage2D(gl.TEXTURE_2D, 1, { 1: gl.R32F, 2: gl.RG32F, 4: gl.RGBA32F }[parts], width, height);
     for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, key, gl.NEAREST);
@@ -74,9 +78,10 @@ export class Engine {
   }
 
   framebuffer(textures, depth) {
-    const { gl } = this, buffer = gl.createFramebuffer();
+    const { gl } = this,
+      buffer = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
-    textures.forEach((t, n) => gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + n, gl.TEXTURE_2D, t, 0));
+    for (const [n, t] of textures.entries()) gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + n, gl.TEXTURE_2D, t, 0);
     if (depth) gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
     gl.drawBuffers(textures.length ? textures.map((_, n) => gl.COLOR_ATTACHMENT0 + n) : [gl.NONE]);
     if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) throw new Error("this device cannot draw these layers");
@@ -115,8 +120,15 @@ export class Scene {
     };
     const clean = upload(layers.clean, 1);
     this.layers = {
-      clean, depth: clean, fine_seen: clean, uneven: clean, reason: this._texture(width, height, 1),
-      normal: upload(layers.normal, 4), albedo: upload(layers.albedo, 1), lit: upload(layers.lit, 1), rays: this._rays(),
+      clean,
+      depth: clean,
+      fine_seen: clean,
+      uneven: clean,
+      reason: this._texture(width, height, 1),
+      normal: upload(layers.normal, 4),
+      albedo: upload(layers.albedo, 1),
+      lit: upload(layers.lit, 1),
+      rays: this._rays(),
     };
     if (layers.uneven) {
       this.layers.uneven = upload(layers.uneven, 1);
@@ -137,10 +149,19 @@ export class Scene {
   }
 
   _rays() {
-    const { width, height, focal_px: [fx, fy], centre_px: [cx, cy] } = this.rig, { gl } = this.engine;
+    const {
+        width,
+        height,
+        focal_px: [fx, fy],
+        centre_px: [cx, cy],
+      } = this.rig,
+      { gl } = this.engine;
     const rays = new Float32Array(2 * width * height);
     for (let y = 0, i = 0; y < height; y++) {
-      for (let x = 0; x < width; x++) { rays[i++] = (x + 0.5 - cx) / fx; rays[i++] = (y + 0.5 - cy) / fy; }
+      for (let x = 0; x < width; x++) {
+        rays[i++] = (x + 0.5 - cx) / fx;
+        rays[i++] = (y + 0.5 - cy) / fy;
+      }
     }
     const texture = this._texture(width, height, 2);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RG, gl.FLOAT, rays);
@@ -167,11 +188,13 @@ export class Scene {
   _target(stage) {
     const key = `${stage.name} ${JSON.stringify(stage.writes)}`;
     if (!this.targets.has(key)) {
-      const scale = ratio(stage.writes[0][2]), { width, height } = this.rig;
+      const scale = ratio(stage.writes[0][2]),
+        { width, height } = this.rig;
       const size = [Math.ceil(width * scale), Math.ceil(height * scale)];
       const textures = stage.writes.map(([, type]) => this._texture(...size, components(type)));
       const [left, top, w, h] = this.window;
-      const x = Math.floor(left * scale), y = Math.floor(top * scale);
+      const x = Math.floor(left * scale),
+        y = Math.floor(top * scale);
       const drawn = [x, y, Math.ceil((left + w) * scale) - x, Math.ceil((top + h) * scale) - y];
       const buffer = this.engine.framebuffer(textures, scale === 1 ? this.depth : null);
       this.targets.set(key, { textures, drawn, buffer });
@@ -183,20 +206,35 @@ export class Scene {
   // linked}]; values: stage -> parameter -> number; uniforms: name -> number or array; seeds: name of a
   // seed -> 64-bit seed; blank: layer -> value of sparse stages in empty pixels, where it is not 0.
   run(stages, values, uniforms, seeds, blank) {
-    const { engine, engine: { gl } } = this;
-    const layers = { ...this.layers }, empty = new Set(Object.keys(layers));
+    const {
+      engine,
+      engine: { gl },
+    } = this;
+    const layers = { ...this.layers },
+      empty = new Set(Object.keys(layers));
     gl.depthMask(false);
     for (const stage of stages) {
       if (!values[stage.name].enabled) continue;
-      const { program, uniforms: active } = stage.linked, target = this._target(stage);
+      const { program, uniforms: active } = stage.linked,
+        target = this._target(stage);
       const sparse = stage.sparse && stage.reads.every((name) => empty.has(name) || name === "pattern_map");
-      for (const [name] of stage.writes) { if (sparse) empty.add(name); else empty.delete(name); }
+      for (const [name] of stage.writes) {
+        if (sparse) empty.add(name);
+        else empty.delete(name);
+      }
       gl.useProgram(program);
       let unit = 0;
       for (const [name, place] of active) {
         if (place.type === gl.SAMPLER_2D) {
           const layer = name.slice(2);
-          if (!(layer in layers)) throw new StageError([{ file: stage.file, line: 1, text: `${stage.name} reads the layer ${layer}, but the stage that writes it is switched off or missing` }]);
+          if (!(layer in layers))
+            throw new StageError([
+              {
+                file: stage.file,
+                line: 1,
+                text: `${stage.name} reads the layer ${layer}, but the stage that writes it is switched off or missing`,
+              },
+            ]);
           gl.activeTexture(gl.TEXTURE0 + unit);
           gl.bindTexture(gl.TEXTURE_2D, layers[layer]);
           gl.uniform1i(place.at, unit++);
@@ -210,23 +248,27 @@ export class Scene {
       if (within) {
         gl.enable(gl.SCISSOR_TEST);
         gl.scissor(...target.drawn);
-        stage.writes.forEach(([name], n) => gl.clearBufferfv(gl.COLOR, n, new Float32Array(4).fill(blank[name] ?? 0)));
+        for (const [n, [name]] of stage.writes.entries()) gl.clearBufferfv(gl.COLOR, n, new Float32Array(4).fill(blank[name] ?? 0));
         gl.disable(gl.SCISSOR_TEST);
         gl.enable(gl.DEPTH_TEST);
       }
       engine.draw(stage.linked, target.drawn);
       gl.disable(gl.DEPTH_TEST);
-      stage.writes.forEach(([name], n) => { layers[name] = target.textures[n]; });
+      stage.writes.forEach(([name], n) => {
+        layers[name] = target.textures[n];
+      });
     }
     return layers;
   }
 
   // The first number of each pixel of the window, float32.
   read(texture) {
-    const { gl } = this.engine, [left, top, width, height] = this.window;
+    const { gl } = this.engine,
+      [left, top, width, height] = this.window;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.reader);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
-    const four = new Float32Array(4 * width * height), one = new Float32Array(width * height);
+    const four = new Float32Array(4 * width * height),
+      one = new Float32Array(width * height);
     gl.readPixels(left, top, width, height, gl.RGBA, gl.FLOAT, four);
     for (let i = 0; i < one.length; i++) one[i] = four[4 * i];
     return one;

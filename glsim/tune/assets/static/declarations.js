@@ -15,7 +15,9 @@ export class StageError extends Error {
   }
 }
 
-const fail = (at, text) => { throw new StageError([{ file: at.file, line: at.line, text }]); };
+const fail = (at, text) => {
+  throw new StageError([{ file: at.file, line: at.line, text }]);
+};
 
 // Insert includes, each once. Returns [{text, file, line}]. files: text by name.
 export function flatten(file, text, files, pattern, included = new Set(), top = true) {
@@ -58,11 +60,17 @@ function parameter(match, at, patterns) {
   const value = number(match.groups.default, at);
   if (!(value >= low && value <= high)) fail(at, `the default ${value} of ${name} is outside [${low}, ${high}]`);
   const slider = patterns.slider.exec(note.groups.slider || "");
-  const shown = slider && slider.groups.low !== undefined
-    ? [number(slider.groups.low, at), number(slider.groups.high, at)] : null;
+  const shown = slider && slider.groups.low !== undefined ? [number(slider.groups.low, at), number(slider.groups.high, at)] : null;
   return {
-    name, type, default: value, low, high, unit: note.groups.unit, help: note.groups.help.trim(),
-    slider: shown, log_scale: Boolean(slider && slider.groups.log),
+    name,
+    type,
+    default: value,
+    low,
+    high,
+    unit: note.groups.unit,
+    help: note.groups.help.trim(),
+    slider: shown,
+    log_scale: Boolean(slider?.groups.log),
   };
 }
 
@@ -76,7 +84,8 @@ export function describe(flat, patterns) {
     if (/^\s*#endif\b/.test(at.text) && hidden) hidden--;
     if (patterns.sparse.test(at.text)) found.sparse = true;
     if (hidden) continue;
-    const uniform = patterns.uniform.exec(at.text), out = patterns.out.exec(at.text);
+    const uniform = patterns.uniform.exec(at.text),
+      out = patterns.out.exec(at.text);
     if (uniform) {
       const { type, name } = uniform.groups;
       if (type === "sampler2D" && name.startsWith("u_")) found.reads.push(name.slice(2));
@@ -99,14 +108,15 @@ export function describe(flat, patterns) {
 export function toWebgl(flat, writes, patterns) {
   const place = new Map(writes.map(([name], n) => [name, n]));
   const lines = flat.slice(1).map(({ text }) => {
-    const uniform = patterns.uniform.exec(text), out = patterns.out.exec(text);
+    const uniform = patterns.uniform.exec(text),
+      out = patterns.out.exec(text);
     if (uniform && uniform.groups.default !== undefined) return text.replace(/=[^;]*;/, ";");
     if (out && place.has(out.groups.name)) {
       return `layout(location = ${place.get(out.groups.name)}) ${text.replace(/^\s*layout\s*\([^)]*\)/, "").trim()}`;
     }
     return text;
   });
-  return [...HEADER, ...lines].join("\n") + "\n";
+  return `${[...HEADER, ...lines].join("\n")}\n`;
 }
 
 // The driver's messages at the lines of the files. WebGL writes ERROR: 0:12: words.

@@ -3,7 +3,8 @@
 export class Editor {
   // edited: called with the text, a moment after the last key.
   constructor(root, edited) {
-    root.innerHTML = '<pre class="lines" aria-hidden="true"></pre><textarea spellcheck="false" autocapitalize="off" autocomplete="off" wrap="off" aria-label="GLSL of the selected stage"></textarea>';
+    root.innerHTML =
+      '<pre class="lines" aria-hidden="true"></pre><textarea spellcheck="false" autocapitalize="off" autocomplete="off" wrap="off" aria-label="GLSL of the selected stage"></textarea>';
     [this.lines, this.area] = root.children;
     let timer = 0;
     this.area.addEventListener("input", () => {
@@ -11,8 +12,11 @@ export class Editor {
       clearTimeout(timer);
       timer = setTimeout(() => edited(this.area.value), 250);
     });
-    this.area.addEventListener("scroll", () => { this.lines.scrollTop = this.area.scrollTop; });
-    this.area.addEventListener("keydown", (e) => { // Tab indents; Escape, then Tab leaves the editor
+    this.area.addEventListener("scroll", () => {
+      this.lines.scrollTop = this.area.scrollTop;
+    });
+    this.area.addEventListener("keydown", (e) => {
+      // Tab indents; Escape, then Tab leaves the editor
       if (e.key === "Escape") this.free = true;
       else if (e.key === "Tab" && !this.free && !e.shiftKey) {
         e.preventDefault();
@@ -42,7 +46,10 @@ export class Editor {
     for (let n = 1; n <= count; n++) {
       const line = document.createElement("span");
       line.textContent = `${n}\n`;
-      if (this.wrong.has(n)) { line.className = "wrong"; line.title = this.wrong.get(n); }
+      if (this.wrong.has(n)) {
+        line.className = "wrong";
+        line.title = this.wrong.get(n);
+      }
       this.lines.append(line);
     }
     this.lines.scrollTop = this.area.scrollTop;

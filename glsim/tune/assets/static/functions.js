@@ -29,8 +29,11 @@ float precise_log(float x) {
 }
 `;
 const NAMES = ["sin", "cos", "log"];
-const ofVector = (name, type) => `${type} precise_${name}(${type} v) { return ${type}(${
-  [..."xyzw"].slice(0, Number(type[3])).map((c) => `precise_${name}(v.${c})`).join(", ")}); }`;
+const ofVector = (name, type) =>
+  `${type} precise_${name}(${type} v) { return ${type}(${[..."xyzw"]
+    .slice(0, Number(type[3]))
+    .map((c) => `precise_${name}(v.${c})`)
+    .join(", ")}); }`;
 
 // Lines of GLSL to put before a stage.
 export const FUNCTIONS = [

@@ -1,11 +1,18 @@
 // A picture from the chain's layers, and its figures: what glsim.frame_assembly and
 // glsim.tune.statistics do in Python.
 
-const FACE_MM = 250, DISTANCE_MM = 20, ANGLE_DEG = 10, LEAST = 30, SURFACE_MM = 50, BINS = 40, LAGS = 8;
+const FACE_MM = 250,
+  DISTANCE_MM = 20,
+  ANGLE_DEG = 10,
+  LEAST = 30,
+  SURFACE_MM = 50,
+  BINS = 40,
+  LAGS = 8;
 
 // Round to the nearest integer, halves to even, as NumPy does.
 function rint(x) {
-  const low = Math.floor(x), part = x - low;
+  const low = Math.floor(x),
+    part = x - low;
   return part < 0.5 || (part === 0.5 && low % 2 === 0) ? low : low + 1;
 }
 
@@ -20,7 +27,9 @@ function reconcile(clean, depth, reason, reasons) {
   return Uint8Array.from(reason, (r, i) => {
     let c = rint(r);
     if (!(c >= 0 && c < reasons.length)) c = dropped;
-    const expects = reasons[c].has_depth, has = depth[i] > 0, surface = clean[i] > 0;
+    const expects = reasons[c].has_depth,
+      has = depth[i] > 0,
+      surface = clean[i] > 0;
     if (!has && expects) c = surface ? dropped : none;
     if (has && !expects) c = valid;
     return has && c === valid && !surface ? grown : c;
@@ -32,10 +41,15 @@ export function pictureOf(rig, window, layers, reasons) {
   const [left, top, width, height] = window;
   const { clean, depth, reason, infrared } = layers;
   return {
-    left, top, width, height,
+    left,
+    top,
+    width,
+    height,
     head: { width: rig.width, height: rig.height, focal_px: rig.focal_px, centre_px: rig.centre_px, depth_unit_mm: 1 },
     layers: {
-      clean: encodeDepth(clean), noisy: encodeDepth(depth), reason: reconcile(clean, depth, reason, reasons),
+      clean: encodeDepth(clean),
+      noisy: encodeDepth(depth),
+      reason: reconcile(clean, depth, reason, reasons),
       infrared: Uint16Array.from(infrared || clean, (v) => (infrared ? Math.max(0, Math.min(65535, rint(v))) : 0)),
     },
   };
@@ -49,22 +63,30 @@ const known = (value) => (Number.isFinite(value) ? value : null);
 function byBins(places, errors, width) {
   const bins = new Map();
   places.forEach((at, i) => {
-    const n = Math.floor(at / width), bin = bins.get(n) || [0, 0, 0];
-    bin[0]++; bin[1] += errors[i]; bin[2] += errors[i] ** 2;
+    const n = Math.floor(at / width),
+      bin = bins.get(n) || [0, 0, 0];
+    bin[0]++;
+    bin[1] += errors[i];
+    bin[2] += errors[i] ** 2;
     bins.set(n, bin);
   });
-  return [...bins].filter(([, [count]]) => count >= LEAST).sort(([a], [b]) => a - b).map(([n, [count, sum, squares]]) =>
-    [(n + 0.5) * width, Math.sqrt(Math.max(squares / count - (sum / count) ** 2, 0)), count]);
+  return [...bins]
+    .filter(([, [count]]) => count >= LEAST)
+    .sort(([a], [b]) => a - b)
+    .map(([n, [count, sum, squares]]) => [(n + 0.5) * width, Math.sqrt(Math.max(squares / count - (sum / count) ** 2, 0)), count]);
 }
 
 // Bins are some whole units of depth wide, as in glsim.tune.statistics.
 function histogram(values, unit) {
   if (values.length < LEAST) return { low_mm: -1, high_mm: 1, counts: [] };
-  const sorted = Float64Array.from(values).sort(), middle = sorted[sorted.length >> 1];
+  const sorted = Float64Array.from(values).sort(),
+    middle = sorted[sorted.length >> 1];
   const away = Float64Array.from(sorted, (v) => Math.abs(v - middle)).sort();
   const wanted = Math.max(4 * 1.4826 * away[away.length >> 1], 0.5);
   const width = unit * Math.max(Math.round((2 * wanted) / unit / BINS), 1);
-  const sides = Math.max(Math.ceil(wanted / width), 2), bins = 2 * sides + 1, reach = (sides + 0.5) * width;
+  const sides = Math.max(Math.ceil(wanted / width), 2),
+    bins = 2 * sides + 1,
+    reach = (sides + 0.5) * width;
   const counts = new Array(bins).fill(0);
   for (const v of values) counts[Math.min(bins - 1, Math.max(0, Math.floor((v + reach) / width)))]++;
   return { low_mm: -reach, high_mm: reach, counts };
@@ -74,9 +96,11 @@ function histogram(values, unit) {
 function autocorrelation(error, face, width) {
   const inside = error.filter((_, i) => face[i]);
   if (inside.length < LEAST) return { row: [], column: [] };
-  const mean = average(inside), variance = spread(inside, mean) ** 2;
+  const mean = average(inside),
+    variance = spread(inside, mean) ** 2;
   const lag = (step, across) => {
-    let sum = 0, pairs = 0;
+    let sum = 0,
+      pairs = 0;
     const apart = across ? step : step * width;
     for (let i = 0; i + apart < error.length; i++) {
       if (!face[i] || !face[i + apart] || (across && (i % width) + step >= width)) continue;
@@ -92,10 +116,23 @@ function autocorrelation(error, face, width) {
 // The figures of a picture, with the keys of glsim.tune.statistics.frame_statistics.
 // normal: float32, 4 numbers a pixel.
 export function statisticsOf(picture, normal, reasons, milliseconds) {
-  const { clean, noisy, reason } = picture.layers, size = clean.length;
-  let nearest = 65535, surface = 0, measured = 0;
-  for (let i = 0; i < size; i++) if (clean[i]) { surface++; nearest = Math.min(nearest, clean[i]); if (noisy[i]) measured++; }
-  const error = new Float64Array(size), face = new Uint8Array(size), values = [], own = [], depths = [], angles = [];
+  const { clean, noisy, reason } = picture.layers,
+    size = clean.length;
+  let nearest = 65535,
+    surface = 0,
+    measured = 0;
+  for (let i = 0; i < size; i++)
+    if (clean[i]) {
+      surface++;
+      nearest = Math.min(nearest, clean[i]);
+      if (noisy[i]) measured++;
+    }
+  const error = new Float64Array(size),
+    face = new Uint8Array(size),
+    values = [],
+    own = [],
+    depths = [],
+    angles = [];
   for (let i = 0; i < size; i++) {
     if (!clean[i] || !noisy[i]) continue;
     error[i] = noisy[i] - clean[i];
@@ -111,11 +148,17 @@ export function statisticsOf(picture, normal, reasons, milliseconds) {
   for (let i = 0; i < size; i++) if (clean[i]) counts[reason[i]]++;
   const rows = reasons.map(({ name, help }, code) => [name.toLowerCase(), help, counts[code], counts[code] / Math.max(surface, 1)]);
   return {
-    surface_px: surface, measured_px: measured, beyond_px: measured - values.length,
-    bias_mm: known(average(values)), sigma_mm: known(spread(values, average(values))),
-    face_sigma_mm: known(spread(own, average(own))), milliseconds,
-    distance: byBins(depths, own, DISTANCE_MM), angle: byBins(angles, own, ANGLE_DEG),
-    histogram: histogram(values, picture.head.depth_unit_mm), autocorrelation: autocorrelation(error, face, picture.width),
+    surface_px: surface,
+    measured_px: measured,
+    beyond_px: measured - values.length,
+    bias_mm: known(average(values)),
+    sigma_mm: known(spread(values, average(values))),
+    face_sigma_mm: known(spread(own, average(own))),
+    milliseconds,
+    distance: byBins(depths, own, DISTANCE_MM),
+    angle: byBins(angles, own, ANGLE_DEG),
+    histogram: histogram(values, picture.head.depth_unit_mm),
+    autocorrelation: autocorrelation(error, face, picture.width),
     reasons: rows.filter(([, , pixels], code) => code && pixels).sort((a, b) => b[2] - a[2]),
   };
 }

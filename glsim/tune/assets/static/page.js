@@ -1,8 +1,8 @@
 // The page without a server: what the visitor has changed, and the frame that it gives.
 
-import { Engine, Scene } from "./chain.js";
 import { unpackCapture } from "./captures.js";
-import { StageError, compilePatterns, describe, flatten, toWebgl } from "./declarations.js";
+import { Engine, Scene } from "./chain.js";
+import { compilePatterns, describe, flatten, StageError, toWebgl } from "./declarations.js";
 import { Editor } from "./editor.js";
 import { pictureOf, statisticsOf } from "./measure.js";
 import { drawPanel, make, short } from "./panel.js";
@@ -15,8 +15,15 @@ const view = window.glsimTune; // images, 3D and figures: tune.js
 
 // state: what the address holds. values: "stage.parameter" -> number; code: stage -> changed GLSL.
 const state = { sensor: facts.first_sensor, scene: facts.scenes[0].name, seed: 0, camera: 0, values: {}, code: {} };
-const scenes = new Map(), arriving = new Map(); // scenes arrive as scripts: they open from file:// too
-let engine, editor, chain = [], selected = "", shown = null, playing = false, frames = 0;
+const scenes = new Map(),
+  arriving = new Map(); // scenes arrive as scripts: they open from file:// too
+let engine,
+  editor,
+  chain = [],
+  selected = "",
+  shown = null,
+  playing = false,
+  frames = 0;
 
 const sensor = () => facts.sensors[state.sensor];
 const keyOf = (stage, parameter) => `${stage.name}.${parameter.name}`;
@@ -47,13 +54,16 @@ function buildChain() {
 
 // The value that a parameter starts from: the sensor's, or the drawn camera's.
 function startOf(stage, parameter) {
-  const key = keyOf(stage, parameter), place = sensor().drawn.indexOf(key);
+  const key = keyOf(stage, parameter),
+    place = sensor().drawn.indexOf(key);
   if (place >= 0) return sensor().cameras[state.camera % sensor().cameras.length][place];
   return stage.settings[parameter.name] ?? parameter.default;
 }
 
 function ownValue(stage, parameter) {
-  const start = startOf(stage, parameter), key = keyOf(stage, parameter), changed = key in state.values;
+  const start = startOf(stage, parameter),
+    key = keyOf(stage, parameter),
+    changed = key in state.values;
   return { start, changed, value: changed ? state.values[key] : start, drawn: stage.ranges[parameter.name] };
 }
 
@@ -86,7 +96,9 @@ async function sceneData(name) {
 async function loadScene() {
   const chosen = () => `${state.scene} ${state.sensor}`;
   while (shown?.key !== chosen()) {
-    const key = chosen(), use = state.sensor, { captures, blobs } = await sceneData(state.scene);
+    const key = chosen(),
+      use = state.sensor,
+      { captures, blobs } = await sceneData(state.scene);
     const layers = await unpackCapture(captures[use], blobs, facts.units);
     if (key !== chosen()) continue;
     shown?.scene.release();
@@ -99,10 +111,17 @@ async function loadScene() {
 
 // Run the chain; returns {layers: float32 of the window, picture, milliseconds}.
 function runChain() {
-  const { capture, scene, layers } = shown, begun = performance.now();
+  const { capture, scene, layers } = shown,
+    begun = performance.now();
   const seeds = { u_seed: String(state.seed), u_sequence_seed: capture.sequence_seed, u_device_seed: capture.device_seed };
   const uniforms = { ...capture.uniforms, u_time_s: state.seed / facts.frames_per_second };
-  const textures = scene.run(chain.filter((s) => !s.array), allValues(), uniforms, seeds, facts.blank);
+  const textures = scene.run(
+    chain.filter((s) => !s.array),
+    allValues(),
+    uniforms,
+    seeds,
+    facts.blank,
+  );
   const result = { clean: layers.clean };
   for (const name of ["depth", "reason", "infrared"]) result[name] = textures[name] ? scene.read(textures[name]) : null;
   const milliseconds = performance.now() - begun;
@@ -114,11 +133,16 @@ function say(text, bad = false) {
   at("message").className = bad ? "problem" : "note";
 }
 
-let waiting = false, busy = false, again = false;
+let waiting = false,
+  busy = false,
+  again = false;
 // Draw soon; many changes between two frames of the screen are drawn once.
 function redraw() {
   again = true;
-  if (!waiting && !busy) { waiting = true; setTimeout(draw, 0); }
+  if (!waiting && !busy) {
+    waiting = true;
+    setTimeout(draw, 0);
+  }
 }
 
 async function draw() {
@@ -129,7 +153,8 @@ async function draw() {
     await loadScene();
     const run = runChain();
     view.display(run.picture);
-    if (!playing || frames % 5 === 0) view.statistics(statisticsOf(run.picture, shown.layers.normal, facts.reasons, run.milliseconds), null);
+    if (!playing || frames % 5 === 0)
+      view.statistics(statisticsOf(run.picture, shown.layers.normal, facts.reasons, run.milliseconds), null);
     say(chain.find((s) => s.problems) ? "a stage has a mistake: its last good program runs" : "");
     if (!frames) view.fit(); // the layout is ready now
     document.body.dataset.frames = ++frames;
@@ -138,24 +163,41 @@ async function draw() {
     if (!(error instanceof StageError)) console.error(error);
   }
   busy = false;
-  if (playing) { state.seed++; at("seed").value = state.seed; setTimeout(redraw, 0); } else if (again) redraw();
+  if (playing) {
+    state.seed++;
+    at("seed").value = state.seed;
+    setTimeout(redraw, 0);
+  } else if (again) redraw();
 }
 
 // ---- panel, editor, address ----
 
 function showPanel() {
-  const focus = document.activeElement?.closest?.("[data-parameter]")?.dataset.parameter, kind = document.activeElement?.type;
+  const focus = document.activeElement?.closest?.("[data-parameter]")?.dataset.parameter,
+    kind = document.activeElement?.type;
   drawPanel(at("stages"), chain, selected, ownValue, {
-    select: (stage) => { selected = stage.name; showPanel(); showCode(); },
+    select: (stage) => {
+      selected = stage.name;
+      showPanel();
+      showCode();
+    },
     toggle: (stage, on) => change(keyOf(stage, ENABLED), on ? 1 : 0, startOf(stage, ENABLED)),
     change: (stage, parameter, value) => change(keyOf(stage, parameter), value, startOf(stage, parameter)),
-    reset: (stage, parameter) => { delete state.values[keyOf(stage, parameter)]; showPanel(); changed(); },
+    reset: (stage, parameter) => {
+      delete state.values[keyOf(stage, parameter)];
+      showPanel();
+      changed();
+    },
   });
-  if (focus) at("stages").querySelector(`[data-parameter="${CSS.escape(focus)}"] input[type="${kind}"]`)?.focus();
+  if (focus)
+    at("stages")
+      .querySelector(`[data-parameter="${CSS.escape(focus)}"] input[type="${kind}"]`)
+      ?.focus();
 }
 
 function change(key, value, start) {
-  if (value === start) delete state.values[key]; else state.values[key] = value;
+  if (value === start) delete state.values[key];
+  else state.values[key] = value;
   changed();
 }
 
@@ -168,7 +210,7 @@ function showCode() {
   const stage = chain.find((s) => s.name === selected);
   at("code-name").textContent = stage.name;
   at("code-file").textContent = stage.array ? "a Python stage: it runs in glsim, not here" : stage.file;
-  editor.set(stage.array ? "" : state.code[stage.name] ?? facts.files[stage.file], stage.array);
+  editor.set(stage.array ? "" : (state.code[stage.name] ?? facts.files[stage.file]), stage.array);
   at("original").disabled = !(stage.name in state.code);
   showProblems(stage, stage.problems || []);
 }
@@ -181,10 +223,12 @@ function showProblems(stage, problems) {
 
 // The last good program of the stage runs on if the text has a mistake.
 function edited(text) {
-  const place = chain.findIndex((s) => s.name === selected), stage = chain[place];
+  const place = chain.findIndex((s) => s.name === selected),
+    stage = chain[place];
   if (stage.array) return;
   const original = sensor().stages[place];
-  if (text === facts.files[stage.file]) delete state.code[stage.name]; else state.code[stage.name] = text;
+  if (text === facts.files[stage.file]) delete state.code[stage.name];
+  else state.code[stage.name] = text;
   let problems = [];
   try {
     chain[place] = { ...linked(original, text), changed: stage.name in state.code };
@@ -211,7 +255,10 @@ function readAddress() {
   const words = new URLSearchParams(location.hash.slice(1));
   const one = (name, known) => (known.includes(words.get(name)) ? words.get(name) : state[name]);
   state.sensor = one("sensor", Object.keys(facts.sensors));
-  state.scene = one("scene", facts.scenes.map((s) => s.name));
+  state.scene = one(
+    "scene",
+    facts.scenes.map((s) => s.name),
+  );
   for (const name of ["seed", "camera"]) state[name] = Math.min(Math.max(parseInt(words.get(name), 10) || 0, 0), 2 ** 31);
   state.values = {};
   state.code = {};
@@ -226,7 +273,8 @@ function setLine() {
   const quoted = (text) => (/^[\w.=+-]+$/.test(text) ? text : `'${text}'`);
   const word = (key, value) => {
     const [name, parameter] = key.split(".");
-    const declared = parameter === "enabled" ? { type: "bool" } : chain.find((s) => s.name === name)?.parameters.find((p) => p.name === parameter);
+    const declared =
+      parameter === "enabled" ? { type: "bool" } : chain.find((s) => s.name === name)?.parameters.find((p) => p.name === parameter);
     if (!declared) return null;
     return `--set ${quoted(`${key}=${declared.type === "bool" ? value > 0.5 : short(value)}`)}`;
   };
@@ -239,7 +287,12 @@ async function copy(text, what) {
   at("copied").value = text;
   at("copied").hidden = false;
   at("copied").select();
-  try { await navigator.clipboard.writeText(text); say(`${what} copied`); } catch { say(`${what}: copy it from the box`); }
+  try {
+    await navigator.clipboard.writeText(text);
+    say(`${what} copied`);
+  } catch {
+    say(`${what}: copy it from the box`);
+  }
 }
 
 // ---- start ----
@@ -264,27 +317,55 @@ function theme(dark) {
 }
 
 function listen() {
-  at("sensor").addEventListener("change", (e) => { Object.assign(state, { sensor: e.target.value, values: {}, code: {}, camera: 0 }); openSensor(); });
-  at("scene").addEventListener("change", (e) => { state.scene = e.target.value; changed(); });
-  at("seed").addEventListener("change", (e) => { state.seed = Math.max(0, parseInt(e.target.value, 10) || 0); e.target.value = state.seed; changed(); });
-  at("camera").addEventListener("click", () => { state.camera = (state.camera + 1) % sensor().cameras.length; openSensor(); });
+  at("sensor").addEventListener("change", (e) => {
+    Object.assign(state, { sensor: e.target.value, values: {}, code: {}, camera: 0 });
+    openSensor();
+  });
+  at("scene").addEventListener("change", (e) => {
+    state.scene = e.target.value;
+    changed();
+  });
+  at("seed").addEventListener("change", (e) => {
+    state.seed = Math.max(0, parseInt(e.target.value, 10) || 0);
+    e.target.value = state.seed;
+    changed();
+  });
+  at("camera").addEventListener("click", () => {
+    state.camera = (state.camera + 1) % sensor().cameras.length;
+    openSensor();
+  });
   at("play").addEventListener("click", () => {
     playing = !playing;
     at("play").textContent = playing ? "❚❚ stop" : "▶ play";
-    if (playing) redraw(); else changed();
+    if (playing) redraw();
+    else changed();
   });
-  at("reset").addEventListener("click", () => { Object.assign(state, { values: {}, code: {} }); openSensor(); });
+  at("reset").addEventListener("click", () => {
+    Object.assign(state, { values: {}, code: {} });
+    openSensor();
+  });
   at("set").addEventListener("click", () => copy(setLine(), "options"));
   at("link").addEventListener("click", () => copy(location.href, "link"));
-  at("copied").addEventListener("blur", (e) => { e.target.hidden = true; });
-  at("original").addEventListener("click", () => { delete state.code[selected]; buildChain(); showPanel(); showCode(); changed(); });
+  at("copied").addEventListener("blur", (e) => {
+    e.target.hidden = true;
+  });
+  at("original").addEventListener("click", () => {
+    delete state.code[selected];
+    buildChain();
+    showPanel();
+    showCode();
+    changed();
+  });
   at("stages").addEventListener("change", showPanel);
   at("range").addEventListener("change", (e) => view.scale(Number(e.target.value)));
   at("theme").addEventListener("click", () => theme(!document.body.classList.contains("body--dark")));
   const wish = matchMedia("(prefers-color-scheme: dark)");
   wish.addEventListener("change", () => theme(wish.matches));
   theme(wish.matches);
-  window.addEventListener("hashchange", () => { readAddress(); openSensor(); });
+  window.addEventListener("hashchange", () => {
+    readAddress();
+    openSensor();
+  });
 }
 
 function start() {
@@ -310,5 +391,15 @@ function start() {
 }
 
 // For tests and notebooks: the float32 layers of the shown frame, and what the page read of the stages.
-window.glsimStatic = { state, run: async () => { await loadScene(); const run = runChain(); return { ...run, inputs: shown.layers }; }, open: openSensor, setLine, chain: () => chain };
+window.glsimStatic = {
+  state,
+  run: async () => {
+    await loadScene();
+    const run = runChain();
+    return { ...run, inputs: shown.layers };
+  },
+  open: openSensor,
+  setLine,
+  chain: () => chain,
+};
 start();

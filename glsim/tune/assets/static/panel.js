@@ -1,6 +1,7 @@
 // The list of a chain's stages, with a switch each, and the sliders of the selected stage.
 
-const STEPS = 200, SPAN = 5;
+const STEPS = 200,
+  SPAN = 5;
 
 export const make = (parent, tag, cls, content) => {
   const made = document.createElement(tag);
@@ -26,7 +27,8 @@ export function ends(parameter, start) {
 function numberControl(row, parameter, value, start, change) {
   const [least, most, log] = ends(parameter, start);
   const toSlider = (v) => (log ? Math.log10(Math.max(v, least)) : v);
-  const slider = make(make(row, "div", "slide"), "input"), whole = parameter.type === "int";
+  const slider = make(make(row, "div", "slide"), "input"),
+    whole = parameter.type === "int";
   slider.type = "range";
   slider.min = toSlider(least);
   slider.max = toSlider(most);
@@ -35,14 +37,19 @@ function numberControl(row, parameter, value, start, change) {
   slider.title = parameter.help;
   slider.setAttribute("aria-label", `${parameter.name}, ${parameter.unit}`);
   const box = row.querySelector("input[type=number]");
-  const set = (v) => { change(v); box.value = short(v); };
+  const set = (v) => {
+    change(v);
+    box.value = short(v);
+  };
   slider.addEventListener("input", () => {
-    const at = Number(slider.value), fine = (toSlider(most) - toSlider(least)) / STEPS;
+    const at = Number(slider.value),
+      fine = (toSlider(most) - toSlider(least)) / STEPS;
     const digits = log ? 0 : Math.max(0, Math.ceil(-Math.log10(fine || 1)));
     const exact = log ? Number((10 ** at).toPrecision(3)) : Number(at.toFixed(digits));
     set(Math.min(parameter.high, Math.max(parameter.low, exact)));
   });
-  slider.addEventListener("keydown", (e) => { // "any" has no step of its own
+  slider.addEventListener("keydown", (e) => {
+    // "any" has no step of its own
     const way = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[e.key];
     if (!way || whole) return;
     e.preventDefault();
@@ -51,7 +58,10 @@ function numberControl(row, parameter, value, start, change) {
   });
   box.addEventListener("change", () => {
     const v = Math.min(parameter.high, Math.max(parameter.low, Number(box.value)));
-    if (!Number.isFinite(v) || box.value === "") { box.value = short(value); return; }
+    if (!Number.isFinite(v) || box.value === "") {
+      box.value = short(value);
+      return;
+    }
     set(whole ? Math.round(v) : v);
     slider.value = toSlider(v);
   });
@@ -110,7 +120,13 @@ export function drawPanel(root, chain, selected, own, on) {
   const box = make(root, "div", "sliders");
   make(box, "p", "about", stage.title.slice(stage.title.indexOf(":") + 1).trim());
   for (const parameter of stage.parameters) {
-    control(box, parameter, own(stage, parameter), (v) => on.change(stage, parameter, v), () => on.reset(stage, parameter));
+    control(
+      box,
+      parameter,
+      own(stage, parameter),
+      (v) => on.change(stage, parameter, v),
+      () => on.reset(stage, parameter),
+    );
   }
   if (!stage.parameters.length) make(box, "p", "about", "no parameters");
   root.scrollTop = scroll;
