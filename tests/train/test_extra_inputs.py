@@ -76,24 +76,6 @@ def test_a_neighbour_on_another_surface_adds_what_a_missing_one_adds() -> None:
     assert float(weight.max()) <= 0.5
 
 
-def test_the_order_of_neighbours_does_not_matter_to_their_mean() -> None:
-    fill_mm = frames(1).clamp_min(800)
-    near = torch.cat([fill_mm + 3, fill_mm - 1], 1)
-    mean = features(near, fill_mm)[:, -2:]
-    torch.testing.assert_close(mean, features(near.flip(1), fill_mm)[:, -2:])
-
-
-def test_the_mean_over_time_removes_noise_of_a_surface_that_moves() -> None:
-    generator = torch.Generator().manual_seed(1)
-    noise = torch.randn(5, 1, 96, 96, generator=generator)
-    now_mm = 900 + noise[:1]
-    earlier = torch.cat([900 + 3.0 * (n + 1) + noise[n + 1 : n + 2] for n in range(4)], 1)
-    mean_mm = now_mm + mean_over_time(earlier, now_mm).offset_mm
-    inner = np.s_[..., 24:-24, 24:-24]
-    assert float(mean_mm[inner].std()) < 0.6 * float(now_mm[inner].std())
-    assert abs(float(mean_mm[inner].mean()) - 900) < 0.3
-
-
 def test_before_training_a_network_with_further_inputs_equals_the_one_it_starts_from() -> None:
     torch.manual_seed(2)
     face = build("surfaces", "small_unet").eval()
