@@ -21,6 +21,7 @@ from glsim.dataset import (
 from glsim.errors import ConfigError, DatasetError, GlsimError, MeshError
 from tests.support.dataset_fakes import (
     CAMERA,
+    FORMATS,
     SENSOR,
     Fault,
     contents,
@@ -29,8 +30,6 @@ from tests.support.dataset_fakes import (
     make_settings,
     make_tasks,
 )
-
-FORMATS = ["png", "webdataset"]
 
 
 @pytest.fixture(scope="module", params=FORMATS)
@@ -194,24 +193,6 @@ def test_metadata_follows_the_rules_of_the_image_folder_loader(made) -> None:
             kinds.add(tuple((name, type(value)) for name, value in row.items()))
     assert len(kinds) == 1  # the same columns and types in every row of every split
     assert all(kind in (int, float, str) for _, kind in next(iter(kinds)))
-
-
-@pytest.mark.filterwarnings("ignore")  # webdataset leaves files open
-def test_shards_are_read_by_the_library_webdataset(made) -> None:
-    out, settings, summary = made
-    if settings.output.format != "webdataset":
-        pytest.skip("shards only")
-    import webdataset
-
-    shards = sorted(str(path) for path in out.glob("train-*.tar"))
-    samples = list(webdataset.WebDataset(shards, shardshuffle=False, empty_check=False))
-    assert len(samples) == summary.frames["train"]
-    records = list(open_dataset(out).split("train"))
-    for sample, pair in zip(samples, records, strict=True):
-        assert sample["__key__"] == f"{pair.index:08d}"
-        assert json.loads(sample["json"]) == pair.record
-        image = cv2.imdecode(np.frombuffer(sample["noisy.png"], np.uint8), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_array_equal(image, pair.image("noisy"))
 
 
 def test_members_of_a_shard_have_fixed_attributes(tmp_path: Path) -> None:

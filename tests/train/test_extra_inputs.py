@@ -14,7 +14,7 @@ from torch.utils.data import Subset
 from glsim.dataset import open_dataset
 from glsim.denoise import checkpoint
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
-from glsim.errors import ConfigError, DatasetError
+from glsim.errors import ConfigError
 from glsim.settings.schema import load_settings
 from glsim.train import Augmentation, SimulatedPairs, StoredPairs, fit
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
@@ -201,12 +201,6 @@ def test_augmentation_applies_to_all_inputs_alike(videos: Path) -> None:
             assert torch.equal(image > 0, original > 0)
     assert 0 < mirrored < 10
     assert raised
-
-
-def test_a_set_without_infrared_is_refused(tmp_path: Path) -> None:
-    make(tmp_path / "data", make_settings(), make_tasks(4, 2))
-    with pytest.raises(DatasetError, match=r"no layer 'infrared'.*--layers clean,infrared,noisy"):
-        StoredPairs(tmp_path / "data", "train", inputs=NetworkInputs(infrared=True))
 
 
 class Videos(Domes):
