@@ -125,6 +125,7 @@ def test_a_swapped_mesh_is_refused_by_name(
         generate(settings, tmp_path / "out", workers=1)
 
 
+@pytest.mark.long
 def test_a_mesh_swapped_during_the_run_is_noticed(tmp_path: Path) -> None:
     settings = scans(tmp_path)
     whole = tmp_path / "whole"

@@ -46,6 +46,7 @@ def test_a_worker_that_cannot_start_is_one_clear_line() -> None:
         machine_of_workers({"PYTHONHOME": "/nowhere"}, None)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the pins are those of x86-64")
 def test_pins_decide_and_are_quiet() -> None:
     """An older processor's code, which the user's environment asks for, is overruled by a pin."""
@@ -65,6 +66,7 @@ def test_pins_decide_and_are_quiet() -> None:
     assert machine_of_workers(old | pins, None) == pinned
 
 
+@pytest.mark.long
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the pins are those of x86-64")
 def test_a_portable_set_is_that_of_the_pinned_processor_whatever_runs_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

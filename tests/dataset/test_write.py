@@ -133,7 +133,7 @@ def test_a_frame_with_a_depth_beyond_16_bits_is_skipped(tmp_path: Path, format: 
     assert verify(tmp_path, deep=True) == []
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_strict_stops_at_the_first_skipped_frame(tmp_path: Path, workers: int) -> None:
     settings = make_settings().model_copy(update={"strict": True})
     with pytest.raises(MeshError, match=r"train/s00\d/smile\.1_\d+: no triangles"):
@@ -152,6 +152,7 @@ def test_same_bytes_for_any_workers_and_any_order(tmp_path: Path, format: str) -
     assert (one.rendered, one.bytes, one.frames) == (two.rendered, two.bytes, two.frames)
 
 
+@pytest.mark.long
 def test_workers_run_in_other_processes_and_report(tmp_path: Path) -> None:
     seen: list[GenerateProgress] = []
     summary = make(tmp_path, workers=2, delay_s=0.005, progress=seen.append, skip_every=7)
@@ -204,6 +205,7 @@ def test_members_of_a_shard_have_fixed_attributes(tmp_path: Path) -> None:
     assert {(m.mtime, m.uid, m.gid, m.uname, m.mode) for m in members} == {(0, 0, 0, "", 0o644)}
 
 
+@pytest.mark.long
 def test_long_splits_become_several_shards(tmp_path: Path) -> None:
     tasks = make_tasks(1, 1030)
     make(tmp_path, make_settings(format="webdataset"), tasks)

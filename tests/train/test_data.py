@@ -275,12 +275,18 @@ def test_mixed_sizes(copy: Path) -> None:
     ("written", "options", "message"),
     [
         (["clean"], {}, r"no layer 'noisy'.*--layers"),
-        (["clean", "noisy"], {"inputs": NetworkInputs(infrared=True)},
-         r"no layer 'infrared'.*--layers clean,infrared,noisy"),
-        (["clean", "noisy"], {"target": "expected"},
-         r"no layer 'expected'.*--layers clean,expected,noisy.*data.target"),
+        (
+            ["clean", "noisy"],
+            {"inputs": NetworkInputs(infrared=True)},
+            r"no layer 'infrared'.*--layers clean,infrared,noisy",
+        ),
+        (
+            ["clean", "noisy"],
+            {"target": "expected"},
+            r"no layer 'expected'.*--layers clean,expected,noisy.*data.target",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_layer_that_was_not_written(
     tmp_path: Path, written: list[str], options: dict[str, Any], message: str
 ) -> None:
