@@ -34,7 +34,7 @@ def write_checkpoint(path: Path, wrapper: str, backbone: str) -> DepthModel:
     ("wrapper", "backbone"),
     [
         *(("paper", name) for name in ("dncnn", "unet", "artifact_removal")),
-        ("uncertain", "small_unet"),
+        pytest.param("uncertain", "small_unet", marks=pytest.mark.long),
         pytest.param("masked", "unet-plain", marks=pytest.mark.long),
         pytest.param("masked", "partial_conv", marks=pytest.mark.long),
         pytest.param("masked", "normalized_conv", marks=pytest.mark.long),

@@ -173,9 +173,10 @@ def test_frames_without_depth_have_no_loss_and_validation_ignores_clean(kind: st
             {"kind": "masked_depth", "backbone": {"kind": "partial_autoencoder", "width": 4}},
             {"kind": "multi_view"},
         ),
-        (
+        pytest.param(
             {"kind": "mask_aware", "backbone": {"kind": "small_unet", "width": 6, "scales": 2}},
             {"kind": "noise2noise", "valid_weight": 20.0},
+            marks=pytest.mark.long,
         ),
     ],
 )
