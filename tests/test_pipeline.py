@@ -92,7 +92,7 @@ print(t.json.dumps([list(t.made(context, t.moving_settings(s, output={"crop": 12
 """
 
 
-@pytest.mark.parametrize("backend", ["egl", "osmesa"])
+@pytest.mark.parametrize("backend", ["egl", pytest.param("osmesa", marks=pytest.mark.long)])
 def test_other_processes_and_backends_give_the_same_bytes(
     context: moderngl.Context, backend: str
 ) -> None:
@@ -113,6 +113,7 @@ def test_other_processes_and_backends_give_the_same_bytes(
         assert ours == theirs or not same_renderer
 
 
+@pytest.mark.long
 def test_two_simulations_may_be_taken_in_turn(context: moderngl.Context) -> None:
     """Each has its own context; both run in one thread."""
     one, other = moving_settings(), moving_settings("ideal")

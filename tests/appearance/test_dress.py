@@ -85,6 +85,7 @@ def test_a_subject_shares_its_triangles_and_what_does_not_move() -> None:
     assert part(first, "glasses").mesh is part(last, "glasses").mesh
 
 
+@pytest.mark.long
 def test_people_differ() -> None:
     faces = [dresser().dress(frames(f"p000{n}", 1)[0], keys(n)) for n in range(3)]
     sizes = {len(part(face, "hair").mesh.vertices_mm) for face in faces}
@@ -115,6 +116,7 @@ def test_beards_follow_the_jaw() -> None:
     assert gaps[0] == pytest.approx(gaps[1], abs=1.0)
 
 
+@pytest.mark.long
 def test_glasses_stand_before_the_eyes_and_off_the_nose() -> None:
     names = np.array(heads().region_names)[heads().regions]
     for number in range(6):
@@ -134,6 +136,7 @@ def test_glasses_stand_before_the_eyes_and_off_the_nose() -> None:
             assert beside[nearest] > 2 or point[2] > nose[nearest, 2] - 2.1
 
 
+@pytest.mark.long
 def test_the_face_stays_free_of_hair(context: moderngl.Context) -> None:
     """Of eyes, nose, cheeks and lips, hair hides little in the front view (glasses are off)."""
     settings = settings_for(
@@ -184,6 +187,7 @@ def test_heads_stay_bare_unless_asked(context: moderngl.Context) -> None:
     )
 
 
+@pytest.mark.long
 def test_frames_do_not_depend_on_their_batch(context: moderngl.Context) -> None:
     settings = settings_for(appearance={"wear": "always"}, variation={"shape_mm": 2})
     whole = drawn(settings, context)

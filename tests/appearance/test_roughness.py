@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
+import pytest
 
 from glsim.frame import Frame
 from glsim.measures.frame import frame_set
@@ -31,6 +32,7 @@ def residual_mm(context: moderngl.Context, wear: str) -> tuple[float, float, flo
     return measure_spatial(frame_set(wear, depth).frames).rough_mm
 
 
+@pytest.mark.long
 def test_dressed_heads_are_as_rough_as_real_ones(context: moderngl.Context) -> None:
     """Real heads with hair: p90 2.9 mm in 44 frames of a Kinect V2, 1.16 mm in the median."""
     bare, dressed = (residual_mm(context, wear) for wear in ("never", "always"))

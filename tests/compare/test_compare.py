@@ -42,7 +42,9 @@ def test_two_samples_of_one_simulator_cannot_be_told_apart() -> None:
     assert verdict.auc == pytest.approx(0.5, abs=0.06)
 
 
-@pytest.mark.parametrize(("sigma_mm", "smooth"), [(1.5, 3), (1.2, 1)])
+@pytest.mark.parametrize(
+    ("sigma_mm", "smooth"), [(1.5, 3), pytest.param(1.2, 1, marks=pytest.mark.long)]
+)
 def test_other_noise_is_told_apart(sigma_mm: float, smooth: int) -> None:
     """Noise of 25 % more, and noise of the same size without correlation."""
     first = surface_patches(_set(100, 1.2, 3).frames)["planes"]
@@ -161,6 +163,7 @@ def test_long_sets_are_thinned_in_runs(tmp_path: Path) -> None:
     assert names[-1] == "depth_00049"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the real frames are not at {REAL}")
 def test_real_frames_measure_as_in_reality_md(tmp_path: Path) -> None:
     for stem in ("0007", "0008", "0020", "0030_sync", "0050", "0060_sync"):

@@ -107,11 +107,13 @@ def test_the_objects_are_the_files_of_a_local_run(store: S3Server, url: str, exp
     assert not any(method == "PUT" and path.endswith(".tar") for method, path in store.requests)
 
 
+@pytest.mark.long
 def test_workers_upload_their_shards(store: S3Server, url: str, expected) -> None:
     make(url, SHARDS, TASKS, workers=2)
     assert stored(url) == expected
 
 
+@pytest.mark.long
 def test_failing_and_throttled_requests_change_nothing(store: S3Server, url: str, expected) -> None:
     store.faults = Faults(throttled=0.2, failed_puts=0.2, lost_answers=0.2)
     make(url, SHARDS, TASKS)

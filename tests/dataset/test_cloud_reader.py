@@ -128,6 +128,7 @@ def test_what_is_not_there_is_said_in_one_line(store: S3Server, local: Path) -> 
         folder.upload("test-000000.tar", local / "test-000000.tar")
 
 
+@pytest.mark.long
 def test_a_store_that_stays_away_is_an_error(store: S3Server) -> None:
     store.faults = Faults(throttled=1.0)
     refused = r"(slow down|Service Unavailable).*run the same command again"

@@ -13,11 +13,11 @@ from glsim.settings.schema import load_settings
 from tests.support.dataset_fakes import contents
 
 
-@pytest.mark.parametrize("format", ["png", "webdataset"])
+@pytest.mark.parametrize("format", ["png", pytest.param("webdataset", marks=pytest.mark.long)])
 def test_any_workers_and_a_repair_give_the_same_bytes(tmp_path: Path, format: str) -> None:
     settings = load_settings(
         overrides={
-            "source": {"kind": "procedural", "subjects": 4, "frames_per_subject": 9},
+            "source": {"kind": "procedural", "subjects": 4, "frames_per_subject": 5},
             "pose": {"yaw_deg": {"uniform": [-20, 20]}},
             "output": {"crop": 64, "format": format},
         }
@@ -27,8 +27,8 @@ def test_any_workers_and_a_repair_give_the_same_bytes(tmp_path: Path, format: st
     generate(settings, two, workers=2)
     assert contents(one) == contents(two)
     next(two.glob("train-*.tar" if format == "webdataset" else "train/*/*.png")).unlink()
-    summary = generate(settings, two, workers=2)
-    assert 0 < summary.rendered < 36
+    summary = generate(settings, two, workers=1)
+    assert 0 < summary.rendered < 20
     assert contents(one) == contents(two)
     assert verify(two, deep=True) == []
 

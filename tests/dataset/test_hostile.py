@@ -183,6 +183,7 @@ def test_the_depth_unit_is_a_number_from_a_hundredth_to_ten(tree: Path, unit: st
 VALUES: list[Any] = [None, True, -1, 0, 1.5, 10**400, float("nan"), "x", "", [], {}, [[[]]]]
 
 
+@pytest.mark.long
 def test_changed_values_of_records_and_header_are_one_line(tree: Path) -> None:
     """Each value of a record and of the header in turn becomes a value of another kind."""
     rng = np.random.default_rng(1)

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +19,6 @@ from tests.support.dataset_fakes import TINY_SENSOR, contents
 from tests.support.face_models import write_face_x_model
 from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, ply_bytes, put
 
-ROOT = Path(__file__).parents[2]
 STAGE = """#version 330 core
 // lift: moves depth.
 #include "amount.glsl"
@@ -129,6 +125,7 @@ def test_a_swapped_mesh_is_refused_by_name(
         generate(settings, tmp_path / "out", workers=1)
 
 
+@pytest.mark.long
 def test_a_mesh_swapped_during_the_run_is_noticed(tmp_path: Path) -> None:
     settings = scans(tmp_path)
     whole = tmp_path / "whole"
@@ -189,36 +186,6 @@ def test_a_face_model_with_another_file_is_another_model(
     assert IctFaceKit(root).contents(["i0000"]) != first
 
 
-FINGERPRINT = """
-from glsim.dataset.arithmetic import fingerprint
-from glsim.gl.context import open_context
-print(fingerprint(open_context()))
-"""
-
-
-def fingerprints(environments: Sequence[dict[str, str]]) -> list[str]:
-    """The fingerprint in processes with these environments."""
-    run = [
-        subprocess.run(
-            [sys.executable, "-c", FINGERPRINT],
-            env=os.environ | {"PYTHONPATH": str(ROOT)} | extra,
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
-        for extra in environments
-    ]
-    assert all(len(text) == 16 for text in run)
-    return run
-
-
-def test_threads_do_not_change_the_arithmetic_and_a_kernel_does() -> None:
-    one = {"OPENBLAS_NUM_THREADS": "1", "LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1"}
-    plain, single, old = fingerprints([{}, one, {"OPENBLAS_CORETYPE": "Prescott"}])
-    assert plain == single
-    assert plain != old
-
-
 def test_other_occluders_are_another_arithmetic(monkeypatch: pytest.MonkeyPatch) -> None:
     """A data set records which triangles the library keeps: another version may keep others."""
     compute = arithmetic._numpy_arithmetic.__wrapped__
@@ -226,19 +193,3 @@ def test_other_occluders_are_another_arithmetic(monkeypatch: pytest.MonkeyPatch)
     assert compute() == before
     monkeypatch.setattr(arithmetic, "occluder_of", lambda vertices, faces: faces[::2])
     assert compute() != before
-
-
-def test_another_processor_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = with_stage(tmp_path, "lift.glsl")
-    begin(settings, tmp_path / "out", monkeypatch)
-    monkeypatch.setattr("glsim.dataset.arithmetic._numpy_arithmetic", lambda: b"another kernel")
-    with pytest.raises(ConfigError, match=r"begun by a processor, NumPy, OpenBLAS or OpenGL driv"):
-        generate(settings, tmp_path / "out", workers=1)
-
-
-def test_a_worker_with_another_arithmetic_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("glsim.worker_processes.SINGLE_THREADED", {"OPENBLAS_CORETYPE": "Prescott"})
-    with pytest.raises(ConfigError, match="a worker computes differently from the process that st"):
-        generate(with_stage(tmp_path, "lift.glsl"), tmp_path / "out", workers=2)

@@ -17,8 +17,6 @@ from glsim.settings.schema import Settings, load_settings
 from glsim.worker_processes import SINGLE_THREADED, portable_environment
 from tests.support.dataset_fakes import TINY_SENSOR, contents
 
-ROOT = Path(__file__).parents[2]
-
 
 def tiny(folder: Path) -> Settings:
     (folder / "mine.toml").write_text(TINY_SENSOR)
@@ -39,8 +37,8 @@ def test_a_worker_says_what_it_is_and_another_is_refused_by_name() -> None:
 
 def test_the_number_of_threads_does_not_make_another_machine() -> None:
     """Compute the same fingerprint with one thread, as workers do, and with four."""
-    many = machine_of_workers({"OPENBLAS_NUM_THREADS": "4", "OMP_NUM_THREADS": "4"}, None)
-    assert machine_of_workers({}, None) == many
+    four = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "LP_NUM_THREADS")
+    assert machine_of_workers({}, None) == machine_of_workers(dict.fromkeys(four, "4"), None)
 
 
 def test_a_worker_that_cannot_start_is_one_clear_line() -> None:
@@ -48,6 +46,7 @@ def test_a_worker_that_cannot_start_is_one_clear_line() -> None:
         machine_of_workers({"PYTHONHOME": "/nowhere"}, None)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the pins are those of x86-64")
 def test_pins_decide_and_are_quiet() -> None:
     """An older processor's code, which the user's environment asks for, is overruled by a pin."""
@@ -67,6 +66,7 @@ def test_pins_decide_and_are_quiet() -> None:
     assert machine_of_workers(old | pins, None) == pinned
 
 
+@pytest.mark.long
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the pins are those of x86-64")
 def test_a_portable_set_is_that_of_the_pinned_processor_whatever_runs_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -135,7 +135,9 @@ def start_part(out: Path, part: str, format: str, workers: int = 1) -> subproces
     )
 
 
-@pytest.mark.parametrize(("format", "workers"), [("png", 1), ("webdataset", 2)])
+@pytest.mark.parametrize(
+    ("format", "workers"), [("png", 1), pytest.param("webdataset", 2, marks=pytest.mark.long)]
+)
 def test_a_killed_part_resumes_beside_the_others(
     tmp_path: Path, undisturbed, format: str, workers: int
 ) -> None:
@@ -161,6 +163,7 @@ def test_a_killed_part_resumes_beside_the_others(
     assert contents(tmp_path) == undisturbed[format]
 
 
+@pytest.mark.long
 def test_parts_that_run_at_the_same_time_merge_once(tmp_path: Path, undisturbed) -> None:
     processes = [start_part(tmp_path, f"{number}/3", "png") for number in range(3)]
     assert [process.communicate(timeout=60) and process.returncode for process in processes] == [

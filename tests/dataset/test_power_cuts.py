@@ -92,13 +92,21 @@ def cut_everywhere(
     return found
 
 
-@pytest.mark.parametrize(("format", "syncfs"), [("png", True), ("png", False), ("webdataset", 1)])
+@pytest.mark.parametrize(
+    ("format", "syncfs"),
+    [
+        ("png", True),
+        pytest.param("png", False, marks=pytest.mark.long),
+        pytest.param("webdataset", True, marks=pytest.mark.long),
+    ],
+)
 def test_what_is_called_complete_is_on_the_disk_at_every_step(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, format: str, syncfs: bool
 ) -> None:
     assert cut_everywhere(monkeypatch, tmp_path / "a", format, syncfs=syncfs, resumes=20) == []
 
 
+@pytest.mark.long
 def test_a_repair_is_not_called_complete_either(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

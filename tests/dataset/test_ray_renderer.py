@@ -58,6 +58,7 @@ def make_on_ray(
     return run_all(run, on_ray(nodes.address), progress)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("format", ["png", "webdataset"])
 def test_a_cluster_makes_the_bytes_of_a_local_run(
     tmp_path: Path, nodes: Nodes, format: str
@@ -72,6 +73,7 @@ def test_a_cluster_makes_the_bytes_of_a_local_run(
     assert make_on_ray(tmp_path / "ray", nodes, settings=settings).reused == 160
 
 
+@pytest.mark.long
 def test_a_killed_node_costs_work_and_no_bytes(tmp_path: Path, nodes: Nodes) -> None:
     """The node dies after the first chunk; the others arrive from those that are left."""
     make(tmp_path / "local", tasks=TASKS)
@@ -91,6 +93,7 @@ def test_a_killed_node_costs_work_and_no_bytes(tmp_path: Path, nodes: Nodes) -> 
     assert verify(tmp_path / "ray", deep=True) == []
 
 
+@pytest.mark.long
 def test_a_process_that_dies_once_is_replaced(tmp_path: Path, nodes: Nodes) -> None:
     once = str(tmp_path / "once")
     make_on_ray(tmp_path / "ray", nodes, faults=(Fault("kill", 70, once),))
@@ -121,6 +124,7 @@ def test_a_chunk_that_kills_every_process_ends_the_run(
         pass
 
 
+@pytest.mark.long
 def test_errors_of_the_simulator_arrive_as_they_are(tmp_path: Path, nodes: Nodes) -> None:
     with pytest.raises(MeshError, match="the mesh has a hole"):
         make_on_ray(tmp_path / "ray", nodes, faults=(Fault("mesh", 50),))
@@ -129,6 +133,7 @@ def test_errors_of_the_simulator_arrive_as_they_are(tmp_path: Path, nodes: Nodes
     assert contents(tmp_path / "ray") == contents(tmp_path / "local")
 
 
+@pytest.mark.long
 def test_generate_renders_on_a_cluster(tmp_path: Path, nodes: Nodes) -> None:
     """With the real simulator, which each process keeps from chunk to chunk."""
     overrides = {"source": {"kind": "procedural", "subjects": 4, "frames_per_subject": 10}}

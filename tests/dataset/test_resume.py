@@ -32,6 +32,9 @@ from tests.support.dataset_fakes import (
 )
 from tests.support.user_rights import ordinary_user
 
+#: Another quick case covers the same way of failing.
+LONG = pytest.mark.long
+
 
 def resume(out: Path, format: str, expected: dict[str, bytes], **options) -> None:
     make(out, make_settings(format=format), **SKIP, **options)
@@ -49,7 +52,12 @@ def test_a_complete_data_set_is_verified_and_left_alone(tmp_path: Path, undistur
 
 
 @pytest.mark.parametrize(
-    ("format", "index"), [("png", 0), ("png", 45), ("png", 139), ("webdataset", 45)]
+    ("format", "index"),
+    [
+        ("png", 45),
+        *(pytest.param("png", index, marks=LONG) for index in (0, 139)),
+        pytest.param("webdataset", 45, marks=LONG),
+    ],
 )
 def test_a_killed_worker_is_replaced(
     tmp_path: Path, undisturbed, caplog: pytest.LogCaptureFixture, format: str, index: int
@@ -71,6 +79,7 @@ def test_a_chunk_that_kills_every_worker_stops_the_run(tmp_path: Path, undisturb
     resume(tmp_path, "png", undisturbed["png"])
 
 
+@pytest.mark.long
 def test_workers_killed_at_random_times(tmp_path: Path, undisturbed) -> None:
     rng = random.Random(1)
 
@@ -117,7 +126,10 @@ def start(out: Path, format: str, workers: int) -> subprocess.Popen[str]:
     return process
 
 
-@pytest.mark.parametrize(("format", "workers"), [("png", 1), ("png", 2), ("webdataset", 2)])
+@pytest.mark.parametrize(
+    ("format", "workers"),
+    [("png", 1), *(pytest.param(format, 2, marks=LONG) for format in FORMATS)],
+)
 def test_interrupt(tmp_path: Path, undisturbed, format: str, workers: int) -> None:
     process = start(tmp_path, format, workers)
     process.send_signal(signal.SIGINT)
@@ -128,7 +140,7 @@ def test_interrupt(tmp_path: Path, undisturbed, format: str, workers: int) -> No
     resume(tmp_path, format, undisturbed[format], workers=2)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=LONG)])
 def test_a_killed_run_leaves_a_folder_that_resumes_at_once(
     tmp_path: Path, undisturbed, workers: int
 ) -> None:
@@ -165,8 +177,14 @@ def damage(path: Path, how: str, rng: random.Random) -> None:
         path.write_bytes(data or b"x")
 
 
-@pytest.mark.parametrize("format", FORMATS)
-@pytest.mark.parametrize("how", ["delete", "truncate", "garble"])
+@pytest.mark.parametrize(
+    ("format", "how"),
+    [
+        ("webdataset", "truncate"),
+        *(pytest.param("png", how, marks=LONG) for how in ("delete", "truncate", "garble")),
+        *(pytest.param("webdataset", how, marks=LONG) for how in ("delete", "garble")),
+    ],
+)
 def test_damaged_files_of_a_complete_data_set_are_restored(
     tmp_path: Path, undisturbed, format: str, how: str
 ) -> None:
@@ -212,7 +230,7 @@ def test_only_what_is_damaged_is_rendered_again(
     assert "test/s005/smile.1_00003_noisy.png is missing: rendering" in caplog.text
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=LONG)])
 def test_full_disk(tmp_path: Path, undisturbed, workers: int) -> None:
     fault = Fault("full", 50, str(tmp_path / "once"), str(tmp_path / "a"))
     with pytest.raises(DatasetError) as caught:

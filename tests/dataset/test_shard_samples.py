@@ -33,7 +33,8 @@ def test_samples_hold_the_stored_depths_and_checked_records(shards: Path) -> Non
     assert len(samples) == len(pairs) == 6
     for pair in pairs:
         sample = samples[pair.index]
-        assert sample["json"]["subject"] == pair.subject
+        assert sample["__key__"] == f"{pair.index:08d}"
+        assert sample["json"] == pair.record
         for layer in LAYERS:
             stored = pair.image(layer)
             assert sample[f"{layer}.png"].dtype == stored.dtype

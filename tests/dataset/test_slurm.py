@@ -21,6 +21,7 @@ def look_often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("glsim.dataset.slurm._LOOK_EVERY_S", 0.2)
 
 
+@pytest.mark.long
 def test_an_array_of_jobs_gives_the_bytes_of_one_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -38,6 +39,7 @@ def test_an_array_of_jobs_gives_the_bytes_of_one_run(
     assert {n: b for n, b in made.items() if "/slurm/" not in n} == contents(tmp_path / "whole")
 
 
+@pytest.mark.long
 def test_a_job_that_fails_is_named_with_its_log(tmp_path: Path) -> None:
     settings = tiny(tmp_path)
     with pytest.raises(DatasetError, match=r"Slurm job \d+ ended with: .*: see .*\.err; run the"):

@@ -21,6 +21,7 @@ from glsim.dataset import (
 from glsim.errors import ConfigError, DatasetError, GlsimError, MeshError
 from tests.support.dataset_fakes import (
     CAMERA,
+    FORMATS,
     SENSOR,
     Fault,
     contents,
@@ -29,8 +30,6 @@ from tests.support.dataset_fakes import (
     make_settings,
     make_tasks,
 )
-
-FORMATS = ["png", "webdataset"]
 
 
 @pytest.fixture(scope="module", params=FORMATS)
@@ -134,7 +133,7 @@ def test_a_frame_with_a_depth_beyond_16_bits_is_skipped(tmp_path: Path, format: 
     assert verify(tmp_path, deep=True) == []
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_strict_stops_at_the_first_skipped_frame(tmp_path: Path, workers: int) -> None:
     settings = make_settings().model_copy(update={"strict": True})
     with pytest.raises(MeshError, match=r"train/s00\d/smile\.1_\d+: no triangles"):
@@ -153,6 +152,7 @@ def test_same_bytes_for_any_workers_and_any_order(tmp_path: Path, format: str) -
     assert (one.rendered, one.bytes, one.frames) == (two.rendered, two.bytes, two.frames)
 
 
+@pytest.mark.long
 def test_workers_run_in_other_processes_and_report(tmp_path: Path) -> None:
     seen: list[GenerateProgress] = []
     summary = make(tmp_path, workers=2, delay_s=0.005, progress=seen.append, skip_every=7)
@@ -196,24 +196,6 @@ def test_metadata_follows_the_rules_of_the_image_folder_loader(made) -> None:
     assert all(kind in (int, float, str) for _, kind in next(iter(kinds)))
 
 
-@pytest.mark.filterwarnings("ignore")  # webdataset leaves files open
-def test_shards_are_read_by_the_library_webdataset(made) -> None:
-    out, settings, summary = made
-    if settings.output.format != "webdataset":
-        pytest.skip("shards only")
-    import webdataset
-
-    shards = sorted(str(path) for path in out.glob("train-*.tar"))
-    samples = list(webdataset.WebDataset(shards, shardshuffle=False, empty_check=False))
-    assert len(samples) == summary.frames["train"]
-    records = list(open_dataset(out).split("train"))
-    for sample, pair in zip(samples, records, strict=True):
-        assert sample["__key__"] == f"{pair.index:08d}"
-        assert json.loads(sample["json"]) == pair.record
-        image = cv2.imdecode(np.frombuffer(sample["noisy.png"], np.uint8), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_array_equal(image, pair.image("noisy"))
-
-
 def test_members_of_a_shard_have_fixed_attributes(tmp_path: Path) -> None:
     make(tmp_path, make_settings(format="webdataset"), make_tasks(1, 2))
     with tarfile.open(tmp_path / "train-000000.tar") as tar:
@@ -223,6 +205,7 @@ def test_members_of_a_shard_have_fixed_attributes(tmp_path: Path) -> None:
     assert {(m.mtime, m.uid, m.gid, m.uname, m.mode) for m in members} == {(0, 0, 0, "", 0o644)}
 
 
+@pytest.mark.long
 def test_long_splits_become_several_shards(tmp_path: Path) -> None:
     tasks = make_tasks(1, 1030)
     make(tmp_path, make_settings(format="webdataset"), tasks)

@@ -7,8 +7,6 @@ import logging
 import os
 import pickle
 import shutil
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,6 +21,7 @@ from glsim.faces.ict_facekit.load import load_model, model_folder
 from glsim.faces.ict_facekit.shapes import KNOWN_SHAPES, kit_weights
 from glsim.faces.ict_facekit.topology import ALBEDO, REGION_NAMES
 from tests.support.face_models import write_face_x_model
+from tests.support.imports import loaded_after
 
 
 @pytest.fixture(scope="session")
@@ -262,9 +261,5 @@ def test_a_missing_or_broken_model_gives_one_clear_line(tmp_path: Path, small_mo
 
 
 def test_importing_the_source_is_light() -> None:
-    code = (
-        "import sys, glsim.faces.ict_facekit, glsim.faces.sources.folder, glsim.meshio.load;"
-        "print([name for name in ('trimesh', 'cv2', 'moderngl', 'scipy') if name in sys.modules])"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
+    names = "glsim.faces.ict_facekit, glsim.faces.sources.folder, glsim.meshio.load"
+    assert not loaded_after(f"import {names}") & {"trimesh", "cv2", "moderngl", "scipy"}

@@ -20,6 +20,8 @@ from glsim.faces.ict_facekit.topology import build_topology
 from glsim.meshio.alignment import estimate_alignment
 from glsim.meshio.obj import read_obj
 
+pytestmark = pytest.mark.long  # the small model has the quick tests
+
 ARCHIVE = Path(__file__).parents[3] / "shared" / "data" / "ict-facekit.tar.xz"
 
 

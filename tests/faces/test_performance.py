@@ -12,7 +12,6 @@ from glsim.faces.performance import (
     performance_for,
     sequence_name,
     sequence_number,
-    smootherstep,
 )
 from glsim.settings.seeds import rng_for
 
@@ -57,6 +56,7 @@ def test_curves_rise_and_fall(performance) -> None:
 
 @pytest.mark.parametrize("performance", PERFORMANCES)
 def test_peak_is_the_peak(performance) -> None:
+    assert 0.5 <= performance.duration_s <= 4.0
     at_peak = performance.at(performance.peak_s)
     for unit, curve in performance.curves.items():
         assert at_peak[unit] == pytest.approx(curve.peak, rel=0.02)
@@ -73,11 +73,6 @@ def test_frame_times_include_the_peak(count: int) -> None:
         assert times[-1] <= performance.duration_s
 
 
-def test_timing_is_that_of_faces() -> None:
-    for performance in PERFORMANCES:
-        assert 0.5 <= performance.duration_s <= 4.0
-
-
 def test_sequence_names_are_path_safe_and_read_back() -> None:
     for number, performance in enumerate(PERFORMANCES):
         name = sequence_name(number, performance)
@@ -85,8 +80,3 @@ def test_sequence_names_are_path_safe_and_read_back() -> None:
         assert sequence_number(name) == number
     with pytest.raises(ValueError, match="not a sequence name"):
         sequence_number("smile")
-
-
-def test_smootherstep_stops_at_both_ends() -> None:
-    values = smootherstep(np.array([-1.0, 0.0, 0.5, 1.0, 2.0]))
-    assert values.tolist() == [0.0, 0.0, 0.5, 1.0, 1.0]

@@ -261,6 +261,7 @@ def test_subjects_differ() -> None:
             assert 1.5 < rms < 20.0
 
 
+@pytest.mark.long
 def test_extremes_have_no_degenerate_triangles() -> None:
     for p in PARAMETERS:
         for value in (p.low, p.high):

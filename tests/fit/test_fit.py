@@ -121,6 +121,7 @@ def test_the_loop_closes(recording: Path, tmp_path: Path, infrared: bool) -> Non
         assert stages["tof_taps"]["read_variance"] == pytest.approx(own, rel=0.2)
 
 
+@pytest.mark.long
 def test_the_loop_closes_for_the_fast_sensor(context: moderngl.Context, tmp_path: Path) -> None:
     folder = record(context, "kinect-v2-fast", tmp_path / "frames")
     check_loop([str(folder)], tmp_path / "mine.toml", "kinect-v2-fast")
@@ -377,6 +378,7 @@ def test_wiggling_of_a_slanted_wall() -> None:
     assert fit_wiggling(measure_recording(frame_set("wall", facing, camera=IMAGE)), IMAGE) is None
 
 
+@pytest.mark.long
 def test_harmonics_of_the_simulator_come_back(context: moderngl.Context) -> None:
     """A slanted wall before kinect-v2 with one phase for all frequencies: size and phase, deg."""
     harmonics = {

@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import moderngl
 import numpy as np
+import pytest
 
 import glsim
 from glsim.cli import main
@@ -37,6 +38,7 @@ def pixels(error: Array) -> Array:
     return np.asarray((own - own.mean(axis=0))[::3, ::3])
 
 
+@pytest.mark.long
 def test_a_fitted_sensor_has_the_devices_own_pattern(
     context: moderngl.Context, tmp_path: Path
 ) -> None:

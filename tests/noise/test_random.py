@@ -124,16 +124,11 @@ def pcg4d(x: int, y: int, z: int, w: int) -> list[int]:
 
 
 def test_values_by_the_paper() -> None:
+    """So data sets made with one version come out the same with the next."""
     rng = np.random.default_rng(0)
     for _ in range(200):
         x, y, seed, draw = (int(n) for n in rng.integers(0, 2**32, 4))
         assert [int(word[0]) for word in random_bits(x, y, seed, draw)] == pcg4d(x, y, seed, draw)
-
-
-def test_pinned_values() -> None:
-    """Data sets made with one version come out the same with the next."""
-    words = [int(word[0]) for word in random_bits(100, -7, 12345, 2)]
-    assert words == [3267488202, 637433478, 901380330, 2477488398]
 
 
 def test_uniform() -> None:
@@ -169,21 +164,22 @@ def test_rows_columns_and_diagonals_have_no_mean_of_their_own() -> None:
 
 @pytest.mark.parametrize(
     ("seed", "number"),
-    [(SEED + 1, 0), (SEED + 2, 0), (SEED ^ 2**28, 0), (SEED, 1), (SEED, 2), (SEED + 1, 1)],
+    [
+        (SEED, 0),
+        (SEED + 1, 0),
+        (SEED + 2, 0),
+        (SEED ^ 2**28, 0),
+        (SEED, 1),
+        (SEED, 2),
+        (SEED + 1, 1),
+    ],
 )
-def test_seeds_and_draws_are_independent(seed: int, number: int) -> None:
+def test_seeds_draws_and_words_are_independent(seed: int, number: int) -> None:
     first = [uniform01(word) for word in random_bits(X, Y, SEED, 0)]
     second = [uniform01(word) for word in random_bits(X, Y, seed, number)]
-    for a in first:
-        for b in second:
-            assert abs(z_correlation(a, b)) < Z_MAX
-
-
-def test_words_are_independent() -> None:
-    u = [uniform01(word) for word in random_bits(X, Y, SEED, 0)]
-    for i in range(4):
-        for j in range(i):
-            assert abs(z_correlation(u[i], u[j])) < Z_MAX
+    for i, j in np.ndindex(4, 4):
+        if i != j or (seed, number) != (SEED, 0):
+            assert abs(z_correlation(first[i], second[j])) < Z_MAX
 
 
 def test_normal_pair() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from glsim.geometry.rect import Rect
-from glsim.gl.declarations import Layer
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.numpy_twins.dots import cells
 from glsim.noise.registry import shipped_stages
@@ -48,21 +47,13 @@ CASES: list[tuple[str, dict[str, float]]] = [
 
 WINDOWS = [Rect(0, 0, 256, 212), Rect(31, 17, 150, 130), Rect(100, 50, 1, 1)]
 
+PATTERN = "pixel_sigma_mm", "column_sigma_mm", "row_sigma_mm", "row_alternation_mm", "row_step_mm"
 #: Settings at which a stage does nothing.
 NEUTRAL: list[tuple[str, dict[str, float]]] = [
     ("axial", {"base_sigma_mm": 0, "linear_mm_per_m": 0, "quadratic_mm_per_m2": 0, "angle_mm": 0}),
     ("axial", {"max_sigma_mm": 0}),
     ("edge_dropout", {"probability": 0}),
-    (
-        "fixed_pattern",
-        {
-            "pixel_sigma_mm": 0,
-            "column_sigma_mm": 0,
-            "row_sigma_mm": 0,
-            "row_alternation_mm": 0,
-            "row_step_mm": 0,
-        },
-    ),
+    ("fixed_pattern", dict.fromkeys(PATTERN, 0.0)),
     ("gaussian", {"sigma_mm": 0, "sigma_px": 0}),
     ("lateral", {"sigma_px": 0, "angle_px": 0}),
     ("low_signal", {"min_counts": 0, "spread_counts": 0}),
@@ -147,16 +138,6 @@ def _part(name: str, image: Image, window: Rect, inner: Rect) -> Image:
         window, inner = cells(window), cells(inner)
     left, top = inner.left - window.left, inner.top - window.top
     return image[top : top + inner.height, left : left + inner.width]
-
-
-def test_cells_are_the_targets_pixels() -> None:
-    source = shipped_stages()["correlation_window"].source
-    assert source is not None
-    for left in range(4):
-        for size in range(1, 8):
-            window = Rect(left, 2 * left, size, size + 1)
-            assert cells(window) == source.writes[0].window(window)
-            assert Layer("depth", "float").window(window) == window
 
 
 @pytest.mark.parametrize(("use", "p"), CASES)

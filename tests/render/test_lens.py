@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import moderngl
 import numpy as np
 import pytest
 
 from glsim.geometry.camera import Distortion
-from glsim.geometry.rect import Rect
-from glsim.render.renderer import Renderer
-from tests.support.scenes import V2, V2_LENS, Plane, face_mesh, layers_of, rectangle, rig
+from tests.support.scenes import V2, V2_LENS, Plane, layers_of, rectangle, rig
 
 RAW = rig((0.075, 0, 0), distortion=V2_LENS, deliver="raw")
 
@@ -97,15 +93,3 @@ def test_shadows_are_as_wide_as_without_the_lens(context: moderngl.Context, side
     assert np.abs(width - plain[190:220].sum(axis=1)).max() <= 1
     # Nothing else is dark, neither beside the occluder's other edge nor at the image's borders.
     assert dark.sum() == pytest.approx(plain.sum(), rel=0.08)
-
-
-def test_a_crop_is_cut_from_the_same_image(context: moderngl.Context) -> None:
-    renderer = Renderer(context, RAW)
-    pose = {"distance_mm": 900.0, "x_mm": 400.0, "y_mm": 250.0}
-    scene: list[Any] = [(face_mesh(60), pose), rectangle((-3, 3), (-3, 3), 1.2)]
-    whole = layers_of(context, renderer, scene)
-    crop = Rect(360, 260, 100, 100)
-    part = layers_of(context, renderer, scene, crop)
-    assert (whole["clean"][crop.slices] < 1).sum() > 1000
-    for name in ("clean", "normal", "albedo", "lit"):
-        np.testing.assert_array_equal(part[name][crop.slices], whole[name][crop.slices])

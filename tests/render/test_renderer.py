@@ -18,6 +18,7 @@ from glsim.render.renderer import Rendered, Renderer
 from tests.support.scenes import (
     AT_CAMERA,
     V2,
+    V2_LENS,
     Plane,
     camera_mesh,
     face_mesh,
@@ -162,11 +163,12 @@ def test_back_faces_are_not_drawn(context: moderngl.Context) -> None:
     assert not layers_of(context, rig(), [turned])["clean"].any()
 
 
+@pytest.mark.parametrize("lens", [{}, {"distortion": V2_LENS, "deliver": "raw"}])
 @pytest.mark.parametrize("offset_m", [(0.0, 0.0), (0.5, 0.3), (-0.6, -0.5)])
 def test_a_crop_is_cut_from_the_same_image(
-    context: moderngl.Context, offset_m: tuple[float, float]
+    context: moderngl.Context, offset_m: tuple[float, float], lens: dict[str, Any]
 ) -> None:
-    renderer = Renderer(context, rig((0.045, 0, 0)))
+    renderer = Renderer(context, rig((0.045, 0, 0), **lens))
     x, y = offset_m
     pose = {"distance_mm": 900, "x_mm": 1000 * x, "y_mm": 1000 * y}
     scene: list[Any] = [(face_mesh(60), pose), rectangle((-3, 3), (-3, 3), 1.2)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import moderngl
 import numpy as np
 import pytest
@@ -12,13 +10,12 @@ from numpy.typing import NDArray
 from glsim.geometry import depth_map
 from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
 from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
-from glsim.gl.targets import Readback
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.registry import find_stage
 from glsim.render.renderer import Renderer
+from tests.support.scenes import layers_of, rectangle
 
 Image = NDArray[np.float32]
 
@@ -29,10 +26,8 @@ GAPS_M = (0.3, 0.6, 1.0, 1.5, 2.0)
 DISTANCES_M = np.arange(0.5, 3.001, 0.05)
 
 
-def rectangle(left_mm: float, right_mm: float) -> Mesh:
-    corners = [[left_mm, -900], [right_mm, -900], [right_mm, 900], [left_mm, 900]]
-    vertices = np.column_stack([np.array(corners), np.zeros(4)]).astype(np.float32)
-    return Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+def strip_and_wall(front_m: float, wall_m: float) -> list[Mesh]:
+    return [rectangle((0, WIDTH_M), (-0.9, 0.9), front_m), rectangle((-9, 9), (-9, 9), wall_m)]
 
 
 def umbra(front_m: float, wall_m: float, spread_m: float, rays: Image) -> NDArray[np.bool_]:
@@ -46,31 +41,16 @@ def umbra(front_m: float, wall_m: float, spread_m: float, rays: Image) -> NDArra
     return dark
 
 
-def drawn(context: moderngl.Context, rig: SensorRig) -> Callable[[float, float], dict[str, Image]]:
-    renderer, readback = Renderer(context, rig), Readback(context)
-    strip, wall = rectangle(0.0, 1000 * WIDTH_M), rectangle(-9000.0, 9000.0)
-
-    def draw(front_m: float, wall_m: float) -> dict[str, Image]:
-        meshes = [
-            (strip, pose_matrix({"distance_mm": 1000 * front_m})),
-            (wall, pose_matrix({"distance_mm": 1000 * wall_m})),
-        ]
-        with renderer.render(meshes) as rendered:
-            layers = {name: rendered.layers[name] for name in ("clean", "lit")}
-            readback.request(rendered.pool, layers, rendered.window)
-        return {name: array.copy() for name, array in readback.arrays().items()}
-
-    return draw
-
-
-@pytest.mark.parametrize("spread_m", [0.0, 0.005, 0.015])
+@pytest.mark.parametrize(
+    "spread_m", [0.0, *(pytest.param(s, marks=pytest.mark.long) for s in (0.005, 0.015))]
+)
 def test_no_light_leaks_into_the_umbra(context: moderngl.Context, spread_m: float) -> None:
     """By the shader, and by its oracle, which marches in the image."""
     rig = SensorRig(IMAGE, (Emitter((BASELINE_M, 0.0, 0.0), spread_m),))
-    draw, rays, looked_at = drawn(context, rig), rig.rays(), 0
+    renderer, rays, looked_at = Renderer(context, rig), rig.rays(), 0
     for front_m in DISTANCES_M:
         for gap_m in GAPS_M:
-            layers = draw(front_m, front_m + gap_m)
+            layers = layers_of(context, renderer, strip_and_wall(front_m, front_m + gap_m))
             dark = umbra(front_m, front_m + gap_m, spread_m, rays)
             looked_at += dark.sum()
             place = f"strip at {front_m:.2f} m, wall {gap_m} m behind"
@@ -85,12 +65,13 @@ def test_no_light_leaks_into_the_umbra(context: moderngl.Context, spread_m: floa
 def test_no_light_leaks_in_the_walk_of_the_fast_sensor(context: moderngl.Context) -> None:
     """tof_shadow's twin, which the shader agrees with."""
     rig = SensorRig(IMAGE, (Emitter((BASELINE_M, 0.0, 0.0)),))
-    draw, rays, looked_at = drawn(context, rig), rig.rays(), 0
+    renderer, rays, looked_at = Renderer(context, rig), rig.rays(), 0
     declared = find_stage("tof_shadow").parameters
     values = {name: parameter.default for name, parameter in declared.items()}
     for front_m in DISTANCES_M[::2]:
         for gap_m in GAPS_M:
-            clean = draw(front_m, front_m + gap_m)["clean"]
+            scene = strip_and_wall(front_m, front_m + gap_m)
+            clean = layers_of(context, renderer, scene)["clean"]
             frame = FrameContext.for_frame(
                 rig=rig,
                 window=Rect(0, 0, IMAGE.width, IMAGE.height),

@@ -7,42 +7,25 @@ import numpy as np
 import pytest
 
 from glsim.geometry import depth_map
-from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
-from glsim.gl.targets import Readback
-from glsim.render.renderer import Renderer
+from glsim.geometry.camera import Emitter, SensorRig
+from tests.support.scenes import V2, layers_of, rectangle
 
-IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 BASELINE_M, SPREAD_M, FRONT_M = 0.045, 0.015, 0.9
-
-
-def board(left_mm: float, half_mm: float) -> Mesh:
-    corners = [[left_mm, -half_mm], [half_mm, -half_mm], [half_mm, half_mm], [left_mm, half_mm]]
-    vertices = np.column_stack([np.array(corners), np.zeros(4)]).astype(np.float32)
-    return Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
 
 
 def lit_row(
     context: moderngl.Context, spread_m: float, wall_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return ``lit`` along the middle row behind a board, by the shader and by marching."""
-    rig = SensorRig(IMAGE, (Emitter((BASELINE_M, 0.0, 0.0), spread_m),))
-    renderer, readback = Renderer(context, rig), Readback(context)
-    meshes = [
-        (board(0.0, 200.0), pose_matrix({"distance_mm": 1000 * FRONT_M})),
-        (board(-4000.0, 4000.0), pose_matrix({"distance_mm": 1000 * wall_m})),
-    ]
-    with renderer.render(meshes) as rendered:
-        layers = {name: rendered.layers[name] for name in ("clean", "lit")}
-        readback.request(rendered.pool, layers, rendered.window)
-    arrays = readback.arrays()
-    return arrays["lit"][205], depth_map.lit_by_marching(arrays["clean"].copy(), rig)[205]
+    rig = SensorRig(V2, (Emitter((BASELINE_M, 0.0, 0.0), spread_m),))
+    board = rectangle((0, 0.2), (-0.2, 0.2), FRONT_M)
+    layers = layers_of(context, rig, [board, rectangle((-4, 4), (-4, 4), wall_m)])
+    return layers["lit"][205], depth_map.lit_by_marching(layers["clean"], rig)[205]
 
 
 def width_px(baseline_m: float, wall_m: float) -> float:
     """Width of a point's shadow: b f (1 / z_front - 1 / z_wall)."""
-    return baseline_m * IMAGE.fx * (1 / FRONT_M - 1 / wall_m)
+    return baseline_m * V2.fx * (1 / FRONT_M - 1 / wall_m)
 
 
 @pytest.mark.parametrize("wall_m", [1.1, 1.5, 2.0])

@@ -15,6 +15,8 @@ from benchmarks.stress import full_disk, kills
 from benchmarks.stress.networks import CRASH, in_child
 from glsim.errors import GlsimError
 
+pytestmark = pytest.mark.long
+
 
 def test_kills_cover_every_command_signal_and_victim(tmp_path: Path) -> None:
     names = {name.split()[0] for name in kills.cases(tmp_path)}

@@ -12,6 +12,8 @@ from benchmarks.stress import hostile
 from benchmarks.stress.hostile import open_set
 from benchmarks.stress.hostile_sets import SETS
 
+pytestmark = pytest.mark.long
+
 _QUICK = ("open_dataset", "verify", "denoise")
 
 

@@ -14,6 +14,8 @@ from benchmarks.stress import kinds, mutate
 from benchmarks.stress.damage import Kind
 from benchmarks.stress.kinds import KINDS
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("name", KINDS)
 def test_damaged_inputs_are_used_or_refused_in_one_line(name: str) -> None:

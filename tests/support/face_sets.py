@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.faces.base import Face, FaceKey, FaceSource
 from tests.support.face_models import analytic_face
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)
 ROWS, COLUMNS = 31, 25
+
+
+def all_keys(source: FaceSource) -> list[FaceKey]:
+    """Return the keys of every frame of every subject."""
+    return [key for subject in source.subjects(None) for key in source.frames(subject, None)]
+
+
+def good_faces(source: FaceSource, keys: Sequence[FaceKey]) -> list[Face]:
+    """Load faces, none of which may be a bad one."""
+    faces = list(source.load(keys))
+    assert all(isinstance(face, Face) for face in faces), faces
+    return [face for face in faces if isinstance(face, Face)]
 
 
 def ply_bytes(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> bytes:

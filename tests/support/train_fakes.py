@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Subset
 
@@ -53,3 +54,15 @@ def recipe(**tables: Any) -> Recipe:
 def batch_source(recipe: Recipe, count: int = 10, name: str = "domes") -> StoredBatches:
     held_out = Subset(Domes(3, first=100), range(3))
     return StoredBatches(Domes(count), held_out, {"name": name}, recipe)
+
+
+def crop_places(crop: NDArray[Any], whole: NDArray[Any]) -> set[tuple[int, int, bool]]:
+    """Return every (top, left, mirrored) at which crops (C, h, w) are cut from images (C, H, W)."""
+    (_, height, width), (_, rows, columns) = crop.shape, whole.shape
+    return {
+        (top, left, mirrored)
+        for top in range(rows - height + 1)
+        for left in range(columns - width + 1)
+        for mirrored, image in ((False, crop), (True, crop[..., ::-1]))
+        if np.array_equal(image, whole[:, top : top + height, left : left + width])
+    }

@@ -13,6 +13,7 @@ from glsim.errors import ConfigError, DatasetError
 from glsim.train import Augmentation, StoredPairs, load_recipe, simulated_batches, stored_batches
 from glsim.train.data.captures import StoredCaptures
 from tests.support.dataset_fakes import make, make_settings, make_tasks
+from tests.support.train_fakes import crop_places
 
 #: 6 frames of 8 subjects, 4 of which are in train.
 FRAMES, OF_EACH = 24, 6
@@ -67,21 +68,8 @@ def test_crops_and_mirroring_are_those_of_both(dataset: Path) -> None:
     whole = StoredPairs(dataset, "train")
     for number in range(0, FRAMES, 5):
         first, second = captures[number]
-        sources = [whole[n][0][0] for n in (number, captures.second_of(number))]
-        places = []
-        for part, source in zip((first[0], second[0]), sources, strict=True):
-            found = {
-                (top, left, mirrored)
-                for top in range(24 - 16 + 1)
-                for left in range(32 - 16 + 1)
-                for mirrored in (False, True)
-                if torch.equal(
-                    part.flip(-1) if mirrored else part,
-                    source[top : top + 16, left : left + 16],
-                )
-            }
-            places.append(found)
-        assert places[0] & places[1]
+        one, other = (whole[n][0].numpy() for n in (number, captures.second_of(number)))
+        assert crop_places(first.numpy(), one) & crop_places(second.numpy(), other)
 
 
 def test_a_frame_without_another_is_refused(tmp_path: Path) -> None:

@@ -14,12 +14,13 @@ import torch
 from torch.utils.data import DataLoader
 
 from glsim.dataset import open_dataset
+from glsim.denoise.inputs import NetworkInputs
 from glsim.errors import ConfigError, DatasetError
 from glsim.train import Augmentation, StoredPairs, stored_batches
 from glsim.train.data.checks import fingerprint
 from glsim.train.data.surface_bumps import draw_slope, draw_surface_bumps
 from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
-from tests.support.train_fakes import recipe
+from tests.support.train_fakes import crop_places, recipe
 
 #: The fakes are 32 x 24 pixels, 4 frames of 8 subjects, 4 of which are in train.
 FRAMES = 16
@@ -66,13 +67,6 @@ def test_the_target_may_be_the_expected_depth(tmp_path: Path) -> None:
     seen = stored[0].clean_mm > 0
     apart = (stored[0].expected_mm - stored[0].clean_mm)[seen]
     np.testing.assert_allclose(apart, 2.0, atol=0.11)
-
-
-def test_a_data_set_without_the_expected_depth_is_refused(dataset: Path) -> None:
-    with pytest.raises(
-        DatasetError, match=r"no layer 'expected'.*--layers clean,expected,noisy.*data.target"
-    ):
-        StoredPairs(dataset, "train", target="expected")
 
 
 def test_the_target_is_in_the_recipe_and_in_the_fingerprint(tmp_path: Path) -> None:
@@ -205,16 +199,7 @@ def test_cuts_and_flips_move_both_maps_alike(dataset: Path) -> None:
     for number, stored in enumerate(open_dataset(dataset).split("train")):
         noisy_mm, clean_mm = pairs[number]
         whole = np.stack([stored.noisy_mm, stored.clean_mm])
-        got = np.stack([noisy_mm[0], clean_mm[0]])
-        places = {
-            (top, left, flip)
-            for top in range(24 - 16 + 1)
-            for left in range(32 - 16 + 1)
-            for flip in (False, True)
-            if np.array_equal(
-                got[:, :, ::-1] if flip else got, whole[:, top : top + 16, left : left + 16]
-            )
-        }
+        places = crop_places(np.stack([noisy_mm[0], clean_mm[0]]), whole)
         assert len(places) == 1
         seen_places |= places
     assert {flip for _, _, flip in seen_places} == {False, True}
@@ -286,11 +271,28 @@ def test_mixed_sizes(copy: Path) -> None:
         StoredPairs(copy, "train")
 
 
-def test_a_layer_that_was_not_written(tmp_path: Path) -> None:
-    out = tmp_path / "clean"
-    make(out, make_settings(layers=["clean"]), make_tasks(4, 1))
-    with pytest.raises(DatasetError, match=r"no layer 'noisy'.*--layers"):
-        StoredPairs(out, "train")
+@pytest.mark.parametrize(
+    ("written", "options", "message"),
+    [
+        (["clean"], {}, r"no layer 'noisy'.*--layers"),
+        (
+            ["clean", "noisy"],
+            {"inputs": NetworkInputs(infrared=True)},
+            r"no layer 'infrared'.*--layers clean,infrared,noisy",
+        ),
+        (
+            ["clean", "noisy"],
+            {"target": "expected"},
+            r"no layer 'expected'.*--layers clean,expected,noisy.*data.target",
+        ),
+    ],
+)
+def test_a_layer_that_was_not_written(
+    tmp_path: Path, written: list[str], options: dict[str, Any], message: str
+) -> None:
+    make(tmp_path / "set", make_settings(layers=written), make_tasks(4, 1))
+    with pytest.raises(DatasetError, match=message):
+        StoredPairs(tmp_path / "set", "train", **options)
 
 
 def test_a_missing_and_a_short_file_are_found_at_once(copy: Path) -> None:

@@ -14,7 +14,7 @@ from torch.utils.data import Subset
 from glsim.dataset import open_dataset
 from glsim.denoise import checkpoint
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
-from glsim.errors import ConfigError, DatasetError
+from glsim.errors import ConfigError
 from glsim.settings.schema import load_settings
 from glsim.train import Augmentation, SimulatedPairs, StoredPairs, fit
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
@@ -74,24 +74,6 @@ def test_a_neighbour_on_another_surface_adds_what_a_missing_one_adds() -> None:
     assert float(closeness[:, 0].min()) > 0.99
     assert not closeness[:, 1].any()
     assert float(weight.max()) <= 0.5
-
-
-def test_the_order_of_neighbours_does_not_matter_to_their_mean() -> None:
-    fill_mm = frames(1).clamp_min(800)
-    near = torch.cat([fill_mm + 3, fill_mm - 1], 1)
-    mean = features(near, fill_mm)[:, -2:]
-    torch.testing.assert_close(mean, features(near.flip(1), fill_mm)[:, -2:])
-
-
-def test_the_mean_over_time_removes_noise_of_a_surface_that_moves() -> None:
-    generator = torch.Generator().manual_seed(1)
-    noise = torch.randn(5, 1, 96, 96, generator=generator)
-    now_mm = 900 + noise[:1]
-    earlier = torch.cat([900 + 3.0 * (n + 1) + noise[n + 1 : n + 2] for n in range(4)], 1)
-    mean_mm = now_mm + mean_over_time(earlier, now_mm).offset_mm
-    inner = np.s_[..., 24:-24, 24:-24]
-    assert float(mean_mm[inner].std()) < 0.6 * float(now_mm[inner].std())
-    assert abs(float(mean_mm[inner].mean()) - 900) < 0.3
 
 
 def test_before_training_a_network_with_further_inputs_equals_the_one_it_starts_from() -> None:
@@ -219,12 +201,6 @@ def test_augmentation_applies_to_all_inputs_alike(videos: Path) -> None:
             assert torch.equal(image > 0, original > 0)
     assert 0 < mirrored < 10
     assert raised
-
-
-def test_a_set_without_infrared_is_refused(tmp_path: Path) -> None:
-    make(tmp_path / "data", make_settings(), make_tasks(4, 2))
-    with pytest.raises(DatasetError, match=r"no layer 'infrared'.*--layers clean,infrared,noisy"):
-        StoredPairs(tmp_path / "data", "train", inputs=NetworkInputs(infrared=True))
 
 
 class Videos(Domes):

@@ -1,4 +1,4 @@
-"""Test Gaussian blurs and the motion that is estimated between depth frames."""
+"""The mean over time of frames of a head that moves."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ import math
 
 import pytest
 import torch
-import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
 from glsim.train.models.extra_features import mean_over_time, neighbour_features
-from glsim.train.models.gaussian import blurred, weighted_mean
-from glsim.train.models.motion import predicted_change
 
 HEIGHT, WIDTH = 96, 112
 
@@ -32,65 +29,6 @@ def noise(count: int, sigma_mm: float, seed: int = 0) -> Tensor:
 
 def rms(error_mm: Tensor) -> float:
     return float(error_mm[..., 24:-24, 24:-24].square().mean().sqrt())
-
-
-def changes(neighbour_mm: Tensor, now_mm: Tensor) -> Tensor:
-    difference = neighbour_mm - now_mm
-    near = (difference.abs() < 50).float() * (neighbour_mm > 0) * (now_mm > 0)
-    frames_mm = torch.cat([now_mm, neighbour_mm], 1)
-    return predicted_change(difference * near, near, frames_mm)
-
-
-@pytest.mark.parametrize(("radius", "sigma"), [(1, 0.7), (4, 1.5), (24, 12.0)])
-def test_the_blur_is_the_convolution_with_a_gaussian(radius: int, sigma: float) -> None:
-    images = torch.rand(2, 3, 40, 53, generator=torch.Generator().manual_seed(1))
-    x = torch.arange(-radius, radius + 1)
-    row = torch.exp(-0.5 * (x / sigma) ** 2)
-    kernel = torch.outer(row, row) / row.sum() ** 2
-    wanted = F.conv2d(images.view(6, 1, 40, 53), kernel[None, None], padding=radius)
-    torch.testing.assert_close(blurred(images, radius, sigma), wanted.view_as(images))
-
-
-def test_a_weighted_mean_leaves_out_what_is_unknown() -> None:
-    values = torch.full((1, 1, 30, 30), 900.0)
-    known = torch.ones_like(values)
-    known[..., :, 12:] = 0.0
-    mean, reached = weighted_mean(torch.where(known > 0, values, 7.0), known, 4, 1.5)
-    assert reached[..., :16].all()
-    assert not reached[..., 16:].any()
-    torch.testing.assert_close(mean[..., :16], values[..., :16])
-
-
-@pytest.mark.parametrize("motion", [(1.5, 0.0, 0.0), (-1.0, 2.0, 4.0), (0.0, 0.0, -9.0)])
-def test_motion_within_the_image_and_in_depth_is_predicted(motion: tuple[float, ...]) -> None:
-    now_mm, before_mm = face_like(), face_like(*motion)
-    truth_mm = before_mm - now_mm
-    assert rms(changes(before_mm, now_mm) - truth_mm) < 0.12 * rms(truth_mm)
-    noisy = changes(before_mm + noise(1, 2.0), now_mm + noise(1, 2.0, seed=1))
-    assert rms(noisy - truth_mm) < 0.4
-
-
-def test_a_neighbour_without_depth_does_not_move() -> None:
-    now_mm = face_like()
-    assert not changes(torch.zeros_like(now_mm), now_mm).any()
-    assert not changes(torch.full_like(now_mm, torch.nan), now_mm).any()
-
-
-def test_a_step_does_not_count_as_motion() -> None:
-    """A head moves in front of a static wall: the predicted motion of the wall is 0."""
-    wall_mm = torch.full((1, 1, HEIGHT, WIDTH), 1600.0)
-    head = (face_like() < 970.0) & (torch.arange(WIDTH) < 50)
-    moved = (face_like(0.0, 1.0) < 970.0) & (torch.arange(WIDTH) < 50)
-    now_mm = torch.where(head, face_like(), wall_mm)
-    before_mm = torch.where(moved, face_like(0.0, 1.0), wall_mm)
-    assert float(changes(before_mm, now_mm)[..., 100:].abs().max()) < 0.01
-
-
-def test_frames_of_odd_size_are_predicted_too() -> None:
-    now_mm, before_mm = face_like()[..., :95, :111], face_like(1.0, 1.0)[..., :95, :111]
-    found = changes(before_mm, now_mm)
-    assert found.shape == now_mm.shape
-    assert rms(found - (before_mm - now_mm)) < 0.12 * rms(before_mm - now_mm)
 
 
 @pytest.mark.parametrize("sigma_mm", [1.5, 12.0])

@@ -50,8 +50,8 @@ def test_each_shipped_network_can_be_trained_further(name: str) -> None:
     assert shapes == weight_shapes(chosen.model)
     model = build_model(chosen.model).eval()
     model.load_state_dict(dict(weights.values))
-    stack = torch.zeros(1, model.inputs.channels, 64, 80)
-    stack[:, :1] = frames(1, 64, 80)
+    stack = frames(1, 64, 80).repeat(1, model.inputs.channels, 1, 1)
+    stack[:, 1:] += 2.0 * torch.arange(1, model.inputs.channels).view(1, -1, 1, 1)
     with shipped_file(name) as path:
         denoised = OpenCvNetwork(path.read_bytes())(stack[0].numpy())
     with torch.inference_mode():

@@ -41,12 +41,14 @@ def same(found, expected) -> bool:
     )
 
 
+@pytest.mark.long
 def test_the_batches_are_those_of_a_rendering_here(nodes: Nodes) -> None:
     expected = batches(110)
     assert same(batches(110, ray=nodes.address), expected)
     assert same(batches(6, start=104, ray=nodes.address), expected[104:])
 
 
+@pytest.mark.long
 def test_a_killed_node_changes_no_batch(nodes: Nodes) -> None:
     expected = batches(40)
     second = nodes.add()
@@ -59,6 +61,7 @@ def test_a_killed_node_changes_no_batch(nodes: Nodes) -> None:
     assert same(found, expected)
 
 
+@pytest.mark.long
 def test_nodes_do_not_run_far_ahead(nodes: Nodes, monkeypatch: pytest.MonkeyPatch) -> None:
     submitted = []
     submit = ray_blocks.RayBlocks._submit_next

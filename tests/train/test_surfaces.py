@@ -8,51 +8,10 @@ from torch import Tensor
 
 from glsim.train.losses.supervised import Masked, target_surface
 from glsim.train.models.base import Prediction
-from glsim.train.models.features import depth_features, front_and_back
 from glsim.train.models.registry import build_model
 from tests.support.networks import BACKBONES
 
 FACE_MM, WALL_MM = 700.0, 1500.0
-
-
-def step() -> Tensor:
-    """Columns 0 to 19 at 0.7 m, column 20 in mid-air, the others at 1.5 m."""
-    frame = torch.full((1, 1, 30, 40), FACE_MM)
-    frame[..., 20] = 1100.0
-    frame[..., 21:] = WALL_MM
-    return frame
-
-
-def around(noisy_mm: Tensor) -> tuple[Tensor, Tensor]:
-    front, back = front_and_back(noisy_mm, depth_features(noisy_mm).fill_mm)[0]
-    return front, back
-
-
-def test_both_surfaces_of_a_step_are_found() -> None:
-    noisy_mm = step()
-    noisy_mm[..., 12:18, 16:24] = 0.0  # a hole across it
-    front, back = around(noisy_mm)
-    near = slice(16, 25)
-    assert torch.equal(front[:, near], torch.full((30, 9), FACE_MM))
-    assert torch.equal(back[:, near], torch.full((30, 9), WALL_MM))
-    assert torch.equal(front[:, :14], back[:, :14])
-    assert torch.equal(front[:, 27:], torch.full((30, 13), WALL_MM))
-
-
-def test_one_surface_is_its_own_front_and_back() -> None:
-    y, x = torch.meshgrid(torch.arange(40.0), torch.arange(40.0), indexing="ij")
-    slope_mm = (900.0 + 1.5 * x - y)[None, None]
-    front, back = around(slope_mm)
-    inside = (slice(8, -8), slice(8, -8))
-    torch.testing.assert_close(front[inside], slope_mm[0, 0][inside])
-    torch.testing.assert_close(back[inside], slope_mm[0, 0][inside])
-
-
-def test_far_from_all_depth_there_is_no_other_surface() -> None:
-    noisy_mm = torch.zeros(1, 1, 60, 60)
-    noisy_mm[..., :5, :5] = FACE_MM
-    fill_mm = depth_features(noisy_mm).fill_mm
-    assert torch.equal(front_and_back(noisy_mm, fill_mm)[..., 30:, 30:].amax(), torch.tensor(0.0))
 
 
 def test_the_right_surface_is_the_own_one_unless_another_is_clearly_nearer() -> None:

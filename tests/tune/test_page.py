@@ -27,7 +27,10 @@ pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+pytestmark = [
+    pytest.mark.long,  # test_static_page has a quick test in Chromium
+    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"),
+]
 
 #: Patience, not a limit of speed: a busy machine compiles the first shaders for a minute.
 PATIENCE_MS = 180_000

@@ -114,6 +114,7 @@ def test_a_finer_layer_is_cut_on_its_own_grid(context: moderngl.Context) -> None
     np.testing.assert_array_equal(cut.extra["fine_seen"][1::3, 1::3, 0], cut.clean_m)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sensor_names())
 def test_webgl_gives_what_the_engine_gives(
     name: str, opened: tuple[Any, list[str]], context: moderngl.Context
@@ -161,6 +162,7 @@ def _tolerance_m(
     return tolerance
 
 
+@pytest.mark.long
 def test_the_page_reads_declarations_as_glsim_does(opened: tuple[Any, list[str]]) -> None:
     page, _ = opened
     for name in sensor_names():
@@ -198,6 +200,7 @@ def test_a_slider_changes_the_image_and_the_address(opened: tuple[Any, list[str]
     assert _depth(page) == after
 
 
+@pytest.mark.long
 def test_a_mistake_is_marked_and_the_last_good_program_runs(opened: tuple[Any, list[str]]) -> None:
     page, errors = opened
     _chosen(page, "axial")
@@ -219,6 +222,7 @@ def test_a_mistake_is_marked_and_the_last_good_program_runs(opened: tuple[Any, l
     assert errors == []
 
 
+@pytest.mark.long
 def test_a_switched_off_stage_and_another_camera(opened: tuple[Any, list[str]]) -> None:
     page, errors = opened
     _chosen(page, "axial")

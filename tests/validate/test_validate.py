@@ -83,6 +83,7 @@ def test_an_experimental_sensor_has_no_sheet(
 @pytest.mark.parametrize(
     ("sensor", "panels"), [("kinect-v1", "abcdefgh"), ("kinect-v2-paper", "abcdefgh")]
 )
+@pytest.mark.long
 def test_figures_of_other_sensors_have_no_kinect_v2_curves(
     context: moderngl.Context, monkeypatch: pytest.MonkeyPatch, sensor: str, panels: str
 ) -> None:
@@ -164,6 +165,7 @@ def captures_of(context: moderngl.Context, sensor: str | Path, frames: int = 16)
     return Captures(VirtualCamera(str(sensor), context, frames=frames))
 
 
+@pytest.mark.long
 def test_kinect_v2_has_the_noise_of_a_kinect_v2(context: moderngl.Context) -> None:
     captures = captures_of(context, "kinect-v2", 24)
     measurements: dict[str, Measurement] = {}
@@ -188,6 +190,7 @@ def test_white_noise_is_found_out(context: moderngl.Context) -> None:
     assert failed(measurements) == {"12", "A5"}
 
 
+@pytest.mark.long
 def test_too_much_noise_is_found_out(context: moderngl.Context, tmp_path: Path) -> None:
     text = (SENSOR_FOLDER / "kinect-v2.toml").read_text()
     loud = tmp_path / "loud.toml"
@@ -201,6 +204,7 @@ def test_too_much_noise_is_found_out(context: moderngl.Context, tmp_path: Path) 
     assert failed(measurements) >= {"1", "2", "3", "4", "A4", "30"}
 
 
+@pytest.mark.long
 def test_structured_light_is_found_out(context: moderngl.Context) -> None:
     captures = captures_of(context, "kinect-v1")
     measurements = {
@@ -231,6 +235,7 @@ def _few_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(depth, "_WIGGLE_FRAMES", 1)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_few_frames")
 def test_a_sensor_that_sees_nearly_nothing_fails_and_does_not_break(
     context: moderngl.Context, tmp_path: Path
@@ -244,6 +249,7 @@ def test_a_sensor_that_sees_nearly_nothing_fails_and_does_not_break(
     assert not validation.passed
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_few_frames")
 def test_a_sensor_without_noise_fails_and_does_not_break(context: moderngl.Context) -> None:
     validation = run.run_checks(captures_of(context, "ideal", 8))
@@ -280,6 +286,7 @@ def test_shadow_widths_of_the_infrared(context: moderngl.Context) -> None:
 # --- the command --------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_few_frames")
 def test_command_writes_table_json_and_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -12,7 +12,7 @@ from hypothesis import settings as quick
 from hypothesis import strategies as st
 
 from glsim.errors import ConfigError, MeshError
-from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.base import BadFace, Face
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin, read_pose
 from glsim.faces.sources.biwi import PEOPLE, Biwi
 from glsim.geometry.camera import Intrinsics
@@ -20,15 +20,12 @@ from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     CALIBRATION,
     FACE,
+    all_keys,
     depth_bytes,
     pose_text,
     put,
     write_recording,
 )
-
-
-def _keys(source: Biwi) -> list[FaceKey]:
-    return [key for subject in source.subjects(None) for key in source.frames(subject, None)]
 
 
 def test_people_not_recordings(tmp_path: Path) -> None:
@@ -56,7 +53,7 @@ def test_people_not_recordings(tmp_path: Path) -> None:
 
 def test_templates_are_turned_as_recorded(tmp_path: Path) -> None:
     source = pickle.loads(pickle.dumps(Biwi(write_recording(tmp_path))))
-    faces = list(source.load(_keys(source)))
+    faces = list(source.load(all_keys(source)))
     assert all(isinstance(face, Face) for face in faces)
     first, second = faces[0].mesh, faces[1].mesh
     assert first.faces is second.faces
@@ -69,7 +66,7 @@ def test_templates_are_turned_as_recorded(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.vertices_mm, first.vertices_mm @ turn.T, atol=1e-3)
     assert second.vertices_mm[nose, 0] < 0
     assert faces[0].notes["head_centre_mm"] == [30.0, -20.0, 900.0]
-    placed = source.in_camera(_keys(source)[0]).vertices_mm
+    placed = source.in_camera(all_keys(source)[0]).vertices_mm
     np.testing.assert_allclose(
         placed * [1, -1, -1], (FACE - [3, 12, 0]) * [1, -1, -1] + [30, -20, 900], atol=1e-2
     )
@@ -81,7 +78,7 @@ def test_faces_that_look_away_or_are_damaged_are_skipped(tmp_path: Path) -> None
     put(tmp_path / "01/frame_00009_pose.txt", pose_text(away, (0, 0, 900)))
     put(tmp_path / "02/frame_00003_pose.txt", pose_text(np.eye(3), (0, 0, 900)))
     source = Biwi(tmp_path)
-    results = list(source.load(_keys(source)))
+    results = list(source.load(all_keys(source)))
     assert [isinstance(result, Face) for result in results] == [True, True, False, False]
     reasons = [str(result.error) for result in results if isinstance(result, BadFace)]
     assert "looks away" in reasons[0]
@@ -156,7 +153,7 @@ def test_calibration(tmp_path: Path) -> None:
 def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
     root = tree("hpdb", writer, tmp_path)
     source = Biwi(root)
-    (face,) = source.load(_keys(source))
+    (face,) = source.load(all_keys(source))
     assert isinstance(face, Face)
     assert face.key.subject == "F01"
     depth = read_depth_bin(source.depth_path(face.key))

@@ -9,16 +9,12 @@ import numpy as np
 import pytest
 
 from glsim.errors import ConfigError
-from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.base import BadFace, Face
 from glsim.faces.sources.d3dfacs import D3dfacs, action_units, deformation
 from glsim.meshio.alignment import rotation
 from tests.support.face_models import analytic_face
 from tests.support.face_set_trees import WRITERS, tree
-from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, ply_bytes, put
-
-
-def _keys(source: D3dfacs) -> list[FaceKey]:
-    return [key for subject in source.subjects(None) for key in source.frames(subject, None)]
+from tests.support.face_sets import FACE, TRIANGLES, all_keys, obj_bytes, ply_bytes, put
 
 
 def _registrations(root: Path, frames: int = 5) -> Path:
@@ -33,7 +29,7 @@ def _registrations(root: Path, frames: int = 5) -> Path:
 
 def test_registrations(tmp_path: Path) -> None:
     source = D3dfacs(_registrations(tmp_path))
-    keys = _keys(source)
+    keys = all_keys(source)
     assert [(key.subject, key.sequence, key.frame) for key in keys] == [
         ("Joe", "1+2L", frame) for frame in (10, 11, 13, 14, 15)
     ]
@@ -51,14 +47,14 @@ def test_registrations(tmp_path: Path) -> None:
 
 def test_every_and_the_peak(tmp_path: Path) -> None:
     _registrations(tmp_path)
-    assert [key.frame for key in _keys(D3dfacs(tmp_path, every=2))] == [10, 13, 15]
+    assert [key.frame for key in all_keys(D3dfacs(tmp_path, every=2))] == [10, 13, 15]
     peak = D3dfacs(tmp_path, peak_only=True)
-    assert [key.frame for key in _keys(peak)] == [13]
-    (face,) = peak.load(_keys(peak))
+    assert [key.frame for key in all_keys(peak)] == [13]
+    (face,) = peak.load(all_keys(peak))
     assert isinstance(face, Face)
     assert face.notes["peak"] == "measured"
     put(tmp_path / "d3dfacs_alignments/Joe/1+2L/1+2L_13.ply", b"ply\n")
-    assert [key.frame for key in _keys(D3dfacs(tmp_path, peak_only=True))] in ([11], [14])
+    assert [key.frame for key in all_keys(D3dfacs(tmp_path, peak_only=True))] in ([11], [14])
     with pytest.raises(ConfigError, match="every=0: take one frame in 1 or more"):
         D3dfacs(tmp_path, every=0)
 
@@ -92,7 +88,7 @@ def test_raw_sequences_of_two_patches(tmp_path: Path) -> None:
     )  # fmt: skip
     put(tmp_path / "Bob/12/f_7.obj", grouped)
     source = D3dfacs(tmp_path)
-    keys = _keys(source)
+    keys = all_keys(source)
     assert [(k.subject, k.sequence, k.frame) for k in keys] == [
         ("Ann", "AU_4+7R_take", 0), ("Ann", "AU_4+7R_take", 1), ("Ann", "AU_4+7R_take", 2),
         ("Bob", "12", 7),
@@ -104,7 +100,7 @@ def test_raw_sequences_of_two_patches(tmp_path: Path) -> None:
     assert good[0].notes["action_units"] == ["4", "7R"]
     assert len(good[0].mesh.faces) < len(good[2].mesh.faces)
     assert all(abs(np.ptp(face.mesh.vertices_mm[:, 0]) - np.ptp(FACE[:, 0])) < 1 for face in good)
-    assert [key.frame for key in _keys(D3dfacs(tmp_path, peak_only=True))] == [1, 7]
+    assert [key.frame for key in all_keys(D3dfacs(tmp_path, peak_only=True))] == [1, 7]
 
 
 @pytest.mark.parametrize(
@@ -126,13 +122,13 @@ def test_action_units(name: str, units: list[str]) -> None:
 def test_a_face_that_is_wrong_is_refused(tmp_path: Path, turn: str, scale: float, why: str) -> None:
     put(tmp_path / "Joe/1/1_1.ply", ply_bytes(FACE @ rotation(turn) * scale, TRIANGLES))
     source = D3dfacs(tmp_path)
-    (bad,) = source.load(_keys(source))
+    (bad,) = source.load(all_keys(source))
     assert isinstance(bad, BadFace)
     with pytest.raises(type(bad.error), match=why):
         raise bad.error
     if scale == 0.001:
         right = D3dfacs(tmp_path, axes=turn)
-        assert all(isinstance(face, Face) for face in right.load(_keys(right)))
+        assert all(isinstance(face, Face) for face in right.load(all_keys(right)))
 
 
 def test_one_frame_ten_times_too_big_is_refused(tmp_path: Path) -> None:
@@ -140,13 +136,13 @@ def test_one_frame_ten_times_too_big_is_refused(tmp_path: Path) -> None:
     place = tmp_path / "d3dfacs_alignments/Joe/1+2L/1+2L_14.ply"
     put(place, ply_bytes(FACE / 100, TRIANGLES))
     source = D3dfacs(tmp_path)
-    results = list(source.load(_keys(source)))
+    results = list(source.load(all_keys(source)))
     assert [isinstance(result, Face) for result in results] == [True, True, True, False, True]
 
 
 @pytest.mark.parametrize("writer", WRITERS)
 def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
     source = D3dfacs(tree("d3dfacs_alignments", writer, tmp_path))
-    faces = list(source.load(_keys(source)))
+    faces = list(source.load(all_keys(source)))
     assert [face.key.frame for face in faces] == [150, 151]
     assert all(isinstance(face, Face) and len(face.mesh.vertices_mm) == 441 for face in faces)

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from glsim.errors import ConfigError, MeshError
-from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.base import BadFace
 from glsim.faces.scans.blend_shape_file import open_blend_shapes
 from glsim.faces.scans.head_scale import FACE_WIDTH_MM, mm_per_unit
 from glsim.faces.sources.facewarehouse import FaceWarehouse
 from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     FACE,
+    all_keys,
     blend_shapes,
+    good_faces,
     obj_bytes,
     put,
     quads,
@@ -25,26 +27,16 @@ from tests.support.face_sets import (
 )
 
 
-def _keys(source: FaceWarehouse) -> list[FaceKey]:
-    return [key for subject in source.subjects(None) for key in source.frames(subject, None)]
-
-
-def _good(source: FaceWarehouse, keys: list[FaceKey]) -> list[Face]:
-    faces = list(source.load(keys))
-    assert all(isinstance(face, Face) for face in faces), faces
-    return [face for face in faces if isinstance(face, Face)]
-
-
 def test_all_47_shapes_and_the_poses(tmp_path: Path) -> None:
     write_tester(tmp_path / "FaceWarehouse_Data_0", 2)
     write_tester(tmp_path / "FaceWarehouse_Data_0", 10)
     source = FaceWarehouse(tmp_path)
     assert source.subjects(None) == ["Tester_2", "Tester_10"]
-    keys = _keys(source)
+    keys = all_keys(source)
     assert [(k.sequence, k.frame) for k in keys[:50]] == [
         *(("shapes", n) for n in range(47)), *(("poses", n) for n in range(3))
     ]  # fmt: skip
-    faces = _good(pickle.loads(pickle.dumps(source)), keys)
+    faces = good_faces(pickle.loads(pickle.dumps(source)), keys)
     assert len({id(face.mesh.faces) for face in faces}) == 1
     assert faces[46].expression == {"shape_46": 1.0}
     assert faces[0].expression == {}
@@ -54,7 +46,7 @@ def test_all_47_shapes_and_the_poses(tmp_path: Path) -> None:
     np.testing.assert_allclose(moved, wanted, atol=0.01)
     np.testing.assert_allclose(faces[49].mesh.vertices_mm, faces[20].mesh.vertices_mm, atol=0.01)
     assert faces[0].notes["scale"] == "from the width of the neutral face"
-    assert len(_keys(FaceWarehouse(tmp_path, poses=False))) == 94
+    assert len(all_keys(FaceWarehouse(tmp_path, poses=False))) == 94
 
 
 def test_steps_between_the_shapes(tmp_path: Path) -> None:
@@ -63,7 +55,7 @@ def test_steps_between_the_shapes(tmp_path: Path) -> None:
     keys = source.frames("Tester_1", None)
     assert len(keys) == 46 * 4 + 1
     assert keys[4].time_s == pytest.approx(4 / 30)
-    faces = _good(source, [keys[0], keys[2], keys[4], keys[-1]])
+    faces = good_faces(source, [keys[0], keys[2], keys[4], keys[-1]])
     assert faces[1].expression == {"shape_1": pytest.approx(0.5)}
     halfway = (faces[0].mesh.vertices_mm + faces[2].mesh.vertices_mm) / 2
     np.testing.assert_allclose(faces[1].mesh.vertices_mm, halfway, atol=1e-3)
@@ -79,8 +71,8 @@ def test_obj_shapes_do_where_there_is_no_bs(tmp_path: Path) -> None:
         data = obj_bytes(shapes[number], quads(), "/1/1")
         put(tmp_path / f"Tester_1/Blendshape/shape_{number}.obj", data)
     source = FaceWarehouse(tmp_path, steps=2)
-    assert [key.frame for key in _keys(source)] == [0, 1, 2, 92]
-    faces = _good(source, _keys(source))
+    assert [key.frame for key in all_keys(source)] == [0, 1, 2, 92]
+    faces = good_faces(source, all_keys(source))
     assert faces[1].expression == {"shape_1": pytest.approx(0.5)}
 
 
@@ -89,7 +81,7 @@ def test_another_person_tells_the_topology(tmp_path: Path) -> None:
     write_tester(tmp_path, 2, poses=0)
     (folder / "Blendshape/shape_0.obj").unlink()
     source = FaceWarehouse(tmp_path)
-    assert len(_good(source, source.frames("Tester_1", 2))) == 2
+    assert len(good_faces(source, source.frames("Tester_1", 2))) == 2
 
 
 def test_the_scale_is_that_of_the_face_and_not_of_the_ears() -> None:
@@ -129,7 +121,7 @@ def test_damage_skips_what_it_spoils(tmp_path: Path) -> None:
     put(folder / "TrainingPose/pose_1.obj", obj_bytes(shapes[0][:-1], quads()[:-30]))
     put(folder / "TrainingPose/pose_2.obj", obj_bytes(shapes[0] * 10, quads()))
     source = FaceWarehouse(tmp_path)
-    bad = [result for result in source.load(_keys(source)) if isinstance(result, BadFace)]
+    bad = [result for result in source.load(all_keys(source)) if isinstance(result, BadFace)]
     assert [(b.key.sequence, b.key.frame) for b in bad] == [
         ("shapes", 5), ("poses", 1), ("poses", 2)
     ]  # fmt: skip
@@ -144,7 +136,7 @@ def test_a_person_without_neutral_or_of_absurd_scale_is_skipped(tmp_path: Path) 
     put(tmp_path / "Tester_1/TrainingPose/pose_0.obj", data)
     put(tmp_path / "Tester_2/TrainingPose/pose_4.obj", data)
     source = FaceWarehouse(tmp_path)
-    first, second = source.load(_keys(source))
+    first, second = source.load(all_keys(source))
     assert isinstance(first, BadFace)
     assert isinstance(second, BadFace)
     assert "give the unit yourself" in str(first.error)
@@ -164,8 +156,8 @@ def test_wrong_roots(tmp_path: Path) -> None:
 @pytest.mark.parametrize("writer", WRITERS)
 def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
     source = FaceWarehouse(tree("FaceWarehouse", writer, tmp_path))
-    keys = _keys(source)
+    keys = all_keys(source)
     assert len(keys) == 2 * (47 + 2)
-    faces = _good(source, keys)
+    faces = good_faces(source, keys)
     assert len({id(face.mesh.faces) for face in faces}) == 1
     assert 80 < float(str(faces[0].notes["unit"]).split()[0]) < 125

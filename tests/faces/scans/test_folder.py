@@ -15,6 +15,7 @@ from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.sources.folder import Folder
 from glsim.meshio.alignment import rotation
 from tests.support.face_models import analytic_face
+from tests.support.face_sets import all_keys, good_faces
 from tests.support.user_rights import ordinary_user
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)
@@ -25,16 +26,6 @@ def _write(path: Path, *, scale: float = 1.0, axes: str = "+x+y+z", up_mm: float
     points = (FACE + np.array([0, up_mm, 0])) @ rotation(axes) * scale
     data = trimesh.Trimesh(points, TRIANGLES, process=False).export(file_type=path.suffix[1:])
     path.write_bytes(data if isinstance(data, bytes) else data.encode())
-
-
-def _keys(source: Folder) -> list[FaceKey]:
-    return [key for subject in source.subjects(None) for key in source.frames(subject, None)]
-
-
-def _good(source: Folder, keys: list[FaceKey]) -> list[Face]:
-    faces = list(source.load(keys))
-    assert all(isinstance(face, Face) for face in faces)
-    return [face for face in faces if isinstance(face, Face)]
 
 
 def test_names_of_subjects_sequences_and_frames(tmp_path: Path) -> None:
@@ -83,7 +74,7 @@ def test_odd_names_become_safe_unique_words(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     source = Folder(tmp_path)
-    keys = _keys(source)
+    keys = all_keys(source)
     places = [(key.subject, key.sequence, key.frame) for key in keys]
     assert len(set(places)) == len(places) == 11
     safe = re.compile(r"[A-Za-z0-9_+~-]+")
@@ -102,7 +93,7 @@ def test_loops_of_links_end(tmp_path: Path) -> None:
     (tmp_path / "self").symlink_to(tmp_path)
     (tmp_path / "dead.obj").symlink_to(tmp_path / "nowhere.obj")
     source = Folder(tmp_path)
-    assert [key.path for key in _keys(source)] == ["a/b/x.obj", "dead.obj"]
+    assert [key.path for key in all_keys(source)] == ["a/b/x.obj", "dead.obj"]
     (bad,) = source.load(source.frames("dead", None))
     assert isinstance(bad, BadFace)
     assert "cannot be read" in str(bad.error)
@@ -119,7 +110,8 @@ def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(
     _write(tmp_path / "a/tiny.ply", scale=0.001, axes="+z+x+y")
     source = Folder(tmp_path)
     by_path = {
-        key.path: face for key, face in zip(_keys(source), source.load(_keys(source)), strict=True)
+        key.path: face
+        for key, face in zip(all_keys(source), source.load(all_keys(source)), strict=True)
     }
     tiny = by_path.pop("a/tiny.ply")
     assert isinstance(tiny, Face)  # the first mesh in order: all of subject "a" is in metres now
@@ -129,8 +121,8 @@ def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(
 
     (tmp_path / "a/tiny.ply").unlink()
     source = Folder(tmp_path)
-    keys = _keys(source)
-    faces = dict(zip([key.path for key in keys], _good(source, keys), strict=True))
+    keys = all_keys(source)
+    faces = dict(zip([key.path for key in keys], good_faces(source, keys), strict=True))
     first, second, third = (faces[f"a/smile/{n}.ply"].mesh for n in range(3))
     np.testing.assert_allclose(second.vertices_mm - first.vertices_mm, [[0, 7, 0]] * len(FACE),
                                atol=1e-3)  # fmt: skip
@@ -141,7 +133,7 @@ def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(
     assert faces["a/blink/0.ply"].notes["unit"] == "cm"
     assert faces["b.stl"].notes["axes"] == "-x+y-z"
     still = Folder(tmp_path, unit="cm", axes="+z+x+y", recentre=False)
-    (face,) = _good(still, [key for key in keys if key.path == "a/smile/2.ply"])
+    (face,) = good_faces(still, [key for key in keys if key.path == "a/smile/2.ply"])
     np.testing.assert_allclose(face.mesh.vertices_mm, FACE + np.array([0, 30, 0]), atol=1e-3)
 
 
@@ -149,11 +141,11 @@ def test_a_face_depends_on_its_key_alone(tmp_path: Path) -> None:
     for frame in range(4):
         _write(tmp_path / f"a/{frame}.ply", up_mm=5.0 * frame)
     source = Folder(tmp_path)
-    keys = _keys(source)
-    forwards = _good(source, keys)
+    keys = all_keys(source)
+    forwards = good_faces(source, keys)
     copy = pickle.loads(pickle.dumps(source))
-    backwards = _good(copy, keys[::-1])[::-1]
-    alone = [_good(Folder(tmp_path), [key])[0] for key in keys]
+    backwards = good_faces(copy, keys[::-1])[::-1]
+    alone = [good_faces(Folder(tmp_path), [key])[0] for key in keys]
     for one, other, third in zip(forwards, backwards, alone, strict=True):
         np.testing.assert_array_equal(one.mesh.vertices_mm, other.mesh.vertices_mm)
         np.testing.assert_array_equal(one.mesh.vertices_mm, third.mesh.vertices_mm)
@@ -167,7 +159,7 @@ def test_bad_meshes_are_bad_faces_and_do_not_stop_the_rest(tmp_path: Path) -> No
     (tmp_path / "b").mkdir()
     (tmp_path / "b/0.obj").write_text("v 0 0 0\nv 90 0 0\nv 0 90 0\nf 1 2 3\n")
     source = Folder(tmp_path)
-    results = list(source.load(_keys(source)))
+    results = list(source.load(all_keys(source)))
     assert [type(result) for result in results] == [BadFace, Face, BadFace, BadFace]
     reasons = [str(result.error) for result in results if isinstance(result, BadFace)]
     assert "no triangles" in reasons[0]
