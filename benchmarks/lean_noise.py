@@ -22,7 +22,7 @@ _NEAR_M, _FAR_M = 0.5, 6.0
 
 
 class LeanNoise:
-    """Makes noisy depth, m, of clean depth and the lit share, each (H, W) float32."""
+    """Adds noise to depth, m, where the emitter lights a share of each pixel; (H, W) float32."""
 
     def __init__(self, rig: SensorRig) -> None:
         image = rig.intrinsics

@@ -60,7 +60,7 @@ def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> 
 
 
 def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
-    """Return the tables: scores, and where there are any: parts of the face, bias, baselines."""
+    """Return the table of scores, and those of face parts, bias and baselines that have rows."""
     scores = Document(
         "Scores",
         [

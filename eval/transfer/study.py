@@ -181,7 +181,7 @@ class TransferStudy(TomlTable):
         ]
 
     def training_sets(self, sensor: SensorFamily, source: FaceFamily) -> list[DataSet]:
-        """Return the data sets of a cell to train on, one per scene and variant of the sensor."""
+        """Return what to train on for a sensor and a source: one data set per scene and variant."""
         count = self.train.people if sensor.train_people is None else sensor.train_people
         people = (count, self.train.val_people, 0)
         return [

@@ -64,15 +64,17 @@ GARMENTS: Final = (
 
 @dataclass(frozen=True, eq=False)
 class ClothGrid:
-    """Where cloth can be on a source or a subject. points: (N, 3) mm on the reference.
+    """The points at which cloth can lie on the heads or people of a source.
 
     Args:
-        above_neck: (N,) mm over the base of the neck along the collar's plane.
-        arm, leg: (N,) share of the limb from its root, NaN elsewhere.
-        foot: (N,).
-        front: (N,) in [-1, 1], 1 in front.
-        rest_mm: (V, 3) vertices of the reference or the subject. Of a subject with a body: hollow:
-            (N,) mm that cloth spans over hollows, normal: (N, 3).
+        points: (N, 3) mm, on the reference mesh of the source.
+        above_neck: (N,) height over the base of the neck, mm, along the collar's plane.
+        arm, leg: (N,) place along the limb, 0 at its root and 1 at its end; NaN elsewhere.
+        foot: (N,) whether the point is on a foot.
+        front: (N,) 1 in front, 0 at the side, -1 behind.
+        rest_mm: (V, 3) vertices at rest, of the reference mesh or of one subject.
+        hollow: (N,) distance of cloth that spans a hollow from the skin, mm; subjects with a body.
+        normal: (N, 3) normals of the skin; subjects with a body.
     """
 
     grid: SkinGrid

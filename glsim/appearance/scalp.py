@@ -31,7 +31,7 @@ class Anchors:
     weights: NDArray[np.float32]
 
     def place(self, vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the (N, 3) float32 points on a mesh of the source."""
+        """Return where the points lie on another mesh of the same source: (N, 3) float32."""
         weights, corners = self.weights, self.corners
         points = weights[:, :1] * vertices_mm[corners[:, 0]]
         points += weights[:, 1:2] * vertices_mm[corners[:, 1]]

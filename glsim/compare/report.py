@@ -175,7 +175,7 @@ def _pattern_rows(a: FixedPattern, b: FixedPattern) -> Iterator[Row]:
 
 def _light_rows(a: Light | None, b: Light | None) -> Iterator[Row]:
     def both(name: str) -> tuple[float, float]:
-        """Follow a dotted name in both; NaN without infrared."""
+        """Look up a dotted name in the measures of both sets; NaN for a set without infrared."""
         values = []
         for light in (a, b):
             value: Any = light

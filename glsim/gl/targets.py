@@ -150,6 +150,6 @@ def _part_bytes(part: tuple[str, Rect, int, int]) -> int:
 
 
 def set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float32]) -> None:
-    """Set a matrix uniform. GL stores columns first."""
+    """Set a uniform from a matrix as NumPy has it; it is transposed here, for OpenGL's order."""
     uniform: Any = program[name]
     uniform.write(np.ascontiguousarray(matrix.T))

@@ -148,7 +148,7 @@ def _running_mean(line: Array, size: int, least: int = 1) -> Array:
 
 
 def _alternation(rows: Array) -> list[float]:
-    """Average the signed half step in BANDS bands from the top to the bottom."""
+    """Return half the mean difference of even and odd rows, in BANDS bands from top to bottom."""
     bands = np.array_split(rows * _alternating_sign(rows.size), BANDS)
     return [float(np.nanmean(b)) if np.isfinite(b).sum() >= 10 else float("nan") for b in bands]
 

@@ -120,7 +120,7 @@ class RegionPass:
 def majority_last(faces: NDArray[np.int32], labels: NDArray[np.float32]) -> NDArray[np.int32]:
     """Rotate the corners of (F, 3) triangles so that the last one has the majority label.
 
-    If all three labels differ it is the lowest, whatever the order of the corners.
+    If all three labels differ, the corner with the lowest label comes last.
 
     Returns (F, 3).
 

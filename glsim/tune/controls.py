@@ -23,7 +23,7 @@ class Control:
     """One value that can be moved.
 
     Attributes:
-        name: of ``--set``.
+        name: as in ``--set name=value``.
         kind: float, int or bool.
         low, high: the valid range.
         least, most: the ends of the slider.

@@ -132,8 +132,9 @@ class MultiView(SecondCaptureLoss):
 def still_pixels(first_mm: Tensor, second_mm: Tensor, moved_mm: float) -> Tensor:
     """Mark where two (B, 1, H, W) captures differ by no more than noise does; bool.
 
-    The difference is averaged over the pixels of 7 x 7 that both measured: noise averages out,
-    motion does not. A window without depth in both is still; in one of them, it is not.
+    The difference is averaged over the pixels of a 7 x 7 window that have depth in both captures:
+    noise averages out, motion does not. A window that is empty in both is still, one that is empty
+    in one of them has moved.
 
     Args:
         first_mm: (B, 1, H, W), 0 = no return.

@@ -52,18 +52,18 @@ _LEAST_SIGMA_MM, _LARGEST_SIGMA_MM = 0.02, 500.0
 
 
 class MaskAware(DepthModel):
-    """A backbone between `depth_features` and corrected depth, validity and uncertainty.
+    """A network from the features of depth to corrected depth, validity and uncertainty.
 
-    Input: (B, C, H, W) float32, depth and the inputs that ``infrared``, ``before`` and ``after``
-    add (see ``glsim.denoise.inputs``). Values of depth and infrared that are not above 0 are holes.
+    Input: (B, C, H, W) float32. The first channel is depth; ``infrared``, ``before`` and ``after``
+    add channels (see ``glsim.denoise.inputs``). Values of depth and infrared that are not above 0 are holes.
 
     The correction is the sum of the filters' bands (`features.Features.bands_mm`), each times a
-    predicted gain, and of a predicted residual. Its mean over the surrounding surface (24 px) is
-    subtracted, so that a network cannot learn the bias of its training cameras. With neighbours in
+    predicted gain, and of a predicted residual. The correction's mean over the surrounding surface
+    (24 px) is subtracted from it, so that a network cannot learn the bias of its training cameras. With neighbours in
     time, the measured depth is first averaged with them (`mean_over_time`).
 
-    With ``surfaces`` a pixel may move to the surface in front or behind: a single depth would be
-    the mean of both, a flying pixel. Choosing a mode is the idea of Tosi et al., "SMD-Nets: Stereo
+    With ``surfaces`` a pixel at an edge chooses the surface in front or the one behind. A single
+    predicted depth would be their mean, a flying pixel. Choosing a mode is the idea of Tosi et al., "SMD-Nets: Stereo
     Mixture Density Networks", CVPR 2021.
 
     The last layer starts at zero: an untrained network returns the measured depth and mask, and a

@@ -39,9 +39,9 @@ class SkinTopology:
 
     Args:
         row, column: (V,) grid position, column signed (positive: the subject's left).
-        slit: (V,) SLIT_*.
+        slit: (V,) the opening that the vertex borders: SLIT_NONE, SLIT_EYE or SLIT_MOUTH.
         ring: (V,) 0 on the skin, 1... inwards from a slit, -1 at the crown's pole.
-        low: (V,) whether on a lower lid or lip or its rings, or on the skin below the mouth's row.
+        low: (V,) whether the vertex is on a lower lid or lip, or on the skin below the mouth.
         faces: (F, 3) int32, counter-clockwise seen from outside.
     """
 

@@ -68,8 +68,8 @@ class D3dfacs(Folder):
     Args:
         every: use every n-th frame of each sequence, from its first.
         peak_only: use only the peak frame of each sequence.
-        unit, axes: override the format's (registrations: metres; raw: detected by size; axes
-            +x+y+z).
+        unit: default: metres for registrations, detected by the size of the mesh for raw scans.
+        axes: default: +x+y+z.
 
     Raises:
         ConfigError: as Folder does.

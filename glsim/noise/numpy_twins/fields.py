@@ -13,7 +13,7 @@ Vector = tuple[Image, Image, Image]
 
 
 def _hash(node: tuple[Words, Words, Words], seed: int) -> Words:
-    """Hash of a lattice node. The seed is taken modulo 2^32: octaves add their number to it."""
+    """Hash a lattice node. The seed wraps at 2^32, because each octave adds its number to it."""
     x, y, z = node
     return pcg_word(pcg_word(pcg_word(np.uint32(seed % 2**32) ^ pcg_word(z)) + y) + x)
 

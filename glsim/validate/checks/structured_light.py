@@ -108,7 +108,7 @@ def v1_steps(captures: Captures) -> dict[str, Measurement]:
 
 
 def _mean_level_step(captures: Captures, z_mm: float) -> float:
-    """Return the mean difference of neighbouring levels of depth within 6 % of z on a ramp, mm."""
+    """Return the mean gap of neighbouring depth levels on a ramp, mm, at depths within 6 % of z."""
     half_x = 40 * z_mm / captures.camera.rig.intrinsics.fx
     capture = captures.camera.capture(
         scenes.depth_ramp(z_mm, half_x, 0.09 * z_mm), 16, at_mm=(0, 0, z_mm), scene=f"ramp {z_mm}"
