@@ -55,16 +55,17 @@ class MaskAware(DepthModel):
     """A network from the features of depth to corrected depth, validity and uncertainty.
 
     Input: (B, C, H, W) float32. The first channel is depth; ``infrared``, ``before`` and ``after``
-    add channels (see ``glsim.denoise.inputs``). Values of depth and infrared that are not above 0 are holes.
+    add channels (see ``glsim.denoise.inputs``). Values of depth and infrared that are not above 0
+    are holes.
 
     The correction is the sum of the filters' bands (`features.Features.bands_mm`), each times a
     predicted gain, and of a predicted residual. The correction's mean over the surrounding surface
-    (24 px) is subtracted from it, so that a network cannot learn the bias of its training cameras. With neighbours in
-    time, the measured depth is first averaged with them (`mean_over_time`).
+    (24 px) is subtracted from it, so that a network cannot learn the bias of its training cameras.
+    With neighbours in time, the measured depth is first averaged with them (`mean_over_time`).
 
     With ``surfaces`` a pixel at an edge chooses the surface in front or the one behind. A single
-    predicted depth would be their mean, a flying pixel. Choosing a mode is the idea of Tosi et al., "SMD-Nets: Stereo
-    Mixture Density Networks", CVPR 2021.
+    predicted depth would be their mean, a flying pixel. Choosing a mode is the idea of Tosi et al.,
+    "SMD-Nets: Stereo Mixture Density Networks", CVPR 2021.
 
     The last layer starts at zero: an untrained network returns the measured depth and mask, and a
     sigma of 1.65 mm. Features and sums in millimetres stay float32 under autocast.
