@@ -223,7 +223,7 @@ def test_a_sigma_that_is_none_is_refused(maps: Path, shipped: Path) -> None:
 def test_list_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["eval", "--list"]) == 0
     listing = capsys.readouterr().out
-    assert "median: median over a square" in listing
+    assert "median: Median over a square" in listing
     assert "size=5" in listing
     for command in ("eval", "denoise", "paper study"):
         assert main([*command.split(), "--help"]) == 0
