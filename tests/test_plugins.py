@@ -6,7 +6,6 @@ import csv
 import json
 import os
 import shutil
-import site
 import subprocess
 import sys
 import tomllib
@@ -197,8 +196,9 @@ def test_an_installed_package_brings_a_source_a_stage_and_a_sensor(tmp_path: Pat
     venv.create(environment, with_pip=False)
     python = environment / "bin" / "python"
     (packages,) = (environment / "lib").glob("python*/site-packages")
-    seen = [path for path in sys.path if path.endswith(("site-packages", "dist-packages"))]
-    (packages / "seen.pth").write_text("\n".join([*seen, *site.getsitepackages(), str(ROOT)]))
+    seen = {path for path in sys.path if path.endswith(("site-packages", "dist-packages"))}
+    lines = [f"import site; site.addsitedir({path!r})" for path in sorted(seen)]
+    (packages / "seen.pth").write_text("\n".join(lines))
     shutil.copytree(PACKAGE, tmp_path / "source")
     subprocess.run(
         [
