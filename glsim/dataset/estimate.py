@@ -14,8 +14,8 @@ from glsim.settings.schema import SPLIT_NAMES, Settings
 ROOM_BYTES_PER_PX, FACE_BYTES_PER_PX, FACE_BYTES, RECORD_BYTES = 0.9, 0.4, 20_000, 1_600
 #: Pixels of an image that is not cropped: kinect-v2.
 IMAGE_PX = 512 * 424
-#: Seconds of one core for a frame in a room, and of a face alone (measured with kinect-v2 on a
-#: two-core cloud machine with Mesa's software rasteriser). A room: chosen, by the ratio of the two.
+#: Seconds of one core for a frame in a room, and of a face alone: measured with kinect-v2 on a
+#: two-core cloud machine with Mesa's software rasteriser (on a slower one 0.172 and 0.035).
 ROOM_S, FACE_S = 0.12, 0.025
 
 
