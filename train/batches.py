@@ -91,7 +91,7 @@ class StoredBatches:
         return self._train
 
     def prepare(self, fabric: Fabric) -> int:
-        """See ``BatchSource``. Raises ConfigError if a device would get no whole batch."""
+        """See ``BatchSource``. Raises ConfigError if a device would get less than one batch."""
         data, batch = self._recipe.data, self._recipe.training.batch
         count = min(data.train_frames or len(self._train), len(self._train))
         self._sampler = EpochSampler(

@@ -70,7 +70,7 @@ def photograph_batches(
 
 
 def _as_stored(recipe: Recipe) -> Recipe:
-    """Return the recipe without augmentation and seed: the range of depths must not vary."""
+    """Return the recipe without augmentation and with seed 0, so that all seeds map depth alike."""
     data = {"flip": False, "relief_mm": 0.0, "slope_mm_per_px": 0.0}
     stored = recipe.data.model_copy(update=data)
     return recipe.model_copy(update={"seed": 0, "data": stored})

@@ -57,7 +57,7 @@ _FACE_SET_FILES = (
 
 
 def _face_set(folder: Path, name: str) -> Kind:
-    """A file of a face set, read through its source; a tenth of them by a new source."""
+    """Read a damaged file of a face set by its source, at random by a newly opened one."""
     format_ = mutations.formats(folder)[name]
     afresh = False
 

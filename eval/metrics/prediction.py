@@ -1,4 +1,4 @@
-"""A predicted depth map beside its clean frame: what the functions of metrics take.
+"""A predicted depth map with its clean frame, from which all metrics are computed.
 
 Several metrics share what is costly; it is computed once, when the first of them asks for it.
 """
@@ -93,7 +93,7 @@ def _square(radius: int) -> NDArray[np.uint8]:
 
 
 def check_prediction(prediction: NDArray[np.generic], shape: tuple[int, ...]) -> Depth:
-    """Return a prediction as float32 (H, W).
+    """Check a predicted depth map and return it as (H, W) float32.
 
     Raises DenoiserError for another shape or dtype, values that are not finite, and negative ones.
     """

@@ -72,7 +72,7 @@ def ssim(first: Moments, second: Moments) -> dict[str, float]:
 
 
 class WindowStatistics(NamedTuple):
-    """Statistics of two images per window, (H - 6, W - 6) float64 each.
+    """Products, squares and variances of two images per 7 x 7 window, (H - 6, W - 6) float64 each.
 
     Args:
         product: product of the two means.

@@ -69,7 +69,7 @@ def photograph_table(
     runs: Path,
     scoring: Callable[[int, int], None] = lambda *_: None,
 ) -> tuple[Document, str]:
-    """Score networks trained on photographs and on depth.
+    """Score on depth the networks trained on photographs, beside those trained on depth.
 
     Args:
         frames: the test frames of the reproduction.

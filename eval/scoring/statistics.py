@@ -115,7 +115,7 @@ def sign_flip_test(first: SubjectSums, second: SubjectSums) -> float:
 
 @lru_cache(maxsize=4)
 def _signs(n: int) -> _Array:
-    """Return (R, n) signs: all combinations, or _FLIPS random ones, always the same."""
+    """Return (R, n) signs, +1 or -1: all combinations, or for many n a fixed random sample."""
     if n <= _EXACT:
         return np.array(list(itertools.product((1.0, -1.0), repeat=n)))
     return np.where(np.random.default_rng(_SEED).integers(0, 2, (_FLIPS, n)) > 0, 1.0, -1.0)

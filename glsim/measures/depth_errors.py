@@ -79,7 +79,7 @@ class DepthErrors:
 
 
 def measure_errors(pairs: Iterable[Pair]) -> DepthErrors:
-    """Measure pairs with clean maps."""
+    """Sum the errors of noisy depth over pairs of clean and noisy maps."""
     errors = DepthErrors()
     for pair in pairs:
         errors.add(pair)

@@ -19,7 +19,7 @@ COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
 
 @dataclass(frozen=True)
 class Band:
-    """Required interval of one measured number.
+    """The interval in which one measured number must lie.
 
     Attributes:
         key: name of the number in the measurement.
