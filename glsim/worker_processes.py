@@ -46,18 +46,18 @@ SINGLE_THREADED = {
     "OPENBLAS_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
-#: The environment in which all x86-64 processors since Haswell (2013) compute alike: OpenBLAS and
-#: llvmpipe choose their code by the processor, unless these say otherwise. Vectors of 256 bits are
-#: llvmpipe's own choice on processors with AVX2.
-_HASWELL = {"OPENBLAS_CORETYPE": "Haswell", "LP_NATIVE_VECTOR_WIDTH": "256"}
+#: Vectors of llvmpipe, bits: its own choice on processors with AVX2. The code of its functions
+#: follows their width.
+_VECTORS = {"LP_NATIVE_VECTOR_WIDTH": "256"}
 #: NumPy's names of what came after Haswell: single features, and the level x86-64-v4 in NumPy 2.4.
 _AFTER_HASWELL = ("AVX512", "X86_V4")
 
 
 def portable_environment() -> dict[str, str]:
-    """Return the environment that makes worker processes compute alike on mixed processors.
+    """Return the variables with which workers compute alike on all x86-64 since Haswell (2013).
 
-    Empty on a machine that is no x86-64: it computes in its own way.
+    NumPy and llvmpipe choose their code by the processor, unless these say otherwise. Empty on a
+    processor that needs none, or that is no x86-64.
     """
     if platform.machine() not in ("x86_64", "AMD64"):
         return {}
@@ -67,8 +67,7 @@ def portable_environment() -> dict[str, str]:
     here: Mapping[str, bool] = tables.__cpu_features__
     chosen: Sequence[str] = tables.__cpu_dispatch__
     disabled = [name for name in chosen if name.startswith(_AFTER_HASWELL) and here.get(name)]
-    features = {"NPY_DISABLE_CPU_FEATURES": " ".join(disabled)} if disabled else {}
-    return _HASWELL | features
+    return {**_VECTORS, "NPY_DISABLE_CPU_FEATURES": " ".join(disabled)} if disabled else {}
 
 
 _START = (

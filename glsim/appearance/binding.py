@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.scalp import Anchors
+from glsim.geometry.products import nearest_rotation, product
 
 Points = NDArray[np.float32]
 
@@ -34,7 +35,7 @@ class Motion:
 
     def move(self, points: Points) -> Points:
         """Move (N, 3) points."""
-        return points @ self.rotation.T + self.shift
+        return product(points, self.rotation.T) + self.shift
 
 
 def skull_motion(reference: Points, moved: Points) -> Motion:
@@ -45,10 +46,11 @@ def skull_motion(reference: Points, moved: Points) -> Motion:
     first, second = reference.mean(axis=0), moved.mean(axis=0)
     if np.abs(moved - reference).max() < _REST_MM:
         return Motion(np.eye(3, dtype=np.float32), np.zeros(3, np.float32), True)
-    u, _, vt = np.linalg.svd((moved - second).astype(np.float64).T @ (reference - first))
-    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
-    rotation = (u @ vt).astype(np.float32)
-    return Motion(rotation, (second - rotation @ first).astype(np.float32))
+    here, there = (
+        np.ascontiguousarray(p.T, np.float64) for p in (moved - second, reference - first)
+    )
+    rotation = nearest_rotation((here[:, None] * there).sum(axis=2)).astype(np.float32)
+    return Motion(rotation, (second - product(rotation, first)).astype(np.float32))
 
 
 class Binding(Protocol):
@@ -84,7 +86,7 @@ class Rooted:
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
         """Return the (N, 3) vertices over a mesh of the source."""
         points = self._roots.place(vertices_mm[self.used])[self._root_of]
-        points += self._offsets if motion.is_rest else self._offsets @ motion.rotation.T
+        points += self._offsets if motion.is_rest else product(self._offsets, motion.rotation.T)
         return points
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from glsim.appearance.anatomy import Anatomy, Array, Mask
 from glsim.appearance.noise import ridges, smooth_noise
 from glsim.appearance.shell import Shell, SkinGrid, make_grid, point_normals
+from glsim.geometry.products import principal_axis, product
 
 _EDGE_MM: Final = {"head": 4.5, "body": 15.0}
 #: Passes of smoothing that find hollows, about 90 mm wide on a grid of 9 mm, and the deepest, mm.
@@ -162,10 +163,9 @@ def _above_neck(points: Array, base: Array) -> Array:
 
 def _along(limb: Array, base: Array) -> Array:
     """Return (N,) the share of a limb, 0 at the end that is nearer to the neck, 1 at the other."""
-    middle = limb.mean(axis=0)
-    axis = np.linalg.svd(limb - middle, full_matrices=False)[2][0]
-    place = (limb - middle) @ axis
-    if (base - middle) @ axis > 0:
+    middle, axis = limb.mean(axis=0), principal_axis(limb)
+    place = product(limb - middle, axis)
+    if product(base - middle, axis) > 0:
         place = -place
     return np.asarray((place - place.min()) / np.ptp(place))
 
@@ -202,7 +202,7 @@ def _height(
     points = cloth.points
     # Folds run across the pull: level round arms and waist, falling from the shoulders.
     turn = np.array([[0.9, 0.3, 0.0], [-0.45, 1.0, 0.25], [0.0, 0.2, 0.9]])
-    folds = 0.7 * ridges((points @ turn.T) / (70.0, 38.0, 70.0), seed)
+    folds = 0.7 * ridges(product(points, turn.T) / (70.0, 38.0, 70.0), seed)
     folds += 0.5 * smooth_noise(points / (45.0, 20.0, 45.0), seed + 1)
     folds += 0.3 * smooth_noise(points / 16.0, seed + 2)
     height = garment.ease + garment.fold * folds

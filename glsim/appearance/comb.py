@@ -6,6 +6,7 @@ import numpy as np
 
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.styles import Comb as CombName
+from glsim.geometry.products import product
 
 #: Relief is drawn out along strands by this factor; chosen.
 _ALONG = 0.16
@@ -55,8 +56,8 @@ class Comb:
             return np.asarray(out)
         if self._name == "crown":
             beside = np.cross(_CROWN, [1.0, 0.0, 0.0])
-            angle = np.arctan2(out @ beside, out[:, 0])
-            polar = np.arccos(np.clip(out @ _CROWN / length, -1, 1)) * _SKULL_MM
+            angle = np.arctan2(product(out, beside), out[:, 0])
+            polar = np.arccos(np.clip(product(out, _CROWN) / length, -1, 1)) * _SKULL_MM
             ring = np.maximum(np.sin(polar / _SKULL_MM), 0.25) * _SKULL_MM
             columns = (ring * np.cos(angle), ring * np.sin(angle), _ALONG * polar)
         elif self._name == "back":

@@ -10,6 +10,7 @@ from glsim.appearance.locks import Locks, Obstacle
 from glsim.appearance.noise import ridges, smooth_noise
 from glsim.appearance.scalp import Scalp
 from glsim.appearance.styles import HairStyle
+from glsim.geometry.products import product
 
 #: Columns of the sheet around the head, 6 mm apart, and mm between its rows; chosen: as fine as
 #: two pixels of a Kinect V2 at 0.9 m.
@@ -41,7 +42,7 @@ def hanging_hair(
     angle = np.linspace(front, 2 * np.pi - front, _COLUMNS)
     level = np.sqrt(1 - _START**2)
     rays = np.stack([np.sin(angle) * level, np.full(_COLUMNS, _START), np.cos(angle) * level], 1)
-    root = np.argmax(rays.astype(np.float32) @ scalp.directions.T, axis=1)
+    root = np.argmax(product(rays.astype(np.float32), scalp.directions.T), axis=1)
     fall = style.hang * scale * rng.uniform(0.85, 1.15)
     rows = int(np.ceil(fall * 1.1 / _ROW_MM)) + 1
     place = base[root] + rays * (0.75 * thickness[root])[:, None]

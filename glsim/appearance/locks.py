@@ -11,6 +11,7 @@ from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.comb import Comb
 from glsim.appearance.sphere import geodesic_sphere
 from glsim.appearance.styles import HairStyle
+from glsim.geometry.products import product
 
 #: Sharpness of the weights by which the radius of a head is read off the coarse sphere; chosen:
 #: neighbours are 0.15 rad apart.
@@ -45,11 +46,11 @@ class Obstacle:
         # Every third vertex: still about eight per direction.
         out = skin_mm[anatomy.outside & ~anatomy.body][::3] - self.centre
         length = np.linalg.norm(out, axis=1)
-        cell = np.argmax((out / length[:, None]).astype(np.float32) @ self._units.T, axis=1)
+        cell = np.argmax(product((out / length[:, None]).astype(np.float32), self._units.T), axis=1)
         radius = np.full(len(self._units), -1.0)
         np.maximum.at(radius, cell, length)
         filled = radius > 0
-        near = np.argmax(self._units @ self._units[filled].T, axis=1)
+        near = np.argmax(product(self._units, self._units[filled].T), axis=1)
         self._radius = np.where(filled, radius, radius[filled][near]).astype(np.float32)
 
     def push_out(self, points: Array, least_mm: Array, most_mm: Array | None = None) -> Array:
@@ -61,8 +62,8 @@ class Obstacle:
         out = points - self.centre
         length = np.linalg.norm(out, axis=1)
         unit = (out / length[:, None]).astype(np.float32)
-        weight = np.exp(np.float32(_SHARPNESS) * (unit @ self._units.T - 1))
-        radius = weight @ self._radius / weight.sum(axis=1)
+        weight = np.exp(np.float32(_SHARPNESS) * (product(unit, self._units.T) - 1))
+        radius = (weight * self._radius).sum(axis=1) / weight.sum(axis=1)
         if most_mm is not None:
             lying = np.clip(2.0 + 5.0 * unit[:, 1], 0, 1)
             length = length + lying * (np.minimum(length, radius + most_mm) - length)

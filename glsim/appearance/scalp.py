@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.sphere import geodesic_sphere
+from glsim.geometry.products import product
 
 #: 10,242 directions, 3.5 to 4 mm apart on a skull of 95 mm: 1.5 pixels of a Kinect V2 at 0.9 m.
 _SUBDIVISIONS = 5
@@ -94,13 +95,13 @@ def _innermost_hits(rays: Array, corners: Array) -> tuple[NDArray[np.int64], Arr
     """
     units = corners / np.linalg.norm(corners, axis=2, keepdims=True)
     centres = geodesic_sphere(2)[0]
-    cell = np.argmax(rays @ centres.T, axis=1)
+    cell = np.argmax(product(rays, centres.T), axis=1)
     reach = np.cos(_CELL_RAD)
     chosen = np.zeros(len(rays), np.int64)
     weights = np.zeros((len(rays), 3))
     for number, centre in enumerate(centres):
         mine = np.flatnonzero(cell == number)
-        near = np.flatnonzero((units @ centre).max(axis=1) > reach)
+        near = np.flatnonzero(product(units, centre).max(axis=1) > reach)
         if len(mine) == 0 or len(near) == 0:
             continue
         a, b, c = np.moveaxis(corners[near], 1, 0)
@@ -108,7 +109,7 @@ def _innermost_hits(rays: Array, corners: Array) -> tuple[NDArray[np.int64], Arr
         volume = np.einsum("ki,ki->k", a, np.cross(b, c))
         volume[np.abs(volume) < 1e-9] = np.inf
         solved = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)]) / volume[:, None]
-        uvw = np.moveaxis(solved @ rays[mine].T, 0, 2)  # (triangles, rays, 3)
+        uvw = np.moveaxis(product(solved, rays[mine].T), 0, 2)  # (triangles, rays, 3)
         total = uvw.sum(axis=2)
         inside = (uvw.min(axis=2) >= -1e-6) & (total > 1e-9)
         first = np.argmax(np.where(inside, total, -1.0), axis=0)  # total is 1 over the distance

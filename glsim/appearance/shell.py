@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from glsim.appearance.anatomy import Array, Mask
 from glsim.appearance.binding import Motion, Points
 from glsim.appearance.scalp import Anchors
+from glsim.geometry.products import product
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +171,7 @@ class Shell:
         points += (self._shares[2] / length) * normal
         placed = np.ascontiguousarray(points.T)
         if self._drop is not None:
-            placed += self._drop if motion.is_rest else self._drop @ motion.rotation.T
+            placed += self._drop if motion.is_rest else product(self._drop, motion.rotation.T)
         return placed
 
     def _at_points(self, columns: Points) -> Points:

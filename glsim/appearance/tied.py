@@ -7,6 +7,7 @@ import numpy as np
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.locks import Locks, make_ribbons
 from glsim.appearance.styles import HairStyle
+from glsim.geometry.products import norm
 
 #: Where hair is tied, relative to the eyes of a mean adult, mm; chosen.
 _TIES = {
@@ -27,7 +28,7 @@ def tied_locks(
         tie = anatomy.eye + np.array(place) * anatomy.scale
         root = int(np.argmin(np.linalg.norm(base - tie, axis=1)))
         out = base[root] - anatomy.centre
-        out /= np.linalg.norm(out)
+        out /= norm(out)
         tie = base[root] + 6.0 * anatomy.scale * out
         if "bun" in style.extra:
             lines, width = _bun(tie, out, anatomy.scale, rng)

@@ -209,11 +209,10 @@ def generate(
     portable: Annotated[
         bool,
         typer.Option(
-            "--portable",
-            help="Compute alike on all x86-64 processors since 2013, for machines that differ.",
-            rich_help_panel=MORE,
+            "--portable/--native",
+            help="The same bytes on all x86-64 processors since 2013, or those of this processor.",
         ),
-    ] = False,
+    ] = True,
     leave: Annotated[
         bool,
         typer.Option(

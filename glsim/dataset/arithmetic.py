@@ -1,7 +1,8 @@
 """What decides the last bits of a data set besides its settings: processor, libraries, driver.
 
-OpenBLAS and NumPy choose their code by the processor. Two of them give frames that look alike and
-differ in their bytes, so one data set must not be made on both.
+NumPy and the OpenGL driver choose their code by the processor. Two of them give frames that look
+alike and differ in their bytes, so one data set must not be made on both. Products of matrices do
+not count: see ``glsim.geometry.products``.
 """
 
 from __future__ import annotations
@@ -47,8 +48,7 @@ class Machine:
             raise DifferentMachineError(
                 f"{self.host}: a worker computes differently from the process that started it "
                 f"({self.renderer}, {self.arithmetic}, not {renderer}, {arithmetic}): give both "
-                "the same OpenGL driver, and --portable or the same OPENBLAS_CORETYPE and "
-                "NPY_DISABLE_CPU_FEATURES"
+                "the same OpenGL driver and NPY_DISABLE_CPU_FEATURES"
             )
 
 
@@ -165,28 +165,17 @@ def keeping_simulator(make_frames: Any) -> Any:
 
 @lru_cache(maxsize=1)
 def _numpy_arithmetic() -> bytes:
-    """Return products, functions and sums of fixed numbers, as bytes.
-
-    They imitate the face sources: a batch of morphable faces, vertices times a rotation,
-    distances, a rigid alignment; and the triangles of an occluder. Products are so small that
-    OpenBLAS uses one thread (for one row, up to 9,216 numbers): with more threads it rounds sums
-    differently, and workers have one thread, but the process that starts them has many.
-    """
+    """Return functions and sums of fixed numbers, and the triangles of an occluder, as bytes."""
     parts: list[Any] = []
-    kind: Any
     for kind in (np.float32, np.float64):
         # The golden section spreads the fractional parts evenly over [0, 1).
-        numbers: Any = ((np.arange(1, 154 * 48 + 1) * 0.6180339887498949) % 1).astype(kind)
-        basis = numbers.reshape(154, 48)
-        weights = basis[:, :32].T - kind(0.5)
-        points = numbers[:768].reshape(256, 3) - kind(0.5)
-        parts += [weights @ basis, weights[:1] @ basis, points @ points[:3], points.T @ points]
-        parts += [np.linalg.svd(points.T @ points)[0], np.linalg.inv(points[:3])]
-        row = numbers[:4096]
+        row: Any = ((np.arange(1, 4097) * 0.6180339887498949) % 1).astype(kind)
+        points = row[:4095].reshape(-1, 3) - kind(0.5)
         parts += [np.exp(-row), np.log(row + 1), np.sin(9 * row), np.cos(9 * row), np.tan(row)]
         parts += [np.arctan2(row, row[::-1]), row ** kind(1.7), np.sqrt(row), np.tanh(row)]
+        parts += [np.arcsin(row), np.arccos(row), np.hypot(row, 1)]
         parts += [np.linalg.norm(points, axis=1), np.einsum("ij,ij->i", points, points)]
-        parts += [np.cumsum(row), row.sum(keepdims=True), points.mean(axis=0), np.hypot(row, 1)]
+        parts += [np.cumsum(row), row.sum(keepdims=True), points.mean(axis=0)]
     across, up = np.meshgrid(np.arange(24.0), np.arange(24.0))
     surface = np.stack([across, up, 3 * np.sin(across / 4) * np.cos(up / 5)], axis=-1)
     corner = (24 * np.arange(23)[:, None] + np.arange(23)).reshape(-1, 1)

@@ -123,9 +123,9 @@ def refuse_changed_inputs(
             raise ConfigError(f"source {source}: {name or 'a file'} {choice}")
     if old.get("arithmetic", inputs.arithmetic) != inputs.arithmetic:
         raise DifferentMachineError(
-            f"{out} was begun by a processor, NumPy, OpenBLAS or OpenGL driver whose last bits "
-            f"differ from this machine's ({socket.gethostname()}): continue there, or choose "
-            "another folder (--portable computes alike on all x86-64 processors since 2013)"
+            f"{out} was begun by a version of glsim, a processor, NumPy or OpenGL driver whose "
+            f"last bits differ from this machine's ({socket.gethostname()}): continue there, with "
+            "or without --native as it was begun, or choose another folder"
         )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from glsim.faces.neck import Neck, pivot_mm
 from glsim.geometry.pose import pose_matrix
+from glsim.geometry.products import product
 from glsim.settings.seeds import rng_for
 
 #: Band of the motion, Hz. Sway of the head is slow (0.34-0.39 Hz on average, 20 standing adults,
@@ -85,7 +86,8 @@ def move_pose(
         for name, value in pose.items()
     }
     pivot = np.append(pivot_mm(neck), 1.0)
-    drift_mm = 1000.0 * (pose_matrix(pose) - pose_matrix(turned)).astype(np.float64) @ pivot
+    moved = (pose_matrix(pose) - pose_matrix(turned)).astype(np.float64)
+    drift_mm = product(1000.0 * moved, pivot)
     for name, drift in zip(("x_mm", "y_mm", "distance_mm"), drift_mm, strict=False):
         turned[name] += float(drift) + offsets.get(name, 0.0)
     return turned

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.base import FaceSource
+from glsim.geometry.products import product
 
 LANDMARKS: Final = 68
 
@@ -33,4 +34,4 @@ def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
 
 def to_camera(vertices_mm: NDArray[np.float32], view: NDArray[np.float64]) -> NDArray[np.float64]:
     """Move (N, 3) vertices of a head, mm, by a (4, 4) view to camera-frame metres."""
-    return vertices_mm.astype(np.float64) @ view[:3, :3].T + view[:3, 3]
+    return product(vertices_mm.astype(np.float64), view[:3, :3].T) + view[:3, 3]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
+from glsim.geometry.products import norm, product
 
 #: Centre of rotation of head and neck, mm from the centre of the face: between the
 #: atlanto-occipital joint (near (0, -25, -85) on the embedded heads) and the last cervical vertebra
@@ -75,7 +76,7 @@ def bend_neck(
         1000.0 * pose_matrix({n: angles.get(n, 0.0) for n in NECK_DEG})[:3, :3].astype(np.float64)
         for angles in (pose, trunk_pose)
     )
-    axis, angle = _axis_angle(head.T @ trunk)
+    axis, angle = _axis_angle(product(head.T, trunk))
     if angle == 0.0:
         return mesh
     share = neck.head_share(mesh.vertices_mm - np.asarray(neck.face_mm, np.float32))
@@ -98,7 +99,7 @@ def _axis_angle(rotation: NDArray[np.float64]) -> tuple[NDArray[np.float32], flo
     """Return the unit axis (3,) and the angle in radians of a (3, 3) rotation below 180 deg."""
     skew = 0.5 * (rotation - rotation.T)
     axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-    sine = float(np.linalg.norm(axis))
+    sine = norm(axis)
     if sine < 1e-9:
         return np.zeros(3, np.float32), 0.0
     return (axis / sine).astype(np.float32), float(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1)))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.geometry.pose import rotation
+from glsim.geometry.products import product
 
 #: Largest angles of the directions. Chosen: more than cameras see of a face.
 _YAW_DEG: Final = 85.0
@@ -45,7 +46,7 @@ def find_visible_faces(
         for head in heads:
             for _ in range(directions):
                 yaw, pitch = rng.uniform(-1, 1, 2) * (_YAW_DEG, _PITCH_DEG)
-                turn = rotation(0.0, pitch_sign * float(pitch)) @ rotation(float(yaw))
+                turn = product(rotation(0.0, pitch_sign * float(pitch)), rotation(float(yaw)))
                 yield head, turn.astype(np.float32)
 
     return visible_triangles(faces, views())

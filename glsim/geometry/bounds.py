@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import MeshError
 from glsim.geometry.camera import SensorRig
+from glsim.geometry.products import product
 from glsim.geometry.rect import Rect
 
 #: Margin of a window on each side, pixels, because stages can move and grow silhouettes. Shipped
@@ -97,7 +98,7 @@ def bounding_corners(
         bad = int((~np.isfinite(vertices_mm).all(axis=1)).sum())
         raise MeshError(f"{bad} vertices are NaN or infinite: repair the mesh")
     box = np.array(list(itertools.product(*zip(low, high, strict=True))), dtype=np.float64)
-    moved: NDArray[np.float64] = box @ view[:3, :3].T.astype(np.float64) + view[:3, 3]
+    moved: NDArray[np.float64] = product(box, view[:3, :3].T.astype(np.float64)) + view[:3, 3]
     return moved
 
 
@@ -112,7 +113,7 @@ def vertex_frustum(
         vertices_mm: (V, 3).
         view: (4, 4), canonical mm to camera m.
     """
-    x, y, z = view[:3, :3] @ vertices_mm.T + view[:3, 3:]
+    x, y, z = product(view[:3, :3], vertices_mm.T) + view[:3, 3:]
     nearest = float(z.min())
     if nearest <= near_m:
         return None

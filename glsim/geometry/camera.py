@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
+from glsim.geometry.products import norm
 
 FloatArray = NDArray[np.float32]
 
@@ -179,7 +180,7 @@ class SensorRig:
         """Distance of the first emitter from the camera, metres; 0 without an emitter."""
         if not self.emitters:
             return 0.0
-        return float(np.linalg.norm(self.emitters[0].position_m))
+        return norm(np.array(self.emitters[0].position_m))
 
     @property
     def emitter_m(self) -> tuple[float, float, float]:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.geometry.products import product
+
 #: Canonical axes (y up, z out of the face) to camera axes (y down, z forward): a half turn about x.
 _FACING = np.diag([1.0, -1.0, -1.0])
 
@@ -22,7 +24,7 @@ def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
     """
     turn = rotation(*(pose.get(f"{angle}_deg", 0.0) for angle in ("yaw", "pitch", "roll")))
     matrix = np.eye(4)
-    matrix[:3, :3] = _FACING @ turn / 1000.0
+    matrix[:3, :3] = product(_FACING, turn) / 1000.0
     matrix[:3, 3] = [pose.get(n, 0.0) / 1000.0 for n in ("x_mm", "y_mm", "distance_mm")]
     return matrix.astype(np.float32)
 
@@ -32,7 +34,7 @@ def rotation(
 ) -> NDArray[np.float64]:
     """Return the (3, 3) rotation to the person's left, then up, then tilted to the left."""
     yaw, pitch, roll = np.radians(yaw_deg), np.radians(pitch_deg), np.radians(roll_deg)
-    return _about(1, yaw) @ _about(0, -pitch) @ _about(2, -roll)
+    return product(product(_about(1, yaw), _about(0, -pitch)), _about(2, -roll))
 
 
 def _about(axis: int, angle: float) -> NDArray[np.float64]:

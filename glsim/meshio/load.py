@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import MeshError
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
+from glsim.geometry.products import product
 from glsim.meshio.alignment import (
     MAX_HEAD_MM,
     MIN_HEAD_MM,
@@ -288,7 +289,8 @@ def _albedo_from_colours(parts: list[MeshPart]) -> NDArray[np.float32] | None:
     colours = [part.colours for part in parts]
     if any(colour is None for colour in colours):
         return None
-    luma = np.concatenate([colour for colour in colours if colour is not None]) @ np.array(LUMA)
+    every = np.concatenate([colour for colour in colours if colour is not None])
+    luma = product(every, np.array(LUMA))
     middle = float(np.median(luma))
     if not np.isfinite(luma).all() or middle <= 0 or np.ptp(luma) < 1e-3 * middle:
         return None

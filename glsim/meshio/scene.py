@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import MeshError
 from glsim.files.regular import read_regular
+from glsim.geometry.products import product
 from glsim.meshio.gltf import prepare_gltf
 from glsim.meshio.limits import MAX_BYTES, check_count
 
@@ -84,7 +85,7 @@ def _part(geometry: Any, transform: NDArray[np.float64]) -> MeshPart:
     faces = np.asarray(geometry.faces, dtype=np.int64).reshape(-1, 3)
     if len(vertices) == 3 * len(faces):  # STL: a vertex for each corner of each triangle
         vertices, faces = _weld(vertices, faces)
-    vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
+    vertices = product(vertices, transform[:3, :3].T) + transform[:3, 3]
     if np.linalg.det(transform[:3, :3]) < 0:
         faces = faces[:, ::-1]
     return MeshPart(vertices, faces, _colours(geometry.visual, len(vertices)))

@@ -17,6 +17,7 @@ from glsim.errors import MeshError
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
+from glsim.geometry.products import product
 from glsim.scene.body import Body
 from glsim.scene.room import RoomNumbers, build_room
 from glsim.scene.shapes import Shape
@@ -130,7 +131,7 @@ def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.floa
     wall_mm = scenery.drawn.get("scene.wall_mm")
     if wall_mm is None:
         return
-    depths = [1000.0 * (mesh.vertices_mm @ view[2, :3] + view[2, 3]) for mesh in meshes]
+    depths = [1000.0 * (product(mesh.vertices_mm, view[2, :3]) + view[2, 3]) for mesh in meshes]
     low, high = min(float(d.min()) for d in depths), max(float(d.max()) for d in depths)
     if wall_mm <= high:
         where = "in front of" if wall_mm <= low else "inside"
@@ -241,7 +242,7 @@ def _visible_room(
         c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
         stand[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
         stand[:3, 3] = x, 0.0, z
-        places.append((view @ stand).astype(np.float32))
+        places.append(product(view, stand).astype(np.float32))
     return tuple(props), tuple(places)
 
 
@@ -257,6 +258,6 @@ def standing_prop(
     """
     lift = np.eye(4, dtype=np.float32)
     lift[1, 3] = -floor_mm
-    view = place @ lift
+    view = product(place, lift)
     part = visible_part(mesh, view, rig)
     return None if part is None else Prop(part, view, "person")

@@ -14,6 +14,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glsim.geometry.products import norm, product
+
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
 
@@ -53,7 +55,7 @@ def turned(points_mm: Points, degrees: float) -> Points:
     if degrees == 0.0:
         return points_mm
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return np.asarray(points_mm @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]))
+    return np.asarray(product(points_mm, np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])))
 
 
 def moved(
@@ -189,17 +191,17 @@ def rod(
 ) -> Shape:
     """A round rod between two points, closed at both ends; four ``sides`` make a square one."""
     start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)
-    length = float(np.linalg.norm(end - start))
+    length = norm(end - start)
     last = radius_mm if end_radius_mm is None else end_radius_mm
     body = turned_body(
         [(0, 0), (radius_mm, 0), (last, length), (0, length)], albedo, segments=sides, region=region
     )
     up = (end - start) / length
     side = np.cross(up, (0.0, 0.0, 1.0) if abs(up[2]) < 0.9 else (1.0, 0.0, 0.0))
-    side /= np.linalg.norm(side)
+    side /= norm(side)
     axes = np.stack([side, up, np.cross(side, up)])
     half_side = turned(body.vertices_mm, 180.0 / sides)
-    return replace(body, vertices_mm=half_side @ axes + start)
+    return replace(body, vertices_mm=product(half_side, axes) + start)
 
 
 def sheet(

@@ -11,6 +11,7 @@ from glsim.geometry.bounds import FieldOfView
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
+from glsim.geometry.products import product
 from glsim.scene.shapes import Shape
 
 Points = NDArray[np.float64]
@@ -34,7 +35,7 @@ def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
     turn = np.eye(4)
     turn[1:3, 1:3] = [[c, s], [-s, c]]
     matrix = view.astype(np.float64)
-    matrix[:3, :3] = turn[:3, :3] @ matrix[:3, :3]
+    matrix[:3, :3] = product(turn[:3, :3], matrix[:3, :3])
     return matrix.astype(np.float32)
 
 
@@ -46,7 +47,9 @@ def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float
             floor.
     """
     to_room = _rotation(tilt_deg).T
-    place: Points = np.array([0.0, eye_mm, 0.0]) - to_room @ np.asarray(face_camera_mm, np.float64)
+    place: Points = np.array([0.0, eye_mm, 0.0]) - product(
+        to_room, np.asarray(face_camera_mm, np.float64)
+    )
     return place
 
 
@@ -70,7 +73,7 @@ def room_view(camera_mm: Points, tilt_deg: float) -> NDArray[np.float64]:
     """(4, 4) matrix, room mm to camera m."""
     matrix = np.eye(4)
     matrix[:3, :3] = _rotation(tilt_deg) / 1000.0
-    matrix[:3, 3] = -matrix[:3, :3] @ camera_mm
+    matrix[:3, 3] = -product(matrix[:3, :3], camera_mm)
     return matrix
 
 
@@ -93,7 +96,7 @@ def visible_mesh(
     """
     points = np.concatenate([s.vertices_mm[s.faces] for s in shapes])
     albedo = np.concatenate([np.full(len(s.faces), min(1.0, factor * s.albedo)) for s in shapes])
-    triangles = points @ view[:3, :3].T + view[:3, 3]
+    triangles = product(points, view[:3, :3].T) + view[:3, 3]
     keep = _towards(triangles, rig)
     triangles, albedo = triangles[keep], albedo[keep]
     for plane in _view_planes(FieldOfView.of(rig)):
@@ -119,11 +122,11 @@ def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh 
     Args:
         view: (4, 4), its mm to camera m.
     """
-    points = mesh.vertices_mm @ view[:3, :3].T + view[:3, 3]
+    points = product(mesh.vertices_mm, view[:3, :3].T) + view[:3, 3]
     triangles = points[mesh.faces].astype(np.float64)
     keep = _towards(triangles, rig)
     for normal, offset in _view_planes(FieldOfView.of(rig)):
-        keep &= (triangles @ normal >= offset).any(axis=1)
+        keep &= (product(triangles, normal) >= offset).any(axis=1)
     if not keep.any() or float(triangles[keep][..., 2].min()) < _NEAREST_M:
         return None
     used, index = np.unique(mesh.faces[keep], return_inverse=True)
@@ -158,7 +161,7 @@ def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
 def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tuple[Points, Points]:
     """Cut (T, 3, 3) triangles at a plane; returns those inside, and (T,) albedos."""
     normal, offset = plane
-    side = triangles @ normal - offset
+    side = product(triangles, normal) - offset
     inside = side >= 0
     count = inside.sum(axis=1)
     kept, values = [triangles[count == 3]], [albedo[count == 3]]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.faces.people.subdivision import LinearMap
+from glsim.geometry.products import solve
 
 
 def membrane(quads: NDArray[np.int64], inside: NDArray[np.bool_]) -> LinearMap:
@@ -30,7 +31,7 @@ def membrane(quads: NDArray[np.int64], inside: NDArray[np.bool_]) -> LinearMap:
     np.fill_diagonal(among, np.bincount(number[pairs[:, 0]], minlength=len(inner)))
     among[number[pairs[both, 0]], number[pairs[both, 1]]] = -1.0
     from_border[number[pairs[~both, 0]], of_border] = 1.0
-    weights = np.linalg.solve(among, from_border)
+    weights = solve(among, from_border)
     row, column = np.nonzero(weights > 1e-6)
     return LinearMap(
         np.concatenate([outer, inner[row]]),

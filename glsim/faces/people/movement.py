@@ -69,4 +69,4 @@ def _wave(rng: np.random.Generator, low_hz: float, high_hz: float, time_s: float
     hz = np.sort(rng.uniform(low_hz, high_hz, _WAVES))
     phase = rng.uniform(0.0, 1.0, _WAVES)
     size = 1.0 / np.arange(1, _WAVES + 1)
-    return float(size @ np.sin(2 * np.pi * (hz * time_s + phase)) / size.sum())
+    return float((size * np.sin(2 * np.pi * (hz * time_s + phase))).sum() / size.sum())

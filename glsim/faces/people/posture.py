@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.geometry.pose import rotation
+from glsim.geometry.products import norm, product
 from glsim.settings.seeds import rng_for
 
 _Array = NDArray[np.float64]
@@ -119,8 +120,8 @@ def _sitting_leg(
     )
     apart, back = float(rng.uniform(0.05, 0.3)), float(rng.uniform(-0.25, 0.2))
     thigh = _between(knee - hip, np.array([sign * apart, float(rng.uniform(-0.12, 0.05)), 1.0]))
-    shin = _between(ankle - knee, thigh.T @ np.array([0.0, -1.0, back]))
-    foot = (thigh @ shin).T  # flat on the floor
+    shin = _between(ankle - knee, product(thigh.T, np.array([0.0, -1.0, back])))
+    foot = product(thigh, shin).T  # flat on the floor
     return {f"upperleg01.{side}": thigh, f"lowerleg01.{side}": shin, f"foot.{side}": foot}
 
 
@@ -132,7 +133,7 @@ def _arm(
     shoulder, elbow, wrist = (
         joints[f"{bone}.{side}"] for bone in ("upperarm01", "lowerarm01", "wrist")
     )
-    upper, lower = float(np.linalg.norm(elbow - shoulder)), float(np.linalg.norm(wrist - elbow))
+    upper, lower = norm(elbow - shoulder), norm(wrist - elbow)
     outside = max(sign * shoulder[0], body.half_width) + _GAP_MM
     a, b = float(rng.uniform(-1, 1)), float(rng.uniform(-1, 1))
     curl = float(rng.uniform(*_CURL_DEG))
@@ -180,14 +181,14 @@ def _arm(
         )
         elbow_to = np.array([0.7 * sign, -1.0, -0.2])
     else:  # a fist under the chin, beside the midline
-        hand = float(np.linalg.norm(joints[f"finger3-1.{side}"] - wrist))
+        hand = norm(joints[f"finger3-1.{side}"] - wrist)
         target = body.chin + np.array([sign * 30.0, -hand - 52.0, 16.0])
         elbow_to = np.array([0.55 * sign, -1.0, 0.2])
         curl = _FIST_DEG
     place = _elbow(shoulder, target, upper, lower, elbow_to)
     reached = place + lower * _unit(target - place)
     first = _between(elbow - shoulder, place - shoulder)
-    second = _between(wrist - elbow, first.T @ (reached - place))
+    second = _between(wrist - elbow, product(first.T, reached - place))
     turns = {f"upperarm01.{side}": first, f"lowerarm01.{side}": second}
     return turns | _fingers(joints, side, curl)
 
@@ -210,18 +211,16 @@ def _elbow(shoulder: _Array, target: _Array, upper: float, lower: float, towards
     """Where the elbow is if the wrist is at ``target``, or as near to it as the arm reaches."""
     along = target - shoulder
     reach = float(
-        np.clip(
-            np.linalg.norm(along), 1.05 * abs(upper - lower) + 0.3 * upper, 0.995 * (upper + lower)
-        )
+        np.clip(norm(along), 1.05 * abs(upper - lower) + 0.3 * upper, 0.995 * (upper + lower))
     )
     along = _unit(along)
     near = (upper**2 - lower**2 + reach**2) / (2 * reach)
-    side = _unit(towards - (towards @ along) * along)
+    side = _unit(towards - (towards * along).sum() * along)
     return np.asarray(shoulder + near * along + np.sqrt(max(upper**2 - near**2, 0.0)) * side)
 
 
 def _unit(vector: _Array) -> _Array:
-    return np.asarray(vector / np.linalg.norm(vector))
+    return np.asarray(vector / norm(vector))
 
 
 def _about(axis: _Array, degrees: float) -> _Array:
@@ -229,14 +228,16 @@ def _about(axis: _Array, degrees: float) -> _Array:
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     angle = np.radians(degrees)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+    return np.asarray(
+        np.eye(3) + np.sin(angle) * cross + product((1 - np.cos(angle)) * cross, cross)
+    )
 
 
 def _between(start: _Array, end: _Array) -> _Array:
     """(3, 3) smallest rotation from one direction to another."""
     start, end = _unit(start), _unit(end)
     axis = np.cross(start, end)
-    sine = float(np.linalg.norm(axis))
+    sine = norm(axis)
     if sine < 1e-9:
         return np.eye(3)
-    return _about(axis / sine, float(np.degrees(np.arctan2(sine, start @ end))))
+    return _about(axis / sine, float(np.degrees(np.arctan2(sine, (start * end).sum()))))

@@ -17,6 +17,7 @@ from glsim.faces.people.model import BodyModel
 from glsim.faces.people.movement import movement
 from glsim.faces.people.posture import BodyShape, Posture, draw_posture
 from glsim.faces.people.regions import REGIONS
+from glsim.geometry.products import product
 from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
 
 _Floats = NDArray[np.float32]
@@ -63,16 +64,18 @@ class BodySubject:
         turns = dict(stance.posture.turns)
         further = movement(self._seed, self.name, sequence, framing, time_s)
         for bone, turn in further.items():
-            turns[bone] = turns[bone] @ turn if bone in turns else turn
+            turns[bone] = product(turns[bone], turn) if bone in turns else turn
         moved = model.skeleton.transforms(self._joints, turns)
         back = stance.rotation.T
         if framing == "face":
             back = moved[model.skeleton.names.index("head"), :, :3].T
-            origin = moved[model.skeleton.names.index("head")] @ np.append(self._face(), 1.0)
+            origin = product(
+                moved[model.skeleton.names.index("head")], np.append(self._face(), 1.0)
+            )
         else:
             origin = stance.origin_mm
-        moved = back @ moved
-        moved[:, :, 3] -= back @ origin
+        moved = product(moved.swapaxes(1, 2), back.T).swapaxes(1, 2)
+        moved[:, :, 3] -= product(back, origin)
         return model.skinned(rest, moved)
 
     def _face(self) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from glsim.faces.procedural.falloff import Array
 from glsim.faces.procedural.fields import FieldPoints, RigidParts
+from glsim.geometry.products import product
 from glsim.settings.seeds import rng_for
 
 #: Wavelengths, mm: from a head's width to a cheek's; amplitudes are proportional to them.
@@ -37,11 +38,11 @@ def asymmetry_field(points: FieldPoints, rigid: RigidParts, seed: int, subject: 
     # halved has half of it
     amplitude *= 2.0 * size / np.sqrt(np.sum(length**2))
     mirror = np.array([-1.0, 1.0, 1.0])
-    place, shift, size_of = (
-        part.astype(np.float32) for part in (points.points, phase, 0.5 * amplitude)
-    )
+    # By columns, (waves, V): NumPy is fast along the last axis.
+    place = np.ascontiguousarray(points.points.T, np.float32)
+    shift, size_of = phase[:, None].astype(np.float32), 0.5 * amplitude.T.astype(np.float32)
     here, there = (
-        np.cos(place @ part.astype(np.float32) + shift) @ size_of
+        product(size_of, np.cos(product(part.T.astype(np.float32), place) + shift)).T
         for part in (wave, mirror[:, None] * wave)
     )
     return rigid.apply(here - there * mirror.astype(np.float32))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from glsim.faces.procedural.falloff import Array, IntArray, bump, smoothstep
+from glsim.geometry.products import product
 
 EAR_ROOT = (67.5, -1.0, -78.0)  # the front attachment, level with the ear's middle
 EAR_LENGTH, EAR_WIDTH = 62.0, 34.0
@@ -63,7 +64,7 @@ def ear() -> tuple[Array, IntArray]:
     local[:, 2] += 1.5
     a, b = np.deg2rad(PROTRUSION_DEG), np.deg2rad(INCLINATION_DEG)
     tilt = np.array([[np.cos(b), np.sin(b)], [-np.sin(b), np.cos(b)]])
-    plane = local[:, :2] @ tilt
+    plane = product(local[:, :2], tilt)
     back_axis = np.array([np.sin(a), 0.0, -np.cos(a)])
     out_axis = np.array([np.cos(a), 0.0, np.sin(a)])
     points = np.asarray(EAR_ROOT) + plane[:, :1] * back_axis + local[:, 2:] * out_axis

@@ -19,6 +19,7 @@ from glsim.faces.procedural.falloff import Array, smoothstep
 from glsim.faces.procedural.fields import ANCHORS, FieldPoints
 from glsim.faces.procedural.lids import Lids, lid_closure
 from glsim.faces.procedural.template import PART_EAR, PART_EYEBALL, PART_TEETH, Template
+from glsim.geometry.products import product
 
 TMJ = (0.0, -1.0, -78.0)  # axis of the temporomandibular joint, mm; just in front of the tragus
 JAW_LIMIT_DEG = 22.0  # about 45 mm between the incisors; normal maximum 40-55 mm
@@ -148,10 +149,10 @@ def coefficients(expressions: Sequence[Mapping[str, float]]) -> NDArray[np.float
     jaw = np.array([unit.jaw_deg for unit in ACTION_UNITS])
     for expression in expressions:
         sides = side_intensities(expression)
-        upper, lower = np.clip(lid.T @ sides, -0.5, 2.0)
+        upper, lower = np.clip(product(lid.T, sides), -0.5, 2.0)
         upper = np.minimum(upper, 1.0)
         lower = np.minimum(lower, 1.0 + 0.8 * (1.0 - upper))
-        turn = np.deg2rad(min(float(jaw @ sides.max(axis=1)), JAW_LIMIT_DEG))
+        turn = np.deg2rad(min(float((jaw * sides.max(axis=1)).sum()), JAW_LIMIT_DEG))
         rows.append(
             np.concatenate(
                 [sides.ravel(), upper, upper**2, lower, lower**2, [np.sin(turn), 1 - np.cos(turn)]]

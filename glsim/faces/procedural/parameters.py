@@ -167,8 +167,10 @@ def sample_identity(seed: int, subject: str) -> dict[str, float]:
     values = {}
     for p in PARAMETERS:
         loads = np.array(p.loads)
-        own = np.sqrt(max(1.0 - float(loads @ loads), 0.0)) * float(rng.standard_normal())
-        values[p.name] = float(np.clip(p.mean + p.sd * (loads @ factors + own), p.low, p.high))
+        own = np.sqrt(max(1.0 - float((loads * loads).sum()), 0.0)) * float(rng.standard_normal())
+        values[p.name] = float(
+            np.clip(p.mean + p.sd * ((loads * factors).sum() + own), p.low, p.high)
+        )
     return values
 
 

@@ -26,6 +26,7 @@ from glsim.faces.procedural.template import (
     Template,
 )
 from glsim.faces.procedural.volumes import EYE_RADIUS
+from glsim.geometry.products import product
 from glsim.settings.seeds import rng_for
 
 REGIONS: tuple[str, ...] = (
@@ -126,7 +127,7 @@ def draw_albedo(
     # blood and glands: low-frequency patches of a few per cent
     phases = rng.uniform(0, 2 * np.pi, (6, 3))
     waves = rng.normal(0, 0.06, (6, 3))
-    patches = sum(np.cos(points @ w + p.sum()) for w, p in zip(waves, phases, strict=True))
+    patches = sum(np.cos(product(points, w) + p.sum()) for w, p in zip(waves, phases, strict=True))
     albedo *= 1.0 + 0.008 * patches
     lips = mouth.lip_weight(x, y) * (on_skin & (z > -20))
     albedo += lips * (LIPS_TO_SKIN * skin - albedo)

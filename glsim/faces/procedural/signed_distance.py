@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from glsim.faces.procedural.falloff import Array, Vec3
+from glsim.geometry.products import product
 
 MAX_STEP_MM = 7.0  # longest step of a ray, so that it does not jump across a gap
 
@@ -58,14 +59,14 @@ def rotation_matrix(pitch_deg: float, yaw_deg: float) -> Array:
     a, b = np.deg2rad(pitch_deg), np.deg2rad(yaw_deg)
     pitch = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
     yaw = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
-    return np.asarray(yaw @ pitch, dtype=np.float64)
+    return np.asarray(product(yaw, pitch), dtype=np.float64)
 
 
 def ellipsoid_distance(points: Array, ellipsoid: Ellipsoid) -> Array:
     """Return the distance (N,) to an ellipsoid, exact to first order at its surface."""
     local = points - np.asarray(ellipsoid.center)
     if ellipsoid.pitch_deg or ellipsoid.yaw_deg:
-        local = local @ rotation_matrix(ellipsoid.pitch_deg, ellipsoid.yaw_deg)
+        local = product(local, rotation_matrix(ellipsoid.pitch_deg, ellipsoid.yaw_deg))
     scaled = local / np.asarray(ellipsoid.radii)
     size = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))
     scaled /= np.asarray(ellipsoid.radii)
@@ -77,7 +78,7 @@ def capsule_distance(points: Array, capsule: Capsule) -> Array:
     """Return the distance (N,) to a tapered capsule."""
     start, axis = np.asarray(capsule.start), np.asarray(capsule.end) - np.asarray(capsule.start)
     local = points - start
-    along = np.clip(local @ axis / (axis @ axis), 0.0, 1.0)
+    along = np.clip(product(local, axis) / (axis * axis).sum(), 0.0, 1.0)
     local -= along[:, None] * axis
     radius = capsule.start_radius + along * (capsule.end_radius - capsule.start_radius)
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", local, local)) - radius)

@@ -35,6 +35,7 @@ from glsim.faces.scans.file_source import (
 )
 from glsim.faces.scans.file_tree import check_root, last_number, list_names
 from glsim.geometry.mesh import Mesh
+from glsim.geometry.products import product
 from glsim.meshio.alignment import Alignment, check_axes, check_unit
 from glsim.meshio.limits import check_size
 from glsim.meshio.load import check_head_size, find_alignment_in_format, read_mesh
@@ -150,18 +151,18 @@ class Biwi:
         """
         template, alignment = self._template(key.sequence)
         pose = self.pose(key)
-        rotation = (_FLIP_YZ @ pose.rotation @ _FLIP_YZ).T
+        rotation = product(product(_FLIP_YZ, pose.rotation), _FLIP_YZ).T
         in_template = template.vertices_mm + np.array(alignment.origin_mm)
-        in_camera = in_template @ rotation + pose.centre_mm @ _FLIP_YZ
+        in_camera = product(in_template, rotation) + product(pose.centre_mm, _FLIP_YZ)
         return replace(template, vertices_mm=_as_float32(in_camera))
 
     def _face(self, key: FaceKey) -> Face:
         template, alignment = self._template(key.sequence)
         pose = self.pose(key)
-        rotation = _FLIP_YZ @ pose.rotation @ _FLIP_YZ
+        rotation = product(product(_FLIP_YZ, pose.rotation), _FLIP_YZ)
         if rotation[2, 2] < 0:
             raise MeshError(f"{self.root / key.path}: the face looks away from the camera")
-        mesh = replace(template, vertices_mm=_as_float32(template.vertices_mm @ rotation.T))
+        mesh = replace(template, vertices_mm=_as_float32(product(template.vertices_mm, rotation.T)))
         notes: dict[str, object] = {
             **alignment.notes(),
             "head_rotation": [[round(float(v), 6) for v in row] for row in pose.rotation],
