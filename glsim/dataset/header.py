@@ -48,7 +48,7 @@ def open_header(store: Store) -> OpenHeader:
     key = text_hash(data.decode())
     store.local(HEADER, found, key)
     manifest = Manifest(store.local(MANIFEST, expected, key))
-    return OpenHeader(header, _header_problem(store, found), manifest)
+    return OpenHeader(header, header_problem(store, found), manifest)
 
 
 def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
@@ -87,7 +87,7 @@ def manifest_problem(header: Mapping[str, Any], manifest: Manifest) -> str | Non
     return None
 
 
-def _header_problem(store: Store, found: Mapping[str, int]) -> str | None:
+def header_problem(store: Store, found: Mapping[str, int]) -> str | None:
     """Return that dataset.json differs from its checksum in .glsim; None if it does not.
 
     A data set without the folder .glsim, such as a copy, has no checksum of its header.

@@ -7,20 +7,40 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from glsim.dataset.disk_format import HEADER, MERGED_INDEX, STATE
+from glsim.dataset.header import header_problem
 from glsim.dataset.identity import InputHashes, refuse_changed_inputs, refuse_difference
 from glsim.dataset.parts import Part, named_part
 from glsim.dataset.record_schema import parse_frame
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
 from glsim.errors import DatasetError
-from glsim.files.atomic import parse_json, to_json
+from glsim.files.atomic import checksum, parse_json, to_json
 from glsim.files.store import Store
 
 #: The records' first lines, once all records are merged into the manifest.
 INDEX = f"{STATE}/{MERGED_INDEX}"
 _PLAN, _INPUTS, _CHUNKS = f"{STATE}/plan.json", f"{STATE}/inputs.json", f"{STATE}/chunks"
 _LEFT = "left-"
+_SEAL = "crc32"
 #: Largest file of the state, bytes: a record of 512 frames takes a thousandth.
 _MAX_BYTES = 1 << 30
+
+
+def _sealed(identity: Mapping[str, Any], where: str) -> bytes:
+    """Return an identity as the bytes of a plan, which end with the CRC32 of the rest."""
+    crc32 = checksum(to_json(identity, where).encode())["crc32"]
+    return to_json({**identity, _SEAL: crc32}, where).encode() + b"\n"
+
+
+def _unsealed(plan: bytes, where: str) -> dict[str, Any]:
+    """Return the identity in a plan. Raises DatasetError for one that was changed.
+
+    Plans of glsim 0.2 and before have no checksum.
+    """
+    identity = parse_json(plan, where)
+    crc32 = identity.pop(_SEAL, None)
+    if crc32 not in (None, checksum(to_json(identity, where).encode())["crc32"]):
+        raise DatasetError(f"{where}: is damaged: its CRC32 differs: restore it from a copy")
+    return identity
 
 
 class PartBusyError(DatasetError):
@@ -103,17 +123,38 @@ class RunState:
             )
 
     def _begun(self) -> dict[str, Any] | None:
-        for name in (_PLAN, HEADER):
-            data = self.store.read(name, _MAX_BYTES)
-            if data is not None:
-                return parse_json(data, self.store.where(name))
+        """Return the identity in the plan; in the header, if the plan is gone or damaged.
+
+        Raises DatasetError for a damaged plan of a data set that has no sound header.
+        """
+        plan, damage = self.store.read(_PLAN, _MAX_BYTES), None
+        if plan is not None:
+            try:
+                return _unsealed(plan, self.store.where(_PLAN))
+            except DatasetError as error:
+                damage = error
+        header = self.store.read(HEADER, _MAX_BYTES)
+        if header is None or header_problem(self.store, checksum(header)) is not None:
+            if damage is not None:
+                raise damage
+            return None if header is None else parse_json(header, self.store.where(HEADER))
+        return parse_json(header, self.store.where(HEADER))
+
+    def plan_problem(self) -> str | None:
+        """Return how the plan is damaged; None if it is sound, or gone (a run writes it again)."""
+        try:
+            plan = self.store.read(_PLAN, _MAX_BYTES)
+            if plan is not None:
+                _unsealed(plan, _PLAN)
+        except DatasetError as error:
+            return str(error)
         return None
 
     def _begin(self, identity: Mapping[str, Any], inputs: InputHashes | None) -> None:
-        plan = to_json(identity, self.store.where(_PLAN)).encode() + b"\n"
+        plan = _sealed(identity, self.store.where(_PLAN))
         begun = self._begun()
         if begun is None:  # one of several parts is the first, and the others compare theirs
-            begun = parse_json(self.store.put_first(_PLAN, plan), self.store.where(_PLAN))
+            begun = _unsealed(self.store.put_first(_PLAN, plan), self.store.where(_PLAN))
         if inputs is not None:
             refuse_changed_inputs(str(self.store), begun, inputs, self._begun_inputs())
         refuse_difference(str(self.store), begun, identity)

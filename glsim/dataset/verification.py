@@ -12,6 +12,7 @@ from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
 from glsim.dataset.header import manifest_problem, open_header
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.manifest import Manifest
+from glsim.dataset.run_state import RunState
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum
 from glsim.files.png import MAX_IMAGE_BYTES
@@ -59,6 +60,7 @@ class _Verification:
         problem = manifest_problem(self._header, self._manifest)
         if problem is not None and MANIFEST not in self._header["files"]:
             yield f"{MANIFEST} {problem}"
+        yield from self._plan_problems()
         yield from self._listed_files()
         damaged: list[str] = []
         # The frames of a subject are consecutive: only one folder at a time is in memory.
@@ -74,6 +76,12 @@ class _Verification:
         if self._deep:
             yield from self._member_problems()
         yield from self._stray_entries()
+
+    def _plan_problems(self) -> Iterator[str]:
+        """Find a damaged plan, with which the data set cannot be repaired or continued."""
+        problem = RunState(self._store).plan_problem()
+        if problem is not None:
+            yield problem
 
     def _line(self, error: DatasetError) -> str:
         """Return an error of the store, which names the whole path, with the name of the file."""

@@ -318,9 +318,32 @@ def test_advice_for_a_read_only_file_system() -> None:
     )
 
 
-def test_a_damaged_plan_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_damaged_plan_of_a_complete_data_set_is_mended_from_the_header(tmp_path: Path) -> None:
+    """Flip each bit of some bytes of the plan: verification sees it, and the same run mends it."""
     make(tmp_path)
-    (tmp_path / ".glsim" / "plan.json").write_text("{")
+    plan = tmp_path / ".glsim" / "plan.json"
+    sound = contents(tmp_path)
+    data = bytearray(plan.read_bytes())
+    seal = data.rindex(b"crc32")
+    for place in (*range(5, len(data), len(data) // 16), data.index(b"procedural")):
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << place % 8
+        plan.write_bytes(damaged)
+        if place < seal - 1:
+            assert any("plan.json: is damaged" in line for line in verify(tmp_path)), place
+        make(tmp_path)
+        assert contents(tmp_path) == sound
+        assert verify(tmp_path) == []
+
+
+def test_a_damaged_plan_of_a_begun_data_set_is_one_clear_line(tmp_path: Path) -> None:
+    make(tmp_path)
+    (tmp_path / "dataset.json").unlink()
+    plan = tmp_path / ".glsim" / "plan.json"
+    plan.write_bytes(plan.read_bytes().replace(b'"seed":0', b'"seed":1'))
+    with pytest.raises(DatasetError, match=r"plan\.json: is damaged: its CRC32 differs: restore"):
+        make(tmp_path)
+    plan.write_text("{")
     with pytest.raises(DatasetError, match=r"plan\.json: is damaged"):
         make(tmp_path)
 
