@@ -17,6 +17,7 @@ from torch.utils.data import DataLoader
 from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
 from glsim.settings.seeds import stable_seed
+from glsim.train.arithmetic import arithmetic, continue_arithmetic
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
 from glsim.train.models.mask_aware import MaskAware
@@ -74,7 +75,7 @@ def fit(
     """Train a network until a limit, early stopping or ``should_stop`` ends the training.
 
     On the CPU and without a time limit, a training that was interrupted and resumed gives the same
-    bits as one that was not.
+    bits as one that was not: it continues with the number of threads that it began with.
 
     Args:
         recipe: network, loss, optimiser and limits.
@@ -143,6 +144,8 @@ class TrainingRun:
         if last is not None:
             self.state.restore(last)
             self.figures = dict(last["validation"])
+            continue_arithmetic(last.get("arithmetic"), fabric, folder / checkpoint.LAST)
+        self.arithmetic = arithmetic(fabric)
         self.progress = self.state.progress
         self.model, self.optimiser = self.state.set_up()
         self.epoch_steps = source.prepare(self.fabric)
@@ -302,6 +305,7 @@ class TrainingRun:
             "data": self.source.fingerprint,
             "validation": self.figures,
             "start": self.start,
+            "arithmetic": self.arithmetic,
         }
 
     def _save_best(self) -> None:

@@ -81,6 +81,37 @@ def test_interrupted_anywhere_equals_uninterrupted(
     assert rows(tmp_path / "whole") == rows(parts)
 
 
+def test_a_resumed_training_keeps_its_number_of_threads(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    settings = recipe(training={"max_steps": 4, "validate_every": 1, "validate_unit": "steps"})
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(2)
+        run(settings, tmp_path / "whole")
+        run(settings, tmp_path / "parts", should_stop=after(2))
+        torch.set_num_threads(1)
+        run(settings, tmp_path / "parts", resume=True)
+        assert torch.get_num_threads() == 2
+        last = checkpoint.load(tmp_path / "parts" / "last.pt")
+        assert last["arithmetic"]["threads"] == 2
+    finally:
+        torch.set_num_threads(before)
+    same(tmp_path / "whole", tmp_path / "parts", "last.pt")
+    assert not caplog.records
+
+
+def test_a_training_resumed_elsewhere_says_what_differs(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(recipe(), tmp_path, should_stop=after(2))
+    monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: "DEFAULT")
+    run(recipe(), tmp_path, resume=True)
+    assert len(caplog.messages) == 1
+    assert "last.pt: was computed with instructions" in caplog.messages[0]
+    assert "not DEFAULT: the weights will differ in their last bits" in caplog.messages[0]
+
+
 def test_a_seed_is_a_training(tmp_path: Path) -> None:
     for name, seed in (("a", 0), ("b", 0), ("c", 1)):
         run(recipe(seed=seed), tmp_path / name)
