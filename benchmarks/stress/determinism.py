@@ -42,7 +42,7 @@ class Case:
     """Faces to render: options of ``glsim generate`` and their values, and settings."""
 
     options: Mapping[str, Any]
-    settings: Sequence[str] = ("output.crop=128", "output.depth_unit_mm=0.05")
+    settings: Sequence[str] = ("output.crop=128", "output.depth_unit_mm=0.1")
 
     @property
     def command(self) -> list[str]:

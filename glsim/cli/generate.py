@@ -210,7 +210,8 @@ def generate(
         bool,
         typer.Option(
             "--portable/--native",
-            help="The same bytes on all x86-64 processors since 2013, or those of this processor.",
+            help="The same bytes on all x86-64 processors since 2013, or this processor's own.",
+            rich_help_panel=MORE,
         ),
     ] = True,
     leave: Annotated[
@@ -227,7 +228,10 @@ def generate(
     ] = False,
     backend: BackendOption = None,
 ) -> None:
-    """Generate a data set of clean and noisy depth frames, split by subject; resumable."""
+    """Generate a data set of clean and noisy depth frames, split by subject; resumable.
+
+    A seed gives the same bytes on all x86-64 processors since 2013, unless you say --native.
+    """
     from glsim.depth_protocol import NEAREST_MM, check_protocol
     from glsim.settings.schema import load_settings
     from glsim.worker_processes import worker_count
