@@ -93,9 +93,10 @@ def tune(
 ) -> None:
     """Change a sensor's noise in a browser and see the frame, its figures and its code at once.
 
-    Needs the extra glsim[tune]. The address holds a random token; only this machine can open it
-    unless --host is given. With --static nothing is served and no extra is needed: a folder is
-    written with all sensors (or SENSOR alone) and captured faces, for any static host.
+    Needs the extra glsim[tune]. The printed address lets one browser in, once; only you on this
+    machine can open it, unless --host is given. A page that is opened again has its last settings.
+    With --static nothing is served and no extra is needed: a folder is written with all sensors (or
+    SENSOR alone) and captured faces, for any static host.
     """
     if static is not None:
         from glsim.tune.static_page import write_static_page
@@ -112,6 +113,7 @@ def tune(
     from glsim.tune.address import listen
     from glsim.tune.faces import as_values, face_command, opener
     from glsim.tune.state import Tuning, tuning_of_link
+    from glsim.tune.trust import check_link, code_of
     from glsim.tune.workshop import Workshop
     from glsim.worker_processes import available_workers
 
@@ -127,6 +129,13 @@ def tune(
     start = Tuning(settings.sensor, values)
     if link is not None:
         start = tuning_of_link(link.partition("s=")[2].partition("&")[0] or link)
+        check_link(start, settings.sensor, Path.cwd())
+        if code := code_of(start, settings, settings.sensor):
+            raise ConfigError(
+                f"the sensor of the link runs code ({', '.join(code)}): if you trust it, name that "
+                f"sensor too: glsim tune {start.sensor} --link ..."
+            )
+    own_sensor = settings.sensor
     settings, open_sources = opener(settings, face)
     command = face_command(face, source, root, preset, config, seed)
     address = listen(host, port)
@@ -138,7 +147,7 @@ def tune(
     # The page's libraries load in another thread while the face is made: at Python's default of
     # 5 ms each of many short NumPy calls would wait that long for the interpreter.
     sys.setswitchinterval(0.0005)
-    workshop = Workshop(settings, open_sources, command, start, real, backend)
+    workshop = Workshop(settings, open_sources, command, start, own_sensor, real, backend)
     workshop.prepare()
     from glsim.tune.server import serve  # takes seconds, while the first frame is drawn
 

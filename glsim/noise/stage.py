@@ -14,6 +14,7 @@ first argument of ``array_stage``. ``glsim.noise.registry`` finds stages by name
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,8 @@ Reach = Callable[[Mapping[str, float]], int]
 
 #: The parameter that every stage has; it switches the stage off: ``--set axial.enabled=false``.
 ENABLED = "enabled"
+#: Names of stages in a chain; they are a part of the names of parameters, of files and of the page.
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage runs", Path(), 0)
 
 #: One frame's parameter values: stage name -> parameter -> value.
@@ -132,6 +135,11 @@ def make_stage(
     Args:
         where: the place of the settings, for error messages.
     """
+    if not _NAME.fullmatch(name):
+        raise ConfigError(
+            f"{where}: {name!r:.80} is no name of a stage: take letters, digits, _ and -, with "
+            'name = "..."'
+        )
     if ENABLED in spec.parameters:
         raise ShaderError(f"{spec.file}: the parameter name {ENABLED!r} is taken")
     known = [*spec.parameters, ENABLED]

@@ -1,26 +1,37 @@
-"""The address of the page: a listening socket, and a random token."""
+"""The address of the page: a listening socket, and a ticket that lets one browser in."""
 
 from __future__ import annotations
 
+import json
+import os
 import secrets
+import shutil
 import socket
+import tempfile
 import threading
 import webbrowser
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from glsim.errors import ConfigError
 
+_TICKET_PAGE = """<!doctype html><meta charset="utf-8"><meta name="referrer" content="no-referrer">
+<title>glsim tune</title><script>location.replace({url})</script>
+"""
 
-@dataclass(frozen=True)
+
+@dataclass
 class Address:
-    """A socket that takes connections before anything serves them, and the token of its page.
+    """A socket that takes connections before anything serves them, and the ticket of its page.
 
     A browser needs a second to start; until the server is up, its request waits in the socket.
+    A ticket is used once: then the browser has a cookie, and the address of the page says nothing.
     """
 
     host: str
     listening: socket.socket
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    ticket: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    _private: Path | None = None
 
     @property
     def port(self) -> int:
@@ -29,13 +40,35 @@ class Address:
 
     @property
     def url(self) -> str:
-        """The address of the page, with the token."""
+        """The address of the page, with the ticket."""
         shown = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{shown}:{self.port}/?token={self.token}"
+        return f"http://{shown}:{self.port}/?ticket={self.ticket}"
+
+    def use(self, ticket: str) -> bool:
+        """Return whether this is the ticket; if so, the next one replaces it."""
+        if not secrets.compare_digest(ticket.encode(), self.ticket.encode()):
+            return False
+        self.ticket = secrets.token_urlsafe(24)
+        self.remove_file()
+        return True
 
     def open_browser(self) -> None:
-        """Open the page in the user's browser, on a thread: one in a terminal blocks."""
-        threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
+        """Open the page in the user's browser, on a thread: one in a terminal blocks.
+
+        Everybody on the machine can read the arguments of a process. So the browser is given a file
+        that the user alone can read, and which leads to the address.
+        """
+        self._private = Path(tempfile.mkdtemp(prefix="glsim-tune-"))  # mode 0700
+        page = self._private / "open.html"
+        with os.fdopen(os.open(page, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(_TICKET_PAGE.format(url=json.dumps(self.url)))
+        threading.Thread(target=webbrowser.open, args=(page.as_uri(),), daemon=True).start()
+
+    def remove_file(self) -> None:
+        """Remove the file that ``open_browser`` wrote, if there is one."""
+        if self._private is not None:
+            shutil.rmtree(self._private, ignore_errors=True)
+            self._private = None
 
 
 def listen(host: str, port: int) -> Address:

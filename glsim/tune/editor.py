@@ -76,7 +76,8 @@ class CodeEditor:
         self._reset.set_visibility(changed)
         self._name.text = stage.name
         self._file.text = "changed here" if changed else _short(Path(stage.spec.file))
-        self._file.props(f'title="{stage.spec.file}"')
+        self._file.props["title"] = stage.spec.file
+        self._file.update()
         editable = stage.spec.source is not None
         self._plain.set_visibility(not editable)
         self._place.set_visibility(editable)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from nicegui import ui
 
 from glsim.dataset import write_frame
-from glsim.errors import GlsimError
+from glsim.errors import ConfigError, GlsimError
 from glsim.frame import LAYERS
 from glsim.tune.desk import Desk
-from glsim.tune.sensor_file import other_values, save_sensor
+from glsim.tune.sensor_file import checked_path, code_file, other_values, save_sensor
 from glsim.tune.state import Tuning, python_code, set_options, toml_value
 
 
@@ -49,55 +49,87 @@ class Outputs:
         address = await ui.run_javascript(f"location.origin + '/?s={link}'")
         self._copy(str(address))
 
-    def _ask(self, title: str, value: str, label: str, done: Any) -> None:
-        with ui.dialog() as dialog, ui.card().style("min-width: 420px"):
+    def _ask(
+        self,
+        title: str,
+        value: str,
+        label: str,
+        files: Callable[[Path], list[Path]],
+        save: Callable[[Path], str],
+    ) -> None:
+        """Ask for a name, and save; a second click is needed to replace files.
+
+        Args:
+            files: of a path, those that ``save`` writes.
+            save: writes; returns a message about what it wrote.
+        """
+        agreed: list[Path] = []
+
+        def click() -> None:
+            try:
+                path = checked_path(str(name.value))
+                present = [file for file in files(path) if file.exists()]
+                if present and present != agreed:
+                    agreed[:] = present
+                    names = ", ".join(file.name for file in present)
+                    warning.text = f"{names}: already there. Click again to replace."
+                    button.text = "Replace"
+                    return
+                message = save(path)
+            except (GlsimError, OSError) as error:
+                ui.notify(str(error), type="negative")
+                return
+            dialog.close()
+            ui.notify(message, multi_line=True, timeout=12000, close_button="ok")
+
+        def changed() -> None:
+            agreed.clear()
+            warning.text, button.text = "", "Save"
+
+        with ui.dialog() as dialog, ui.card().style("min-width: min(420px, 90vw)"):
             ui.label(title)
-            name = ui.input(label, value=value).props("dense outlined autofocus").classes("w-full")
+            name = ui.input(label, value=value, on_change=changed)
+            name.props("dense outlined autofocus").classes("w-full")
+            warning = ui.label().classes("problem").props('role="alert"')
             with ui.row():
-                ui.button("Save", on_click=lambda: done(dialog, str(name.value))).props("flat")
+                button = ui.button("Save", on_click=click).props("flat")
                 ui.button("Cancel", on_click=dialog.close).props("flat")
         dialog.on("hide", dialog.delete)
         dialog.open()
 
     def _ask_sensor(self) -> None:
-        stem = Path(self._page.history.now.sensor).stem
-        file = Path.cwd() / f"{stem}-tuned.toml"
-        self._ask("Save sensor: the file with your values, comments kept", str(file), "file",
-                  self._save_sensor)  # fmt: skip
+        page = self._page
+        file = Path.cwd() / f"{Path(page.history.now.sensor).stem}-tuned.toml"
 
-    def _save_sensor(self, dialog: Any, name: str) -> None:
+        def files(path: Path) -> list[Path]:
+            return [path, *(code_file(path, stage) for stage in page.history.now.code)]
+
+        self._ask("Save sensor: the file with your values, comments kept", str(file), "file",
+                  files, self._save_sensor)  # fmt: skip
+
+    def _save_sensor(self, path: Path) -> str:
         page = self._page
         if page.sensor is None:
-            return
-        try:
-            written = save_sensor(page.history.now, page.sensor, Path(name).expanduser())
-        except (GlsimError, OSError) as error:
-            ui.notify(str(error), type="negative")
-            return
-        dialog.close()
+            raise ConfigError("there is no picture yet: wait for the first one")
+        written = save_sensor(page.history.now, page.sensor, path)
         words = [f"--sensor {shlex.quote(str(written[0]))}"]
         for key, value in other_values(page.history.now).items():
             words.append(shlex.join(["--set", f"{key}={toml_value(value)}"]))
-        ui.notify(
-            f"wrote {', '.join(path.name for path in written)}. "
-            f"The same frame: {page.workshop.command} {' '.join(words)}",
-            multi_line=True, timeout=12000, close_button="ok",
-        )  # fmt: skip
+        return (
+            f"wrote {', '.join(str(file) for file in written)}. "
+            f"The same frame: {page.workshop.command} {' '.join(words)}"
+        )
 
     def _ask_frame(self) -> None:
-        self._ask("Save this frame: clean, noisy, infrared and reason", str(Path.cwd() / "frame"),
-                  "folder and beginning of the names", self._save_frame)  # fmt: skip
+        def files(path: Path) -> list[Path]:
+            return [path.with_name(f"{path.name}_{layer}.png") for layer in LAYERS]
 
-    def _save_frame(self, dialog: Any, name: str) -> None:
+        self._ask("Save this frame: clean, noisy, infrared and reason", str(Path.cwd() / "frame"),
+                  "folder and beginning of the names", files, self._save_frame)  # fmt: skip
+
+    def _save_frame(self, path: Path) -> str:
         picture = self._page.picture
         if picture is None:
-            return
-        path = Path(name).expanduser()
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            written = write_frame(picture.frame, path.parent, path.name, LAYERS)
-        except (GlsimError, OSError) as error:
-            ui.notify(str(error), type="negative")
-            return
-        dialog.close()
-        ui.notify(f"wrote {', '.join(p.name for p in written)} in {path.parent}")
+            raise ConfigError("there is no picture yet: wait for the first one")
+        written = write_frame(picture.frame, path.parent, path.name, LAYERS)
+        return f"wrote {', '.join(file.name for file in written)} in {path.parent}"

@@ -43,9 +43,14 @@ _HEAD = """
 class Page:
     """One open tab: its history of tunings, its bench and its elements."""
 
-    def __init__(self, workshop: Workshop, client: Client, start: Tuning) -> None:
+    def __init__(
+        self, workshop: Workshop, client: Client, start: Tuning, wanted: Tuning | None
+    ) -> None:
+        """Start from a tuning; undo leads from ``wanted``, of a link or the disk, to it."""
         self.workshop, self.client, self.tab = workshop, client, client.id
         self.history = History(start)
+        self._asked: Tuning | None = None
+        self._open(wanted)
         self.bench = workshop.bench()
         self.picture: DrawnFrame | None = None
         self.selected = ""
@@ -87,10 +92,41 @@ class Page:
         self.call("build", "tune-view", "tune-figures", [r.help for r in Reason], self.tab)
         await self.refresh()
         self.editor.theme(await self._is_dark())
+        if self._asked is not None:
+            await self._ask_code(self._asked)
         await self.workshop.read_recording()
         self._show_recording(None)
         if self.workshop.recorded:
             self._follow_painted()
+
+    def _open(self, wanted: Tuning | None) -> None:
+        """Make a tuning of a link or the disk the current one, unless it would run new code."""
+        if wanted is None:
+            return
+        try:
+            forbidden = self.workshop.forbidden_code(wanted)
+        except GlsimError:
+            return  # its sensor's file is gone
+        if forbidden:
+            self._asked = wanted
+        else:
+            self.history.change(wanted)
+
+    async def _ask_code(self, wanted: Tuning) -> None:
+        """Ask whether the Python code of a link's sensor may run, and then open the link."""
+        code = self.workshop.forbidden_code(wanted)
+        with self.client, ui.dialog().props("persistent") as dialog, ui.card():
+            ui.label("This link names a sensor with Python code, which would run with your rights:")
+            for name in code:
+                ui.label(name).classes("file")
+            with ui.row():
+                ui.button("Run it", on_click=lambda: dialog.submit(True)).props("flat")
+                ui.button("Leave it", on_click=lambda: dialog.submit(False)).props("flat")
+            allowed = await dialog
+            dialog.delete()
+        if allowed:
+            self.workshop.allowed.update(code)
+            self.change(wanted)
 
     async def rest(self) -> None:
         """Free what the tab holds, until its next picture; called when it is closed or hidden."""
@@ -240,6 +276,7 @@ class Page:
             self.sections.refresh(picture)
             self.editor.refresh(picture)
             self.top.refresh()
+        await self.workshop.measure(self.workshop.kept.save, self.history.now)
 
     async def _measure(self, picture: DrawnFrame) -> None:
         figures = await self.workshop.measure(_figures, picture)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from html import escape
 from typing import Any
 
 from nicegui import ui
@@ -51,7 +52,7 @@ class ControlRow:
         self.control, self._change, self._settle = control, change, settle
         self.value = value
         with ui.element("div").classes("control") as self._root:
-            self._root.props(f'data-name="{control.name}"')
+            self._root.props["data-name"] = control.name
             self._fill()
 
     def set(self, value: Any) -> None:
@@ -66,27 +67,28 @@ class ControlRow:
     def _fill(self) -> None:
         control, value = self.control, self.value
         with ui.element("div").classes("label") as label:
-            ui.html(f"<span>{control.label}</span>", sanitize=False)
+            ui.html(f"<span>{escape(control.label)}</span>", sanitize=False)
             self._was = ui.label().classes("was").style("display: inline")
             ui.tooltip(control.help).props("delay=600 max-width=280px")
-        label.props(f'title="{control.name}"')
+        label.props["title"] = control.name
         self._box: ui.number | None = None
         self._drawn: ui.label | None = None
         if isinstance(value, Mapping):
             self._drawn = ui.label().classes("label drawn")
         elif control.kind == "bool":
-            ui.switch(value=bool(value), on_change=lambda e: self._moved(float(e.value))).props(
-                f'dense aria-label="{control.name}"'
-            )
+            switch = ui.switch(value=bool(value), on_change=lambda e: self._moved(float(e.value)))
+            switch.props("dense").props["aria-label"] = control.name
         else:
             self._box = (
                 ui.number(value=value, format="%.6g", placeholder="off", on_change=self._typed)
-                .props(f'dense outlined debounce=300 aria-label="{control.name} value"')
+                .props("dense outlined debounce=300")
                 .on("blur", self._settle)
             )
+            self._box.props["aria-label"] = f"{control.name} value"
         if not isinstance(value, Mapping):
             ui.label(control.unit).classes("unit")
-        more = ui.button("⋮").props(f'flat dense aria-label="menu of {control.name}"')
+        more = ui.button("⋮").props("flat dense")
+        more.props["aria-label"] = f"menu of {control.name}"
         with more, ui.menu().props("auto-close"):
             ui.menu_item("Reset", lambda: self._change(control.name, None))
             if control.kind != "bool":
@@ -105,12 +107,13 @@ class ControlRow:
         kind = _range_of(value)
         if kind is not None:
             low, high = (control.position(float(v)) for v in value[kind])
-            (
+            ends = (
                 ui.range(min=least, max=most, step=control.step, value={"min": low, "max": high})
-                .props(f'dense aria-label="{control.name}"')
+                .props("dense")
                 .on("update:model-value", self._range_moved, throttle=_THROTTLE)
                 .on("change", self._settle)
             )
+            ends.props["aria-label"] = control.name
         elif isinstance(value, Mapping) and "normal" in value:
             with ui.row().style("gap: 8px; flex-wrap: nowrap"):
                 for number, text in enumerate(("mean", "deviation")):
@@ -122,16 +125,17 @@ class ControlRow:
             at = min(max(control.position(self._number()), least), most)
             self._slide = (
                 ui.slider(min=least, max=most, step=control.step, value=at)
-                .props(f'dense aria-label="{control.name}"')
+                .props("dense")
                 .on("update:model-value", self._slid, throttle=_THROTTLE)
                 .on("change", self._settle)
             )
+            self._slide.props["aria-label"] = control.name
 
     def _mark(self) -> None:
         start = own_value(self.control)
         was = "" if start == self.value else f"was {words(start)}"
         self._was.set_text(was)
-        self._was.props(f'title="{was}"')
+        self._was.props["title"] = was
         if self._drawn is not None:
             self._drawn.set_text(words(self.value, self.control.unit))
 

@@ -98,7 +98,8 @@ class Sections:
             ).style("margin: 8px")
 
     def _heading(self, name: str) -> None:
-        row = ui.element("div").classes("stage-row").props(f'data-section="{name}"')
+        row = ui.element("div").classes("stage-row")
+        row.props["data-section"] = name
         with row:
             button = ui.element("button").classes("name")
             with button:
@@ -108,17 +109,20 @@ class Sections:
             row.classes("selected")
 
     def _stage(self, stage: Stage) -> None:
-        row = ui.element("div").classes("stage-row").props(f'data-stage="{stage.name}"')
+        row = ui.element("div").classes("stage-row")
+        row.props["data-stage"] = stage.name
         with row:
             with ui.element("button").classes("name") as button:
                 ui.label(stage.name)
             button.on("click", lambda: self._open(stage.name))
             button.tooltip(stage.spec.title).props("delay=600 max-width=280px")
             self._dots[stage.name] = ui.element("span").classes("changed").tooltip("changed")
-            self._switches[stage.name] = ui.switch(
+            switch = ui.switch(
                 value=stage.settings["enabled"].bounds()[1] > 0,
                 on_change=lambda e: self._switched(stage.name, bool(e.value)),
-            ).props(f'dense size=sm aria-label="{stage.name} on or off"')
+            ).props("dense size=sm")
+            switch.props["aria-label"] = f"{stage.name} on or off"
+            self._switches[stage.name] = switch
         if self._page.selected == stage.name:
             row.classes("selected")
             with ui.element("div").classes("sliders"):

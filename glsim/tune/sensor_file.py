@@ -36,6 +36,22 @@ def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:
     return [file, *written]
 
 
+def checked_path(text: str) -> Path:
+    """Return the path of a file to write, from what somebody typed.
+
+    Raises ConfigError for no name, a name of a folder, and a folder that does not exist: a mistyped
+    one is not made.
+    """
+    if not text.strip() or "\0" in text:
+        raise ConfigError("give the name of a file")
+    path = Path.cwd() / Path(text).expanduser()
+    if text.endswith("/") or path.is_dir():
+        raise ConfigError(f"{path}: is a folder: add the name of a file")
+    if not path.parent.is_dir():
+        raise ConfigError(f"{path.parent}: no such folder: make it, or choose another")
+    return path
+
+
 def code_file(file: Path, stage: str) -> Path:
     """The file of a stage's changed code, beside the sensor file."""
     return file.with_name(f"{file.stem}_{stage}.glsl")

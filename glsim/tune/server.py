@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from functools import partial
 from pathlib import Path
 
 from fastapi import Response
 from nicegui import Client, app, ui
 
+from glsim.cli.common import console
 from glsim.errors import ConfigError
 from glsim.tune.address import Address
 from glsim.tune.gate import Gate
+from glsim.tune.kept import cookie_secret
 from glsim.tune.page import Page
-from glsim.tune.state import tuning_of_link
+from glsim.tune.state import Tuning, tuning_of_link
 from glsim.tune.workshop import Workshop
 
 ASSETS = Path(__file__).parent / "assets"
@@ -19,12 +24,20 @@ ASSETS = Path(__file__).parent / "assets"
 #: How long a silent tab is kept, seconds: the first frame compiles shaders and takes seconds on a
 #: busy machine. A tab that is closed says so and frees its context at once.
 _PATIENCE = 20
+#: Bounds of what one user's browsers need: 8 connections a tab; a link of 60,000 characters; the
+#: code of a stage as it is typed.
+_CONNECTIONS, _LARGEST_HEAD, _LARGEST_MESSAGE = 100, 1 << 17, 1 << 20
 
 
 def serve(workshop: Workshop, address: Address) -> None:
     """Serve the page at an address until the process is interrupted."""
     pages: dict[str, Page] = {}
-    app.add_middleware(Gate, token=address.token, cookie=f"glsim_tune_{address.port}")
+
+    cookie = f"glsim_tune_{address.port}"
+    app.add_middleware(
+        Gate, use=partial(_use, address), secret=cookie_secret(), cookie=cookie,
+        host=address.host, port=address.port,
+    )  # fmt: skip
     app.add_static_files("/tune/assets", str(ASSETS), max_cache_age=0)
 
     @app.get("/tune/other/{tab}")
@@ -44,13 +57,8 @@ def serve(workshop: Workshop, address: Address) -> None:
 
     @ui.page("/", title="glsim tune")
     async def index(client: Client, s: str = "") -> None:
-        start, problem = workshop.start, ""
-        if s:
-            try:
-                start = tuning_of_link(s)
-            except ConfigError as error:
-                problem = str(error)
-        page = Page(workshop, client, start)
+        wanted, problem = _wanted(workshop, s)
+        page = Page(workshop, client, workshop.start, wanted)
         page.build(problem)
         pages[client.id] = page
 
@@ -62,6 +70,7 @@ def serve(workshop: Workshop, address: Address) -> None:
         await client.connected(timeout=60)
         await page.begin()
 
+    app.on_shutdown(workshop.stop)
     ui.run(
         host=address.host, port=address.port, fd=address.listening.fileno(), show=False,
         reload=False, show_welcome_message=False, dark=None, tailwind=False,
@@ -69,7 +78,35 @@ def serve(workshop: Workshop, address: Address) -> None:
         favicon=ASSETS / "icon.svg",
         # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
         gzip_middleware_factory=None,
+        timeout_graceful_shutdown=1, limit_concurrency=_CONNECTIONS, timeout_keep_alive=30,
+        h11_max_incomplete_event_size=_LARGEST_HEAD, ws_max_size=_LARGEST_MESSAGE,
     )  # fmt: skip
+    address.remove_file()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)  # the interpreter would wait for a frame that is being drawn
+
+
+def _use(address: Address, ticket: str) -> bool:
+    """Return whether a ticket is valid; if so, print the address with the next one."""
+    valid = address.use(ticket)
+    if valid:
+        console.print(f"another browser: {address.url}", soft_wrap=True)
+    return valid
+
+
+def _wanted(workshop: Workshop, link: str) -> tuple[Tuning | None, str]:
+    """Return the tuning of a link, without one that on the disk, and a message about it."""
+    try:
+        kept = None if link else workshop.kept.load()
+        wanted = tuning_of_link(link) if link else kept
+        if wanted is not None:
+            workshop.check(wanted)
+    except ConfigError as error:
+        return None, str(error)
+    if kept in (None, workshop.start):
+        return wanted, ""
+    return wanted, "these are your last settings: undo (Ctrl+Z) leads to those of the command"
 
 
 def _answer(packet: bytes | None, without: int) -> Response:

@@ -7,7 +7,6 @@ link, a sensor file.
 from __future__ import annotations
 
 import base64
-import binascii
 import json
 import shlex
 import zlib
@@ -24,6 +23,8 @@ Value = Any
 _HISTORY = 200
 #: Longest link, and what it may unpack to: a few stages of 9,000 characters.
 _MAX_LINK, _MAX_UNPACKED = 60_000, 1 << 20
+#: Levels of tables and lists in a link: those of the emitters need five.
+_DEEPEST = 8
 _LINK_KEYS = ("sensor", "values", "code", "frame")
 
 
@@ -92,12 +93,21 @@ def tuning_of_link(text: str) -> Tuning:
         if unpacker.unconsumed_tail:
             raise ValueError("too large")
         tree = json.loads(raw)
+        _check_depth(tree, _DEEPEST)
         if not isinstance(tree, dict) or set(tree) != set(_LINK_KEYS):
             raise ValueError("other keys")
         code = {str(k): StageCode(str(t), b, bool(n)) for k, (t, b, n) in tree["code"].items()}
         return Tuning(str(tree["sensor"]), dict(tree["values"]), code, int(tree["frame"]))
-    except (ValueError, TypeError, AttributeError, binascii.Error, zlib.error) as error:
+    except (ValueError, TypeError, AttributeError, RecursionError, zlib.error) as error:
         raise ConfigError(f"the link holds no settings of glsim tune ({error})") from None
+
+
+def _check_depth(value: Any, levels: int) -> None:
+    if levels == 0:
+        raise ValueError("too deep")
+    if isinstance(value, dict | list):
+        for entry in value.values() if isinstance(value, dict) else value:
+            _check_depth(entry, levels - 1)
 
 
 class History:

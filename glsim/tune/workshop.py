@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,7 +15,9 @@ from glsim.errors import GlsimError
 from glsim.faces.base import FaceSource
 from glsim.settings.schema import Settings
 from glsim.tune.bench import Bench
+from glsim.tune.kept import KeptTuning
 from glsim.tune.state import Tuning
+from glsim.tune.trust import check_link, code_of
 
 log = logging.getLogger(__name__)
 
@@ -28,6 +31,9 @@ class Workshop:
     Attributes:
         base: the settings that a tab starts from.
         command: the part of a command line that names the faces, e.g. ``render face.obj``.
+        start: the tuning of the command's options.
+        own_sensor: the sensor that the command names; its code may run.
+        allowed: Python stages of other sensors that the user has allowed to run.
         real: folder of a recording, or None.
     """
 
@@ -35,12 +41,37 @@ class Workshop:
     open_sources: Callable[[Settings], Sequence[FaceSource]]
     command: str
     start: Tuning
+    own_sensor: str
     real: Path | None = None
     backend: str | None = None
     gl: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "gl"))
     measuring: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "measure"))
     recorded: dict[str, Any] | None = None
+    allowed: set[str] = field(default_factory=set)
     _prepared: Bench | None = None
+
+    @cached_property
+    def kept(self) -> KeptTuning:
+        """The place of the last tuning on the disk."""
+        return KeptTuning(self.start, self.command)
+
+    def check(self, tuning: Tuning) -> None:
+        """Raise ConfigError for a link that names a file elsewhere."""
+        check_link(tuning, self.own_sensor, Path.cwd())
+
+    def forbidden_code(self, tuning: Tuning) -> list[str]:
+        """Return the Python stages that a tuning would run and nobody has allowed yet.
+
+        Raises ConfigError if the file of its sensor cannot be read.
+        """
+        found = code_of(tuning, self.base, self.own_sensor)
+        named = [f"{tuning.sensor}: {use}" for use in found]
+        return [name for name in named if name not in self.allowed]
+
+    def stop(self) -> None:
+        """End the threads; what is drawn or measured at the moment goes on until it is done."""
+        for executor in (self.gl, self.measuring):
+            executor.shutdown(wait=False, cancel_futures=True)
 
     def prepare(self) -> None:
         """Draw the first frame on the GL thread, so that the first tab opens at once."""
