@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import queue
 import socket
+import webbrowser
+from pathlib import Path
 
 import pytest
 
@@ -28,12 +31,35 @@ def test_a_port_in_use_gives_a_free_one() -> None:
             assert other.port not in (0, wanted)
 
 
-def test_each_address_has_a_token_of_its_own() -> None:
+def test_a_ticket_is_used_once_and_another_follows() -> None:
     one, other = listen("127.0.0.1", 0), listen("127.0.0.1", 0)
     with one.listening, other.listening:
-        assert one.url == f"http://127.0.0.1:{one.port}/?token={one.token}"
-        assert one.token != other.token
-        assert len(one.token) >= 32
+        first = one.ticket
+        assert one.url == f"http://127.0.0.1:{one.port}/?ticket={first}"
+        assert first != other.ticket
+        assert len(first) >= 32
+        assert not one.use(other.ticket)
+        assert one.use(first)
+        assert not one.use(first)
+        assert one.use(one.ticket)
+
+
+def test_the_browser_is_given_a_private_file_and_no_ticket(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everybody on the machine can read the arguments of the browser's process."""
+    opened: queue.Queue[str] = queue.Queue()
+    monkeypatch.setattr(webbrowser, "open", opened.put)
+    address = listen("127.0.0.1", 0)
+    with address.listening:
+        address.open_browser()
+        given = opened.get(timeout=10)
+        assert given.startswith("file://")
+        assert address.ticket not in given
+        page = Path(given.removeprefix("file://"))
+        assert page.stat().st_mode & 0o777 == 0o600
+        assert page.parent.stat().st_mode & 0o777 == 0o700
+        assert f'location.replace("{address.url}")' in page.read_text()
+        address.use(address.ticket)
+        assert not page.parent.exists()
 
 
 def test_an_address_of_version_6_stands_in_brackets() -> None:
@@ -42,7 +68,7 @@ def test_an_address_of_version_6_stands_in_brackets() -> None:
     except ConfigError as error:
         pytest.skip(f"this machine has no IPv6: {error}")
     with address.listening:
-        assert address.url.startswith(f"http://[::1]:{address.port}/?token=")
+        assert address.url.startswith(f"http://[::1]:{address.port}/?ticket=")
 
 
 def test_a_machine_without_ipv6_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

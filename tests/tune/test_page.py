@@ -22,6 +22,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.files.png import read_depth_png
+from glsim.tune.state import StageCode, Tuning
 
 pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -56,12 +57,34 @@ near_mm = 300
 
 @dataclass
 class Server:
-    address: str
     folder: Path
+    process: subprocess.Popen[bytes]
+
+    @property
+    def address(self) -> str:
+        """The address that was printed last: a ticket is used once."""
+        return re.findall(r"http://\S+", (self.folder / "log").read_text())[-1]
 
     @property
     def port(self) -> int:
         return int(re.findall(r":(\d+)/", self.address)[0])
+
+
+def start(folder: Path, *options: str) -> Server:
+    """Start the command in a folder, and wait for its address."""
+    log = folder / "log"
+    command = [sys.executable, "-m", "glsim", "tune", *options, "--no-browser"]
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
+    environment = {**kept, "PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "300"}
+    environment["GLSIM_CACHE"] = str(folder / "cache")
+    with log.open("wb") as out:
+        process = subprocess.Popen(command, cwd=folder, env=environment, stdout=out, stderr=out)
+    for _ in range(PATIENCE_MS // 100):
+        if re.search(r"http://\S+\s", log.read_text()) or process.poll() is not None:
+            break
+        time.sleep(0.1)
+    assert process.poll() is None, log.read_text()
+    return Server(folder, process)
 
 
 @pytest.fixture(scope="module")
@@ -69,26 +92,13 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     folder = tmp_path_factory.mktemp("tune")
     (folder / "small.toml").write_text(SENSOR)
     (folder / "plate.obj").write_text(_face())
-    log = folder / "log"
-    command = [sys.executable, "-m", "glsim", "tune", "small.toml", "--face", "plate.obj"]
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
-    environment = {**kept, "PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "300"}
-    with log.open("wb") as out:
-        process = subprocess.Popen(
-            [*command, "--no-browser", "--port", "0", "--set", "scene.wall_mm=1500"],
-            cwd=folder, env=environment, stdout=out, stderr=out,
-        )  # fmt: skip
+    options = ["small.toml", "--face", "plate.obj", "--port", "0"]
+    running = start(folder, *options, "--set", "scene.wall_mm=1500")
     try:
-        for _ in range(PATIENCE_MS // 100):
-            found = re.search(r"http://\S+", log.read_text())
-            if found or process.poll() is not None:
-                break
-            time.sleep(0.1)
-        assert found, log.read_text()
-        yield Server(found.group(0), folder)
+        yield running
     finally:
-        process.terminate()
-        process.wait(30)
+        running.process.terminate()
+        running.process.wait(30)
 
 
 @pytest.fixture(scope="module")
@@ -279,7 +289,7 @@ def test_a_saved_sensor_gives_the_bytes_that_the_page_shows(page: Any, server: S
     target = server.folder / "saved.toml"
     page.fill(".q-dialog input", str(target))
     page.click(".q-dialog button:has-text('Save')")
-    page.wait_for_selector("text=wrote saved.toml")
+    page.wait_for_selector(f"text=wrote {target}")
     text = target.read_text()
     assert "near_mm = 450" in text
     assert "base_sigma_mm = 3   # loud" in text
@@ -295,6 +305,35 @@ def test_a_saved_sensor_gives_the_bytes_that_the_page_shows(page: Any, server: S
     left, top, w, h = window
     assert rendered[top : top + h, left : left + w].ravel().tolist() == noisy
     assert int((rendered > 0).sum()) == sum(1 for value in noisy if value), "nothing outside"
+
+
+def test_saving_asks_before_it_replaces_and_makes_no_folder(page: Any, server: Server) -> None:
+    letter = server.folder / "letter.toml"
+    letter.write_text("precious")
+    page.click('[aria-label="save"]')
+    page.click("text=Save sensor…")
+    for name, problem in (
+        (str(server.folder / "missing" / "x.toml"), "no such folder"),
+        ("", "give the name of a file"),
+        (str(server.folder), "is a folder"),
+    ):
+        page.fill(".q-dialog input", name)
+        page.click(".q-dialog button:has-text('Save')")
+        page.wait_for_selector(f"text={problem}")
+    assert not (server.folder / "missing").exists()
+    page.fill(".q-dialog input", str(letter))
+    page.click(".q-dialog button:has-text('Save')")
+    page.wait_for_selector("text=letter.toml: already there. Click again to replace.")
+    assert letter.read_text() == "precious"
+    page.click(".q-dialog button:has-text('Replace')")
+    page.wait_for_selector(f"text=wrote {letter}")
+    assert "[[stage]]" in letter.read_text()
+    page.click('[aria-label="save"]')
+    page.click("text=Save this frame…")
+    page.fill(".q-dialog input", str(server.folder / "a frame"))
+    page.click(".q-dialog button:has-text('Save')")
+    page.wait_for_selector("text=wrote a frame_clean.png")
+    assert (server.folder / "a frame_noisy.png").exists()
 
 
 def test_a_new_stage_starts_from_a_template_and_can_be_taken_back(page: Any) -> None:
@@ -432,8 +471,76 @@ def test_two_tabs_have_their_own_settings_and_a_link_carries_them(
     page.said.clear()  # the browser logs the answer 404 itself
 
 
-def test_without_the_token_nothing_is_served(server: Server) -> None:
-    for path in ("", "?token=wrong", "tune/assets/tune.js", "tune/next/x?after=0", "_nicegui/x"):
+def test_a_link_runs_code_after_a_click_alone(page: Any, server: Server) -> None:
+    """The code stands in the folder, so that a link may name it; elsewhere it may not."""
+    (server.folder / "own.py").write_text(
+        "from glsim.noise.stage import array_stage\n"
+        "open('ran', 'a').write('x')\n"
+        "@array_stage()\ndef keep(view, layers, p):\n    return {'depth': layers['depth']}\n"
+    )
+    (server.folder / "coded.toml").write_text(SENSOR + '[[stage]]\nuse = "own.py:keep"\n')
+    other = page.context.new_page()
+    other.set_default_timeout(PATIENCE_MS)
+    root = f"http://127.0.0.1:{server.port}/?s="
+    other.goto(root + Tuning("coded.toml").link())
+    other.wait_for_selector("text=coded.toml: own.py:keep")
+    other.click("text=Leave it")
+    other.wait_for_timeout(500)
+    assert not (server.folder / "ran").exists()
+    other.goto(root + Tuning("coded.toml").link())
+    other.click("text=Run it")
+    other.wait_for_selector('[data-stage="keep"]')
+    assert (server.folder / "ran").exists()
+    other.goto(root + Tuning("/etc/evil.toml").link())
+    other.wait_for_selector("text=outside of")
+    script = 'x" innerHTML="<img src=x onerror=document.title=1>'
+    text = (Path(__file__).parents[2] / "glsim/tune/assets/template.glsl").read_text()
+    code = {script: StageCode(text.replace("NAME", "mine"), new=True)}
+    other.goto(root + Tuning("small.toml", code=code).link())
+    other.wait_for_selector("text=is no name of a stage")
+    assert other.title() == "glsim tune"
+    other.close()
+    page.said.clear()
+
+
+def test_a_killed_page_comes_back_with_its_settings(tmp_path: Path, browser: Any) -> None:
+    (tmp_path / "small.toml").write_text(SENSOR)
+    (tmp_path / "plate.obj").write_text(_face())
+    options = ["small.toml", "--face", "plate.obj", "--port"]
+    first = start(tmp_path, *options, "0")
+    port = first.port
+    context = browser.new_context()
+    opened = context.new_page()
+    opened.set_default_timeout(PATIENCE_MS)
+    opened.goto(first.address)
+    opened.fill('[aria-label="axial.base_sigma_mm value"]', "7")
+    opened.wait_for_function("location.search.length > 40")
+    deadline = time.monotonic() + PATIENCE_MS / 1000
+    while not list((tmp_path / "cache" / "tune").glob("*.link")) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1)
+    first.process.kill()
+    first.process.wait(30)
+    second = start(tmp_path, *options, str(port))
+    try:
+        assert second.port == port
+        opened.goto(f"http://127.0.0.1:{port}/")  # a bookmark: the cookie is still good
+        opened.wait_for_selector("text=these are your last settings")
+        opened.wait_for_function(
+            "document.querySelector('[aria-label=\"axial.base_sigma_mm value\"]')?.value === '7'"
+        )
+        opened.click('[aria-label="undo"]')
+        opened.wait_for_function(
+            "document.querySelector('[aria-label=\"axial.base_sigma_mm value\"]')?.value === '3'"
+        )
+    finally:
+        second.process.terminate()
+        assert second.process.wait(30) == 0
+        context.close()
+
+
+def test_without_a_ticket_nothing_is_served(server: Server) -> None:
+    for path in ("", "?ticket=wrong", "tune/assets/tune.js", "tune/next/x?after=0", "_nicegui/x"):
         with pytest.raises(urllib.error.HTTPError) as refused:
             urllib.request.urlopen(f"http://127.0.0.1:{server.port}/{path}")
         assert refused.value.code == 403
