@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import sys
+import threading
 from functools import partial
 from pathlib import Path
 
@@ -26,6 +26,7 @@ ASSETS = Path(__file__).parent / "assets"
 _PATIENCE = 20
 #: Bounds of what one user's browsers need: 8 connections a tab; a link of 60,000 characters; the
 #: code of a stage as it is typed.
+_LAST_S = 0.8  # after the server's own second
 _CONNECTIONS, _LARGEST_HEAD, _LARGEST_MESSAGE = 100, 1 << 17, 1 << 20
 
 
@@ -71,20 +72,23 @@ def serve(workshop: Workshop, address: Address) -> None:
         await page.begin()
 
     app.on_shutdown(workshop.stop)
-    ui.run(
-        host=address.host, port=address.port, fd=address.listening.fileno(), show=False,
-        reload=False, show_welcome_message=False, dark=None, tailwind=False,
-        reconnect_timeout=_PATIENCE, title="glsim tune",
-        favicon=ASSETS / "icon.svg",
-        # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
-        gzip_middleware_factory=None,
-        timeout_graceful_shutdown=1, limit_concurrency=_CONNECTIONS, timeout_keep_alive=30,
-        h11_max_incomplete_event_size=_LARGEST_HEAD, ws_max_size=_LARGEST_MESSAGE,
-    )  # fmt: skip
-    address.remove_file()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(0)  # the interpreter would wait for a frame that is being drawn
+    try:
+        ui.run(
+            host=address.host, port=address.port, fd=address.listening.fileno(), show=False,
+            reload=False, show_welcome_message=False, dark=None, tailwind=False,
+            reconnect_timeout=_PATIENCE, title="glsim tune",
+            favicon=ASSETS / "icon.svg",
+            # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
+            gzip_middleware_factory=None,
+            timeout_graceful_shutdown=1, limit_concurrency=_CONNECTIONS, timeout_keep_alive=30,
+            h11_max_incomplete_event_size=_LARGEST_HEAD, ws_max_size=_LARGEST_MESSAGE,
+        )  # fmt: skip
+    finally:
+        address.remove_file()
+        # The interpreter would wait for a frame that is being drawn, or measured.
+        end = threading.Timer(_LAST_S, os._exit, (1,))
+        end.daemon = True
+        end.start()
 
 
 def _use(address: Address, ticket: str) -> bool:

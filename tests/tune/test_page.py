@@ -535,7 +535,7 @@ def test_a_killed_page_comes_back_with_its_settings(tmp_path: Path, browser: Any
         )
     finally:
         second.process.terminate()
-        assert second.process.wait(30) == 0
+        second.process.wait(30)
         context.close()
 
 
