@@ -27,7 +27,7 @@ from glsim.geometry.mesh import Mesh
 from glsim.gl.context import open_context
 from glsim.measures.frame import DepthFrame
 from glsim.measures.static import static_pairs
-from glsim.recordings.board_corners import read_corners
+from glsim.recordings.opencv_yaml import read_corners
 from glsim.recordings.recording import read_frame_set
 from glsim.validate.scenes import merge_meshes, quad
 from glsim.validate.virtual_camera import VirtualCamera

@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import DatasetError
 from glsim.measures.boards import find_corners
 from glsim.measures.frame import DepthFrame
-
-
-def read_corners(file: Path) -> NDArray[np.float64]:
-    """Read ``NNNN_ir_points.yaml`` of iai_kinect2: (N, 2) px, row by row. Raises DatasetError."""
-    text = file.read_text().partition("[")[2]
-    numbers = re.findall(r"[-+]?\d+\.\d*(?:e[-+]?\d+)?", text)
-    if len(numbers) % 2 or len(numbers) < 8:
-        raise DatasetError(f"{file}: holds no corners of a board (x, y of at least four)")
-    return np.array(numbers, float).reshape(-1, 2)
+from glsim.recordings.opencv_yaml import read_corners
 
 
 def board_corners(

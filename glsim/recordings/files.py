@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import DatasetError, MeshError
 from glsim.faces.scans.biwi_files import read_depth_bin
+from glsim.files.npy import map_npy
 from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, decode_png, size_problem
 from glsim.files.regular import read_regular
 
@@ -122,9 +123,9 @@ def _dump(file: Path, data: bytes) -> NDArray[np.generic]:
 def open_stack(file: Path) -> NDArray[np.generic]:
     """Open a ``.npy`` stack as (T, H, W), mapped from the disk. Raises DatasetError."""
     try:
-        stack: NDArray[np.generic] = np.load(file, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise DatasetError(f"{file}: is no readable .npy file: {error}") from None
+        stack: NDArray[np.generic] = map_npy(file)
+    except OSError as error:
+        raise DatasetError(f"{file}: is no readable .npy file: {error.strerror}") from None
     good = stack.dtype == np.uint16 or stack.dtype.kind == "f"
     if stack.ndim not in (2, 3) or not good or 0 in stack.shape:
         raise DatasetError(

@@ -39,6 +39,7 @@ from glsim.recordings.files import (
     open_stack,
 )
 from glsim.recordings.names import infrared_beside, infrared_files, other_kind
+from glsim.recordings.opencv_yaml import read_matrices
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 
@@ -46,6 +47,8 @@ from glsim.settings.schema import DEFAULT_SENSOR
 CALIBRATION = "calib_ir.yaml"
 #: Frames that are measured if a recording has more; more do not change the printed digits.
 DEFAULT_FRAMES = 60
+#: Most frames of one recording: two hours at 30 Hz are 216,000.
+_MAX_FRAMES = 250_000
 #: Consecutive frames that are kept together, so that static pairs stay pairs.
 _RUN = 4
 
@@ -207,6 +210,8 @@ def open_recording(
     frames = []
     for file, light in zip(depth_files, lights, strict=True):
         count = len(open_stack(file)) if file.suffix.lower() == ".npy" else 1
+        if len(frames) + count > _MAX_FRAMES:
+            raise DatasetError(f"{file}: the recording has more than {_MAX_FRAMES} frames")
         for number in range(count):
             name = f"{file.stem}_{number:05d}" if count > 1 else file.stem
             frames.append(FrameFile(name, file, light, number, unit_mm, mirror))
@@ -280,22 +285,18 @@ def _calibration(folder: Path, mirror: bool) -> tuple[Intrinsics | None, tuple[f
 
 
 def _opencv_calibration(file: Path) -> tuple[Intrinsics, tuple[float, ...]]:
-    import cv2
-
-    try:
-        storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_READ)
-        matrix: NDArray[Any] | None = storage.getNode("cameraMatrix").mat()
-        lens: NDArray[Any] | None = storage.getNode("distortionCoefficients").mat()
-        storage.release()
-    except (cv2.error, SystemError):
-        matrix = lens = np.empty(0)
-    if matrix is None or matrix.shape != (3, 3):
-        raise DatasetError(f"{file}: has no 3 x 3 cameraMatrix: repair or remove it")
+    matrices = read_matrices(file)
+    matrix = matrices.get("cameraMatrix", np.empty(0))
+    if matrix.shape != (3, 3) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+        raise DatasetError(
+            f"{file}: has no 3 x 3 cameraMatrix with focal lengths above 0: repair or remove it"
+        )
     height, width = DUMP_SHAPE
     # OpenCV counts from the centre of the first pixel, glsim from its corner.
     cx, cy = float(matrix[0, 2]) + 0.5, float(matrix[1, 2]) + 0.5
     camera = Intrinsics(width, height, float(matrix[0, 0]), float(matrix[1, 1]), cx, cy)
-    return camera, () if lens is None else tuple(float(k) for k in lens.ravel())
+    lens = matrices.get("distortionCoefficients", np.empty(0))
+    return camera, tuple(float(k) for k in lens.ravel())
 
 
 def check_sizes(frames: Sequence[tuple[str, tuple[int, ...]]], where: str) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
+from glsim.files.npy import map_npy
 
 #: Errors beyond this are no fixed pattern but depth in another unit, mm: the limit of the stage's
 #: own parameters. The whole pattern of a Kinect V2 is 0.7 to 0.9 mm (standard deviation).
@@ -44,16 +45,16 @@ def read_pattern_map(file: Path, shape: tuple[int, int]) -> PatternMap:
     Raises ConfigError for a missing or unreadable file, another shape, values that are no real
     numbers, infinite or larger than LARGEST_MM, and for a map that knows no pixel.
     """
-    if not file.is_file():
+    try:
+        values = map_npy(file)
+    except FileNotFoundError:
         raise ConfigError(
             f"{file}: no such file: rig.fixed_pattern_map names a map that glsim fit wrote, from "
             "the folder of the sensor file"
-        )
-    try:
-        values = np.load(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise ConfigError(f"{file}: is no readable .npy file: {error}") from error
-    if not isinstance(values, np.ndarray) or not np.issubdtype(values.dtype, np.floating):
+        ) from None
+    except OSError as error:
+        raise ConfigError(f"{file}: is no readable .npy file: {error.strerror}") from None
+    if values.dtype.kind != "f":
         raise ConfigError(f"{file}: must be one array of floats (mm)")
     check_shape(values, shape, str(file))
     known = np.isfinite(values)
