@@ -6,7 +6,6 @@ the first two, each under a lock of its own, and whoever finds all records merge
 
 from __future__ import annotations
 
-import json
 import logging
 from collections import Counter
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -22,10 +21,16 @@ from glsim.dataset.identity import InputHashes, make_identity
 from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateSummary, Progress, RunCounts
-from glsim.dataset.record_schema import MAX_HEADER_BYTES, parse_header
+from glsim.dataset.record_schema import (
+    MAX_HEADER_BYTES,
+    MAX_LINE_BYTES,
+    parse_header,
+    parse_object,
+)
 from glsim.dataset.records import ChunkRecord, ChunkSummary
 from glsim.dataset.run_state import RunState
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.lines import bounded_lines
 from glsim.files.store import Store
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
@@ -205,7 +210,8 @@ def finish(
     store = state.store
     header = parse_header(store.read(HEADER, MAX_HEADER_BYTES) or b"", store.where(HEADER))
     with store.open(SKIPPED) as lines:
-        reasons = Counter(json.loads(line)["why"] for line in lines)
+        records = (parse_object(line, SKIPPED) for line in bounded_lines(lines, MAX_LINE_BYTES))
+        reasons = Counter(str(record.get("why")) for record in records)
     counts.report(last=True)
     return GenerateSummary(
         frames=header["frames"],

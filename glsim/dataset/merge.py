@@ -6,7 +6,6 @@ All functions stream: memory does not grow with the number of frames.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -14,9 +13,15 @@ from itertools import islice
 from typing import Any
 
 from glsim.dataset.cards import croissant, hub_card
-from glsim.dataset.chunks import ChunkPlan
+from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import CROISSANT, HEADER, MANIFEST, METADATA, README, SKIPPED
-from glsim.dataset.record_schema import MAX_HEADER_BYTES, parse_checksum, parse_frame, parse_header
+from glsim.dataset.record_schema import (
+    MAX_HEADER_BYTES,
+    MAX_LINE_BYTES,
+    parse_checksum,
+    parse_frame,
+    parse_header,
+)
 from glsim.dataset.records import (
     ChunkRecord,
     Record,
@@ -27,6 +32,7 @@ from glsim.dataset.records import (
 from glsim.dataset.run_state import INDEX, RunState
 from glsim.errors import DatasetError
 from glsim.files.atomic import to_json
+from glsim.files.lines import bounded_lines
 from glsim.files.store import Store
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -97,7 +103,8 @@ def merged_files_are_intact(state: RunState, chunks: int) -> bool:
     store = state.store
     try:
         with store.open(INDEX) as index:
-            checksum = parse_checksum(next(islice(index, chunks, None), b""), INDEX)
+            lines = bounded_lines(index, MAX_LINE_BYTES)
+            checksum = parse_checksum(next(islice(lines, chunks, None), b""), INDEX)
         if store.checksum(HEADER) != checksum:
             return False
         files = parse_header(store.read(HEADER, MAX_HEADER_BYTES) or b"", HEADER)["files"]
@@ -123,6 +130,8 @@ def read_merged_chunks(state: RunState, chunks: int) -> Iterator[ChunkRecord | N
             try:
                 first_line = next(first_lines, "")
                 summary = parse_first_line(first_line)
+                if summary.total > max(CHUNK_FRAMES.values()):
+                    raise DatasetError(f"chunk {summary.chunk} has {summary.total} frames")
                 yield checked_chunk_record(
                     first_line,
                     list(islice(frames, summary.frames)),
@@ -137,7 +146,7 @@ def _lines(stack: ExitStack, store: Store, name: str) -> Iterator[str]:
         file = stack.enter_context(store.open(name))
     except DatasetError:
         return iter(())
-    return io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="\n")
+    return (line.decode(errors="replace") for line in bounded_lines(file, MAX_LINE_BYTES))
 
 
 def unmerge(state: RunState, chunks: int, damaged: set[int]) -> None:

@@ -26,7 +26,7 @@ from glsim.settings.schema import DEPTH_UNIT_MM, LayerName
 #: shards. 17 MB of short keys take 400 MB and a second to parse.
 MAX_HEADER_BYTES = 1 << 24
 #: Largest line of a manifest, bytes; the longest that is written (52 expressions, notes) has 6,000.
-MAX_LINE_BYTES = 1 << 20
+MAX_LINE_BYTES = 1 << 17
 #: Most frames of one data set: file names number them with eight digits.
 MAX_FRAMES = 10**8
 

@@ -17,6 +17,8 @@ from glsim.frame import Frame, Skipped
 from glsim.plan.tasks import Task
 
 Record = dict[str, Any]
+#: Largest chunk record, bytes: 512 frames with lines of twenty times the usual length.
+_MAX_BYTES = 1 << 26
 
 
 def _task_fields(task: Task, source: str) -> Record:
@@ -141,6 +143,8 @@ def checked_chunk_record(first_line: str, frames: list[str], skipped: list[str])
 
 def parse_chunk_record(data: bytes) -> ChunkRecord:
     """Invert ``ChunkRecord.to_bytes``. Raises DatasetError if the bytes are damaged."""
+    if len(data) > _MAX_BYTES:
+        raise DatasetError(f"a chunk record is damaged: it has more than {_MAX_BYTES} bytes")
     try:
         first_line, *lines = io.StringIO(data.decode(), newline="\n").readlines()
     except ValueError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tarfile
 from collections.abc import Iterator, Mapping
-from itertools import groupby
+from itertools import groupby, islice
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,6 +20,10 @@ from glsim.files.store import Store, open_store
 from glsim.settings.schema import SPLIT_NAMES
 
 _Record = Mapping[str, Any]
+
+#: Most damaged lines of a manifest that are listed, and most problems of all: a file can be made
+#: of millions.
+_MOST_LINES, _MOST = 1000, 100_000
 
 
 def verify(path: Path | str, deep: bool = False) -> list[str]:
@@ -40,7 +44,11 @@ def verify(path: Path | str, deep: bool = False) -> list[str]:
     except DatasetError as error:
         return [str(error)]
     wrong = [] if problem is None else [f"{HEADER} {problem}"]
-    return wrong + list(_Verification(store, header, manifest, deep).problems())
+    problems = _Verification(store, header, manifest, deep).problems()
+    wrong += islice(problems, _MOST)
+    if next(problems, None) is not None:
+        wrong.append("and more problems, which are not listed")
+    return wrong
 
 
 class _Verification:
@@ -63,12 +71,12 @@ class _Verification:
         yield from self._plan_problems()
         yield from self._listed_files()
         damaged: list[str] = []
-        # The frames of a subject are consecutive: only one folder at a time is in memory.
+        # The frames of a subject are consecutive: the names of one folder at a time are in memory.
         for (split, subject), group in groupby(self._records(damaged), _person):
             other = self._split_of.setdefault(subject, split)
             if other != split:
                 yield f"subject {subject} is in {other} and in {split}"
-            yield from self._frame_problems(split, subject, list(group))
+            yield from self._frame_problems(split, subject, group)
         yield from damaged
         for split, count in self._counts.items():
             if count != self._header["frames"][split]:
@@ -90,6 +98,9 @@ class _Verification:
     def _records(self, damaged: list[str]) -> Iterator[_Record]:
         """Yield the record of each sound line; append the problems of the others to ``damaged``."""
         for number, line in enumerate(self._manifest.lines(0, len(self._manifest))):
+            if len(damaged) >= _MOST_LINES:
+                damaged.append(f"{MANIFEST}: the lines from {number + 1} on were not checked")
+                return
             try:
                 record = self._manifest.parse(line, number)
             except DatasetError as error:
@@ -127,11 +138,13 @@ class _Verification:
         elif (whole or self._store.is_remote) and self._store.checksum(name) != recorded:
             yield f"{name} is not what was written: its CRC32 differs"
 
-    def _frame_problems(self, split: str, subject: str, records: list[_Record]) -> Iterator[str]:
+    def _frame_problems(
+        self, split: str, subject: str, records: Iterator[_Record]
+    ) -> Iterator[str]:
         """Check the images of consecutive frames of one subject."""
-        self._counts[split] += len(records)
-        images: dict[str, tuple[str, _Record, _Record]] = {}
+        images: set[str] = set()
         for record in records:
+            self._counts[split] += 1
             for layer, file in record["files"].items():
                 name = file["name"]
                 if "offset" in file:
@@ -139,12 +152,11 @@ class _Verification:
                 elif name in images:
                     yield f"{name} is in two records"
                 else:
-                    images[name] = layer, file, record
-        for name, (layer, file, record) in images.items():
-            found = list(self._file_problems(name, file, self._deep))
-            yield from found
-            if self._deep and not found:
-                yield from self._image_problems(name, layer, record)
+                    images.add(name)
+                    found = list(self._file_problems(name, file, self._deep))
+                    yield from found
+                    if self._deep and not found:
+                        yield from self._image_problems(name, layer, record)
         if images:
             yield from self._unrecorded(f"{split}/{subject}", images)
 
@@ -161,7 +173,7 @@ class _Verification:
             yield f"{shard} ({member}) is in two records"
         known[member] = (file["offset"], file["size"], file["crc32"])
 
-    def _unrecorded(self, folder: str, images: Mapping[str, object]) -> Iterator[str]:
+    def _unrecorded(self, folder: str, images: set[str]) -> Iterator[str]:
         self._folders.add(folder)
         try:
             names = [f"{folder}/{name}" for name in self._store.names(folder)]

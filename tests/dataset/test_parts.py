@@ -218,7 +218,7 @@ def test_a_machine_that_differs_leaves_its_chunks_to_the_others(
         )
 
     part(0)
-    with pytest.raises(DifferentMachineError, match=r"was begun (with renderer|by a processor)"):
+    with pytest.raises(DifferentMachineError, match=r"was begun (with renderer|by a version)"):
         part(1, other=True)
     left = part(1, other=True, leave=True)
     assert (left.rendered, left.dataset) == (0, None)

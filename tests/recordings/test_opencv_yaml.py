@@ -33,7 +33,12 @@ _HEAD = "%YAML:1.0\n---\ncameraMatrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n
 
 @pytest.mark.parametrize(
     "data",
-    ["1, 2", "1, 2, 3, 4, 5, 6, 7, 8, x", ".Nan, 2, 3, 4, 5, 6, 7, 8, 9", "1, 2, 3, 4, 5, 6, 7, 8, inf"],
+    [
+        "1, 2",
+        "1, 2, 3, 4, 5, 6, 7, 8, x",
+        ".Nan, 2, 3, 4, 5, 6, 7, 8, 9",
+        "1, 2, 3, 4, 5, 6, 7, 8, inf",
+    ],
 )
 def test_other_numbers_are_refused(tmp_path: Path, data: str) -> None:
     (tmp_path / "a.yaml").write_text(f"{_HEAD}   data: [ {data} ]\n")
@@ -47,7 +52,7 @@ def test_deep_and_long_files_are_read_as_text(tmp_path: Path) -> None:
         file.write_text(text)
         assert read_matrices(file) == {}
     file.write_text("x" * 2_000_000)
-    with pytest.raises(DatasetError, match="2 MB are more than the 1.05 allowed"):
+    with pytest.raises(DatasetError, match=r"2 MB are more than the 1\.05 allowed"):
         read_matrices(file)
     file.write_bytes(b"\xff\xfe")
     for read in (read_matrices, read_corners):
