@@ -11,8 +11,9 @@ The names cost nothing; an entry is imported when something of it is used.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -22,6 +23,8 @@ from types import ModuleType
 from typing import Any, Final
 
 from glsim.errors import ConfigError
+
+log = logging.getLogger(__name__)
 
 #: What a group "glsim.NAME" of entry points holds, for messages.
 GROUPS: Final = {
@@ -160,3 +163,9 @@ def _package(entry: EntryPoint) -> str:
 
 def _place(entry: EntryPoint) -> str:
     return f"{_package(entry)}: entry point {entry.group}: {entry.name}"
+
+
+@lru_cache(maxsize=1000)  # one line a process, however often the code is loaded
+def announce_code(target: str) -> None:
+    """Log a warning before Python code of a file or module runs that the user named."""
+    log.warning("runs code of %s: name only files whose author you trust", target)

@@ -25,6 +25,8 @@ _T = TypeVar("_T")
 TASKS_PER_CORE = 2
 #: Seconds between two looks at the number of cores: nodes join and leave.
 _CORES_EVERY_S = 2.0
+#: Seconds within which the head of a cluster takes a connection.
+_ANSWER_S = 10.0
 
 
 @contextmanager
@@ -44,6 +46,7 @@ def ray_cluster(address: str) -> Iterator[Any]:
     if ray.is_initialized():
         yield ray
         return
+    _check_answers(address)
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, TimeoutError):
@@ -58,6 +61,21 @@ def ray_cluster(address: str) -> Iterator[Any]:
         yield ray
     finally:
         ray.shutdown()
+
+
+def _check_answers(address: str) -> None:
+    """Raise ConfigError if nothing answers at HOST:PORT: Ray itself would try for minutes."""
+    host, separator, port = address.removeprefix("ray://").rpartition(":")
+    if not separator or not (port.isascii() and port.isdigit()):
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), _ANSWER_S).close()
+    except (OSError, OverflowError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ConfigError(
+            f"Ray at {address}: nothing answers ({why}): start a cluster with ray start --head, "
+            "and name its host:6379"
+        ) from None
 
 
 def cluster_cores(ray: Any) -> int:

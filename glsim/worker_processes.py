@@ -98,7 +98,7 @@ def worker_count(text: str) -> int:
     """Parse the option ``--workers``: a number of at least 1, or "auto". Raises ConfigError."""
     if text == "auto":
         return available_workers()
-    if not text.isdigit() or int(text) < 1:
+    if not (text.isascii() and text.isdigit()) or int(text) < 1:
         raise ConfigError(f"--workers {text}: give a number of at least 1, or auto")
     return int(text)
 

@@ -189,8 +189,15 @@ def _collect(
     return Evaluation(summary, baselines, total, bad, tuple(first_bad[:10]))
 
 
+#: First characters of cells that spreadsheets compute.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
 def write_csv(path: Path, fields: Iterable[str], rows: Iterable[dict[str, Any]]) -> None:
-    """Write a CSV file atomically, None as "nan". Raises DatasetError if writing fails."""
+    """Write a CSV file atomically, None as "nan". Raises DatasetError if writing fails.
+
+    A text that a spreadsheet would compute, such as ``=1+1``, begins with an apostrophe.
+    """
     with AtomicFile(path) as file:
         text = io.StringIO()
         writer = csv.DictWriter(text, list(fields), lineterminator="\n")
@@ -206,4 +213,6 @@ def write_csv(path: Path, fields: Iterable[str], rows: Iterable[dict[str, Any]])
 def _written(value: object) -> object:
     if value is None:
         return "nan"
+    if isinstance(value, str) and value[:1] in _FORMULA:
+        return f"'{value}"
     return f"{value:.9g}" if isinstance(value, float) else value

@@ -24,6 +24,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from glsim.cli.old_spellings import new_spelling
+from glsim.cli.streams import open_closed_streams, printable
 from glsim.errors import ConfigError, GlsimError
 from glsim.settings.presets import preset_names, preset_title
 
@@ -181,6 +182,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         terminated.append(number)
         raise KeyboardInterrupt  # ends workers and removes temporary files as Ctrl-C does
 
+    open_closed_streams()
     try:
         _check_working_folder()
         arguments = _in_new_spelling(sys.argv[1:] if arguments is None else arguments)
@@ -232,7 +234,7 @@ def _on_sigterm(handler: Callable[[int, FrameType | None], None]) -> Iterator[No
 def _report_error(error: Exception, status: int) -> int:
     if options.debug:
         traceback.print_exception(error)
-    sys.stderr.write(f"glsim: error: {_error_text(error)}\n")
+    sys.stderr.write(f"glsim: error: {printable(_error_text(error))}\n")
     return status
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from glsim.cli.common import make_console, print_message
+from glsim.cli.streams import printable
 from glsim.errors import DatasetError, GlsimError
 
 EXAMPLES = """
@@ -51,7 +52,7 @@ def verify(
     problems = find_problems(dataset, deep=deep)
     out = make_console(soft_wrap=True)
     for problem in problems[:_SHOWN]:
-        out.print(problem)
+        out.print(printable(problem))
     if len(problems) > _SHOWN:
         out.print(f"and {len(problems) - _SHOWN} more")
     if repair:

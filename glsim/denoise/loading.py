@@ -18,6 +18,7 @@ from glsim.denoise.inputs import MAX_NEIGHBOURS
 from glsim.denoise.interface import Method, parameter
 from glsim.depth_protocol import check_protocol
 from glsim.errors import DenoiserError
+from glsim.plugins import announce_code
 
 #: Package of the shipped networks, one file each; docs/model_card.md describes them.
 _SHIPPED_PACKAGE: ModuleType | str = shipped
@@ -35,6 +36,7 @@ def from_callable(module: str, name: str, parameters: dict[str, str], label: str
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
+    announce_code(module)
     try:
         function: Any = getattr(importlib.import_module(module), name)
     except AttributeError:

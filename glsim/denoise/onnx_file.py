@@ -53,6 +53,7 @@ class OnnxRuntimeNetwork:
 
         self.inputs = read_inputs(data)
 
+        onnxruntime.disable_telemetry_events()
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = cv2.getNumThreads()
         options.log_severity_level = 3  # errors; warnings would go to stderr

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import logging
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -20,9 +19,7 @@ from glsim.gl.shader_source import ShaderSource, load_source, parse_source
 from glsim.noise import array_stages
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec
-from glsim.plugins import load_plugin, plugin_file, plugin_names
-
-log = logging.getLogger(__name__)
+from glsim.plugins import announce_code, load_plugin, plugin_file, plugin_names
 
 #: The folders of the shipped shader stages, below shaders/.
 STAGE_FOLDERS = ("noise", "tof")
@@ -135,7 +132,7 @@ def _python_spec(use: str, beside: Path | None) -> StageSpec:
         if target.endswith(".py"):
             module = _load_file(target, beside)
         else:
-            _announce(target)
+            announce_code(target)
             module = importlib.import_module(target)
     except Exception as error:  # the user's code may raise anything
         raise ConfigError(f"stage {use!r}: {target} cannot be imported: {error}") from error
@@ -145,14 +142,9 @@ def _python_spec(use: str, beside: Path | None) -> StageSpec:
     return _array_spec(name, function, target)
 
 
-@lru_cache(maxsize=1000)  # one line a process, however often the file is loaded
-def _announce(target: str) -> None:
-    log.warning("runs code of %s: use only sensor files whose author you trust", target)
-
-
 def _load_file(target: str, beside: Path | None) -> ModuleType:
     path = Path(target) if beside is None or Path(target).is_absolute() else beside / target
-    _announce(str(path))
+    announce_code(str(path))
     spec = importlib.util.spec_from_file_location(f"glsim_user_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise ImportError("not a Python file")

@@ -65,7 +65,7 @@ def test_code_is_named_when_it_runs(here: Path, caplog: pytest.LogCaptureFixture
     (here / "other.py").write_text(CODE)
     find_stage(f"{here / 'other.py'}:farther")
     assert caplog.messages == [
-        f"runs code of {here / 'other.py'}: use only sensor files whose author you trust"
+        f"runs code of {here / 'other.py'}: name only files whose author you trust"
     ]
 
 
