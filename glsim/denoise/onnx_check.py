@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections import Counter
 from typing import Final
 
 from glsim.denoise.wire_format import Field, fields, varint
@@ -29,6 +30,9 @@ _OPERATOR_NAMES: Final = """
 _OPERATORS: Final = frozenset(_OPERATOR_NAMES.split())
 #: Most nodes; the largest shipped recipe (Restormer) has 5,500.
 _MAX_NODES: Final = 20_000
+#: Most convolutions and matrix products: a runtime's time to load grows with their square, to 10 s.
+_MAX_PRODUCTS: Final = 1000
+_PRODUCTS: Final = frozenset({"Conv", "ConvTranspose", "Gemm", "MatMul"})
 #: Largest whole number in a graph: twice the channels of the largest model. Numbers beyond
 #: _ENDLESS mean "to the end" in Slice. Largest product of the numbers of one tensor, which may be
 #: a shape: 268 MB of float32.
@@ -50,29 +54,27 @@ _WHOLE: Final = {6: "i", 7: "q"}
 
 def check_onnx(data: bytes) -> None:
     """Raise ValueError, with the reason, for a file that ``glsim export`` cannot have written."""
-    nodes = 0
-    graphs = 0
-    for field in fields(memoryview(data)):
-        if field.number == _MODEL_FUNCTIONS:
-            raise ValueError("defines functions")
-        if field.number != _MODEL_GRAPH:
-            continue
-        graphs += 1
-        for part in fields(field.data):
-            if part.number == _GRAPH_NODE:
-                nodes += 1
-                _check_node(part.data)
-            elif part.number == _GRAPH_INITIALIZER:
-                _check_tensor(part.data)
-            elif part.number == _GRAPH_SPARSE:
-                raise ValueError("holds sparse tensors")
-    if graphs != 1:
+    graphs = [field.data for field in fields(memoryview(data)) if field.number == _MODEL_GRAPH]
+    if any(field.number == _MODEL_FUNCTIONS for field in fields(memoryview(data))):
+        raise ValueError("defines functions")
+    if len(graphs) != 1:
         raise ValueError("holds no graph" if not graphs else "holds several graphs")
-    if nodes > _MAX_NODES:
+    operators: Counter[str] = Counter()
+    for part in fields(graphs[0]):
+        if part.number == _GRAPH_NODE:
+            operators[_check_node(part.data)] += 1
+        elif part.number == _GRAPH_INITIALIZER:
+            _check_tensor(part.data)
+        elif part.number == _GRAPH_SPARSE:
+            raise ValueError("holds sparse tensors")
+    if (products := sum(operators[name] for name in _PRODUCTS)) > _MAX_PRODUCTS:
+        raise ValueError(f"has {products} convolutions and products, more than {_MAX_PRODUCTS}")
+    if (nodes := operators.total()) > _MAX_NODES:
         raise ValueError(f"has {nodes} nodes, more than {_MAX_NODES}")
 
 
-def _check_node(node: memoryview) -> None:
+def _check_node(node: memoryview) -> str:
+    """Check a node; return its operator."""
     operator = domain = ""
     for field in fields(node):
         if field.number == _NODE_OPERATOR:
@@ -83,6 +85,7 @@ def _check_node(node: memoryview) -> None:
             _check_attribute(field.data)
     if domain or operator not in _OPERATORS:
         raise ValueError(f"uses the operator {f'{domain} {operator}'.strip()!a:.60}")
+    return operator
 
 
 def _check_attribute(attribute: memoryview) -> None:

@@ -28,6 +28,7 @@ from isal import isal_zlib
 
 from glsim.errors import DatasetError
 from glsim.files.flush import flush_file, flush_files
+from glsim.files.regular import open_regular
 
 #: Advice on common file system errors.
 _ADVICE = {
@@ -261,9 +262,9 @@ def _remove_stale(folder: Path) -> None:
     """Remove the temporary files of killed processes from a folder, once per process."""
     for path in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
         with suppress(OSError):  # gone, or not ours
-            if time.time() - path.stat().st_mtime < _STALE_S:
+            if time.time() - path.lstat().st_mtime < _STALE_S:
                 continue
-            with path.open("rb") as file:
+            with open_regular(path, inside=folder) as file:  # a pipe would wait for a writer
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 path.unlink()
 
@@ -274,10 +275,10 @@ def checksum(data: bytes) -> dict[str, int]:
 
 
 def file_checksum(path: Path) -> dict[str, int] | None:
-    """Return the size and CRC32 of a file on disk; None if it cannot be read."""
+    """Return the size and CRC32 of a regular file; None if it cannot be read."""
     size = crc32 = 0
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             while block := file.read(_BLOCK_BYTES):
                 crc32 = isal_zlib.crc32(block, crc32)
                 size += len(block)

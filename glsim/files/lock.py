@@ -43,7 +43,7 @@ def locked_together(file: Path, busy: GlsimError) -> Iterator[None]:
     Raises as ``locked``.
     """
     try:
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
     except OSError as error:
         raise cannot_write(file, error) from error
     try:

@@ -55,6 +55,10 @@ SOUND = model(
 )
 ENTRY = field(1, "location") + field(2, "../secret.bin")
 BAD: dict[str, tuple[bytes, str]] = {
+    "3,000 convolutions": (
+        model(*[field(1, node("Conv"))] * 3000),
+        "has 3000 convolutions and products, more than 1000",
+    ),
     "external data": (
         model(field(5, tensor(4, more=field(13, ENTRY) + field(14, 1)))),
         "keeps weights in another file",

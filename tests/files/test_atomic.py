@@ -118,3 +118,17 @@ def test_a_file_is_old_or_new_after_a_power_cut(
     assert set(found[:first]) == {None, b"old"}
     assert set(found[first:-2]) == {b"old", b"new"}
     assert found[-2:] == [b"new", b"new"], "written files are on the disk"
+
+
+def test_a_planted_pipe_or_link_does_not_hold_a_writer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    os.mkfifo(tmp_path / ".glsim-0.tmp")
+    (tmp_path / "precious").write_text("x")
+    (tmp_path / ".glsim-1.tmp").symlink_to(tmp_path / "precious")
+    monkeypatch.setattr(atomic, "_STALE_S", -1e9)
+    atomic._remove_stale.cache_clear()
+    write_atomic(b"whole", tmp_path / "a")
+    assert (tmp_path / "a").read_bytes() == b"whole"
+    assert (tmp_path / "precious").read_text() == "x"
+    assert atomic.file_checksum(tmp_path / ".glsim-0.tmp") is None
