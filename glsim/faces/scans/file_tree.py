@@ -16,8 +16,11 @@ from glsim.meshio.limits import EXTENSIONS
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
 _LOG = logging.getLogger(__name__)
 
-#: Folders in folders; real sets have four. A recursion of this depth is far from Python's limit.
-_MAX_DEPTH: Final = 64
+#: Folders in folders, from the root of the disk; real sets have a dozen. A recursion of this depth
+#: is far from Python's limit.
+_MAX_PARTS: Final = 100
+#: Folders of one subject; real sets have hundreds, a link to the root of a disk millions.
+_MAX_FOLDERS: Final = 20_000
 #: Linux opens paths of up to 4,096 bytes (PATH_MAX) with names of up to 255 (NAME_MAX) at the end.
 _MAX_PATH_BYTES: Final = 4096 - 256
 
@@ -58,25 +61,34 @@ def list_names(folder: Path) -> list[str]:
     return sorted((name for name in names if not name.startswith(".")), key=natural_sort_key)
 
 
-def find_meshes(folder: Path, above: tuple[str, ...]) -> Iterator[Path]:
-    """Yield the mesh files of a folder, then of its sub-folders.
+def find_meshes(folder: Path, seen: set[str]) -> Iterator[Path]:
+    """Yield the mesh files of a folder, then of its sub-folders, each folder once.
 
     A folder that is too deep for the system's longest path is skipped with a warning.
 
     Args:
-        above: real paths of the parent folders; a link to one of them is skipped.
+        seen: real paths of folders that are skipped; those that are visited are added.
+
+    Raises:
+        ConfigError: a folder cannot be read, or there are more than _MAX_FOLDERS.
     """
-    if len(above) > _MAX_DEPTH or len(os.fsencode(folder)) > _MAX_PATH_BYTES:
+    if len(folder.parts) > _MAX_PARTS or len(os.fsencode(folder)) > _MAX_PATH_BYTES:
         _LOG.warning("%.200s...: too deep below the root; its meshes are left out", folder)
         return
     real = os.path.realpath(folder)
-    if real in above:
+    if real in seen:
         return
+    if len(seen) > _MAX_FOLDERS:
+        raise ConfigError(
+            f"{folder}: one of more than {_MAX_FOLDERS} folders of a subject: does a link lead "
+            "out of the face set? Remove it, or give a folder with fewer"
+        )
+    seen.add(real)
     entries = [folder / name for name in list_names(folder)]
     yield from (path for path in entries if is_mesh(path))
     for path in entries:
         if path.is_dir():
-            yield from find_meshes(path, (*above, real))
+            yield from find_meshes(path, seen)
 
 
 def is_mesh(path: Path) -> bool:

@@ -194,7 +194,7 @@ class Folder:
         for name in list_names(self.root):
             path = self.root / name
             if path.is_dir():
-                files = list(find_meshes(path, (os.path.realpath(self.root),)))
+                files = list(find_meshes(path, {os.path.realpath(self.root)}))
             else:
                 files = [path] if is_mesh(path) else []
             if files:
