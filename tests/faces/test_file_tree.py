@@ -25,6 +25,9 @@ def test_doubled_links_are_walked_once(tmp_path: Path) -> None:
 
 def test_a_link_to_a_disk_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(file_tree, "_MAX_FOLDERS", 50)
-    (tmp_path / "up").symlink_to("/proc")
+    for number in range(60):
+        (tmp_path / "disk" / str(number)).mkdir(parents=True)
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "link").symlink_to(tmp_path / "disk")
     with pytest.raises(ConfigError, match="does a link lead out of the face set"):
-        list(find_meshes(tmp_path, set()))
+        list(find_meshes(tmp_path / "set", set()))

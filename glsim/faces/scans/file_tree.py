@@ -87,13 +87,13 @@ def find_meshes(folder: Path, seen: set[str]) -> Iterator[Path]:
     entries = [folder / name for name in list_names(folder)]
     yield from (path for path in entries if is_mesh(path))
     for path in entries:
-        if path.is_dir():
+        if os.path.isdir(path):  # noqa: PTH112 (False for what this user may not see)
             yield from find_meshes(path, seen)
 
 
 def is_mesh(path: Path) -> bool:
     """Return whether a path has the extension of a mesh file."""
-    return path.suffix.lower() in EXTENSIONS and not path.is_dir()
+    return path.suffix.lower() in EXTENSIONS and not os.path.isdir(path)  # noqa: PTH112
 
 
 def last_number(stem: str) -> int | None:
