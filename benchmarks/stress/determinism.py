@@ -248,7 +248,7 @@ def script_hashes(case: Case, *, reverse: bool = False) -> dict[str, Any]:
                     hashes[key] = _hash(mesh.vertices_mm)
             layers = ("infrared",)
             for frame in simulate(settings, some, sources=sources, context=context, layers=layers):
-                assert not isinstance(frame, Skipped), frame.reason
+                assert not isinstance(frame, Skipped), frame.why
                 place = f"{frame.key.subject}/{frame.key.sequence}/{frame.key.frame}"
                 hashes |= {f"{place}/{layer}": _hash(frame.image(layer)) for layer in _LAYERS}
         return {"hashes": hashes, "arithmetic": fingerprint(context)}

@@ -151,4 +151,4 @@ def tune(
     workshop.prepare()
     from glsim.tune.server import serve  # takes seconds, while the first frame is drawn
 
-    serve(workshop, address)
+    serve(workshop, address, lambda text: console.print(text, soft_wrap=True))

@@ -12,7 +12,7 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,11 +51,12 @@ def map_npy(file: Path) -> NDArray[Any]:
         expected *= dtype.itemsize
         if size != expected:
             raise _damaged(f"has {size} bytes of numbers; {dtype} {shape} are {expected}")
-        order = "F" if fortran else "C"
+        order: Literal["F", "C"] = "F" if fortran else "C"
         if not expected:  # nothing can be mapped
             return np.zeros(shape, dtype, order)
-        mapped = np.memmap(opened, dtype, "r", start, shape, order)
-        return mapped.view(np.ndarray)
+        handle: Any = opened  # NumPy's stubs want writable ones
+        mapped: Any = np.memmap(handle, dtype, "r", start, shape, order)
+        return np.asarray(mapped.view(np.ndarray))
 
 
 def _read_header(opened: IO[bytes]) -> tuple[np.dtype[Any], bool, tuple[int, ...]]:

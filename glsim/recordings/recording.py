@@ -207,7 +207,7 @@ def open_recording(
     lights = [infrared_beside(file) for file in depth_files]
     if infrared is not None:
         lights = list(infrared_files(depth_files, infrared))
-    frames = []
+    frames: list[FrameFile] = []
     for file, light in zip(depth_files, lights, strict=True):
         count = len(open_stack(file)) if file.suffix.lower() == ".npy" else 1
         if len(frames) + count > _MAX_FRAMES:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from fastapi import Response
 from nicegui import Client, app, ui
 
-from glsim.cli.common import console
 from glsim.errors import ConfigError
 from glsim.tune.address import Address
 from glsim.tune.gate import Gate
@@ -30,13 +30,17 @@ _LAST_S = 0.8  # after the server's own second
 _CONNECTIONS, _LARGEST_HEAD, _LARGEST_MESSAGE = 100, 1 << 17, 1 << 20
 
 
-def serve(workshop: Workshop, address: Address) -> None:
-    """Serve the page at an address until the process is interrupted."""
+def serve(workshop: Workshop, address: Address, say: Callable[[str], None]) -> None:
+    """Serve the page at an address until the process is interrupted.
+
+    Args:
+        say: prints the next address when one was used.
+    """
     pages: dict[str, Page] = {}
 
     cookie = f"glsim_tune_{address.port}"
     app.add_middleware(
-        Gate, use=partial(_use, address), secret=cookie_secret(), cookie=cookie,
+        Gate, use=partial(_use, address, say), secret=cookie_secret(), cookie=cookie,
         host=address.host, port=address.port,
     )  # fmt: skip
     app.add_static_files("/tune/assets", str(ASSETS), max_cache_age=0)
@@ -91,11 +95,11 @@ def serve(workshop: Workshop, address: Address) -> None:
         end.start()
 
 
-def _use(address: Address, ticket: str) -> bool:
-    """Return whether a ticket is valid; if so, print the address with the next one."""
+def _use(address: Address, say: Callable[[str], None], ticket: str) -> bool:
+    """Return whether a ticket is valid; if so, say the address with the next one."""
     valid = address.use(ticket)
     if valid:
-        console.print(f"another browser: {address.url}", soft_wrap=True)
+        say(f"another browser: {address.url}")
     return valid
 
 

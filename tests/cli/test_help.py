@@ -20,8 +20,7 @@ from glsim.cli.old_spellings import new_spelling
 #: Files in glsim/cli that are no commands.
 SHARED_FILES = {
     "__init__", "common", "generate_parts", "generate_plan", "generation_summary", "old_spellings",
-    "progress",
-}  # fmt: skip
+    "progress", "streams"}  # fmt: skip
 
 
 def commands(group: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any]]:

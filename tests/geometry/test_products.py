@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,15 +24,16 @@ from glsim.geometry.products import (
     [((5000, 3), (3, 3)), ((7, 3), (3, 900)), ((3,), (3, 4)), ((3, 8, 3), (3, 60)), ((9, 4), (4,))],
 )
 def test_a_product_is_that_of_numpy(
-    left: tuple[int, ...], right: tuple[int, ...], dtype: type
+    left: tuple[int, ...], right: tuple[int, ...], dtype: type[Any]
 ) -> None:
     rng = np.random.default_rng(3)
-    a, b = rng.normal(size=left).astype(dtype), rng.normal(size=right).astype(dtype)
+    a: Any = rng.normal(size=left).astype(dtype)
+    b: Any = rng.normal(size=right).astype(dtype)
     found = product(a, b)
     assert found.shape == (a @ b).shape
     assert found.dtype == dtype
     assert found.flags.c_contiguous
-    np.testing.assert_allclose(found, a @ b, rtol=0, atol=30 * np.finfo(dtype).eps)
+    np.testing.assert_allclose(found, a @ b, rtol=0, atol=30 * float(np.finfo(dtype).eps))
 
 
 @pytest.mark.parametrize("columns", [1, 3, 31, 32, 70])

@@ -41,7 +41,7 @@ def answer(
     tickets = ["right"]
 
     def use(ticket: str) -> bool:
-        return ticket in tickets and not tickets.remove(ticket)
+        return ticket in tickets and tickets.pop() == ticket
 
     gate = Gate(app, use, "secret", "tune", served, 8137)
     asyncio.run(gate(scope, receive, send))
