@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from benchmarks.stress import networks
+from benchmarks.stress.array_kinds import ARRAY_KINDS
 from benchmarks.stress.damage import Kind, bytes_kind, change_value, change_words
 from benchmarks.stress.dataset_kinds import DATASET_KINDS
 from benchmarks.stress.meshes import write_mesh
@@ -166,6 +167,7 @@ KINDS: dict[str, Callable[[Path], Kind]] = {
     "png": _image,
     **TEXT_KINDS,
     **DATASET_KINDS,
+    **ARRAY_KINDS,
     "checkpoint": _checkpoint,
     "glsl-drawn": _drawn,
     "onnx": partial(_onnx, runtime="onnxruntime"),

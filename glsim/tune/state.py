@@ -98,7 +98,14 @@ def tuning_of_link(text: str) -> Tuning:
             raise ValueError("other keys")
         code = {str(k): StageCode(str(t), b, bool(n)) for k, (t, b, n) in tree["code"].items()}
         return Tuning(str(tree["sensor"]), dict(tree["values"]), code, int(tree["frame"]))
-    except (ValueError, TypeError, AttributeError, RecursionError, zlib.error) as error:
+    except (
+        ValueError,
+        TypeError,
+        ArithmeticError,
+        AttributeError,
+        RecursionError,
+        zlib.error,
+    ) as error:
         raise ConfigError(f"the link holds no settings of glsim tune ({error})") from None
 
 

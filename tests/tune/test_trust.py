@@ -84,5 +84,8 @@ def test_names_of_stages_hold_no_script(name: str, tmp_path: Path) -> None:
 
 
 def test_a_packed_tree_of_other_keys_is_refused() -> None:
+    endless = {"sensor": "ideal", "values": {}, "code": {}, "frame": float("inf")}
+    with pytest.raises(ConfigError, match="holds no settings of glsim tune"):
+        tuning_of_link(packed(endless))
     with pytest.raises(ConfigError, match="other keys"):
         tuning_of_link(packed({"sensor": "ideal"}))
