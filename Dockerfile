@@ -21,8 +21,9 @@ RUN mkdir -p /usr/share/glvnd/egl_vendor.d && \
 # EXTRAS: names of pyproject.toml, such as [people] or [eval,train]
 ARG EXTRAS=
 COPY --from=wheel /dist /dist
+COPY constraints.txt /dist/constraints.txt
 RUN python3 -m venv /opt/glsim && \
-    /opt/glsim/bin/pip install --no-cache-dir "$(ls /dist/*.whl)${EXTRAS}" && rm -r /dist
+    /opt/glsim/bin/pip install --no-cache-dir -c /dist/constraints.txt "$(ls /dist/*.whl)${EXTRAS}" && rm -r /dist
 ENV PATH=/opt/glsim/bin:$PATH
 WORKDIR /data
 ENTRYPOINT ["glsim"]

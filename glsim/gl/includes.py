@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -77,7 +78,8 @@ def _append(file: Path, text: str, flat: list[Line], included: list[Path], *, to
             target, content = Path(wanted), GENERATED[wanted]()
         else:
             candidates = [file.parent / wanted, SHADER_ROOT / wanted]
-            found = next((c for c in candidates if c.is_file()), None)
+            # False, not an error, for a name that no file can have.
+            found = next((c for c in candidates if os.path.isfile(c)), None)  # noqa: PTH113
             if found is None:
                 raise ShaderError(
                     f'{name}:{number}: #include "{wanted}": not beside the file nor in '

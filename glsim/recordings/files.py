@@ -26,6 +26,8 @@ IMAGES, DUMPS = (".png", ".tif", ".tiff"), (".bin", ".raw", ".depth", ".ir")
 #: Calibration of a Biwi recording, in the folder of its frames.
 BIWI_CALIBRATION = "depth.cal"
 _METRES_BELOW = 20.0
+#: Shortest side of a depth frame, pixels: slopes and 3 x 3 windows need some.
+_LEAST_PX = 8
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,11 @@ class FrameFile:
     def depth_mm(self) -> Array:
         """Read (H, W) float32 depth, mm, 0 = no depth. Raises DatasetError."""
         image = read_image(self.depth_file, self.number)
+        if min(image.shape) < _LEAST_PX:
+            raise DatasetError(
+                f"{self.depth_file}: has {image.shape[1]} x {image.shape[0]} pixels: a depth frame "
+                f"has at least {_LEAST_PX} x {_LEAST_PX}"
+            )
         if image.dtype.kind == "f":
             scale = 1000.0 if _in_metres(self.depth_file) else 1.0
             floats = np.nan_to_num(image.astype(np.float32), posinf=0.0)

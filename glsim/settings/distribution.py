@@ -99,9 +99,12 @@ class DrawKeys(NamedTuple):
 
 
 def _from_number(value: object) -> object:
-    if isinstance(value, bool | int | float):
+    if not isinstance(value, bool | int | float):
+        return value
+    try:
         return {"constant": float(value)}
-    return value
+    except OverflowError:  # an integer of hundreds of digits
+        raise ValueError("the number is too large") from None
 
 
 #: Pydantic field of a Distribution: a bare number in a file or an option becomes a constant.

@@ -276,3 +276,11 @@ def test_only_the_first_lines_of_a_drivers_message_are_kept(
     assert "`x19'" in located
     assert len(source.locate("x" * 9000)) < 2010
     assert "\n" not in source.locate("a\nb")
+
+
+def test_an_include_that_no_file_can_be_called_is_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "a.glsl"
+    for name in ("9" * 5000, "a\0b"):
+        file.write_text(f'#include "{name}"\nout float depth;\nvoid main() {{}}\n')
+        with pytest.raises(ShaderError, match="not beside the file"):
+            load_source(file)

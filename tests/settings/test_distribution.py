@@ -131,3 +131,8 @@ def test_keys_that_differ_in_their_last_bit_alone_draw_anew() -> None:
     made = [distribution.draw(DrawKeys(2**64 - 1 - n, 0, 0), "x") for n in range(1000)]
     assert len(set(made)) == 1000
     assert abs(z_mean(np.array(made), 0.5)) < Z_MAX
+
+
+def test_a_number_of_hundreds_of_digits_is_refused() -> None:
+    with pytest.raises(ConfigError, match="the number is too large"):
+        load_settings(assignments=["pose.distance_mm=" + "9" * 400])
