@@ -37,6 +37,13 @@ def test_every_recipe_installs_the_debian_packages_of_the_hint(name: str) -> Non
     assert EGL - words == set(), f"{name} lacks {EGL - words}"
 
 
+def test_the_apptainer_file_copies_all_that_the_package_is_built_from() -> None:
+    copied = set(re.findall(r"^    (\S+) /source/\S+$", text("glsim.def"), re.MULTILINE))
+    folders = set(re.findall(r'"(\w+)"', text("setup.py"))) & {"train", "eval", "shaders"}
+    assert folders == {"train", "eval", "shaders"}
+    assert {"glsim", "setup.py", "pyproject.toml", "constraints.txt", *folders} <= copied
+
+
 def test_the_page_has_a_row_for_every_extra() -> None:
     rows = re.findall(r"^\| (`.*?) \|", INSTALL_PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`([a-z-]+)`", row)}
