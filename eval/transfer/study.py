@@ -119,7 +119,12 @@ class TrainingPlan(_DataTable):
 
 @dataclass(frozen=True)
 class DataSet:
-    """A data set of the study, of (train, val, test) people; variant: of the sensor, or ""."""
+    """A data set of the study.
+
+    Attributes:
+        people: numbers of people to train, validate and test.
+        variant: name of a variant of the sensor; "" for none.
+    """
 
     part: Literal["train", "test"]
     sensor: SensorFamily

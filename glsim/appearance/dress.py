@@ -54,7 +54,7 @@ _PATCHES, _PATCH_MM = 0.10, 30.0
 
 
 def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) -> list[str]:
-    """Return the regions of what the people of the sources can wear; [] if all stay as they are."""
+    """Return the names of the regions of hair, glasses and clothes; [] if nobody is dressed."""
     if not any(Dresser(source, settings).is_on for source in sources):
         return []
     shares = (settings.hair, settings.beard, settings.brows, settings.glasses, settings.cloth)

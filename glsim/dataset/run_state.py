@@ -227,7 +227,7 @@ class RunState:
         return None if same else f"{file['name']} is damaged"
 
     def withdraw(self) -> None:
-        """Remove what calls the data set complete, the header before the index of chunks."""
+        """Mark the data set as incomplete: remove its header, then the index of its chunks."""
         self.store.delete([HEADER])
         self.store.delete([INDEX])
 

@@ -48,7 +48,7 @@ class NetworkInputs(NamedTuple):
         return bool(self.before or self.after)
 
     def named(self, stack: Any) -> dict[str, Any]:
-        """Split a stack, (C, H, W), or a batch of them, (B, C, H, W): name -> its images."""
+        """Split the (C, H, W) or (B, C, H, W) input of a network: name -> images."""
         parts: dict[str, Any] = {}
         first = 0
         for name, count in self.names.items():

@@ -93,7 +93,10 @@ class OtherPeople:
         return order
 
     def _standing(self, source: int, number: int) -> tuple[Face, float] | None:
-        """A stranger who stands, and y of the floor; None for a source of heads."""
+        """Draw a standing person; return it and the height (y, mm) of the floor.
+
+        None if the source has heads alone.
+        """
         settings = self._settings.source[source]
         known = settings.subjects or 0
         name = self._sources[source].subjects(known + STRANGERS)[known + number]

@@ -330,7 +330,7 @@ def _stage(
     place: _Place,
     changed: dict[str, StageChange],
 ) -> Stage:
-    """Make the stage of an entry; a change of it is used up."""
+    """Make the stage of a [[stage]] table; take the change of that stage out of ``changed``."""
     settings = dict(entry)
     use = settings.pop("use", None)
     if not isinstance(use, str):

@@ -112,7 +112,7 @@ def _is_table(value: object) -> TypeGuard[type[SourceSettings]]:
 
 @cache
 def generates(kind: str) -> bool:
-    """Return whether a name is that of a kind of source that generates faces."""
+    """Return whether sources of this kind generate faces; others read them from files."""
     return kind in source_kinds() and source_table(kind).endless
 
 

@@ -1,4 +1,4 @@
-"""What leaves the page: a sensor file, a command line, Python, a link, the frame's files."""
+"""Save or copy the page's settings: sensor file, frame, command line, Python, link."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from glsim.tune.state import Tuning, python_code, set_options, toml_value
 
 
 class Outputs:
-    """The menu of what leaves the page."""
+    """The menu Save: writes sensor files and frames, copies commands and links."""
 
     def __init__(self, page: Desk) -> None:
         self._page = page
