@@ -35,6 +35,8 @@ _PACKAGES = {
 #: A URL, also with fsspec's caches before it ("blockcache::s3://..."), and also as pathlib writes
 #: it, which joins the slashes: s3:/bucket.
 _URL = re.compile(rf"^((?:[a-z]+::)*(?:{'|'.join(_PACKAGES)})):/+(?=[^/])")
+#: What was meant as a URL: "file:///data", "s3://" without a bucket. One letter is a Windows drive.
+_SCHEME = re.compile(r"^(?:[a-z]+::)*[A-Za-z][A-Za-z0-9+.-]+:(?:/|$)")
 #: Seconds before each further attempt, doubling as every store asks for: half a minute in all.
 RETRY_AFTER_S: tuple[float, ...] = (0.5, 1, 2, 4, 8, 16)
 #: Errors that another attempt does not change. ValueError: a name or an option that is refused.
@@ -49,9 +51,18 @@ _MAX_PUT_BYTES = 5 * 1000**3
 
 
 def cloud_url(path: Path | str) -> str | None:
-    """Return the URL that a path gives; None for a path on this machine's disks."""
-    match = _URL.match(str(path))
-    return f"{match[1]}://{str(path)[match.end() :]}" if match else None
+    """Return the URL that a path gives; None for a path on this machine's disks.
+
+    Raises ConfigError for a URL of another kind: it would become a folder that is called "http:".
+    """
+    if match := _URL.match(str(path)):
+        return f"{match[1]}://{str(path)[match.end() :]}"
+    if _SCHEME.match(str(path)) and not Path(path).exists():
+        raise ConfigError(
+            f"{path}: is no URL that glsim reads or writes: name a folder, or a bucket as in "
+            "s3://bucket/faces (also gs://, az://)"
+        )
+    return None
 
 
 class CloudFolder:

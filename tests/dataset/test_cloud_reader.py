@@ -136,9 +136,17 @@ def test_a_store_that_stays_away_is_an_error(store: S3Server) -> None:
         open_dataset(URL)
 
 
-@pytest.mark.parametrize("path", ["data", "/data", "s3", "c:/data", "ftp://host/a", "a/s3://b"])
+@pytest.mark.parametrize("path", ["data", "/data", "s3", "c:/data", "a/s3://b"])
 def test_other_paths_are_folders(path: str) -> None:
     assert cloud_url(path) is None
+
+
+@pytest.mark.parametrize("path", ["s3://", "s3:", "file:///data", "ftp://host/a", "http:/host"])
+def test_urls_of_other_kinds_make_no_folders(path: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="is no URL that glsim reads or writes"):
+        cloud_url(path)
+    (tmp_path / "file:").mkdir()
+    assert cloud_url(tmp_path / "file:") is None
 
 
 def test_a_scheme_without_its_package_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
