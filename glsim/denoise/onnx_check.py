@@ -11,7 +11,9 @@ import struct
 from collections import Counter
 from typing import Final
 
-from glsim.denoise.wire_format import Field, fields, varint
+from glsim.denoise.onnx_inputs import images
+from glsim.denoise.onnx_widths import check_widths
+from glsim.denoise.wire_format import fields, integers
 
 #: The operators of convolutional networks: those that ``glsim export`` writes, and more of their
 #: kind. Others of ONNX would only be more ways to take memory (Tile, Range, OneHot) or to run long
@@ -71,6 +73,7 @@ def check_onnx(data: bytes) -> None:
         raise ValueError(f"has {products} convolutions and products, more than {_MAX_PRODUCTS}")
     if (nodes := operators.total()) > _MAX_NODES:
         raise ValueError(f"has {nodes} nodes, more than {_MAX_NODES}")
+    check_widths(graphs[0], images)
 
 
 def _check_node(node: memoryview) -> str:
@@ -96,7 +99,7 @@ def _check_attribute(attribute: memoryview) -> None:
         elif field.number in _ATTRIBUTE_OTHER:
             raise ValueError("holds a graph in a node")
         elif field.number in _ATTRIBUTE_INTS:
-            numbers += _integers(field)
+            numbers += integers(field)
     _check_numbers(numbers)
 
 
@@ -109,13 +112,13 @@ def _check_tensor(tensor: memoryview) -> None:
         if field.number == _TENSOR_EXTERNAL or (field.number == _TENSOR_LOCATION and field.integer):
             raise ValueError("keeps weights in another file")
         if field.number == _TENSOR_DIMS:
-            shape += _integers(field)
+            shape += integers(field)
         elif field.number == _TENSOR_TYPE:
             kind = field.integer
         elif field.number == _TENSOR_RAW:
             raw = field.data
         elif field.number in _TENSOR_INTS:
-            numbers += _integers(field)
+            numbers += integers(field)
     if any(side < 0 for side in shape) or math.prod(shape) > len(tensor):
         raise ValueError(f"holds a tensor of shape {shape!s:.60} in {len(tensor)} bytes")
     if form := _WHOLE.get(kind):
@@ -134,18 +137,3 @@ def _check_numbers(numbers: list[int]) -> None:
         product *= max(1, abs(number))
         if product > _MAX_PRODUCT:
             raise ValueError(f"holds the shape {numbers!s:.60}")
-
-
-def _integers(field: Field) -> list[int]:
-    """Return one integer, or the packed ones of a repeated field, with their signs."""
-    if not field.data:
-        return [_signed(field.integer)]
-    found, at = [], 0
-    while at < len(field.data):
-        value, at = varint(field.data, at)
-        found.append(_signed(value))
-    return found
-
-
-def _signed(value: int) -> int:
-    return value - 2**64 if value >= 2**63 else value

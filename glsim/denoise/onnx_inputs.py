@@ -29,7 +29,7 @@ def read_inputs(data: bytes) -> NetworkInputs:
     for graph in _messages(memoryview(data), _GRAPH):
         for value in _messages(graph, _INPUT):
             name = bytes(next(_messages(value, _NAME), b"")).decode("utf-8", "replace")
-            counts[name] = _images(value)
+            counts[name] = images(value)
     if counts.get(DEPTH) != 1 or counts.keys() - {DEPTH, INFRARED, BEFORE, AFTER}:
         raise ValueError(f"its inputs are {', '.join(map(repr, counts)) or 'none'}")
     return NetworkInputs(INFRARED in counts, counts.get(BEFORE, 0), counts.get(AFTER, 0))
@@ -58,7 +58,7 @@ def protocol_entry(protocol: DepthProtocol) -> bytes:
     return field(_METADATA, entry)
 
 
-def _images(value: memoryview) -> int:
+def images(value: memoryview) -> int:
     """Return the number of images of an input."""
     for kind in _messages(value, _TYPE):
         for tensor in _messages(kind, _TENSOR):

@@ -24,6 +24,8 @@ def fields(message: memoryview) -> Iterator[Field]:
     while at < len(message):
         key, at = varint(message, at)
         wire = key & 7
+        if key < 8:  # no field has number 0; a file of zeros would be millions of them
+            raise ValueError("is damaged")
         if wire == 0:
             value, at = varint(message, at)
             yield Field(key >> 3, value, nothing)
@@ -52,3 +54,18 @@ def varint(message: memoryview, at: int) -> tuple[int, int]:
         if byte < 128:
             return value & (2**64 - 1), at
     raise ValueError("is damaged")
+
+
+def integers(field: Field) -> list[int]:
+    """Return one integer, or the packed ones of a repeated field, with their signs."""
+    if not field.data:
+        return [_signed(field.integer)]
+    found, at = [], 0
+    while at < len(field.data):
+        value, at = varint(field.data, at)
+        found.append(_signed(value))
+    return found
+
+
+def _signed(value: int) -> int:
+    return value - 2**64 if value >= 2**63 else value

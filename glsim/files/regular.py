@@ -7,6 +7,7 @@ it as it reports a missing file.
 from __future__ import annotations
 
 import errno
+import io
 import os
 import stat
 from pathlib import Path
@@ -31,15 +32,15 @@ def read_regular(path: Path, limit: int, *, inside: Path | None = None) -> bytes
     """Read a whole file of at most ``limit`` bytes. Raises OSError as ``open_regular``."""
     descriptor = _open(path, limit, inside)
     try:
-        parts, left = [], limit + 1
+        whole, left = io.BytesIO(), limit + 1  # joined parts would be in memory twice
         while left and (part := os.read(descriptor, min(left, _BLOCK_BYTES))):
-            parts.append(part)
+            whole.write(part)
             left -= len(part)
     finally:
         os.close(descriptor)
     if not left:  # files of /proc have a size of 0, and a file may grow
         raise _too_large(limit + 1, limit)
-    return parts[0] if len(parts) == 1 else b"".join(parts)
+    return whole.getvalue()
 
 
 def _open(path: Path, limit: int | None, inside: Path | None) -> int:

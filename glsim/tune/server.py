@@ -13,6 +13,7 @@ from nicegui import Client, app, ui
 
 from glsim.errors import ConfigError
 from glsim.tune.address import Address
+from glsim.tune.connection import TimedConnection
 from glsim.tune.gate import Gate
 from glsim.tune.kept import cookie_secret
 from glsim.tune.page import Page
@@ -27,6 +28,7 @@ _PATIENCE = 20
 #: Bounds of what one user's browsers need: 8 connections a tab; a link of 60,000 characters; the
 #: code of a stage as it is typed.
 _LAST_S = 0.8  # after the server's own second
+_IDLE_S = 10  # the page asks for its next picture all the time
 _CONNECTIONS, _LARGEST_HEAD, _LARGEST_MESSAGE = 100, 1 << 17, 1 << 20
 
 
@@ -84,7 +86,8 @@ def serve(workshop: Workshop, address: Address, say: Callable[[str], None]) -> N
             favicon=ASSETS / "icon.svg",
             # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
             gzip_middleware_factory=None,
-            timeout_graceful_shutdown=1, limit_concurrency=_CONNECTIONS, timeout_keep_alive=30,
+            timeout_graceful_shutdown=1, limit_concurrency=_CONNECTIONS, timeout_keep_alive=_IDLE_S,
+            http=TimedConnection,
             h11_max_incomplete_event_size=_LARGEST_HEAD, ws_max_size=_LARGEST_MESSAGE,
         )  # fmt: skip
     finally:

@@ -6,6 +6,8 @@ import errno
 import os
 import pickle
 import resource
+import struct
+import time
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -215,6 +217,69 @@ def test_archives_that_grow_in_memory(tmp_path: Path, trained: Path) -> None:
         load_method(str(tmp_path / "pipe.pt"))
     with pytest.raises(TrainError, match="is a pipe"):
         checkpoint.load(tmp_path / "pipe.pt")
+
+
+def peak_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
+
+
+def write_archive(path: Path, name: str, size: int) -> None:
+    """A sparse archive of one uncompressed member of zeros: its list stands behind a hole."""
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(name, b"")
+    head = path.read_bytes()
+    local = 30 + len(name)  # APPNOTE.TXT 4.3.7: the sizes stand at 18, in the list (4.3.12) at 20
+    sizes = struct.pack("<II", size, size)
+    listed = bytearray(head[local:])
+    listed[20:28] = sizes
+    listed[-6:-2] = struct.pack("<I", local + size)
+    with path.open("wb") as file:
+        file.write(head[:18] + sizes + head[26:local])
+        file.seek(local + size)
+        file.write(listed)
+    assert zipfile.ZipFile(path).infolist()[0].file_size == size
+
+
+@pytest.mark.parametrize("name", ["holes.pt", "holes.safetensors"])
+def test_a_sparse_file_of_an_allowed_size(tmp_path: Path, name: str) -> None:
+    """One of 4.1 GB took 8.2 GB: its parts, and the whole that was made of them."""
+    with (tmp_path / name).open("wb") as file:
+        file.truncate(checkpoint.MAX_BYTES - 1)
+    before, start = peak_mb(), time.process_time()
+    assert "is cut short" in refused(tmp_path / name)
+    assert time.process_time() - start < 1
+    assert peak_mb() - before < 300
+
+
+@pytest.mark.parametrize(
+    ("member", "size", "problem"),
+    [
+        ("archive/data/0", 2_000_000_000, "has 2000 MB, more than the 1000"),
+        ("archive/data.pkl", 500_000_000, "has 500 MB, more than the 4 of"),
+    ],
+)
+def test_members_that_no_network_needs(
+    tmp_path: Path, member: str, size: int, problem: str
+) -> None:
+    write_archive(tmp_path / "wide.pt", member, size)
+    before, start = peak_mb(), time.process_time()
+    assert problem in refused(tmp_path / "wide.pt")
+    assert time.process_time() - start < 1
+    assert peak_mb() - before < 300
+
+
+def test_an_archive_of_a_million_members(tmp_path: Path) -> None:
+    """Each takes 46 bytes of the list, and 600 in memory."""
+    path = tmp_path / "many.pt"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("a", b"")
+    head = path.read_bytes()
+    entry, end = head[31:78], bytearray(head[78:])
+    end[12:16] = struct.pack("<I", len(entry) * 1_000_000)
+    path.write_bytes(head[:31] + entry * 1_000_000 + end)
+    before = peak_mb()
+    assert "is no checkpoint" in refused(path)
+    assert peak_mb() - before < 300
 
 
 def test_a_checkpoint_of_another_network(tmp_path: Path, trained: Path) -> None:
