@@ -110,6 +110,13 @@ def cannot_write(path: Path, error: OSError) -> DatasetError:
     return DatasetError(f"cannot write {path}: {error.strerror or error}: {advice}")
 
 
+def is_refusal(error: BaseException) -> bool:
+    """Return whether a write failed for want of rights: of the user, or of the file system."""
+    cause = error.__cause__
+    read_only = isinstance(cause, OSError) and cause.errno == errno.EROFS
+    return read_only or isinstance(cause, PermissionError)
+
+
 @contextmanager
 def wrap_write_errors(path: Path) -> Iterator[None]:
     """Turn every OSError in the block into a DatasetError that names ``path``."""

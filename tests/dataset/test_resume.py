@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
@@ -309,6 +310,45 @@ def test_read_only_folder() -> None:
         folder.chmod(0o500)
         with pytest.raises(DatasetError, match="Permission denied: check the permissions"):
             make(folder / "a")
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES, errno.EPERM])
+def test_a_complete_set_that_cannot_be_written_is_read_and_left_alone(
+    tmp_path: Path, read_only, number: int
+) -> None:
+    made = make(tmp_path, **SKIP)
+    before = contents(tmp_path)
+    read_only(tmp_path, number)
+    again = make(tmp_path, **SKIP)
+    assert (again.rendered, again.reused, again.bytes) == (0, 160, made.bytes)
+    assert (again.frames, again.skipped) == (made.frames, made.skipped)
+    with pytest.raises(ConfigError, match=r"was begun with output.crop = null, not 128"):
+        make(tmp_path, make_settings(crop=128), **SKIP)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "damaged", ["train/s000/smile.1_00003_noisy.png", "manifest.jsonl", ".glsim/plan.json"]
+)
+def test_a_damaged_set_that_cannot_be_written_is_an_error(
+    tmp_path: Path, read_only, damaged: str
+) -> None:
+    make(tmp_path)
+    file = tmp_path / damaged
+    file.write_bytes(file.read_bytes()[:-9] + b"x" * 9)
+    before = contents(tmp_path)
+    read_only(tmp_path, errno.EROFS)
+    with pytest.raises(DatasetError, match=r"^cannot write .*lock: Read-only file system: the"):
+        make(tmp_path)
+    assert contents(tmp_path) == before
+
+
+def test_a_begun_set_that_cannot_be_written_is_an_error(tmp_path: Path, read_only) -> None:
+    with pytest.raises(ZeroDivisionError):
+        make(tmp_path, faults=(Fault("bug", 117),))
+    read_only(tmp_path, errno.EACCES)
+    with pytest.raises(DatasetError, match=r"cannot write .*lock: Permission denied: check the"):
+        make(tmp_path)
 
 
 def test_advice_for_a_read_only_file_system() -> None:
