@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Any
 
 from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob
-from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
+from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan, is_shard_name
 from glsim.dataset.disk_format import HEADER, SKIPPED
 from glsim.dataset.identity import InputHashes, make_identity
 from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
@@ -120,6 +120,7 @@ def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -
     counts = run.counts(progress=progress)
     try:
         with run.state.locked(run.identity, run.found) as state:
+            _report_strange_shards(run)
             make_missing_chunks(run, state, None, render, counts)
             return finish(state, run.plan, run.identity, counts)
     except DatasetError as error:
@@ -128,6 +129,21 @@ def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -
         if not whole or _missing_chunks(run, run.state, run.numbers(None), counts):
             raise
         return summary_of(run.store, counts)
+
+
+def _report_strange_shards(run: DatasetRun) -> None:
+    """Warn of shards that no chunk of the plan has; they may be somebody's, and stay.
+
+    One of the plan that has no record was left by a killed run, and is replaced.
+    """
+    shards = run.settings.output.format == "webdataset"
+    for name in filter(is_shard_name, run.store.names("")):
+        if not (shards and run.plan.has_shard(name)):
+            log.warning(
+                "%s: is no file of this data set, and a reader of all *.tar would take it: move "
+                "it elsewhere",
+                run.store.where(name),
+            )
 
 
 def is_complete_unwritten(
