@@ -30,7 +30,7 @@ from isal import isal_zlib
 
 from glsim.errors import DatasetError
 from glsim.files.flush import flush_file, flush_files
-from glsim.files.regular import open_regular
+from glsim.files.regular import open_regular, read_regular
 
 #: Advice on common file system errors.
 _ADVICE = {
@@ -43,6 +43,8 @@ _ADVICE = {
     errno.ENAMETOOLONG: "choose a shorter name",
 }
 _BLOCK_BYTES = 1 << 20
+#: Largest file that ``read_json`` reads: forty times MakeHuman's weights, the largest known.
+_MAX_JSON_BYTES = 1 << 26
 
 #: Temporary files beside their target, and temporary folders: PREFIX + random digits + SUFFIX.
 _PREFIX, _SUFFIX = ".glsim-", ".tmp"
@@ -100,9 +102,12 @@ def without_nan(value: Any) -> Any:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a file that holds one JSON object. Raises DatasetError for anything else."""
+    """Read a file that holds one JSON object, of up to 67 MB.
+
+    Raises DatasetError for anything else.
+    """
     try:
-        return parse_json(path.read_bytes(), path)
+        return parse_json(read_regular(path, _MAX_JSON_BYTES), path)
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
 

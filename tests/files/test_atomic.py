@@ -212,6 +212,17 @@ def test_a_file_is_old_or_new_after_a_power_cut(
     assert found[-2:] == [b"new", b"new"], "written files are on the disk"
 
 
+def test_json_of_a_bounded_size_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "run.json").write_text('{"steps": 1}')
+    assert atomic.read_json(tmp_path / "run.json") == {"steps": 1}
+    monkeypatch.setattr(atomic, "_MAX_JSON_BYTES", 11)
+    with pytest.raises(DatasetError, match=r"run\.json: cannot be read: .* MB are more than"):
+        atomic.read_json(tmp_path / "run.json")
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(DatasetError, match="is a pipe, a socket or a device"):
+        atomic.read_json(tmp_path / "pipe.json")
+
+
 def test_a_planted_pipe_or_link_does_not_hold_a_writer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
