@@ -12,10 +12,10 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
 
-from glsim.errors import ConfigError, GlsimError
+from glsim.errors import ConfigError, DatasetError, GlsimError
 from glsim.worker_processes import SINGLE_THREADED, WorkerFailure
 
 log = logging.getLogger(__name__)
@@ -27,6 +27,9 @@ TASKS_PER_CORE = 2
 _CORES_EVERY_S = 2.0
 #: Seconds within which the head of a cluster takes a connection.
 _ANSWER_S = 10.0
+#: Seconds without an answer after which a head is given up. Ray gives it up after 60 s, and ends
+#: this process from C++, where no Python can say why.
+_SILENT_S = 30.0
 
 
 @contextmanager
@@ -78,9 +81,53 @@ def _check_answers(address: str) -> None:
         ) from None
 
 
+def _refuse_silent_head(ray: Any) -> None:
+    """Wait until the head of the cluster takes a connection.
+
+    Raises ClusterLostError if it does not for a while.
+    """
+    if ray.util.client.ray.is_connected():
+        return  # through ray://, where the head's own address need not be reachable from here
+    address = ray.get_runtime_context().gcs_address
+    host, _, port = address.rpartition(":")
+    give_up_s = time.monotonic() + _SILENT_S
+    while True:
+        try:
+            socket.create_connection((host.strip("[]"), int(port)), _ANSWER_S).close()
+            return
+        except OSError as error:
+            if time.monotonic() > give_up_s:
+                what = f"the head of the Ray cluster at {address} does not answer any more"
+                raise _lost(what, error) from None
+        time.sleep(1)
+
+
+class ClusterLostError(DatasetError):
+    """The processes of Ray that this one is connected to are gone."""
+
+
+def _lost(what: str, error: Exception) -> ClusterLostError:
+    why = " ".join(str(getattr(error, "strerror", None) or error).split())[:200]
+    return ClusterLostError(
+        f"{what} ({why}): what is complete is kept: start the cluster again, then run the same "
+        "command"
+    )
+
+
+@contextmanager
+def _connection_errors(ray: Any) -> Iterator[None]:
+    """Turn what Ray raises in the block when its processes are gone into a ClusterLostError."""
+    try:
+        yield
+    except (OSError, ray.exceptions.RayError) as error:
+        raise _lost("the connection to the Ray cluster is lost", error) from error
+
+
 def cluster_cores(ray: Any) -> int:
-    """Return the number of cores of all nodes."""
-    return int(ray.cluster_resources().get("CPU", 0))
+    """Return the number of cores of all nodes. Raises ClusterLostError if the head is gone."""
+    _refuse_silent_head(ray)
+    with _connection_errors(ray):
+        return int(ray.cluster_resources().get("CPU", 0))
 
 
 def failure_of(error: Exception) -> WorkerFailure:
@@ -126,10 +173,11 @@ def run_tasks(
                 if call is None:
                     more = False
                     break
-                running[task.remote(*call[1])] = call
+                running[start_task(ray, task, *call[1])] = call
             if not running:
                 return
-            done, _ = ray.wait(list(running), num_returns=1, timeout=_CORES_EVERY_S)
+            with _connection_errors(ray):
+                done, _ = ray.wait(list(running), num_returns=1, timeout=_CORES_EVERY_S)
             for reference in done:
                 call = running.pop(reference)
                 try:
@@ -139,9 +187,11 @@ def run_tasks(
                     again.append(call)
                     continue
                 yield call[0], result
+    except ClusterLostError:
+        running.clear()  # to cancel tasks now makes Ray abort the process, now and then
+        raise
     finally:
-        for reference in running:
-            ray.cancel(reference, force=True)
+        cancel_tasks(ray, running)
 
 
 class LostResultError(Exception):
@@ -158,10 +208,30 @@ def remote_task(
     )
 
 
+def start_task(ray: Any, task: Any, *arguments: object) -> Any:
+    """Start a task; return the reference of its result.
+
+    Raises ClusterLostError without a cluster.
+    """
+    with _connection_errors(ray):
+        return task.remote(*arguments)
+
+
+def cancel_tasks(ray: Any, references: Iterable[Any]) -> None:
+    """End tasks whose results nobody needs; without a cluster there are none."""
+    with suppress(OSError, ray.exceptions.RayError):
+        for reference in references:
+            ray.cancel(reference, force=True)
+
+
 def task_result(ray: Any, reference: Any) -> Any:
-    """Return a task's result. Raises LostResultError, or the error in its ``WorkerFailure``."""
+    """Return a task's result; waits for it.
+
+    Raises LostResultError, the error in its ``WorkerFailure``, or ClusterLostError if the cluster
+    is gone.
+    """
     try:
-        result = ray.get(reference)
+        result = _wait_for(ray, reference)
     except ray.exceptions.RayTaskError as error:
         text = " ".join(str(error.cause).split())
         raise ConfigError(
@@ -175,3 +245,13 @@ def task_result(ray: Any, reference: Any) -> Any:
     if isinstance(result, WorkerFailure):
         raise result.error
     return result
+
+
+def _wait_for(ray: Any, reference: Any) -> Any:
+    while True:
+        try:
+            return ray.get(reference, timeout=_CORES_EVERY_S)
+        except ray.exceptions.GetTimeoutError:  # for ever, if the head is gone
+            _refuse_silent_head(ray)
+        except OSError as error:
+            raise _lost("the connection to the Ray cluster is lost", error) from error

@@ -165,7 +165,7 @@ class _ChunkWriter:
     def _write(self, task: Task, layer: str, data: bytes) -> Record:
         if self._shard is not None:
             return self._shard.add(f"{task.index:08d}.{layer}.png", data)
-        name = f"{task.stem}_{layer}.png"
+        name = _image_name(task, layer)
         self._names.append(name)
         return {"name": name} | self._store.put(name, data, sync=False)
 
@@ -173,6 +173,10 @@ class _ChunkWriter:
         if self._settings.strict:
             raise MeshError(f"{task.stem}: {skipped.why} (strict stops at the first bad frame)")
         self._skipped.append(to_json(skipped_record(task, skipped), task.stem) + "\n")
+        if self._shard is None:
+            # A run whose chunks were discarded, for a mesh changed meanwhile, may have made it.
+            names = [_image_name(task, layer) for layer in self._settings.output.layers]
+            self._store.delete(name for name in names if self._store.checksum(name) is not None)
 
     def finish(self) -> ChunkRecord:
         frames, skipped = len(self._frames), len(self._skipped)
@@ -180,6 +184,10 @@ class _ChunkWriter:
         summary = ChunkSummary(self._chunk.number, frames, skipped, self._bytes, shard)
         self._store.flush(self._names)
         return ChunkRecord(summary, self._frames, self._skipped)
+
+
+def _image_name(task: Task, layer: str) -> str:
+    return f"{task.stem}_{layer}.png"
 
 
 @dataclass(frozen=True)

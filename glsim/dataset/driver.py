@@ -19,7 +19,9 @@ from glsim.dataset.dataset_run import (
     absent_chunks,
     finish,
     in_processes,
+    is_complete_unwritten,
     run_all,
+    summary_of,
 )
 from glsim.dataset.identity import InputHashes, make_identity
 from glsim.dataset.part_run import run_part
@@ -211,11 +213,18 @@ def merge_dataset(
     begun = state.begun_identity()
     identity = make_identity(settings, plan, sensor, begun["renderer"])
     identity |= {name: begun[name] for name in ("regions", "inputs") if name in begun}
-    with state.locked(identity) as locked:
-        absent = absent_chunks(locked, plan)
-        if absent:
-            raise DatasetError(
-                f"{out}: {len(absent)} of {len(plan)} chunks are not made yet, the first is number "
-                f"{absent[0]}: run the parts that are missing, or glsim generate without --part"
-            )
-        return finish(locked, plan, identity, RunCounts(plan.frames))
+    counts = RunCounts(plan.frames)
+    try:
+        with state.locked(identity) as locked:
+            absent = absent_chunks(locked, plan)
+            if absent:
+                raise DatasetError(
+                    f"{out}: {len(absent)} of {len(plan)} chunks are not made yet, the first is "
+                    f"number {absent[0]}: run the parts that are missing, or glsim generate "
+                    "without --part"
+                )
+            return finish(locked, plan, identity, counts)
+    except DatasetError as error:
+        if not is_complete_unwritten(error, state, plan, identity):
+            raise
+        return summary_of(state.store, counts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 
 from glsim.dataset.dataset_run import (
@@ -9,12 +10,14 @@ from glsim.dataset.dataset_run import (
     DatasetRun,
     absent_chunks,
     finish,
+    is_complete_unwritten,
     make_missing_chunks,
+    summary_of,
 )
 from glsim.dataset.parts import Part
-from glsim.dataset.progress import PartSummary, Progress, RunCounts
+from glsim.dataset.progress import GenerateSummary, PartSummary, Progress, RunCounts
 from glsim.dataset.run_state import PartBusyError
-from glsim.errors import DifferentMachineError
+from glsim.errors import DatasetError, DifferentMachineError
 
 
 def run_part(
@@ -36,6 +39,10 @@ def run_part(
             raise
         left = str(error)
         run.state.leave_part(part)
+    except DatasetError as error:
+        if not is_complete_unwritten(error, run.state, run.plan, run.identity, run.found):
+            raise
+        return _summary(part, counts, whole=summary_of(run.store, run.counts()))
     counts.report(last=True)
     # The part that completes the last chunk sees all records here, after its lock is free: two
     # parts that end together both come to this line, and the second finds the work done.
@@ -44,6 +51,17 @@ def run_part(
     if not absent and not left:
         with run.state.locked(run.identity, run.found, wait=True) as state:
             whole = finish(state, run.plan, run.identity, run.counts())
+    return _summary(part, counts, len(absent), whole, left, taken)
+
+
+def _summary(
+    part: Part,
+    counts: RunCounts,
+    absent: int = 0,
+    whole: GenerateSummary | None = None,
+    left: str = "",
+    taken: Sequence[Part] = (),
+) -> PartSummary:
     return PartSummary(
         part=part,
         frames=counts.frames,
@@ -53,7 +71,7 @@ def run_part(
         bytes=counts.bytes,
         seconds=counts.seconds,
         cpu_seconds=counts.cpu_seconds,
-        absent_chunks=len(absent),
+        absent_chunks=absent,
         dataset=whole,
         left=left,
         taken=tuple(taken),

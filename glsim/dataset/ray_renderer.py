@@ -10,10 +10,12 @@ from __future__ import annotations
 import os
 import socket
 import tempfile
+import time
 import uuid
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -27,7 +29,7 @@ from glsim.dataset.inputs import refuse_other_inputs
 from glsim.dataset.record_schema import parse_frame
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import checksum
+from glsim.files.atomic import checksum, temporary_folder
 from glsim.files.store import open_store
 from glsim.ray_cluster import failure_of, ray_cluster, run_tasks
 from glsim.worker_processes import WorkerFailure
@@ -35,6 +37,10 @@ from glsim.worker_processes import WorkerFailure
 #: Processes that may die on one machine while they render the same chunk: nodes die for reasons of
 #: their own, but a chunk that kills every process would otherwise be tried for ever.
 _DEATHS = 5
+_COUNTER = ".deaths"
+#: A counter to which nothing was added for this long, seconds, is of a run that ended: a chunk
+#: takes minutes. If it is not, the count starts again.
+_COUNTER_STALE_S = 86_400.0
 
 
 @dataclass(frozen=True)
@@ -133,8 +139,8 @@ def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk 
 
             given: ClusterJob = ray.get(reference[0])
             _shared = replace(given, job=_prepared(given))
-        with _counted_deaths(token, chunk), tempfile.TemporaryDirectory(prefix="glsim-") as folder:
-            return _render(_shared.job, chunk, Path(folder))
+        with _counted_deaths(token, chunk), temporary_folder() as folder:
+            return _render(_shared.job, chunk, folder)
     except Exception as error:
         return failure_of(error)
 
@@ -164,13 +170,26 @@ def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
     return MadeChunk(record.to_bytes(), files)
 
 
+@lru_cache(maxsize=1)
+def _remove_old_counters(folder: Path) -> None:
+    """Remove this user's counters of runs that ended long ago, once per process."""
+    for path in folder.glob(f"glsim-*{_COUNTER}"):
+        with suppress(OSError):  # gone, or not ours
+            status = path.lstat()
+            old = time.time() - status.st_mtime > _COUNTER_STALE_S
+            if old and status.st_uid == os.geteuid():
+                path.unlink()
+
+
 @contextmanager
 def _counted_deaths(token: str, chunk: Chunk) -> Iterator[None]:
     """Count the processes of this machine that died in this block with this chunk.
 
     Raises DatasetError if that were too many.
     """
-    counter = Path(tempfile.gettempdir()) / f"glsim-{token}-{chunk.number}.deaths"
+    folder = Path(tempfile.gettempdir())
+    _remove_old_counters(folder)
+    counter = folder / f"glsim-{token}-{chunk.number}{_COUNTER}"
     with counter.open("ab") as file:
         if file.tell() >= _DEATHS:
             raise DatasetError(

@@ -155,12 +155,27 @@ class RunState:
         begun = self._begun()
         if begun is None:  # one of several parts is the first, and the others compare theirs
             begun = _unsealed(self.store.put_first(_PLAN, plan), self.store.where(_PLAN))
-        if inputs is not None:
-            refuse_changed_inputs(str(self.store), begun, inputs, self._begun_inputs())
-        refuse_difference(str(self.store), begun, identity)
+        self._refuse_difference(begun, identity, inputs)
         self._put_changed(_PLAN, plan)
         if inputs is not None and inputs.sources:
             self._put_changed(_INPUTS, to_json(inputs.sources, _INPUTS).encode() + b"\n")
+
+    def _refuse_difference(
+        self, begun: Mapping[str, Any], identity: Mapping[str, Any], inputs: InputHashes | None
+    ) -> None:
+        if inputs is not None:
+            refuse_changed_inputs(str(self.store), begun, inputs, self._begun_inputs())
+        refuse_difference(str(self.store), begun, identity)
+
+    def is_merged_as(self, identity: Mapping[str, Any], inputs: InputHashes | None = None) -> bool:
+        """Return whether a run has completed the data set with this identity; nothing is written.
+
+        Raises ConfigError for another identity.
+        """
+        if not self.is_merged or self.plan_problem() is not None:
+            return False
+        self._refuse_difference(self.begun_identity(), identity, inputs)
+        return True
 
     def _put_changed(self, name: str, data: bytes) -> None:
         if self.store.read(name, _MAX_BYTES) != data:

@@ -6,14 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from glsim.dataset import Dataset
 from glsim.errors import ConfigError, DatasetError
 from glsim.exports.base import Export
 from glsim.exports.frames import ExportFrame, export_frames
-from glsim.files.atomic import wrap_write_errors, write_atomic
+from glsim.files.atomic import temporary_folder, wrap_write_errors, write_atomic
 from glsim.plugins import load_plugin, plugin_names, shipped_objects
 
 
@@ -121,8 +120,8 @@ def _write_whole(export: Export, frames: Iterator[ExportFrame], out: Path) -> in
     with wrap_write_errors(out / export.file):
         out.mkdir(parents=True, exist_ok=True)
         # A bag of ROS 2 holds its own name: what is temporary is the folder around it.
-        with TemporaryDirectory(prefix=".glsim-", suffix=".tmp", dir=out) as work:
-            made = Path(work) / export.file
+        with temporary_folder(out) as work:
+            made = work / export.file
             if done := export.write(frames, made):
                 made.replace(out / export.file)
     return done

@@ -14,7 +14,9 @@ import json
 import math
 import os
 import secrets
+import shutil
 import stat
+import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -28,7 +30,7 @@ from isal import isal_zlib
 
 from glsim.errors import DatasetError
 from glsim.files.flush import flush_file, flush_files
-from glsim.files.regular import open_regular
+from glsim.files.regular import open_regular, read_regular
 
 #: Advice on common file system errors.
 _ADVICE = {
@@ -41,12 +43,15 @@ _ADVICE = {
     errno.ENAMETOOLONG: "choose a shorter name",
 }
 _BLOCK_BYTES = 1 << 20
+#: Largest file that ``read_json`` reads: forty times MakeHuman's weights, the largest known.
+_MAX_JSON_BYTES = 1 << 26
 
-#: Temporary files beside their target are called PREFIX + random digits + SUFFIX.
+#: Temporary files beside their target, and temporary folders: PREFIX + random digits + SUFFIX.
 _PREFIX, _SUFFIX = ".glsim-", ".tmp"
 #: A temporary file that is this old, seconds, and that no process has locked is left over: it
 #: is locked microseconds after it is made.
 _STALE_S = 10.0
+_OPEN_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
 def _to_plain_value(value: object) -> object:
@@ -97,9 +102,12 @@ def without_nan(value: Any) -> Any:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a file that holds one JSON object. Raises DatasetError for anything else."""
+    """Read a file that holds one JSON object, of up to 67 MB.
+
+    Raises DatasetError for anything else.
+    """
     try:
-        return parse_json(path.read_bytes(), path)
+        return parse_json(read_regular(path, _MAX_JSON_BYTES), path)
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -108,6 +116,13 @@ def cannot_write(path: Path, error: OSError) -> DatasetError:
     """Return the DatasetError for a failed write: path, cause and advice in one line."""
     advice = _ADVICE.get(error.errno or 0, "what is complete is kept")
     return DatasetError(f"cannot write {path}: {error.strerror or error}: {advice}")
+
+
+def is_refusal(error: BaseException) -> bool:
+    """Return whether a write failed for want of rights: of the user, or of the file system."""
+    cause = error.__cause__
+    read_only = isinstance(cause, OSError) and cause.errno == errno.EROFS
+    return read_only or isinstance(cause, PermissionError)
 
 
 @contextmanager
@@ -166,7 +181,7 @@ class AtomicFile:
                     path.parent.mkdir(parents=True, exist_ok=True)
                     flush_file(path.parent.parent)
                 _remove_stale(path.parent)
-                temporary = path.with_name(f"{_PREFIX}{secrets.token_hex(8)}{_SUFFIX}")
+                temporary = path.with_name(_temporary_name())
             self._file = _create(temporary)
             self._temporary = temporary
 
@@ -257,16 +272,63 @@ def _create(temporary: Path) -> IO[bytes]:
     return file
 
 
+def _temporary_name() -> str:
+    return f"{_PREFIX}{secrets.token_hex(8)}{_SUFFIX}"
+
+
+@contextmanager
+def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
+    """Make a folder for temporary files, which ends with the block, also after an error.
+
+    What killed processes left beside it is removed. Raises DatasetError if it cannot be made.
+
+    Args:
+        inside: the folder that holds it; by default the system's for temporary files.
+    """
+    with wrap_write_errors(inside or Path(os.environ.get("TMPDIR", "/tmp"))):
+        parent = Path(tempfile.gettempdir()) if inside is None else inside
+        _remove_stale(parent)
+        folder = parent / _temporary_name()
+        folder.mkdir(mode=0o700)
+        descriptor = os.open(folder, _OPEN_FOLDER)
+    try:
+        with suppress(OSError):  # NFS locks no folders, and so none is removed as stale there
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(descriptor)
+
+
 @lru_cache(maxsize=4096)
 def _remove_stale(folder: Path) -> None:
-    """Remove the temporary files of killed processes from a folder, once per process."""
+    """Remove the temporary files and folders of killed processes, once per process."""
     for path in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
-        with suppress(OSError):  # gone, or not ours
-            if time.time() - path.lstat().st_mtime < _STALE_S:
+        with suppress(OSError):  # gone, in use, or not ours
+            status = path.lstat()
+            if time.time() - status.st_mtime < _STALE_S:
+                continue
+            if stat.S_ISDIR(status.st_mode):
+                _remove_stale_folder(path)
                 continue
             with open_regular(path, inside=folder) as file:  # a pipe would wait for a writer
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 path.unlink()
+
+
+def _remove_stale_folder(path: Path) -> None:
+    """Remove a folder of this user that no process has locked. Raises OSError.
+
+    A lock and not the number of a process says that its maker lives: containers that share a disk
+    number theirs alike.
+    """
+    descriptor = os.open(path, _OPEN_FOLDER)
+    try:
+        if os.fstat(descriptor).st_uid == os.geteuid():  # root leaves the files of others
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(path, ignore_errors=True)
+    finally:
+        os.close(descriptor)
 
 
 def checksum(data: bytes) -> dict[str, int]:

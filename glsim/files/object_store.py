@@ -17,7 +17,14 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from glsim.errors import DatasetError, GlsimError
-from glsim.files.atomic import AtomicFile, checksum, file_checksum, missing, wrap_write_errors
+from glsim.files.atomic import (
+    AtomicFile,
+    checksum,
+    file_checksum,
+    missing,
+    temporary_folder,
+    wrap_write_errors,
+)
 from glsim.files.cache_folder import cache_folder
 from glsim.files.cloud import CONNECTIONS, CloudFolder
 from glsim.files.contents import text_hash
@@ -90,8 +97,8 @@ class ObjectStore(CloudFolder):
     @contextmanager
     def writing(self, folder: str) -> Iterator[ObjectStore]:
         """Make a temporary folder of this machine, which ends with the block."""
-        with tempfile.TemporaryDirectory(prefix="glsim-", ignore_cleanup_errors=True) as temporary:
-            yield ObjectStore(self.url, Path(temporary))
+        with temporary_folder() as temporary:
+            yield ObjectStore(self.url, temporary)
 
     @contextmanager
     def create(self, name: str, *, sync: bool = True) -> Iterator[AtomicFile]:

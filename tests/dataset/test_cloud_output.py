@@ -78,7 +78,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     yield
-    assert not list(tmp_path.glob("glsim-*")), "a temporary folder is left"
+    assert not list(tmp_path.glob("*glsim-*")), "a temporary folder is left"
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -105,6 +106,21 @@ def test_a_complete_set_is_left_alone_by_its_parts(tmp_path: Path, undisturbed) 
     assert summary.dataset is not None
     assert merge_all(tmp_path).rendered == 0
     assert contents(tmp_path) == undisturbed["png"]
+
+
+def test_parts_of_a_complete_set_that_cannot_be_written_leave_it_alone(
+    tmp_path: Path, read_only
+) -> None:
+    made = make(tmp_path, **SKIP)
+    read_only(tmp_path, errno.EROFS)
+    summary = make_part(tmp_path, "1/3")
+    assert (summary.rendered, summary.absent_chunks) == (0, 0)
+    assert summary.dataset is not None
+    assert summary.dataset.frames == merge_all(tmp_path).frames == made.frames
+    (tmp_path / "manifest.jsonl").write_bytes(b"")
+    for again in (merge_all, partial(make_part, part="1/3")):
+        with pytest.raises(DatasetError, match=r"cannot write .*: Read-only file system"):
+            again(tmp_path)
 
 
 def test_a_part_resumes_after_an_error_and_keeps_what_it_has(tmp_path: Path, undisturbed) -> None:

@@ -124,6 +124,19 @@ def test_a_chunk_that_kills_every_process_ends_the_run(
         pass
 
 
+def test_counters_of_runs_that_ended_long_ago_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    for name in ("glsim-a-1.deaths", "glsim-b-2.deaths", "notes.deaths"):
+        (tmp_path / name).write_bytes(b".")
+    for name in ("glsim-a-1.deaths", "notes.deaths"):
+        os.utime(tmp_path / name, (0, 0))
+    with ray_renderer._counted_deaths("a-token", Chunk(3, "train", 3, TASKS[70:72])):
+        pass
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["glsim-b-2.deaths", "notes.deaths"]
+
+
 @pytest.mark.long
 def test_errors_of_the_simulator_arrive_as_they_are(tmp_path: Path, nodes: Nodes) -> None:
     with pytest.raises(MeshError, match="the mesh has a hole"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
@@ -17,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from glsim.dataset import GenerateProgress, verify
+from glsim.dataset.identity import InputHashes
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import cannot_write
 from glsim.settings.schema import load_settings
@@ -219,6 +221,50 @@ def test_damaged_files_of_a_begun_data_set_are_restored(
     assert caplog.text.count("again") == len(caplog.records)
 
 
+@pytest.mark.parametrize("format", FORMATS)
+def test_shards_that_no_record_names(
+    tmp_path: Path, undisturbed, caplog: pytest.LogCaptureFixture, format: str
+) -> None:
+    """Those of the plan are replaced; others may be somebody's, so they stay and one line says so.
+
+    A file that is not named as a shard is nobody's business.
+    """
+    settings = make_settings(format=format)
+    with pytest.raises(ZeroDivisionError):
+        make(tmp_path, settings, faults=(Fault("bug", 117),), **SKIP)
+    strange = ["train-000001.tar", "val-1000000.tar", "train-0000000.tar"]
+    others = ["train-a.tar", "notes-000000.tar", "train-000000.tar.bak"]
+    ours = ["test-000000.tar"]
+    if format == "png":
+        strange, ours = strange + ours, []
+    for name in strange + others + ours:
+        (tmp_path / name).write_bytes(b"x")
+    with caplog.at_level(logging.WARNING):
+        make(tmp_path, settings, **SKIP)
+    assert sorted(record.message.partition(":")[0] for record in caplog.records) == sorted(
+        str(tmp_path / name) for name in strange
+    )
+    assert all("is no file of this data set" in record.message for record in caplog.records)
+    for name in strange + others:
+        assert (tmp_path / name).read_bytes() == b"x"
+        (tmp_path / name).unlink()
+    assert contents(tmp_path) == undisturbed[format]
+
+
+def test_images_of_a_frame_that_is_skipped_now_go(tmp_path: Path, undisturbed) -> None:
+    """A mesh was whole during a run whose chunks were then discarded."""
+    inputs = iter([InputHashes({"a": "1"}), InputHashes({"a": "2"})])
+    with pytest.raises(DatasetError, match="the frames of this run are discarded"):
+        make(tmp_path, inputs=lambda: next(inputs))
+    skipped = tmp_path / "train/s000/smile.1_00006_noisy.png"
+    assert skipped.exists()
+    make(tmp_path, inputs=lambda: InputHashes({"a": "1"}), **SKIP)
+    assert not skipped.exists()
+    assert verify(tmp_path, deep=True) == []
+    images = {n: data for n, data in contents(tmp_path).items() if n.endswith(".png")}
+    assert images == {n: d for n, d in undisturbed["png"].items() if n.endswith(".png")}
+
+
 def test_only_what_is_damaged_is_rendered_again(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -309,6 +355,45 @@ def test_read_only_folder() -> None:
         folder.chmod(0o500)
         with pytest.raises(DatasetError, match="Permission denied: check the permissions"):
             make(folder / "a")
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES, errno.EPERM])
+def test_a_complete_set_that_cannot_be_written_is_read_and_left_alone(
+    tmp_path: Path, read_only, number: int
+) -> None:
+    made = make(tmp_path, **SKIP)
+    before = contents(tmp_path)
+    read_only(tmp_path, number)
+    again = make(tmp_path, **SKIP)
+    assert (again.rendered, again.reused, again.bytes) == (0, 160, made.bytes)
+    assert (again.frames, again.skipped) == (made.frames, made.skipped)
+    with pytest.raises(ConfigError, match=r"was begun with output.crop = null, not 128"):
+        make(tmp_path, make_settings(crop=128), **SKIP)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "damaged", ["train/s000/smile.1_00003_noisy.png", "manifest.jsonl", ".glsim/plan.json"]
+)
+def test_a_damaged_set_that_cannot_be_written_is_an_error(
+    tmp_path: Path, read_only, damaged: str
+) -> None:
+    make(tmp_path)
+    file = tmp_path / damaged
+    file.write_bytes(file.read_bytes()[:-9] + b"x" * 9)
+    before = contents(tmp_path)
+    read_only(tmp_path, errno.EROFS)
+    with pytest.raises(DatasetError, match=r"^cannot write .*lock: Read-only file system: the"):
+        make(tmp_path)
+    assert contents(tmp_path) == before
+
+
+def test_a_begun_set_that_cannot_be_written_is_an_error(tmp_path: Path, read_only) -> None:
+    with pytest.raises(ZeroDivisionError):
+        make(tmp_path, faults=(Fault("bug", 117),))
+    read_only(tmp_path, errno.EACCES)
+    with pytest.raises(DatasetError, match=r"cannot write .*lock: Permission denied: check the"):
+        make(tmp_path)
 
 
 def test_advice_for_a_read_only_file_system() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import struct
 import sys
@@ -309,6 +310,16 @@ def test_a_library_that_is_missing_is_named_before_anything_is_written(
         with pytest.raises(ConfigError, match=rf"{name} needs {library}: pip install"):
             export_dataset(open_dataset(data), tmp_path / "out", ["npy", name])
     assert not (tmp_path / "out").exists()
+
+
+def test_what_a_killed_export_left_goes_at_the_next(data: Path, tmp_path: Path) -> None:
+    pytest.importorskip("h5py", exc_type=ImportError)
+    left = tmp_path / ".glsim-0123456789abcdef.tmp"
+    left.mkdir()
+    (left / "frames.h5").write_bytes(b"half")
+    os.utime(left, (0, 0))
+    export_dataset(open_dataset(data), tmp_path, ["hdf5"])
+    assert [path.name for path in tmp_path.iterdir()] == ["frames.h5"]
 
 
 def test_a_bag_is_not_replaced_and_a_broken_set_leaves_no_file(data: Path, tmp_path: Path) -> None:

@@ -254,6 +254,9 @@ def test_a_missing_or_broken_model_gives_one_clear_line(tmp_path: Path, small_mo
         assert part in message(MeshError)
     (folder / "vertex_indices.json").write_text("{")
     assert "damaged or of another model" in message(MeshError)
+    with (folder / "vertex_indices.json").open("wb") as file:
+        file.truncate(1 << 40)
+    assert "vertex_indices.json: " in message(MeshError)
     (folder / "vertex_indices.json").write_text(json.dumps(indices))
     neutral = folder / "generic_neutral_mesh.obj"
     neutral.write_text(neutral.read_text().replace("M_Teeth", "M_Tooth"))

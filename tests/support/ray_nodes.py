@@ -46,6 +46,14 @@ class Nodes:
                 os.kill(pid, signal.SIGKILL)
         self._cluster.remove_node(node, allow_graceful=False)
 
+    def kill_head(self) -> None:
+        """Kill the processes of the head with SIGKILL."""
+        for each in self._cluster.head_node.all_processes.values():
+            for process in each:
+                for pid in _below(process.process.pid):
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+
     def stop(self) -> None:
         """End all nodes."""
         self._cluster.shutdown()

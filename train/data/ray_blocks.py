@@ -16,10 +16,12 @@ from glsim.pipeline import Simulator
 from glsim.ray_cluster import (
     TASKS_PER_CORE,
     LostResultError,
+    cancel_tasks,
     cluster_cores,
     failure_of,
     ray_cluster,
     remote_task,
+    start_task,
     task_result,
 )
 from glsim.train.data.block_maker import BlockMaker
@@ -70,7 +72,7 @@ class RayBlocks:
 
     def _submit_next(self) -> None:
         block = next(self._order)
-        self._ahead[block] = self._task.remote(*self._shared, *block)
+        self._ahead[block] = start_task(self._ray, self._task, *self._shared, *block)
 
     def _wait_for(self, block: tuple[int, int]) -> NDArray[np.float32]:
         while True:
@@ -78,7 +80,7 @@ class RayBlocks:
                 made: MadeBlock = task_result(self._ray, self._ahead.pop(block))
                 break
             except LostResultError:
-                self._ahead[block] = self._task.remote(*self._shared, *block)
+                self._ahead[block] = start_task(self._ray, self._task, *self._shared, *block)
         if self._machine is None:
             self._machine = made.machine
         made.machine.refuse_other(self._machine.renderer, self._machine.arithmetic)
@@ -86,8 +88,7 @@ class RayBlocks:
 
     def close(self) -> None:
         """Cancel what is not used, and leave the cluster."""
-        for reference in self._ahead.values():
-            self._ray.cancel(reference, force=True)
+        cancel_tasks(self._ray, self._ahead.values())
         self._ahead.clear()
         self._stack.close()
 

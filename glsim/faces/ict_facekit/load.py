@@ -20,12 +20,14 @@ from glsim.faces.ict_facekit.visible import visible_faces
 from glsim.faces.model_cache import read_cache, write_cache
 from glsim.files.cache_folder import cache_folder
 from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
+from glsim.meshio.limits import check_size
 from glsim.meshio.obj import read_obj, read_vertices
 
 LANDMARKS: Final = 68  # Multi-PIE
 
 _NEUTRAL: Final = "generic_neutral_mesh.obj"
 _INDICES: Final = "vertex_indices.json"
+_MAX_INDICES_BYTES: Final = 1 << 24  # the model's own has 0.2 MB
 _DOWNLOAD: Final = "git clone https://github.com/ICT-VGL/ICT-FaceKit"
 _CACHE_VERSION: Final = "4"  # raise it when the content of the cache changes
 _TOPOLOGY: Final = ("faces", "kept", "region")
@@ -104,6 +106,7 @@ def _expression_files(folder: Path, expressions: tuple[str, ...]) -> list[Path]:
 
 def _read_indices(path: Path) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     """Read the expression names and the (68,) landmark vertices. Raises MeshError."""
+    check_size(path, _MAX_INDICES_BYTES)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         expressions = tuple(str(name) for name in content["expressions"])
