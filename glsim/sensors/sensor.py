@@ -28,7 +28,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
@@ -58,13 +58,18 @@ _Place = Callable[..., str]
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 
 
-class _EmitterTable(TomlTable):
-    position_m: tuple[float, float, float]
+#: A coordinate beside the camera, m, and one in the image, pixels; far beyond those of any camera.
+_Metres = Annotated[float, Field(ge=-100, le=100)]
+_Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class _EmitterTable(TomlTable, allow_inf_nan=False):
+    position_m: tuple[_Metres, _Metres, _Metres]
     spread_m: float = Field(0.0, ge=0, le=0.2)
-    path_from_m: tuple[float, float, float] | None = None
+    path_from_m: tuple[_Metres, _Metres, _Metres] | None = None
 
 
-class _DistortionTable(TomlTable):
+class _DistortionTable(TomlTable, allow_inf_nan=False):
     k1: float = 0.0
     k2: float = 0.0
     k3: float = 0.0
@@ -72,11 +77,11 @@ class _DistortionTable(TomlTable):
     p2: float = 0.0
 
 
-class _RigTable(TomlTable):
+class _RigTable(TomlTable, allow_inf_nan=False):
     width: int = Field(ge=8, le=8192)
     height: int = Field(ge=8, le=8192)
-    focal_px: tuple[float, float]
-    centre_px: tuple[float, float]
+    focal_px: tuple[_Pixels, _Pixels]
+    centre_px: tuple[_Pixels, _Pixels]
     emitter: tuple[_EmitterTable, ...] = ()
     distortion: _DistortionTable = _DistortionTable()
     deliver: Literal["undistorted", "raw"] = "undistorted"
@@ -90,8 +95,8 @@ class _RigTable(TomlTable):
 
     @model_validator(mode="after")
     def _check(self) -> _RigTable:
-        if min(self.focal_px) <= 0:
-            raise ValueError("focal_px must be above 0")
+        if min(self.focal_px) < 1:
+            raise ValueError("focal_px must be at least 1")
         if strange := {w.modulation_mhz for w in self.wiggling} - {*self.modulation_mhz}:
             raise ValueError(f"wiggling: {min(strange):g} MHz is none of modulation_mhz")
         if self.near_m >= self.far_m:

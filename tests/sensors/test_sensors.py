@@ -157,6 +157,28 @@ def test_shadows_need_an_emitter(sensor: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("focal_px", [float("inf"), 365.0]),
+        ("focal_px", [1e30, 365.0]),
+        ("focal_px", [0.0, 365.0]),
+        ("focal_px", [1e-30, 365.0]),
+        ("centre_px", [float("nan"), 205.0]),
+        ("centre_px", [1e30, 205.0]),
+        ("far_m", float("inf")),
+        ("emitter", [{"position_m": [float("nan"), 0.0, 0.0]}]),
+        ("emitter", [{"position_m": [1e30, 0.0, 0.0]}]),
+        ("distortion", {"k1": float("nan")}),
+    ],
+)
+def test_numbers_of_a_rig_are_those_of_a_camera(key: str, value: object) -> None:
+    """Not refused here, they end a run as frames without a face, or as damaged records."""
+    with pytest.raises(ConfigError, match=key) as caught:
+        load_sensor("kinect-v2", rig_overrides={key: value})
+    assert "\n" not in str(caught.value)
+
+
 def test_experimental_sensors_say_so() -> None:
     assert "experimental" in load_sensor("azure-kinect").title
 
@@ -214,7 +236,7 @@ def test_infrared_falls_with_the_square_of_the_distance(
     ("change", "message"),
     [
         ("width = 7", "rig.width: .*greater than or equal to 8"),
-        ("focal_px = [0, 100]", "rig: focal_px must be above 0"),
+        ("focal_px = [0, 100]", "rig: focal_px must be at least 1"),
         ("near_m = 20", r"rig: near_m 20.0 must be less than far_m 12.0"),
         ("widht = 96", r"no such setting 'rig.widht' .did you mean 'width'"),
         ('deliver = "cooked"', "rig.deliver: 'cooked' is not one of undistorted, raw"),
