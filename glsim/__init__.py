@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from glsim.settings.schema import Settings, load_settings
     from glsim.validate.report import Band, Check, Measurement, validation_check
 
+__version__: str
+
 _HOME = {
     "Band": "glsim.validate.report",
     "Check": "glsim.validate.report",
@@ -124,7 +126,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name from its module."""
+    """Import a public name from its module; ``__version__`` is that of the installed package."""
+    if name == "__version__":
+        return importlib.import_module("importlib.metadata").version("glsim")
     if name not in _HOME:
         raise AttributeError(f"module 'glsim' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOME[name]), name)

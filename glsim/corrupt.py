@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from types import TracebackType
 from typing import Any
 
@@ -31,8 +32,24 @@ from glsim.settings.schema import OutputSettings, Settings, load_settings
 from glsim.settings.seeds import stable_seed
 
 
+class _Graphics:
+    """A GL context with what draws in it; a forked process cannot use its parent's."""
+
+    def __init__(self, corrupter: Corrupter, backend: str | None) -> None:
+        self.process = os.getpid()
+        self.context = open_context(backend)
+        self.renderer = Renderer(self.context, corrupter.rig)
+        self.chain = ShaderChain(
+            self.context, corrupter.sensor.stages, pattern_mm=corrupter.pattern_mm
+        )
+        self.readback = Readback(self.context)
+
+
 class Corrupter:
     """A sensor's noise chain for depth maps of one size. Use it as a context manager.
+
+    It may be sent to other processes, such as the workers of a DataLoader, forked or spawned: each
+    opens a GL context of its own with its first map.
 
     settings: sensor, rig, seed, stage parameters and output.depth_unit_mm are used.
     shape: (height, width) of the maps, pixels.
@@ -49,21 +66,20 @@ class Corrupter:
         focal_px: tuple[float, float] | None = None,
         centre_px: tuple[float, float] | None = None,
     ) -> None:
-        self._settings = settings
+        self._made_of = settings, shape, backend, focal_px, centre_px
+        self._settings, self._backend = settings, backend
         self.sensor = sensor_of(settings)
         self.rig = self.sensor.rig.for_map(shape, focal_px, centre_px)
-        self._pattern_mm = None
+        self.pattern_mm = None
         if self.sensor.pattern_map is not None:
-            self._pattern_mm = self.sensor.pattern_map.error_mm
-            check_shape(self._pattern_mm, shape, str(self.sensor.pattern_map.file))
+            self.pattern_mm = self.sensor.pattern_map.error_mm
+            check_shape(self.pattern_mm, shape, str(self.sensor.pattern_map.file))
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
-        self._context = None if backend == "numpy" else open_context(backend)
-        if self._context is not None:
-            self._renderer = Renderer(self._context, self.rig)
-            self._chain = ShaderChain(
-                self._context, self.sensor.stages, pattern_mm=self._pattern_mm
-            )
-            self._readback = Readback(self._context)
+        self._opened: _Graphics | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the settings alone: the process that gets them makes its own."""
+        return type(self), self._made_of
 
     @classmethod
     def for_camera(
@@ -110,8 +126,9 @@ class Corrupter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if self._context is not None:
-            self._context.release()
+        if self._opened is not None and self._opened.process == os.getpid():
+            self._opened.context.release()
+        self._opened = None
 
     def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
         """Return a Frame with noise for (H, W) uint16 depth in steps of depth_unit_mm, 0 = none.
@@ -180,18 +197,19 @@ class Corrupter:
         window = Rect(0, 0, image.width, image.height)
         if not depth_m.any():  # an empty map has no surface to light
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))
-        elif self._context is None:
+        elif self._backend == "numpy":
             layers = self._array_layers(depth_m)
             frame = self._frame(window, seeds, float(depth_m[depth_m > 0].min()))
             run_twins(self.sensor.stages, layers, frame, values)
         else:
-            make_current(self._context)
+            graphics = self._graphics()
+            make_current(graphics.context)
             normal = depth_map.normals(depth_m, self.rig.rays())
             surface = depth_map.surface(depth_m, self.rig)
-            with self._renderer.light_depth_map(depth_m, normal, surface) as rendered:
+            with graphics.renderer.light_depth_map(depth_m, normal, surface) as rendered:
                 frame = self._frame(rendered.window, seeds, rendered.nearest_m)
-                self._chain.run(rendered, frame, values, self._readback)
-            layers = self._readback.arrays()
+                graphics.chain.run(rendered, frame, values, graphics.readback)
+            layers = graphics.readback.arrays()
             run_array_stages(self.sensor.stages, layers, frame, values)
         return assemble_frame(
             layers,
@@ -204,6 +222,12 @@ class Corrupter:
             seed=seeds.frame,
             parameters=drawn,
         )
+
+    def _graphics(self) -> _Graphics:
+        """Return what this process draws with, opened when it is first needed."""
+        if self._opened is None or self._opened.process != os.getpid():
+            self._opened = _Graphics(self, self._backend)
+        return self._opened
 
     def _frame(self, window: Rect, seeds: DrawKeys, nearest_m: float) -> FrameContext:
         return FrameContext.for_frame(
@@ -221,7 +245,7 @@ class Corrupter:
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
         normal = np.dstack([depth_map.normals(depth_m, rays), albedo])
-        own = {} if self._pattern_mm is None else {PATTERN_LAYER: pattern_layer(self._pattern_mm)}
+        own = {} if self.pattern_mm is None else {PATTERN_LAYER: pattern_layer(self.pattern_mm)}
         return {
             **own,
             "clean": depth_m,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -216,3 +217,40 @@ def check_noise(depth: NDArray[np.float32]) -> None:
     error_mm = 1000 * (noisy[both] - depth[both])
     assert abs(np.median(error_mm)) < 1.0
     assert 0.3 < np.median(np.abs(error_mm)) < 6.0
+
+
+def _noisy_bytes(job: tuple[Corrupter, NDArray[np.float32]]) -> bytes:
+    corrupter, depth_m = job
+    return bytes(corrupter(depth_m, frame=3).tobytes())
+
+
+@pytest.mark.parametrize("start", ["fork", "spawn"])
+@pytest.mark.parametrize("backend", [None, "numpy"])
+@pytest.mark.parametrize("used", [False, True])
+def test_it_works_in_other_processes(start: str, backend: str | None, used: bool) -> None:
+    """As in the workers of a DataLoader, also after maps were made in the parent."""
+    depth_m = np.full((40, 48), 0.9, np.float32)
+    with Corrupter(load_settings(), (40, 48), backend) as corrupter:
+        here = _noisy_bytes((corrupter, depth_m)) if used else b""
+        with multiprocessing.get_context(start).Pool(2) as pool:
+            one, other = pool.map(_noisy_bytes, [(corrupter, depth_m)] * 2)
+        here = here or _noisy_bytes((corrupter, depth_m))
+    assert one == other == here
+
+
+def _through_a_parent(depth_m: NDArray[np.float32]) -> bytes:
+    return _noisy_bytes((_PARENTS[0], depth_m))
+
+
+_PARENTS: list[Corrupter] = []
+
+
+def test_a_forked_process_opens_a_context_of_its_own() -> None:
+    """The Corrupter is inherited, not pickled, and was used before."""
+    depth_m = np.full((40, 48), 0.9, np.float32)
+    with Corrupter(load_settings(), (40, 48)) as corrupter:
+        here = _noisy_bytes((corrupter, depth_m))
+        _PARENTS[:] = [corrupter]
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            assert pool.map(_through_a_parent, [depth_m]) == [here]
+        assert _noisy_bytes((corrupter, depth_m)) == here

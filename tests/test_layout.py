@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import subprocess
 import sys
@@ -52,6 +53,7 @@ def test_public_names_exist() -> None:
     assert set(glsim.__all__) == set(glsim._HOME)
     for name in glsim.__all__:
         assert getattr(glsim, name) is not None
+    assert glsim.__version__ == importlib.metadata.version("glsim")
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         _ = glsim.nothing
 

@@ -197,7 +197,7 @@ def sensor_names() -> list[str]:
     return sorted([*shipped, *plugin_names("sensors", shipped)])
 
 
-def _sensor_file(name: str) -> Path:
+def sensor_file(name: str) -> Path:
     """Return the file of a sensor's name or path. Raises ConfigError for an unknown name."""
     file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
     if name.endswith(".toml") or file.is_file():
@@ -247,7 +247,7 @@ def load_sensor(
     Raises:
         ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
     """
-    file = _sensor_file(name)
+    file = sensor_file(name)
     tree = read_toml(file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
     places: dict[tuple[str, ...], str] = {

@@ -13,6 +13,7 @@ import pytest
 from glsim.cli import main
 from glsim.dataset import verify
 from glsim.frame import LAYERS
+from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from tests.support.people import needs_anny
 from tests.support.scenes import face_mesh
 
@@ -201,6 +202,26 @@ def test_lists_and_info_print_what_there_is(capsys: pytest.CaptureFixture[str]) 
     out = capsys.readouterr().out
     assert "egl" in out
     assert "osmesa" in out
+
+
+def test_a_sensor_is_printed_and_copied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shipped = (SENSOR_FOLDER / "kinect-v1.toml").read_text()
+    assert run("sensors", "kinect-v1") == 0
+    assert capsys.readouterr().out == shipped
+    mine = tmp_path / "mine.toml"
+    assert run("sensors", "kinect-v1", "-o", str(mine)) == 0
+    assert mine.read_text() == shipped
+    assert load_sensor(str(mine)).stages == load_sensor("kinect-v1").stages
+    capsys.readouterr()
+    for words, message in (
+        (("kinect-v1", "-o", str(mine)), "is there already"),
+        (("kinect-v1", "-o", str(tmp_path / "mine.txt")), "give a name that ends in .toml"),
+        (("-o", str(tmp_path / "new.toml")), "name the sensor to copy"),
+        (("kinect-v9",), "no such sensor 'kinect-v9'"),
+    ):
+        assert run("sensors", *words) in (1, 2)
+        assert message in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
 
 
 def test_it_is_a_module_too_and_light_to_import() -> None:
