@@ -59,8 +59,6 @@ def server() -> Iterator[S3Server]:
 @pytest.fixture
 def store(server: S3Server, here: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
     monkeypatch.setattr(cloud, "RETRY_AFTER_S", (0.0,) * 40)
-    # Otherwise botocore tries four times more, after up to 20 s each.
-    monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
     server.faults = Faults()
     server.requests.clear()
     yield server
