@@ -122,6 +122,7 @@ settings = load_settings(overrides={"sensor": "ideal", "source": source, "output
 before = [frame.noisy for frame in simulate(settings)]
 camera = {"width": 8, "height": 8, "fx": 9.0, "fy": 9.0, "cx": 4.0, "cy": 4.0}
 with Corrupter.for_camera("ideal", **camera, first_pixel=0.5, backend="egl") as corrupt:
+    corrupt(numpy.ones((8, 8)))  # its context opens with the first map
     egl = ctypes.CDLL("libEGL.so.1")
     egl.eglGetCurrentDisplay.restype = ctypes.c_void_p
     egl.eglTerminate(ctypes.c_void_p(egl.eglGetCurrentDisplay()))
