@@ -237,6 +237,7 @@ class Corrupter:
             sequence_seed=seeds.sequence,
             device_seed=stable_seed("device", self._settings.seed, 0),
             nearest_m=nearest_m,
+            subject_m=nearest_m,
             supersample=1,  # a map has no samples
         )
 

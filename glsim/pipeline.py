@@ -279,6 +279,7 @@ class Simulator:
             device_seed=stable_seed("device", self._settings.seed, task.device),
             time_s=task.key.time_s,
             nearest_m=rendered.nearest_m,
+            subject_m=rendered.subject_m,
         )
         self._chain.run(rendered, frame, values, readback, owner)
         return _InFlight(readback, task, scene, frame, values, drawn)

@@ -260,6 +260,19 @@ def union(windows: list[Rect]) -> Rect:
     return Rect(left, top, right - left, bottom - top)
 
 
+def widened(window: Rect, field_of_view: FieldOfView, by_px: tuple[int, int, int, int]) -> Rect:
+    """Widen a window by pixels on its left, top, right and bottom side, within the image."""
+    if not any(by_px):
+        return window
+    image = field_of_view.rig.intrinsics
+    left, top, right, bottom = by_px
+    moved = Rect(
+        window.left - left, window.top - top,
+        window.width + left + right, window.height + top + bottom,
+    )  # fmt: skip
+    return _grown(moved, Rect(0, 0, image.width, image.height), 0)
+
+
 def _grown(rect: Rect, limit: Rect, by_px: int) -> Rect:
     """``rect`` widened by ``by_px`` on each side, aligned to _ALIGN_PX, cut to ``limit``."""
     left = math.floor((rect.left - by_px) / _ALIGN_PX) * _ALIGN_PX

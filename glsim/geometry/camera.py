@@ -19,6 +19,9 @@ from glsim.geometry.products import norm
 
 FloatArray = NDArray[np.float32]
 
+#: (x, y, z) in the camera frame, metres.
+Point = tuple[float, float, float]
+
 #: Iterations of the fixed-point inversion of the lens model; 30 leave less than 1e-6 px at the
 #: corners of the Kinect V2, whose k1..k3 are the strongest of the shipped rigs.
 _UNDISTORT_ITERATIONS = 30
@@ -131,9 +134,9 @@ class Emitter:
         path_from_m: where the path of its light starts for the decoder; None: at position_m.
     """
 
-    position_m: tuple[float, float, float]
+    position_m: Point
     spread_m: float = 0.0
-    path_from_m: tuple[float, float, float] | None = None
+    path_from_m: Point | None = None
 
     @property
     def end_m(self) -> tuple[float, float]:
@@ -158,6 +161,9 @@ class SensorRig:
         supersample: samples per pixel along each axis, for stages that sum up light; odd.
         modulation_mhz: the three frequencies of a time-of-flight camera; otherwise empty.
         shadow_map: whether the renderer casts shadows (if not, all is lit, and a stage casts them).
+        imagers_m: positions of the infrared imagers of a camera that triangulates, camera frame,
+            metres: two for stereo, one for structured light (the second view is then the first
+            emitter's); empty for other cameras. Their images have the rig's intrinsics.
     """
 
     intrinsics: Intrinsics
@@ -169,6 +175,7 @@ class SensorRig:
     supersample: int = 1
     modulation_mhz: tuple[float, ...] = ()
     shadow_map: bool = True
+    imagers_m: tuple[Point, ...] = ()
 
     @property
     def keeps_distortion(self) -> bool:
@@ -177,13 +184,43 @@ class SensorRig:
 
     @property
     def baseline_m(self) -> float:
-        """Distance of the first emitter from the camera, metres; 0 without an emitter."""
-        if not self.emitters:
-            return 0.0
-        return norm(np.array(self.emitters[0].position_m))
+        """Distance between the two views that give a disparity, metres; 0 without two views.
+
+        The views are the imagers; those of one imager and the first emitter; or those of the
+        camera and the first emitter.
+        """
+        return norm(np.array(self.second_view_m))
 
     @property
-    def emitter_m(self) -> tuple[float, float, float]:
+    def second_view_m(self) -> Point:
+        """From the first to the second of the views of ``baseline_m``, metres."""
+        views = [*self.imagers_m, *(e.position_m for e in self.emitters)]
+        if not self.imagers_m:
+            views.insert(0, (0.0, 0.0, 0.0))
+        if len(views) < 2:
+            return (0.0, 0.0, 0.0)
+        (ax, ay, az), (bx, by, bz) = views[:2]
+        return (bx - ax, by - ay, bz - az)
+
+    def reach_of_views(self, nearest_m: float) -> tuple[int, int, int, int]:
+        """How far around a window the other views show what the camera sees in it, pixels.
+
+        Args:
+            nearest_m: a lower bound of the depths in the scene.
+
+        Returns:
+            (left, top, right, bottom).
+        """
+        if not self.imagers_m:
+            return (0, 0, 0, 0)
+        views = [*self.imagers_m, np.add(self.imagers_m[0], self.second_view_m)]
+        shift = np.array([view[:2] for view in views]) * (self.intrinsics.fx, self.intrinsics.fy)
+        shift = np.ceil(shift / max(nearest_m, self.near_m))
+        low, high = shift.max(axis=0), -shift.min(axis=0)  # a view to the right sees things left
+        return (int(max(low[0], 0)), int(max(low[1], 0)), int(max(high[0], 0)), int(max(high[1], 0)))
+
+    @property
+    def emitter_m(self) -> Point:
         """Where paths of light start: the mean of the emitters, or the origin; camera frame, m."""
         if not self.emitters:
             return (0.0, 0.0, 0.0)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError, did_you_mean
 from glsim.gl.declarations import Layer
 from glsim.gl.shader_source import ShaderSource
+from glsim.geometry.camera import SensorRig
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import (
@@ -19,6 +20,7 @@ from glsim.noise.layer_names import (
     EXPECTED_LAYER,
     FINE_LAYERS,
     FRAME_LAYERS,
+    IMAGER_LAYERS,
     INITIAL_LAYERS,
     NO_PATTERN,
     PATTERN_CONSTANT,
@@ -32,13 +34,15 @@ from glsim.render.renderer import Rendered
 _REASON = Layer("reason", "float")
 
 
-def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
+def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
     """Raise ConfigError if stages do not fit together or do not fit the rig.
 
     Args:
         where: the sensor file, for messages.
     """
     layers = {*INITIAL_LAYERS, *FINE_LAYERS, PATTERN_LAYER}
+    if rig.imagers_m:
+        layers |= {n for n in IMAGER_LAYERS if len(rig.imagers_m) > 1 or n.startswith("left")}
     seen_array_stage: str | None = None
     for stage in stages:
         source = stage.spec.source
@@ -51,6 +55,12 @@ def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
                 "which runs on arrays: put array stages last"
             )
         for name in source.reads:
+            if name in IMAGER_LAYERS and name not in layers:
+                raise ConfigError(
+                    f"{where}: stage {stage.name!r} reads the layer {name!r}, but the rig has "
+                    f"{len(rig.imagers_m)} of the imagers that see it: give it one more under "
+                    "[[rig.imager]]"
+                )
             if name not in layers:
                 raise ConfigError(
                     f"{where}: stage {stage.name!r} reads the layer {name!r}, which no stage "
@@ -62,7 +72,7 @@ def check_chain(stages: Sequence[Stage], baseline_m: float, where: str) -> None:
                     f"{source.file}: glsim binds no uniform {name!r} ({did_you_mean(name, BOUND)})"
                 )
         layers |= {layer.name for layer in source.writes}
-        if baseline_m == 0 and _needs_baseline(stage, source):
+        if rig.baseline_m == 0 and _needs_baseline(stage, source):
             raise ConfigError(
                 f"{where}: stage {stage.name!r} works on disparity, but the rig has no emitter "
                 "beside the camera: give it one under [[rig.emitter]]"
@@ -104,10 +114,11 @@ class ShaderChain:
     ) -> None:
         self._context = context
         linked = linked if linked is not None else LinkedStages(context)
-        # Array stages may read any layer; without them only the layers of a Frame are read back.
+        # Array stages read further layers; without them only those of a Frame are read back.
         wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
-        if any(stage.spec.function is not None for stage in stages):
-            wanted = (*FRAME_LAYERS, "normal", "albedo", "lit")
+        read = [stage.spec.array_reads for stage in stages if stage.spec.function is not None]
+        if read:
+            wanted = tuple(dict.fromkeys((*FRAME_LAYERS, *(name for names in read for name in names))))
         if expected:
             wanted = (*wanted, EXPECTED_LAYER)
         self._wanted: tuple[str, ...] = (*wanted, *extra_layers)

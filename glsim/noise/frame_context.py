@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import SensorRig
+from glsim.geometry.camera import Point, SensorRig
 from glsim.geometry.rect import Rect
 from glsim.settings.seeds import stage_seed
 
 #: Layers by name: (h, w) or (h, w, components) float32 arrays of the window.
 Layers = Mapping[str, NDArray[np.float32]]
+
+_ORIGIN: Point = (0.0, 0.0, 0.0)
+
+
+def _two(points: Sequence[Point]) -> tuple[Point, Point]:
+    """Return the first two points; the last one again, or the origin, for each that is missing."""
+    first = points[0] if points else _ORIGIN
+    return first, points[1] if len(points) > 1 else first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,13 +34,21 @@ class Optics:
         supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
         nearest_m: a lower bound of all depths in the scene.
         focal_px: focal length of the columns.
+        emitters_m: the first two emitters; an emitter that the rig lacks lights nothing.
+        imagers_m: the two imagers; the last one again for each that the rig lacks.
+        second_view_m: from the first to the second of the views that are matched.
+        subject_m: depth of the nearest part of the face, to which cameras expose.
     """
 
-    emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emitter_m: Point = (0.0, 0.0, 0.0)
     modulation_mhz: tuple[float, ...] = ()
     supersample: int = 1
     nearest_m: float = 0.0
     focal_px: float = 1.0
+    emitters_m: tuple[Point, Point] = (_ORIGIN, _ORIGIN)
+    imagers_m: tuple[Point, Point] = (_ORIGIN, _ORIGIN)
+    second_view_m: Point = _ORIGIN
+    subject_m: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,12 +93,14 @@ class FrameContext(_FrameFacts):
         device_seed: int,
         time_s: float = 0.0,
         nearest_m: float = 0.0,
+        subject_m: float = 1.0,
         supersample: int | None = None,
     ) -> FrameContext:
         """Describe a frame of ``rig``.
 
         Args:
             nearest_m: a lower bound of all depths in the scene.
+            subject_m: depth of the nearest part of the face.
             supersample: samples per pixel along each axis of the fine layers (default: the rig's).
         """
         image = rig.intrinsics
@@ -92,6 +110,10 @@ class FrameContext(_FrameFacts):
             supersample=rig.supersample if supersample is None else supersample,
             nearest_m=nearest_m,
             focal_px=image.fx,
+            emitters_m=_two([e.position_m for e in rig.emitters]),
+            imagers_m=_two(rig.imagers_m),
+            second_view_m=rig.second_view_m,
+            subject_m=subject_m,
         )
         return cls(
             window=window,

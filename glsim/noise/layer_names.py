@@ -13,6 +13,10 @@ INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays",
 #: not read it. fine_seen: depth and albedo of the samples; uneven: how much these differ.
 FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 
+#: Layers of rigs with imagers: depth, m, normal with albedo, and the share of the light of each of
+#: the two projectors, as the first (left) and the second (right) imager see them.
+IMAGER_LAYERS = tuple(f"{side}_{n}" for side in ("left", "right") for n in ("clean", "normal", "lit"))
+
 #: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where unknown.
 #: Only chains of sensors with a map have it: their shaders see the constant PATTERN_MAP.
 PATTERN_LAYER, PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"

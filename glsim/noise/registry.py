@@ -16,13 +16,16 @@ from typing import Any
 from glsim.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import ShaderSource, load_source, parse_source
-from glsim.noise import array_stages
+from glsim.noise import array_stages, stereo_matching
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec
 from glsim.plugins import announce_code, load_plugin, plugin_file, plugin_names
 
 #: The folders of the shipped shader stages, below shaders/.
-STAGE_FOLDERS = ("noise", "tof")
+STAGE_FOLDERS = ("noise", "tof", "stereo")
+
+#: The modules of the shipped stages on arrays.
+_ARRAY_MODULES = (array_stages, stereo_matching)
 
 
 @lru_cache(maxsize=1)
@@ -31,8 +34,9 @@ def shipped_stages() -> dict[str, StageSpec]:
     files = [f for folder in STAGE_FOLDERS for f in sorted((SHADER_ROOT / folder).glob("*.glsl"))]
     specs = [_shader_spec(file.stem, file) for file in files]
     specs += [
-        _array_spec(name, getattr(array_stages, name), array_stages.__file__ or "")
-        for name in array_stages.__all__
+        _array_spec(name, getattr(module, name), module.__file__ or "")
+        for module in _ARRAY_MODULES
+        for name in module.__all__
     ]
     return {spec.name: spec for spec in specs}
 
@@ -110,7 +114,7 @@ def _array_spec(name: str, function: Any, file: str) -> StageSpec:
     title = (function.__doc__ or name).strip().splitlines()[0]
     return StageSpec(
         name, f"{name}: {title}", parameters, file,
-        function=function, reach_px=function.stage_reach_px,
+        function=function, reach_px=function.stage_reach_px, array_reads=function.stage_reads,
     )  # fmt: skip
 
 

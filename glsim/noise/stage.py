@@ -60,6 +60,7 @@ class StageSpec:
         parameters: declarations by name.
         file: where it is declared.
         reach_px: how far around a pixel ``function`` reads.
+        array_reads: layers that ``function`` reads besides those of a Frame.
     """
 
     name: str
@@ -69,6 +70,7 @@ class StageSpec:
     source: ShaderSource | None = None
     function: ArrayFunction | None = None
     reach_px: Reach = _own_pixel
+    array_reads: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,7 @@ class Stage:
 
 def array_stage(
     reach_px: Reach = _own_pixel,
+    reads: tuple[str, ...] = ("normal", "albedo", "lit"),
     /,
     **parameters: tuple[str, float, float, float, str, str],
 ) -> Callable[[ArrayFunction], ArrayFunction]:
@@ -112,6 +115,8 @@ def array_stage(
     Args:
         reach_px: how far around a pixel the function reads, so that crops are drawn with that
             margin.
+        reads: the layers that it reads besides clean, depth, reason and infrared; those that the
+            chain does not have are left out.
     """
 
     def mark(function: ArrayFunction) -> ArrayFunction:
@@ -122,6 +127,7 @@ def array_stage(
         }
         function.stage_parameters = declared  # type: ignore[attr-defined]
         function.stage_reach_px = reach_px  # type: ignore[attr-defined]
+        function.stage_reads = reads  # type: ignore[attr-defined]
         return function
 
     return mark

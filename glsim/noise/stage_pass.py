@@ -30,6 +30,12 @@ BOUND: dict[str, Callable[[StageView], object]] = {
     "u_supersample": lambda view: view.optics.supersample,
     "u_focal_px": lambda view: view.optics.focal_px,
     "u_nearest_m": lambda view: view.optics.nearest_m,
+    "u_emitter_1_m": lambda view: view.optics.emitters_m[0],
+    "u_emitter_2_m": lambda view: view.optics.emitters_m[1],
+    "u_imager_1_m": lambda view: view.optics.imagers_m[0],
+    "u_imager_2_m": lambda view: view.optics.imagers_m[1],
+    "u_subject_m": lambda view: view.optics.subject_m,
+    "u_second_view_m": lambda view: view.optics.second_view_m,
 }
 
 

@@ -9,12 +9,16 @@ of a pixel is its clean depth (centres.frag), and the samples are kept for the s
 
 For a rig that keeps its lens distortion, the camera draws a wider pinhole image, and lens.frag
 samples its layers on the distorted grid.
+
+For a rig that triangulates, each imager is drawn like the camera, from its own place:
+
+    mesh --@imager--> left_clean, left_normal (and right_...) --ShadowMap--> left_lit
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 import moderngl
@@ -28,8 +32,9 @@ from glsim.geometry.bounds import (
     out_of_view,
     union,
     vertex_frustum,
+    widened,
 )
-from glsim.geometry.camera import SensorRig
+from glsim.geometry.camera import Point, SensorRig
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
@@ -39,7 +44,7 @@ from glsim.gl.program import link_files
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.mesh_cache import GpuMesh, MeshCache
 from glsim.render.region_pass import REGION, LabelledMesh, RegionPass
-from glsim.render.shadow_map import LIT, ShadowMap
+from glsim.render.shadow_map import LIT, LIT_BY_EACH, ShadowMap, View
 from glsim.render.silhouette import Silhouette, SilhouettePass
 from glsim.render.supersampling import CentrePass, sample_layer, supersampled_pass
 
@@ -47,6 +52,9 @@ CLEAN = Layer("clean", "float")
 NORMAL = Layer("normal", "vec4")
 ALBEDO = Layer("albedo", "float")
 _RAYS = Layer("rays", "vec2")
+
+#: Prefixes of the layers of the first and the second imager.
+_SIDES = ("left", "right")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +64,11 @@ class Rendered:
     Attributes:
         layers: targets by name: clean (m along the axis, 0 = no surface), normal (unit vector
             towards the camera, albedo), albedo, lit (0 to 1), and region if labels were given; for
-            a rig that supersamples also fine_seen (depth and albedo of the samples) and uneven.
+            a rig that supersamples also fine_seen (depth and albedo of the samples) and uneven; for
+            one with imagers also those of glsim.noise.layer_names.IMAGER_LAYERS.
         window: the part of the frame that the layers hold.
         nearest_m: a lower bound of all depths in the scene.
+        subject_m: the same of the first mesh, the face.
         silhouette: limits passes to the pixels with a surface.
         rays: x/z and y/z of each pixel's ray, the whole frame; the renderer owns this target.
         pool: owner of the other targets; later passes of the frame take their targets from it.
@@ -67,6 +77,7 @@ class Rendered:
     layers: Mapping[str, Target]
     window: Rect
     nearest_m: float
+    subject_m: float
     silhouette: Silhouette
     rays: Target
     pool: TargetPool
@@ -137,10 +148,12 @@ class Renderer:
                     continue
                 wanted = image_window(box, self._sight, visible, reach_px, around)
             windows.append(wanted)
-        window = union(windows)
         uploaded = [self._meshes.upload(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
         corners_m = np.concatenate(boxes)
+        nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
+        reach = self.rig.reach_of_views(nearest_m)
+        window = widened(union(windows), self._sight, reach)
         with self._pool.scope() as held:
             layers = self._draw_surface(uploaded, views, window)
             held += layers.values()
@@ -148,18 +161,59 @@ class Renderer:
                 pixels = self._centres.draw(self._pool, layers["fine_seen"], window)
                 held += pixels.values()
                 layers |= pixels
-            with self._silhouettes.draw(layers.get("uneven", layers["clean"]), window) as seen:
+            with ExitStack() as silhouettes:
+                uneven = layers.get("uneven", layers["clean"])
+                seen = silhouettes.enter_context(self._silhouettes.draw(uneven, window))
                 casting = uploaded if self.rig.shadow_map else []
-                arrays = [mesh.projector for mesh in casting]
-                layers[LIT.name] = self._shadow_map.draw(
-                    layers, window, seen, arrays, views, corners_m
-                )
-                held.append(layers[LIT.name])
+                layers |= self._draw_light(
+                    View(layers, seen), uploaded, casting, views, corners_m, window,
+                    held, silhouettes,
+                )  # fmt: skip
                 if labels:
                     layers[REGION.name] = self._draw_regions(uploaded, labels, views, window)
                     held.append(layers[REGION.name])
-                nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
-                yield Rendered(layers, window, nearest_m, seen, self._rays, self._pool)
+                subject_m = max(self.rig.near_m, float(boxes[0][:, 2].min()))
+                yield Rendered(
+                    layers, window, nearest_m, subject_m, seen, self._rays, self._pool
+                )
+
+    def _draw_light(
+        self,
+        camera: View,
+        meshes: Sequence[GpuMesh],
+        casting: Sequence[GpuMesh],
+        views: Sequence[NDArray[np.float32]],
+        corners_m: NDArray[np.float64],
+        window: Rect,
+        held: list[Target],
+        silhouettes: ExitStack,
+    ) -> dict[str, Target]:
+        """Draw the imagers' depth and normals, and the light that the camera and they see.
+
+        Args:
+            meshes: what the imagers see.
+            casting: what casts shadows.
+            views: one (4, 4) matrix per mesh of both.
+            held: gets the targets that are drawn.
+            silhouettes: gets the imagers' silhouettes.
+        """
+        seen, layers = [camera], {}
+        for side, eye_m in zip(_SIDES, self.rig.imagers_m, strict=False):
+            drawn, silhouette = camera.layers, camera.silhouette
+            if any(eye_m):
+                moved = [_moved(view, eye_m) for view in views]
+                drawn = self._draw_surface(meshes, moved, window)
+                held += drawn.values()
+                silhouette = silhouettes.enter_context(
+                    self._silhouettes.draw(drawn["clean"], window)
+                )
+            layers |= {f"{side}_{name}": drawn[name] for name in ("clean", "normal")}
+            seen.append(View(drawn, silhouette, eye_m, LIT_BY_EACH))
+        arrays = [mesh.projector for mesh in casting]
+        names = (LIT.name, *(f"{side}_{LIT.name}" for side in _SIDES))
+        lit = self._shadow_map.draw(seen, window, arrays, views, corners_m)
+        held += lit
+        return layers | dict(zip(names, lit, strict=False))
 
     @contextmanager
     def light_depth_map(
@@ -179,22 +233,24 @@ class Renderer:
         albedo = np.where(clean_m > 0, np.float32(SKIN_ALBEDO), np.float32(0.0))
         view = pose_matrix({})
         box = np.zeros((0, 3)) if surface is None else bounding_corners(surface.vertices_mm, view)
-        if surface is None or not self.rig.shadow_map:
-            casting = []
-        else:
-            casting = [self._meshes.upload(surface)]
-        arrays, views = [mesh.projector for mesh in casting], [view] * len(casting)
-        with self._pool.scope() as held, self._silhouettes.draw(None, window) as everywhere:
+        meshes = [] if surface is None else [self._meshes.upload(surface)]
+        casting = meshes if self.rig.shadow_map else []
+        with self._pool.scope() as held, ExitStack() as silhouettes:
+            everywhere = silhouettes.enter_context(self._silhouettes.draw(None, window))
             layers = {
                 "clean": self._pool.upload(CLEAN, clean_m),
                 "normal": self._pool.upload(NORMAL, np.dstack([normal, albedo])),
                 "albedo": self._pool.upload(ALBEDO, albedo),
             }
             held += layers.values()
-            layers[LIT.name] = self._shadow_map.draw(layers, window, everywhere, arrays, views, box)
-            held.append(layers[LIT.name])
+            layers |= self._draw_light(
+                View(layers, everywhere), meshes, casting, [view] * len(meshes), box, window,
+                held, silhouettes,
+            )  # fmt: skip
             nearest_m = float(clean_m[clean_m > 0].min(initial=np.inf))
-            yield Rendered(layers, window, nearest_m, everywhere, self._rays, self._pool)
+            yield Rendered(
+                layers, window, nearest_m, nearest_m, everywhere, self._rays, self._pool
+            )
 
     def _draw_surface(
         self,
@@ -257,6 +313,13 @@ class Renderer:
             for mesh, numbers in zip(meshes, labels, strict=True)
         ]
         return self._regions.draw(labelled, views, window)
+
+
+def _moved(view: NDArray[np.float32], eye_m: Point) -> NDArray[np.float32]:
+    """Return a (4, 4) matrix to the frame of a camera that stands at ``eye_m``, metres."""
+    moved = view.copy()
+    moved[:3, 3] -= eye_m
+    return moved
 
 
 def _lens_pass(context: moderngl.Context, rig: SensorRig) -> FullscreenPass:

@@ -3,12 +3,14 @@
     meshes --projector.vert @emitter--> z-buffer
     clean, normal + z-buffer --lit.frag--> lit
 
-Emitters are drawn one after the other into the same z-buffer; each adds its share to ``lit``.
+Emitters are drawn one after the other into the same z-buffer; each adds its share to ``lit`` of
+the camera and of each imager.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import moderngl
@@ -16,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.geometry.bounds import FieldOfView, Frustum, emitter_frustum
-from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
+from glsim.geometry.camera import Emitter, Intrinsics, Point, SensorRig
 from glsim.geometry.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
@@ -25,6 +27,8 @@ from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.silhouette import Silhouette
 
 LIT = Layer("lit", "float")
+#: What an imager sees of each of two projectors, whose patterns differ.
+LIT_BY_EACH = Layer("lit", "vec2")
 
 #: Texels of an emitter's z-buffer per camera pixel, so that shadow edges are finer than the image.
 _TEXELS_PER_PIXEL = 1.5
@@ -32,8 +36,25 @@ _TEXELS_PER_PIXEL = 1.5
 _SIDE_TEXELS = 2048
 
 
+@dataclass(frozen=True, eq=False)
+class View:
+    """What one camera of the rig sees, and where its light goes.
+
+    Args:
+        layers: its clean and normal.
+        silhouette: of its clean.
+        eye_m: its place, camera frame, metres.
+        lit: the layer that is drawn: LIT or LIT_BY_EACH.
+    """
+
+    layers: Mapping[str, Target]
+    silhouette: Silhouette
+    eye_m: Point = (0.0, 0.0, 0.0)
+    lit: Layer = LIT
+
+
 class ShadowMap:
-    """Draws the layer ``lit`` for one rig."""
+    """Draws the layer ``lit`` for the views of one rig."""
 
     def __init__(self, pool: TargetPool, rig: SensorRig, sight: FieldOfView, rays: Target) -> None:
         """Take the rig, its field of view, and a target that holds ``rig.rays()``."""
@@ -61,35 +82,39 @@ class ShadowMap:
 
     def draw(
         self,
-        layers: Mapping[str, Target],
+        seen: Sequence[View],
         window: Rect,
-        silhouette: Silhouette,
         arrays: Sequence[moderngl.VertexArray],
         views: Sequence[NDArray[np.float32]],
         corners_m: NDArray[np.float64],
-    ) -> Target:
-        """Return a target with the share of the emitters' light that reaches each pixel, 0 to 1.
+    ) -> list[Target]:
+        """Return one target per view with the share of the light that reaches each pixel, 0 to 1.
 
         Raises MeshError if an emitter is inside the scene.
 
         Args:
-            layers: clean and normal of ``window``.
             arrays: the meshes that cast shadows, with ``program``; without any, or without an
                 emitter, all pixels hold 1.
             views: one (4, 4) matrix per mesh, canonical mm to camera m.
             corners_m: (N, 3) the corners of their bounding boxes, camera frame.
         """
         emitters = self._rig.emitters if arrays else ()
-        lit = self._pool.take(LIT, window)
-        buffer = self._pool.framebuffer([lit])
-        buffer.use()
-        buffer.clear(0.0 if emitters else 1.0, viewport=window)
-        for emitter in emitters:
+        targets = []
+        for view in seen:
+            targets.append(self._pool.take(view.lit, window))
+            buffer = self._pool.framebuffer(targets[-1:])
+            buffer.use()
+            level = 0.0 if emitters else 1.0
+            buffer.clear(level, level, viewport=window)
+        for number, emitter in enumerate(emitters):
             box = emitter_frustum(corners_m, self._sight, emitter.position_m)
             box = box.widened(emitter.spread_m * (1 / box.near_m - 1 / box.far_m))
             self._draw_depth(emitter, box, arrays, views)
-            self._add_light(lit, layers, window, silhouette, 1.0 / len(emitters))
-        return lit
+            own = (1.0, 0.0) if number == 0 else (0.0, 1.0)
+            for view, lit in zip(seen, targets, strict=True):
+                weight = (1.0 / len(emitters), 0.0) if view.lit is LIT else own
+                self._add_light(lit, view, window, weight)
+        return targets
 
     def _draw_depth(
         self,
@@ -125,16 +150,15 @@ class ShadowMap:
     def _add_light(
         self,
         lit: Target,
-        layers: Mapping[str, Target],
+        view: View,
         window: Rect,
-        silhouette: Silhouette,
-        weight: float,
+        weight: tuple[float, float],
     ) -> None:
-        """Add one emitter's light to ``lit``, times ``weight``."""
+        """Add one emitter's light to ``lit`` of a view, times ``weight`` per component."""
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         program = self._pass.program
         for unit, name in enumerate(("clean", "normal")):
-            layers[name].texture.use(unit)
+            view.layers[name].texture.use(unit)
             program[f"u_{name}"] = unit
         self._rays.texture.use(2)
         self._depth.use(3)
@@ -142,6 +166,7 @@ class ShadowMap:
         self._unfiltered.use(4)
         program["u_rays"], program["u_projector"], program["u_projector_depth"] = 2, 3, 4
         program["u_weight"] = weight
-        with silhouette.limits([lit], window, None, moderngl.BLEND):
+        program["u_eye_m"] = view.eye_m
+        with view.silhouette.limits([lit], window, None, moderngl.BLEND):
             self._pass.draw()
         self._unfiltered.clear(4)

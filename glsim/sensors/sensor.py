@@ -16,6 +16,8 @@ fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written 
 position_m = [0.045, 0, 0]
 spread_m = 0.005          optional: three points instead of one, this far apart
 path_from_m = [0.04, 0, 0]   optional: where the decoder counts paths from, if elsewhere
+[[rig.imager]]            stereo: two; structured light: one, matched with the first emitter's dots
+position_m = [0, 0, 0]
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
 name = "axial"            optional; required if a stage is used twice
@@ -39,6 +41,7 @@ from glsim.noise.layer_names import PATTERN_LAYER
 from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
+from glsim.noise.triangulation import check_triangulation
 from glsim.plugins import load_plugin, plugin_file, plugin_names
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.sensors.wiggling import Wave, stage_waves
@@ -69,6 +72,10 @@ class _EmitterTable(TomlTable, allow_inf_nan=False):
     path_from_m: tuple[_Metres, _Metres, _Metres] | None = None
 
 
+class _ImagerTable(TomlTable, allow_inf_nan=False):
+    position_m: tuple[_Metres, _Metres, _Metres]
+
+
 class _DistortionTable(TomlTable, allow_inf_nan=False):
     k1: float = 0.0
     k2: float = 0.0
@@ -83,6 +90,7 @@ class _RigTable(TomlTable, allow_inf_nan=False):
     focal_px: tuple[_Pixels, _Pixels]
     centre_px: tuple[_Pixels, _Pixels]
     emitter: tuple[_EmitterTable, ...] = ()
+    imager: tuple[_ImagerTable, ...] = ()
     distortion: _DistortionTable = _DistortionTable()
     deliver: Literal["undistorted", "raw"] = "undistorted"
     near_m: float = Field(0.1, gt=0)
@@ -120,6 +128,7 @@ class _RigTable(TomlTable, allow_inf_nan=False):
             self.supersample,
             self.modulation_mhz,
             self.shadow_map,
+            tuple(i.position_m for i in self.imager),
         )
 
 
@@ -180,6 +189,7 @@ class Sensor:
             "emitters_m": [list(e.position_m) for e in self.rig.emitters],
             "emitter_spreads_m": [e.spread_m for e in self.rig.emitters],
             "path_from_m": list(self.rig.emitter_m),
+            **({"imagers_m": [list(i) for i in self.rig.imagers_m]} if self.rig.imagers_m else {}),
             "modulation_mhz": list(self.rig.modulation_mhz),
             "supersample": self.rig.supersample,
             "stages": [
@@ -276,7 +286,8 @@ def load_sensor(
             )
     rig = table.rig.rig()
     check_light(stages, rig, str(file))
-    check_chain(stages, rig.baseline_m, str(file))
+    check_chain(stages, rig, str(file))
+    check_triangulation(stages, rig, str(file))
     _check_shadow(stages, rig, str(file))
     pattern_map = _pattern_map(table.rig, stages, file)
     waves = table.rig.wiggling or stage_waves(stages, rig.modulation_mhz)

@@ -1,6 +1,7 @@
 #version 330 core
 // lit: shadow mapping: the share of a pixel that an emitter lights, from the emitter's z-buffer.
-// One pass per emitter, summed up; u_weight is 1 / number of emitters. A spread emitter is three
+// One pass per emitter, summed up; u_weight is 1 / number of emitters, or in the component of the
+// emitter's own for an imager, which keeps projectors apart. A spread emitter is three
 // points, its centre and its ends; visibility from the ends is found by ray marching in the z-buffer
 // of the centre, along the line from the surface to the end.
 uniform sampler2D u_clean;
@@ -13,7 +14,8 @@ uniform vec2 u_spread_m;   // from the centre of the emitter to its end; 0 for a
 uniform vec4 u_map;        // tangents (x/z, y/z) to texture coordinates: scale.xy, offset.zw
 uniform vec2 u_map_range;  // near and far plane of the z-buffer, m
 uniform float u_texel;     // size of a texel of the z-buffer, tangent units
-uniform float u_weight;
+uniform vec2 u_weight;
+uniform vec3 u_eye_m;      // where u_clean is seen from
 
 // A surface that is flat over a texel differs by its slope times at most one texel from the depth
 // at the texel's centre (bilinear: 1 in x and in y). Beyond a slope of ten it is grazing, and more
@@ -30,7 +32,7 @@ const float MAX_SLOPE = 10.0;
 const float THICKNESS_M = 0.1;
 const int MAX_WALK = 64; // texels: 15 mm of spread from 0.5 m to any distance are 16
 
-out float lit;
+out vec2 lit; // the second component only for imagers
 
 // A depth seen from the emitter, m, to the value in the z-buffer; and that value to 1 / depth.
 float to_stored(float z) {
@@ -65,9 +67,9 @@ vec2 reached(vec2 tangent, float z, float spread, vec2 direction, float bias) {
 void main() {
     vec2 here = gl_FragCoord.xy / vec2(textureSize(u_clean, 0));
     float depth = textureLod(u_clean, here, 0.0).r;
-    lit = 0.0;
+    lit = vec2(0.0);
     if (depth <= 0.0) return;
-    vec3 position = vec3(textureLod(u_rays, here, 0.0).rg, 1.0) * depth;
+    vec3 position = vec3(textureLod(u_rays, here, 0.0).rg, 1.0) * depth + u_eye_m;
     vec3 normal = textureLod(u_normal, here, 0.0).xyz;
     vec3 seen = position - u_emitter_m; // from the emitter
     float facing = -dot(normal, seen) / seen.z;

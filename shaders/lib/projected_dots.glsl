@@ -1,0 +1,57 @@
+// projected_dots: the light of a projector's dots on a surface, as an imager sees it.
+// One dot lies in each cell of a square grid of directions from the projector, at a place drawn by a hash.
+#include "lib/random.glsl"
+#include "lib/layers.glsl"
+
+uniform float gain_counts = 600.0;      //@ [0, 65535; 0, 400] counts light between a dot's centre and its surroundings on white paper at 1 m, facing the projector; chosen: cameras expose automatically
+uniform float ambient_counts = 40.0;     //@ [0, 65535; 0, 400] counts even light on white paper, from everywhere; chosen
+uniform float flood = 0.1;              //@ [0, 1]      1    the projector's light between its dots over that at a dot's centre; with the ambient light it makes the contrast of 0.5 that a real D435's dots have on cardboard
+uniform float dot_spacing_mrad = 23.9;  //@ [2, 200]    mrad distance of dots, tangent of the angle times 1000; measured on a D435's infrared image: 9.7 dots per 1000 px at f = 424 px
+uniform float dot_sigma_mrad = 2.0;     //@ [0.3, 20]   mrad size of a dot, standard deviation; with the imager's blur 1.2 px, as measured on the same image
+uniform float dot_disorder = 0.9;       //@ [0, 0.9]    1    part of its cell in which a dot's place is drawn; measured: no lattice is seen; 0 is a lattice
+uniform float dot_variation = 0.4;      //@ [0, 1]      1    dots differ in brightness by up to this share, even distribution; chosen
+uniform float fall_off_power = 1.0;     //@ [0, 16]     1    the light falls with this power of the cosine to the projector's axis, besides distance and angle of incidence; chosen
+
+uniform uint u_device_seed;
+uniform vec3 u_emitter_1_m;
+uniform vec3 u_emitter_2_m;
+
+// Brightness of a pattern in a direction from its projector: 1 at the centre of a mean dot.
+float dots(vec2 tangent, uint key) {
+    float spacing = 0.001 * dot_spacing_mrad;
+    vec2 place = tangent / spacing;
+    ivec2 first = ivec2(floor(place - 0.5));
+    float narrowness = -0.5 * (dot_spacing_mrad / dot_sigma_mrad) * (dot_spacing_mrad / dot_sigma_mrad);
+    float sum = 0.0;
+    for (int y = 0; y < 2; y++) {
+        for (int x = 0; x < 2; x++) { // a dot of another cell is at least half a cell away
+            ivec2 cell = first + ivec2(x, y);
+            uint word = pcg_word(uint(cell.x) + pcg_word(uint(cell.y) + key));
+            vec2 drawn = vec2(float(word & 2047u), float((word >> 11u) & 2047u)) / 2047.0 - 0.5;
+            vec2 offset = place - (vec2(cell) + 0.5 + dot_disorder * drawn);
+            float brightness = 1.0 + dot_variation * (2.0 * float(word >> 22u) / 1023.0 - 1.0);
+            sum += brightness * exp(narrowness * dot(offset, offset));
+        }
+    }
+    return sum;
+}
+
+// Irradiance by one projector, whose light reaches the point by the share ``lit``.
+float projected(vec3 point, vec3 normal, vec3 emitter, float lit, uint key) {
+    vec3 way = point - emitter;
+    float squared = dot(way, way);
+    float facing = max(-dot(normal, way) * inversesqrt(squared), 0.0);
+    float pattern = flood + (1.0 - flood) * dots(way.xy / way.z, key);
+    float cosine = way.z * inversesqrt(squared);
+    return lit * facing / squared * pattern * pow(cosine, fall_off_power);
+}
+
+// Light, counts, that an imager gets of a surface.
+// shape: normal and albedo; lit: the share of the light of each projector; point: camera frame, m.
+float imaged_light(float depth, vec4 shape, vec2 lit, vec3 point) {
+    if (depth <= 0.0) return 0.0;
+    uint key = pcg_word(u_device_seed);
+    float light = lit.x > 0.0 ? projected(point, shape.xyz, u_emitter_1_m, lit.x, key) : 0.0;
+    if (lit.y > 0.0) light += projected(point, shape.xyz, u_emitter_2_m, lit.y, key + 1u);
+    return shape.w * (gain_counts * light + ambient_counts);
+}
