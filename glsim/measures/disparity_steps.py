@@ -97,11 +97,8 @@ def find_steps(disparity: Array) -> Steps:
     found = [entry for row, line in enumerate(disparity) for entry in _row_steps(line, row)]
     table = np.array(found, np.float64).reshape(-1, 8)
     table = table[_goes_on(table)]
-    right, row, column, gap, empty, step, near, between = table.T
-    row, column, gap, empty, near, between = (
-        part.astype(np.int64) for part in (row, column, gap, empty, near, between)
-    )
-    return Steps(right > 0, row, column, gap, empty, step, near, between)
+    right, row, column, gap, empty, near, between = np.delete(table, 5, axis=1).astype(np.int64).T
+    return Steps(right > 0, row, column, gap, empty, table[:, 5], near, between)
 
 
 def _row_steps(line: Array, row: int) -> list[tuple[float, ...]]:
