@@ -2,6 +2,7 @@
 
 ``frame`` holds frames in memory, ``static`` says which of them show one view. ``temporal``,
 ``spatial``, ``pattern``, ``light``, ``silhouettes``, ``validity`` and ``boards`` measure one fact
-of such frames each; ``stacks`` measures arrays of many frames of one scene, ``depth_errors`` pairs
+of such frames each; ``disparity``, ``disparity_steps`` and ``lattice`` measure cameras that match
+pixels or dots; ``stacks`` measures arrays of many frames of one scene, ``depth_errors`` pairs
 with a clean map. ``correlation``, ``cells`` and ``surfaces`` serve all of them.
 """

@@ -1,4 +1,4 @@
-"""Share of pixels without depth, over the radius from the principal point."""
+"""Pixels without depth: their share over the radius, and how many change between frames."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.measures.frame import DepthFrame
 
@@ -28,3 +29,25 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
         (inner, outer, float(s))
         for (inner, outer), s in zip(pairwise(RINGS_PX), share, strict=True)
     )
+
+
+def hole_share(images: Sequence[NDArray[np.floating]]) -> float:
+    """Return the share of pixels without depth (NaN) of all images together."""
+    return float(np.mean([np.isnan(image).mean() for image in images]))
+
+
+def flip_share(images: Sequence[NDArray[np.floating]], pairs: Sequence[tuple[int, int]]) -> float:
+    """Return the share of pixels that have depth (not NaN) in one frame of a pair only.
+
+    Args:
+        images: (H, W) depth or disparity of each frame.
+        pairs: numbers of two frames of one view each.
+
+    Returns:
+        The mean over the pairs; NaN without pairs.
+
+    """
+    if not pairs:
+        return float("nan")
+    flips = [(np.isnan(images[a]) != np.isnan(images[b])).mean() for a, b in pairs]
+    return float(np.mean(flips))

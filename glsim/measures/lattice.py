@@ -1,0 +1,179 @@
+"""The lattice of depths: values that are round(K / (n + offset)) with whole n.
+
+A stereo matcher delivers disparity in steps (1/32 px in a RealSense D400, 1/8 px in a Kinect V1),
+so that K = focal length times baseline times the steps a pixel, in units of the depth files. The
+constant tells the cameras apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Range of K that is searched, in units of the files. Derived: 18 mm x 190 px in 1 mm units and
+#: steps of 1/8 px (27,000) to 95 mm x 650 px in 0.1 mm and 1/32 px (20 million).
+LEAST_CONSTANT, MOST_CONSTANT = 2.5e4, 2.5e7
+#: A depth speaks for a lattice if by chance it would lie on it with less than this probability.
+_TELLING = 0.7
+#: Share of depths that a lattice may miss for other reasons, such as files that mix cameras.
+_STRAY = 0.02
+#: Depths used for the search; all are used for the result.
+_SEARCHED = 150
+#: Rounding is half a step; the rest is for constants between two tries.
+_TOLERANCE = 0.5 + 1e-6
+#: Offsets that are tried, steps. The D400's is 0; the Kinect V1 counts from a reference plane.
+_OFFSETS = tuple(k / 10 for k in range(1, 10))
+#: Largest value of files whose lattice may have an offset: a Kinect V1 sees 10 m in steps of 1 mm.
+_MOST_WITH_OFFSET = 10_000
+#: Share of the telling depths that lie on a lattice, and their number, to accept it; chosen.
+LEAST_ON_LATTICE, LEAST_TELLING = 0.97, 12
+#: Largest value of 16 bits: the files clip there.
+_CLIPPED = 65535
+#: Candidates of a search at once: 16 MB of numbers.
+_CHUNK = 1 << 16
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A lattice of depth values.
+
+    Attributes:
+        constant: K, in units of the depth files.
+        offset: added to the whole number, 0 to 1.
+        share: of the telling depths that lie on it.
+        telling: number of different depths that would rarely lie on it by chance.
+        error: half the range of K that fits as many depths.
+
+    """
+
+    constant: float
+    offset: float
+    share: float
+    telling: int
+    error: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the depths are on this lattice, and enough of them say so."""
+        return self.share >= LEAST_ON_LATTICE and self.telling >= LEAST_TELLING
+
+
+def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0) -> Array:
+    """Return the sorted different values of depth files, in units of the files.
+
+    Args:
+        frames: (H, W) depths each, mm, 0 or NaN = no depth.
+        unit_mm: step of the files.
+
+    """
+    found: set[int] = set()
+    for frame in frames:
+        steps = np.rint(np.nan_to_num(np.asarray(frame, np.float64)) / unit_mm).astype(np.int64)
+        found.update(np.unique(steps).tolist())
+    return np.array(sorted(v for v in found if 0 < v < _CLIPPED), np.float64)
+
+
+def on_lattice(values: Array, constant: float, offset: float = 0.0) -> NDArray[np.bool_]:
+    """Return which values are round(K / (n + offset)) with a whole n of 1 or more.
+
+    Args:
+        values: depths, units of the files.
+        constant: K.
+        offset: added to n.
+
+    """
+    middle = np.rint(constant / values - offset)
+    fits = np.zeros(values.shape, np.bool_)
+    for step in (-1, 0, 1):  # the next whole number may round to the value as well
+        place = np.maximum(middle + step, 1.0) + offset
+        fits |= np.abs(constant / place - values) <= _TOLERANCE
+    return fits
+
+
+def lattice_share(values: Array, constant: float, offset: float = 0.0) -> float:
+    """Return the share of the telling values on a lattice; NaN if none would tell."""
+    telling = constant / values**2 < _TELLING
+    if not telling.any():
+        return float("nan")
+    return float(on_lattice(values[telling], constant, offset).mean())
+
+
+def estimate_lattice(values: Array) -> Lattice | None:
+    """Find the lattice of a recording without a label.
+
+    The constant of the largest likelihood wins: multiples of K fit as well, but would fit by chance
+    more often.
+
+    Args:
+        values: different depths, units of the files, see ``distinct_values``.
+
+    Returns:
+        The likeliest lattice, accepted or not; None if there are too few depths.
+
+    """
+    if values.size < LEAST_TELLING:
+        return None
+    best = _refined(values, _searched(values, 0.0), 0.0)
+    if best.accepted or values.max() > _MOST_WITH_OFFSET:
+        return best
+    shifted = [_refined(values, _searched(values, offset), offset) for offset in _OFFSETS]
+    close = max(shifted, key=_hits)
+    fine = close.offset + np.linspace(-0.1, 0.1, 11)
+    shifted += [_refined(values, close.constant, float(o)) for o in fine if 0.0 <= o < 1.0]
+    return max([best, *shifted], key=_hits)
+
+
+def _hits(lattice: Lattice) -> float:
+    return lattice.share * lattice.telling
+
+
+def _searched(values: Array, offset: float) -> float:
+    """Return the constant of the largest likelihood, on a grid of a third of a step at the end."""
+    far = np.sort(values)[::-1]
+    some = far[np.unique(np.linspace(0, far.size - 1, _SEARCHED).astype(int))]
+    step = 1.0 / (3.0 * float(far[0]))
+    logs = np.arange(np.log(LEAST_CONSTANT), np.log(MOST_CONSTANT), step)
+    best, highest = LEAST_CONSTANT, -np.inf
+    for start in range(0, len(logs), _CHUNK):
+        constants = np.exp(logs[start : start + _CHUNK])
+        likelihood = _likelihood(some, constants, offset)
+        place = int(likelihood.argmax())
+        if likelihood[place] > highest:
+            best, highest = float(constants[place]), float(likelihood[place])
+    return best
+
+
+def _likelihood(values: Array, constants: Array, offset: float) -> Array:
+    """Return the log of the likelihood of a lattice over that of any whole numbers, (K,)."""
+    total = np.zeros(len(constants))
+    for value in values:
+        chance = np.minimum(constants / value**2, 1.0)
+        telling = chance < _TELLING
+        place = np.maximum(np.rint(constants / value - offset), 1.0) + offset
+        fits = np.abs(constants / place - value) <= _TOLERANCE
+        with np.errstate(divide="ignore"):
+            miss = np.log(_STRAY) - np.log1p(-chance)
+        total += np.where(telling, np.where(fits, np.log1p(-_STRAY) - np.log(chance), miss), 0.0)
+    return total
+
+
+def _refined(values: Array, constant: float, offset: float) -> Lattice:
+    """Return the lattice in the middle of the constants near by that fit the most values."""
+    telling = values[constant / values**2 < _TELLING]
+    if telling.size == 0:
+        return Lattice(constant, offset, 0.0, 0, float("nan"))
+    reach = 3.0 / float(telling.max())
+    near = constant * (1.0 + np.linspace(-reach, reach, 1201))
+    hits = np.zeros(len(near))
+    for value in telling:
+        place = np.maximum(np.rint(near / value - offset), 1.0) + offset
+        hits += np.abs(near / place - value) <= _TOLERANCE
+    good = near[hits == hits.max()]
+    middle = float(good[len(good) // 2])
+    share = lattice_share(telling, middle, offset)
+    return Lattice(middle, offset, share, int(telling.size), float(np.ptp(good)) / 2.0)
