@@ -16,13 +16,16 @@ from typing import Any
 from glsim.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import ShaderSource, load_source, parse_source
-from glsim.noise import array_stages
+from glsim.noise import array_stages, realsense_filters
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec
 from glsim.plugins import announce_code, load_plugin, plugin_file, plugin_names
 
 #: The folders of the shipped shader stages, below shaders/.
 STAGE_FOLDERS = ("noise", "tof")
+
+#: The modules of the shipped array stages; ``__all__`` of a module names its stages.
+ARRAY_MODULES = (array_stages, realsense_filters)
 
 
 @lru_cache(maxsize=1)
@@ -31,8 +34,9 @@ def shipped_stages() -> dict[str, StageSpec]:
     files = [f for folder in STAGE_FOLDERS for f in sorted((SHADER_ROOT / folder).glob("*.glsl"))]
     specs = [_shader_spec(file.stem, file) for file in files]
     specs += [
-        _array_spec(name, getattr(array_stages, name), array_stages.__file__ or "")
-        for name in array_stages.__all__
+        _array_spec(name, getattr(module, name), module.__file__ or "")
+        for module in ARRAY_MODULES
+        for name in module.__all__
     ]
     return {spec.name: spec for spec in specs}
 
