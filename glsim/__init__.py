@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from glsim.geometry.mesh import Mesh
     from glsim.gl.context import open_context
     from glsim.meshio import load_mesh
+    from glsim.noise.realsense_filters import filter_sequence
     from glsim.noise.stage import array_stage
     from glsim.pipeline import Simulator, open_sources, simulate
     from glsim.plan.tasks import make_tasks
@@ -65,6 +66,7 @@ _HOME = {
     "array_stage": "glsim.noise.stage",
     "evaluate": "glsim.eval.scoring.run",
     "export_dataset": "glsim.exports",
+    "filter_sequence": "glsim.noise.realsense_filters",
     "generate": "glsim.dataset",
     "load_denoiser": "glsim.denoise",
     "load_mesh": "glsim.meshio",
@@ -107,6 +109,7 @@ __all__ = [
     "array_stage",
     "evaluate",
     "export_dataset",
+    "filter_sequence",
     "generate",
     "load_denoiser",
     "load_mesh",

@@ -31,6 +31,11 @@ PATTERN_LAYER, PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
 #: depend on the scene.
 EXPECTED_LAYER, EXPECTED_CONSTANT = "expected", "EXPECTED"
 
+#: Depth of N earlier frames of the same still scene, (h, w, N) metres, oldest first: other draws of
+#: the noise of the same device, a function of the frame's seed. A stage on arrays may write it;
+#: temporal_filter reads it.
+EARLIER_LAYER = "earlier_depth"
+
 #: Stands for NaN, which GLSL compilers may assume away: larger than any error.
 NO_PATTERN = np.float32(1e6)
 

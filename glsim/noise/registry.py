@@ -16,7 +16,7 @@ from typing import Any
 from glsim.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import ShaderSource, load_source, parse_source
-from glsim.noise import array_stages, stereo_matching
+from glsim.noise import array_stages, realsense_filters, stereo_matching
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec
 from glsim.plugins import announce_code, load_plugin, plugin_file, plugin_names
@@ -24,8 +24,8 @@ from glsim.plugins import announce_code, load_plugin, plugin_file, plugin_names
 #: The folders of the shipped shader stages, below shaders/.
 STAGE_FOLDERS = ("noise", "tof", "stereo")
 
-#: The modules of the shipped stages on arrays.
-_ARRAY_MODULES = (array_stages, stereo_matching)
+#: The modules of the shipped array stages; ``__all__`` of a module names its stages.
+ARRAY_MODULES = (array_stages, realsense_filters, stereo_matching)
 
 
 @lru_cache(maxsize=1)
@@ -35,7 +35,7 @@ def shipped_stages() -> dict[str, StageSpec]:
     specs = [_shader_spec(file.stem, file) for file in files]
     specs += [
         _array_spec(name, getattr(module, name), module.__file__ or "")
-        for module in _ARRAY_MODULES
+        for module in ARRAY_MODULES
         for name in module.__all__
     ]
     return {spec.name: spec for spec in specs}

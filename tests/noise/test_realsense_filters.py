@@ -1,0 +1,396 @@
+"""librealsense's filters: the rules on small arrays, against loops, and on correlated noise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glsim.errors import ConfigError
+from glsim.noise.layer_names import EARLIER_LAYER
+from glsim.noise.realsense_filters import (
+    fill_holes,
+    fill_rows,
+    filter_sequence,
+    hole_filling,
+    smooth_disparity,
+    smooth_in_time,
+    spatial_filter,
+    temporal_filter,
+    threshold_filter,
+)
+from glsim.noise.registry import find_stage
+from glsim.reason import Reason
+from tests.support.stage_harness import FOCAL_BASELINE, Image, frame
+
+#: A view of a rig of 365 px and 75 mm.
+VIEW = frame().view("filter")
+
+
+def image(*rows: list[float]) -> Image:
+    return np.array(rows, np.float32)
+
+
+def layers_of(depth: Image, clean: Image | None = None) -> dict[str, Image]:
+    reason = np.where(depth > 0, float(Reason.VALID), float(Reason.DROPPED)).astype(np.float32)
+    return {"depth": depth, "clean": depth if clean is None else clean, "reason": reason}
+
+
+def defaults(use: str, **changes: float) -> dict[str, float]:
+    return {n: p.default for n, p in find_stage(use).parameters.items()} | changes
+
+
+def test_a_row_is_filtered_to_the_right_and_back() -> None:
+    """To the right: 8, 8 + 4 / 2 = 10, (16 + 10) / 2 = 13; back: 13, 11.5, 9.75."""
+    smooth = smooth_disparity(image([8.0, 12.0, 16.0]), 0.5, 20.0, 1)
+    np.testing.assert_array_equal(smooth, image([9.75, 11.5, 13.0]))
+
+
+def test_a_column_is_filtered_after_the_rows() -> None:
+    column = image([8.0], [12.0], [16.0])
+    np.testing.assert_array_equal(
+        smooth_disparity(column, 0.5, 20.0, 1), image([9.75], [11.5], [13.0])
+    )
+    # Rows: 7, 6 and 8, 8. Columns down: 7, 6 and 7.5, 7; up: 7.25, 6.5 and the same.
+    square = image([8.0, 4.0], [8.0, 8.0])
+    np.testing.assert_array_equal(
+        smooth_disparity(square, 0.5, 20.0, 1), image([7.25, 6.5], [7.5, 7.0])
+    )
+
+
+def test_the_threshold_compares_neighbours_before_the_pass() -> None:
+    """Steps of 15 are below 20 though the filtered neighbour lags by more."""
+    ramp = image([100.0, 115.0, 130.0, 145.0])
+    right = [100.0, 107.5, 118.75, 131.875]
+    back = [right[3], (right[3] + right[2]) / 2]
+    back.append((back[1] + right[1]) / 2)
+    back.append((back[2] + right[0]) / 2)
+    np.testing.assert_array_equal(smooth_disparity(ramp, 0.5, 20.0, 1)[0], back[::-1])
+    np.testing.assert_array_equal(smooth_disparity(ramp, 0.5, 15.0, 1), ramp)  # less than delta
+
+
+def test_edges_and_holes_end_a_run() -> None:
+    row = image([8.0, 0.0, 16.0, 50.0])
+    np.testing.assert_array_equal(smooth_disparity(row, 0.5, 20.0, 5), row)
+    assert smooth_disparity(image([8.0, 12.0, 0.0, 40.0, 40.0]), 0.5, 20.0, 2)[0, 2] == 0
+
+
+def test_rows_of_holes_are_filled_below_the_length_from_both_sides() -> None:
+    row = image([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 7.0, 0.0])
+    np.testing.assert_array_equal(fill_rows(row, 0), row)
+    np.testing.assert_array_equal(fill_rows(row, 2), image([0.0, 5, 5, 0, 0, 7, 7, 7]))
+    np.testing.assert_array_equal(fill_rows(row, 4), image([0.0, 5, 5, 5, 5, 7, 7, 7]))
+    np.testing.assert_array_equal(fill_rows(row, 255), image([0.0, 5, 5, 5, 5, 5, 7, 7]))
+    long = np.zeros((1, 600), np.float32)
+    long[0, 0] = 3.0
+    assert (fill_rows(long, 255)[0] > 0).sum() == 255
+    beside = image([0.0, 0.0, 0.0, 9.0])
+    np.testing.assert_array_equal(fill_rows(beside, 16), image([0.0, 9, 9, 9]))
+
+
+def test_an_average_over_time_starts_anew_after_a_step() -> None:
+    stack = image([10.0], [20.0], [20.0], [60.0], [70.0])[:, :, None]
+    smooth = smooth_in_time(stack, 0.4, 20.0, 0)
+    expected = [10, 0.4 * 20 + 0.6 * 10, 0.4 * 20 + 0.6 * 14, 60, 0.4 * 70 + 0.6 * 60]
+    np.testing.assert_allclose(smooth[:, 0, 0], expected, rtol=1e-6)
+    # From 14 to 34 the difference is delta: not less, so the pixel starts anew.
+    edge = image([14.0], [34.0], [34.0])[:, :, None]
+    np.testing.assert_array_equal(smooth_in_time(edge, 0.4, 20.0, 0), edge)
+
+
+#: Valid frames before a hole, oldest first -> the modes that fill it.
+HISTORIES = [
+    ("1" * 8, {1, 2, 3, 4, 5, 6, 7, 8}),
+    ("01111111", {2, 3, 4, 5, 6, 7, 8}),
+    ("00000011", {2, 3, 4, 5, 6, 7, 8}),
+    ("00000101", {2, 3, 4, 5, 6, 7, 8}),
+    ("00001001", {3, 4, 5, 6, 7, 8}),
+    ("10000001", {4, 5, 6, 7, 8}),
+    ("00000010", {5, 6, 7, 8}),
+    ("00000100", {6, 7, 8}),
+    ("00001000", {6, 7, 8}),
+    ("00010000", {6, 7, 8}),
+    ("00100000", {7, 8}),
+    ("10000000", {7, 8}),
+    ("100000000", {8}),
+    ("00000000", set()),
+]
+
+
+@pytest.mark.parametrize(("before", "filled_by"), HISTORIES)
+def test_a_hole_takes_the_last_depth_by_the_history(before: str, filled_by: set[int]) -> None:
+    stack = np.array([30.0 * int(bit) for bit in before] + [0.0], np.float32)[:, None, None]
+    filled = {mode for mode in range(9) if smooth_in_time(stack, 0.4, 20.0, mode)[-1, 0, 0] == 30}
+    assert filled == filled_by
+
+
+def test_a_disagreement_clears_the_history() -> None:
+    stack = np.array([30.0] * 7 + [90.0, 0.0], np.float32)[:, None, None]
+    filled = {mode for mode in range(9) if smooth_in_time(stack, 0.4, 20.0, mode)[-1, 0, 0] > 0}
+    assert filled == {5, 6, 7, 8}  # one frame of the last eight is left
+    assert smooth_in_time(stack, 0.4, 20.0, 8)[-1, 0, 0] == 90
+
+
+def test_a_filled_hole_does_not_count_as_a_frame_with_depth() -> None:
+    stack = np.array([30.0, 30.0, 0.0, 0.0, 0.0, 0.0], np.float32)[:, None, None]
+    np.testing.assert_array_equal(
+        smooth_in_time(stack, 0.4, 20.0, 2)[:, 0, 0], [30, 30, 30, 30, 0, 0]
+    )
+    np.testing.assert_array_equal(
+        smooth_in_time(stack, 0.4, 20.0, 3)[:, 0, 0], [30, 30, 30, 30, 30, 0]
+    )
+
+
+HOLES = image(
+    [1.0, 2.0, 3.0, 4.0, 0.0],
+    [5.0, 0.0, 0.0, 6.0, 0.0],
+    [7.0, 9.0, 0.0, 0.0, 1.0],
+    [0.0, 0.0, 2.0, 3.0, 0.0],
+)
+
+
+def test_holes_take_the_left_neighbour() -> None:
+    expected = image([1.0, 2, 3, 4, 4], [5.0, 5, 5, 6, 6], [7.0, 9, 9, 9, 1], [0.0, 0, 2, 3, 3])
+    np.testing.assert_array_equal(fill_holes(HOLES, 0), expected)
+
+
+def test_holes_take_the_farthest_neighbour_and_drag_it() -> None:
+    # (1, 1): 2, 1, 5, 7, 9. (1, 2): 3, 2, 9 on its left, 9, 0. (1, 4): 0, 4, 6, 0, 1.
+    # (2, 2): 9, 9, 9, 0, 2. (2, 3): 6, 9, 9, 2, 3.
+    expected = image([1.0, 2, 3, 4, 0], [5.0, 9, 9, 6, 6], [7.0, 9, 9, 9, 1], [0.0, 0, 2, 3, 0])
+    np.testing.assert_array_equal(fill_holes(HOLES, 1), expected)
+
+
+def test_holes_take_the_nearest_neighbour_unless_the_upper_is_a_hole() -> None:
+    # (1, 1): 1 of 2, 1, 5, 7, 9. (1, 2): 1 on its left. (1, 4) is below a hole.
+    # (2, 2): 1. (2, 3): 1 on its left.
+    expected = image([1.0, 2, 3, 4, 0], [5.0, 1, 1, 6, 0], [7.0, 9, 1, 1, 1], [0.0, 0, 2, 3, 0])
+    np.testing.assert_array_equal(fill_holes(HOLES, 2), expected)
+
+
+def slow_fill(depth: Image, mode: int) -> Image:
+    """The rule of modes 1 and 2 pixel by pixel."""
+    filled = depth.copy()
+    for y in range(1, len(depth) - 1):
+        for x in range(1, depth.shape[1]):
+            if filled[y, x] == 0:
+                places = ((-1, -1), (0, -1), (1, -1), (1, 0))
+                others = [filled[y + dy, x + dx] for dy, dx in places]
+                value = filled[y - 1, x]
+                for other in others:
+                    if mode == 1:
+                        value = max(value, other)
+                    elif other > 0 and other < value:
+                        value = other
+                filled[y, x] = value
+    return filled
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+@pytest.mark.parametrize("share", [0.1, 0.6, 0.95])
+def test_filling_by_rows_is_filling_pixel_by_pixel(mode: int, share: float) -> None:
+    rng = np.random.default_rng(int(100 * share))
+    depth = rng.uniform(0.3, 4.0, (40, 57)).astype(np.float32)
+    depth[rng.random(depth.shape) < share] = 0.0
+    before = depth.copy()
+    np.testing.assert_array_equal(fill_holes(depth, mode), slow_fill(depth, mode))
+    np.testing.assert_array_equal(depth, before)
+
+
+def slow_smooth(disparity: Image, alpha: float, delta: float) -> Image:
+    """One iteration pixel by pixel, with a state that holes and edges reset."""
+    result = disparity.copy()
+    rows, columns = disparity.shape
+    right = [[(y, x) for x in range(columns)] for y in range(rows)]
+    down = [[(y, x) for y in range(rows)] for x in range(columns)]
+    for lines in (right, [r[::-1] for r in right], down, [d[::-1] for d in down]):
+        for line in lines:
+            state, previous = np.float32(0), np.float32(0)
+            for place in line:
+                value = result[place]
+                if value > 0 and previous > 0 and abs(value - previous) < delta:
+                    state = np.float32(alpha) * value + np.float32(1 - alpha) * state
+                    result[place] = state
+                else:
+                    state = value
+                previous = value
+    return result
+
+
+def test_smoothing_by_lines_is_smoothing_pixel_by_pixel() -> None:
+    rng = np.random.default_rng(4)
+    disparity = (300 + 9 * rng.standard_normal((31, 44))).astype(np.float32)
+    disparity[:, 20:] += 40
+    disparity[rng.random(disparity.shape) < 0.1] = 0.0
+    twice = slow_smooth(slow_smooth(disparity, 0.6, 20), 0.6, 20)
+    np.testing.assert_allclose(smooth_disparity(disparity, 0.6, 20.0, 2), twice, rtol=1e-6)
+
+
+def box_noise(rng: np.random.Generator, size: int, frames: int = 1) -> Image:
+    """(frames, 200, 260) noise of variance 1: a box over ``size`` px, as block matching gives."""
+    white = rng.standard_normal((frames, 200 + size, 260 + size))
+    for axis in (1, 2):
+        sums = np.cumsum(white, axis=axis)
+        last = np.take(sums, range(size, sums.shape[axis]), axis)
+        first = np.take(sums, range(sums.shape[axis] - size), axis)
+        white = (last - first) / np.sqrt(size)
+    noise: Image = white[:, :200, :260].astype(np.float32)
+    return noise
+
+
+def expected_sigma(size: int, alpha: float, iterations: int) -> float:
+    """The share of sigma that is left of noise of a box.
+
+    A pass and the one back weigh the k-th neighbour by alpha / (2 - alpha) (1 - alpha)^|k|.
+    """
+    k = np.arange(-200, 201)
+    weights = alpha / (2 - alpha) * (1 - alpha) ** np.abs(k)
+    kernel = np.ones(1)
+    for _ in range(iterations):
+        kernel = np.convolve(kernel, weights)
+    seen = np.convolve(kernel, np.ones(size) / np.sqrt(size))
+    return float((seen**2).sum())  # a factor of the root of this sum per axis
+
+
+@pytest.mark.parametrize("size", [1, 13])
+def test_noise_falls_as_its_correlation_lets_it(size: int) -> None:
+    """White noise falls to 0.16; noise of a box of 13 px only to 0.8."""
+    rng = np.random.default_rng(size)
+    noise = box_noise(rng, size, 8)
+    plane = 1200 + 2.5 * noise  # 0.08 px
+    smooth = smooth_disparity(plane, 0.5, 20.0, 2)
+    inner = (slice(None), slice(30, -30), slice(30, -30))
+    sigma = float((smooth[inner] - 1200).std()) / 2.5
+    expected = expected_sigma(size, 0.5, 2)
+    assert sigma == pytest.approx(expected, rel=0.03 if size == 1 else 0.1)
+    assert (sigma < 0.2) if size == 1 else (sigma > 0.7)
+
+
+def test_noise_over_time_falls_by_the_filters_gain() -> None:
+    """White in time: alpha / (2 - alpha) of the variance is left; noise that stays is left."""
+    rng = np.random.default_rng(8)
+    noise, stays = 2.5 * box_noise(rng, 1, 24), 2.0 * box_noise(rng, 1)
+    smooth = smooth_in_time(1200 + noise + stays, 0.4, 20.0, 3)[-1] - 1200
+    expected = 2.5 * np.sqrt(0.4 / 1.6)
+    rest = smooth - stays[0]
+    assert abs(rest.std() / expected - 1) * np.sqrt(2 * rest.size) < 4.5
+    assert smooth.std() == pytest.approx(np.hypot(expected, 2.0), rel=0.02)
+
+
+def test_the_spatial_stage_keeps_what_it_does_not_change() -> None:
+    depth = np.full((20, 30), 0.9, np.float32)
+    depth[:, 15:] = 1.4
+    depth[4:6, 4:9] = 0.0
+    layers = layers_of(depth)
+    written = spatial_filter(VIEW, layers, defaults("spatial_filter"))
+    assert written["depth"].tobytes() == depth.tobytes()
+    assert written["reason"].tobytes() == layers["reason"].tobytes()
+    assert set(written) == {"depth", "reason"}
+
+
+def test_the_spatial_stage_smooths_disparity_and_delivers_millimetres() -> None:
+    rng = np.random.default_rng(2)
+    constant = 32 * FOCAL_BASELINE
+    depth = (constant / (700 + 4 * rng.standard_normal((50, 60)))).astype(np.float32)
+    written = spatial_filter(VIEW, layers_of(depth), defaults("spatial_filter"))["depth"]
+    np.testing.assert_allclose(1000 * written, np.rint(1000 * written), atol=1e-3)
+    exact = spatial_filter(VIEW, layers_of(depth), defaults("spatial_filter", unit_mm=0))["depth"]
+    smooth = smooth_disparity(constant / depth, 0.5, 20.0, 2)
+    np.testing.assert_allclose(exact, constant / smooth, rtol=1e-6)
+    assert np.abs(written - exact).max() <= 0.0005001
+
+
+def test_filled_pixels_have_the_reason_of_what_they_carry() -> None:
+    clean = image([0.9, 0.9, 0.9, 1.5, 1.5, 0.0, 0.9])
+    depth = image([0.9, 0.0, 0.9, 0.0, 0.0, 0.0, 0.9])
+    layers = layers_of(depth, clean)
+    written = spatial_filter(VIEW, layers, defaults("spatial_filter", filling_mode=3))
+    np.testing.assert_allclose(written["depth"], np.full((1, 7), 0.9), rtol=1e-6)
+    valid, moved, grown = (float(r) for r in (Reason.VALID, Reason.MOVED, Reason.GROWN))
+    expected = image([valid, valid, valid, moved, moved, grown, valid])
+    np.testing.assert_array_equal(written["reason"], expected)
+    left = hole_filling(VIEW, layers, defaults("hole_filling", mode=0))
+    np.testing.assert_allclose(left["depth"], written["depth"], rtol=1e-6)
+    np.testing.assert_array_equal(left["reason"], written["reason"])
+    off = spatial_filter(VIEW, layers, defaults("spatial_filter"))
+    np.testing.assert_array_equal(off["reason"], layers["reason"])
+
+
+def test_a_filtered_crop_is_a_crop_of_the_filtered_frame() -> None:
+    """The rendered border of ``reach_px`` is as good as the whole frame, for each mode."""
+    rng = np.random.default_rng(5)
+    steps = 900 + 8 * rng.standard_normal((90, 640))
+    steps[rng.random(steps.shape) < 0.02] = 0
+    steps[:, 300:330] = 0
+    depth = np.divide(32 * FOCAL_BASELINE, steps, out=np.zeros_like(steps), where=steps > 0)
+    for alpha, mode in ((0.25, 3), (0.5, 0), (0.9, 4)):
+        p = defaults("spatial_filter", alpha=alpha, filling_mode=mode)
+        reach = find_stage("spatial_filter").reach_px(p)
+        assert reach < 160
+        layers = layers_of(depth.astype(np.float32))
+        whole = spatial_filter(VIEW, layers, p)["depth"]
+        left, right = 310 - reach, 330 + reach
+        part = spatial_filter(VIEW, {n: a[:, left:right] for n, a in layers.items()}, p)["depth"]
+        assert whole[:, 310:330].tobytes() == part[:, reach : reach + 20].tobytes()
+    assert find_stage("hole_filling").reach_px(defaults("hole_filling")) >= 4096
+
+
+def test_the_temporal_stage_filters_the_draws_before() -> None:
+    rng = np.random.default_rng(6)
+    steps = 800 + 3 * rng.standard_normal((30, 40, 9))
+    steps[rng.random(steps.shape) < 0.1] = 0
+    stack = np.divide(32 * FOCAL_BASELINE, steps, out=np.zeros_like(steps), where=steps > 0)
+    stack = stack.astype(np.float32)
+    clean = np.full((30, 40), 32 * FOCAL_BASELINE / 800, np.float32)
+    layers = layers_of(stack[..., -1], clean) | {EARLIER_LAYER: stack[..., :-1]}
+    written = temporal_filter(VIEW, layers, defaults("temporal_filter"))
+    whole = filter_sequence(np.moveaxis(stack, -1, 0), FOCAL_BASELINE)
+    np.testing.assert_array_equal(written["depth"], whole[-1])
+    filled = (stack[..., -1] == 0) & (written["depth"] > 0)
+    assert 0.08 < filled.mean() < 0.12
+    assert (written["reason"][filled] == float(Reason.VALID)).all()
+    smoothed = spatial_filter(VIEW, layers, defaults("spatial_filter", unit_mm=0))
+    alone = spatial_filter(VIEW, layers_of(stack[..., 3]), defaults("spatial_filter", unit_mm=0))
+    np.testing.assert_array_equal(smoothed[EARLIER_LAYER][..., 3], alone["depth"])
+    with pytest.raises(ConfigError, match="reads the layer 'earlier_depth', which no stage"):
+        temporal_filter(VIEW, layers_of(stack[..., -1]), defaults("temporal_filter"))
+
+
+def test_a_sequence_keeps_its_first_frame() -> None:
+    rng = np.random.default_rng(7)
+    depth = rng.uniform(0.5, 1.5, (5, 8, 9)).astype(np.float32)
+    first = filter_sequence(depth, FOCAL_BASELINE)[0]
+    np.testing.assert_array_equal(first, depth[0])
+    np.testing.assert_array_equal(filter_sequence(depth, FOCAL_BASELINE, alpha=1.0), depth)
+
+
+def test_depths_outside_a_range_are_removed() -> None:
+    depth = image([0.0, 0.0999, 0.1, 2.0, 4.0, 4.001])
+    written = threshold_filter(VIEW, layers_of(depth), defaults("threshold_filter"))
+    np.testing.assert_array_equal(written["depth"], image([0.0, 0, 0.1, 2, 4, 0]))
+    gone = float(Reason.OUT_OF_RANGE)
+    expected = image([float(Reason.DROPPED), gone, 0, 0, 0, gone])
+    np.testing.assert_array_equal(written["reason"], expected)
+
+
+@pytest.mark.parametrize("stage", [spatial_filter, temporal_filter])
+def test_a_rig_without_a_baseline_is_named(stage: Any) -> None:
+    view = frame(focal_baseline_px_m=0.0).view("filter")
+    layers = layers_of(image([1.0, 1.0])) | {EARLIER_LAYER: np.ones((1, 2, 1), np.float32)}
+    with pytest.raises(ConfigError, match=f"{stage.__name__}.* the rig has no baseline"):
+        stage(view, layers, defaults(stage.__name__))
+
+
+@pytest.mark.parametrize("use", ["spatial_filter", "hole_filling", "threshold_filter"])
+def test_filters_do_not_change_their_input(use: str) -> None:
+    depth = image(
+        [0.05, 0.8, 0.81, 0.0, 0.82], [0.8, 0.0, 0.8, 0.9, 6.0], [1.0, 1.0, 0.0, 1.0, 1.0]
+    )
+    layers = layers_of(depth)
+    before = {name: layer.copy() for name, layer in layers.items()}
+    function = find_stage(use).function
+    assert function is not None
+    function(VIEW, layers, defaults(use))
+    for name, layer in layers.items():
+        np.testing.assert_array_equal(layer, before[name])
