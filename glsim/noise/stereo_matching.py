@@ -62,6 +62,8 @@ def _reach_px(p: Mapping[str, float]) -> int:
     texture_counts=("float", 1.0, 0, 1000, "counts", "reject windows whose standard deviation is smaller"),
     smallest_region_px=("int", 100, 0, 100000, "px", "reject connected regions that are smaller"),
     region_step_px=("float", 1.0, 0.1, 16, "px", "step of disparity that still connects neighbours"),
+    rim_px=("int", 3, 0, 31, "px", "reject the farther surface this close to a nearer one: the gap that real cameras leave on the side without a shadow, and the excess of the other"),
+    rim_step_px=("float", 2.0, 0.25, 64, "px", "step of disparity from which a surface is another"),
     border_px=("int", 9, 0, 64, "px", "reject a match nearer than this to the second image's border"),
     support_px=("int", 9, 1, 31, "px", "side of the support region whose disparities are averaged, odd"),
     support_step_px=("float", 1.0, 0.1, 16, "px", "step of disparity that ends the support region"),
@@ -137,6 +139,7 @@ def match(left: NDArray[np.uint8], right: NDArray[np.uint8], p: Mapping[str, flo
     if p["smallest_region_px"] > 0:
         step = max(int(p["region_step_px"] * _MATCHED_STEPS), 1)
         cv2.filterSpeckles(matched, _NONE, int(p["smallest_region_px"]) - 1, step)
+    _reject_rims(matched, int(p["rim_px"]), int(p["rim_step_px"] * _MATCHED_STEPS))
     return _support_mean(matched, int(p["support_px"]), p["support_step_px"])
 
 
@@ -166,6 +169,15 @@ def _reject_flat(
     """Reject, in place, pixels in whose window the image's standard deviation is too small."""
     if least_counts > 0:
         matched[_local_moments(image, window)[1] < least_counts**2] = _NONE
+
+
+def _reject_rims(matched: NDArray[np.int16], reach_px: int, step: int) -> None:
+    """Reject, in place, pixels within ``reach_px`` of one whose disparity is larger by ``step``."""
+    import cv2
+
+    if reach_px > 0:
+        around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1,) * 2)
+        matched[cv2.dilate(matched, around) - matched > step] = _NONE
 
 
 def _support_mean(matched: NDArray[np.int16], side_px: int, step_px: float) -> Disparities:
