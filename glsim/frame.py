@@ -24,8 +24,9 @@ _UINT16_MAX = 65535
 #: The images of every frame: clean, noisy, infrared are uint16, reason is uint8.
 LAYERS = ("clean", "noisy", "infrared", "reason")
 #: The images that can be written to files; regions (uint8) and expected (uint16) are drawn on
-#: request only, and so are normals (uint16, three channels).
-WRITABLE = (*LAYERS, "regions", "expected", "normals")
+#: request only, and so are normals (uint16, three channels) and, of stereo cameras, the second
+#: infrared image (uint16).
+WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right")
 
 
 def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray[np.uint16]:
@@ -55,6 +56,12 @@ def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.f
     if offset_mm:
         np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
     return depth_mm
+
+
+def _encode_counts(counts: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Round infrared counts to uint16."""
+    encoded: NDArray[np.uint16] = np.clip(np.rint(counts), 0, _UINT16_MAX).astype(np.uint16)
+    return encoded
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +101,7 @@ class Frame:
         of the face), metres, to the camera frame, metres; None if there is no head.
     landmarks: the 68 points of the face; None if not requested or not known.
     infrared_counts: float32, in counts of the 16-bit image.
+    infrared_right_counts: the same of a stereo camera's second imager; None if not requested.
     reason_codes: uint8 codes of glsim.reason.Reason.
     region_codes: uint8 numbers of the parts of the face, 0 = none; None if not requested.
     region_numbers: part of the face -> its number.
@@ -118,6 +126,7 @@ class Frame:
     region_codes: NDArray[np.uint8] | None = None
     expected_m: NDArray[np.float32] | None = None
     normal: NDArray[np.float32] | None = None
+    infrared_right_counts: NDArray[np.float32] | None = None
     head_to_camera: NDArray[np.float64] | None = None
     landmarks: Landmarks | None = None
     region_numbers: Mapping[str, int] = field(default_factory=dict)
@@ -152,8 +161,19 @@ class Frame:
     @property
     def infrared(self) -> NDArray[np.uint16]:
         """Infrared image, (H, W) uint16 counts."""
-        counts = np.clip(np.rint(self.infrared_counts), 0, _UINT16_MAX)
-        return self._paste(counts.astype(np.uint16))
+        return self._paste(_encode_counts(self.infrared_counts))
+
+    @property
+    def infrared_right(self) -> NDArray[np.uint16]:
+        """Infrared image of a stereo camera's second imager, (H, W) uint16 counts.
+
+        Raises ConfigError if it was not requested.
+        """
+        if self.infrared_right_counts is None:
+            raise ConfigError(
+                f"{self.source}: this frame was made without the layer 'infrared_right'"
+            )
+        return self._paste(_encode_counts(self.infrared_right_counts))
 
     @property
     def reason(self) -> NDArray[np.uint8]:

@@ -42,7 +42,7 @@ def assemble_frame(
         visible.left - window.left, visible.top - window.top, visible.width, visible.height
     ).slices
     clean, noisy = layers["clean"][inside], layers["depth"][inside]
-    for name in ("depth", "reason", "infrared", "expected"):
+    for name in ("depth", "reason", "infrared", "infrared_right", "expected"):
         if name in layers and not np.isfinite(layers[name][inside]).all():
             bad = int((~np.isfinite(layers[name][inside])).sum())
             raise ConfigError(
@@ -61,12 +61,14 @@ def assemble_frame(
         clean, noisy = (_shifted(depth, offset_mm, output) for depth in (clean, noisy))
         expected = None if expected is None else _shifted(expected, offset_mm, output)
     infrared, region = layers.get("infrared"), layers.get("region")
+    right = layers.get("infrared_right")
     return Frame(
         intrinsics=image.cropped(*crop),
         window=visible._replace(left=visible.left - crop.left, top=visible.top - crop.top),
         clean_m=clean,
         noisy_m=noisy,
         infrared_counts=np.zeros_like(clean) if infrared is None else infrared[inside],
+        infrared_right_counts=None if right is None else right[inside],
         reason_codes=reason,
         region_codes=None if region is None else region[inside].astype(np.uint8),
         expected_m=expected,

@@ -34,6 +34,7 @@ from glsim.gl.targets import Readback
 from glsim.noise.array_chain import array_reach_px, run_array_stages
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
+from glsim.noise.layer_names import INFRARED_RIGHT
 from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
 from glsim.plan.tasks import Task, make_tasks
@@ -141,8 +142,14 @@ class Simulator:
         read_back = (
             *self._extra,
             *((REGION.name,) if "regions" in layers else ()),
+            *((INFRARED_RIGHT,) if "infrared_right" in layers else ()),
             *((NORMAL.name,) if "normals" in layers and NORMAL.name not in self._extra else ()),
         )
+        if "infrared_right" in layers and len(self.sensor.rig.imagers_m) < 2:
+            raise ConfigError(
+                f"the layer 'infrared_right' needs a stereo camera, not {settings.sensor!r}: leave "
+                "it out of --layers"
+            )
         own = self.sensor.pattern_map
         self._chain = ShaderChain(
             context,

@@ -30,6 +30,7 @@ _UNITS = {
     "clean, noisy": "uint16 steps of depth_unit_mm along the optical axis, 0 = no return; "
     "add depth_offset_mm of the record",
     "infrared": "uint16 counts",
+    "infrared_right": "uint16 counts, the image of a stereo camera's second imager",
     "reason": "uint8 codes, see reasons",
     "intrinsics": "pixels; the centre of the first pixel is at (0.5, 0.5)",
     "time_s": "seconds since the start of the sequence",

@@ -20,6 +20,7 @@ LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
     "clean": np.dtype(np.uint16),
     "noisy": np.dtype(np.uint16),
     "infrared": np.dtype(np.uint16),
+    "infrared_right": np.dtype(np.uint16),
     "reason": np.dtype(np.uint8),
     "regions": np.dtype(np.uint8),
     "expected": np.dtype(np.uint16),

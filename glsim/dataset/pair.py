@@ -111,6 +111,11 @@ class Pair:
         """(H, W) uint16 infrared counts."""
         return self.image("infrared")
 
+    @property
+    def infrared_right(self) -> LayerImage:
+        """(H, W) uint16 infrared counts of a stereo camera's second imager."""
+        return self.image("infrared_right")
+
     @cached_property
     def reason(self) -> LayerImage:
         """(H, W) uint8 codes of ``glsim.reason.Reason``."""

@@ -217,7 +217,12 @@ class SensorRig:
         shift = np.array([view[:2] for view in views]) * (self.intrinsics.fx, self.intrinsics.fy)
         shift = np.ceil(shift / max(nearest_m, self.near_m))
         low, high = shift.max(axis=0), -shift.min(axis=0)  # a view to the right sees things left
-        return (int(max(low[0], 0)), int(max(low[1], 0)), int(max(high[0], 0)), int(max(high[1], 0)))
+        return (
+            int(max(low[0], 0)),
+            int(max(low[1], 0)),
+            int(max(high[0], 0)),
+            int(max(high[1], 0)),
+        )
 
     @property
     def emitter_m(self) -> Point:

@@ -118,7 +118,9 @@ class ShaderChain:
         wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         read = [stage.spec.array_reads for stage in stages if stage.spec.function is not None]
         if read:
-            wanted = tuple(dict.fromkeys((*FRAME_LAYERS, *(name for names in read for name in names))))
+            wanted = tuple(
+                dict.fromkeys((*FRAME_LAYERS, *(name for names in read for name in names)))
+            )
         if expected:
             wanted = (*wanted, EXPECTED_LAYER)
         self._wanted: tuple[str, ...] = (*wanted, *extra_layers)

@@ -15,7 +15,9 @@ FINE_LAYERS = {"fine_seen": "clean", "uneven": "clean"}
 
 #: Layers of rigs with imagers: depth, m, normal with albedo, and the share of the light of each of
 #: the two projectors, as the first (left) and the second (right) imager see them.
-IMAGER_LAYERS = tuple(f"{side}_{n}" for side in ("left", "right") for n in ("clean", "normal", "lit"))
+IMAGER_LAYERS = tuple(
+    f"{side}_{n}" for side in ("left", "right") for n in ("clean", "normal", "lit")
+)
 
 #: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where unknown.
 #: Only chains of sensors with a map have it: their shaders see the constant PATTERN_MAP.
@@ -38,6 +40,9 @@ EARLIER_LAYER = "earlier_depth"
 
 #: Stands for NaN, which GLSL compilers may assume away: larger than any error.
 NO_PATTERN = np.float32(1e6)
+
+#: The second infrared image of a stereo camera.
+INFRARED_RIGHT = "infrared_right"
 
 #: The layers that a Frame is made of; a chain without an infrared stage has no ``infrared``.
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")

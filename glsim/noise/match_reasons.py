@@ -39,14 +39,14 @@ def match_reasons(
     reason[lost & (true_px > nearest_px)] = float(Reason.OUT_OF_RANGE)
     if "right_clean" in layers:
         reason[lost & _hidden(view, layers, true_px)] = float(Reason.SHADOW)
-    wrong = found & surface & (np.abs(fb / np.where(found, depth_m, 1) - true_px) > _OTHER_SURFACE_PX)
+    wrong = (
+        found & surface & (np.abs(fb / np.where(found, depth_m, 1) - true_px) > _OTHER_SURFACE_PX)
+    )
     reason[wrong] = float(Reason.MOVED)
     return reason
 
 
-def _hidden(
-    view: StageView, layers: Layers, true_px: NDArray[np.float32]
-) -> NDArray[np.bool_]:
+def _hidden(view: StageView, layers: Layers, true_px: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return where the second imager does not see the surface, behind another or beside its image."""
     right, clean = layers["right_clean"], layers["clean"]
     height, width = clean.shape

@@ -143,7 +143,9 @@ def match(left: NDArray[np.uint8], right: NDArray[np.uint8], p: Mapping[str, flo
     return _support_mean(matched, int(p["support_px"]), p["support_step_px"])
 
 
-def _even_contrast(image: NDArray[np.uint8], side_px: int, floor_counts: float) -> NDArray[np.uint8]:
+def _even_contrast(
+    image: NDArray[np.uint8], side_px: int, floor_counts: float
+) -> NDArray[np.uint8]:
     """Return an image with its local mean at 128 and its local standard deviation at most 40."""
     mean, variance = _local_moments(image, side_px)
     even = 128 + _EVEN_COUNTS * (image - mean) / np.maximum(np.sqrt(variance), floor_counts)

@@ -14,7 +14,17 @@ DepthKind = Literal["clean", "noisy"]
 
 #: Ends of the names of images of one kind each; any other name may be a depth map.
 _ENDINGS = (
-    *("clean", "expected", "normals", "noisy", "infrared", "ir", "reason", "regions"),
+    *(
+        "clean",
+        "expected",
+        "normals",
+        "noisy",
+        "infrared",
+        "infrared_right",
+        "ir",
+        "reason",
+        "regions",
+    ),
     *("preview", "sigma", "figure"),
     *("color", "colour", "rgb", "amplitude", "confidence", "mask"),
 )

@@ -173,9 +173,7 @@ class Renderer:
                     layers[REGION.name] = self._draw_regions(uploaded, labels, views, window)
                     held.append(layers[REGION.name])
                 subject_m = max(self.rig.near_m, float(boxes[0][:, 2].min()))
-                yield Rendered(
-                    layers, window, nearest_m, subject_m, seen, self._rays, self._pool
-                )
+                yield Rendered(layers, window, nearest_m, subject_m, seen, self._rays, self._pool)
 
     def _draw_light(
         self,
@@ -248,9 +246,7 @@ class Renderer:
                 held, silhouettes,
             )  # fmt: skip
             nearest_m = float(clean_m[clean_m > 0].min(initial=np.inf))
-            yield Rendered(
-                layers, window, nearest_m, nearest_m, everywhere, self._rays, self._pool
-            )
+            yield Rendered(layers, window, nearest_m, nearest_m, everywhere, self._rays, self._pool)
 
     def _draw_surface(
         self,

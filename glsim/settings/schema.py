@@ -58,7 +58,9 @@ from glsim.settings.tables import (
     split_assignment,
 )
 
-LayerName = Literal["clean", "noisy", "infrared", "reason", "regions", "expected", "normals"]
+LayerName = Literal[
+    "clean", "noisy", "infrared", "infrared_right", "reason", "regions", "expected", "normals"
+]
 DEPTH_UNIT_MM = (0.01, 10.0)
 """Smallest and largest step of depth files, mm."""
 DEFAULT_SUBJECTS = 10
