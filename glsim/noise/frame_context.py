@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import SensorRig
+from glsim.geometry.camera import Distortion, SensorRig
 from glsim.geometry.rect import Rect
 from glsim.settings.seeds import stage_seed
 
@@ -26,6 +26,7 @@ class Optics:
         supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
         nearest_m: a lower bound of all depths in the scene.
         focal_px: focal length of the columns.
+        lens: its distortion, also where frames are delivered without it.
     """
 
     emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -33,6 +34,7 @@ class Optics:
     supersample: int = 1
     nearest_m: float = 0.0
     focal_px: float = 1.0
+    lens: Distortion = Distortion()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +94,7 @@ class FrameContext(_FrameFacts):
             supersample=rig.supersample if supersample is None else supersample,
             nearest_m=nearest_m,
             focal_px=image.fx,
+            lens=rig.distortion,
         )
         return cls(
             window=window,

@@ -30,6 +30,8 @@ BOUND: dict[str, Callable[[StageView], object]] = {
     "u_supersample": lambda view: view.optics.supersample,
     "u_focal_px": lambda view: view.optics.focal_px,
     "u_nearest_m": lambda view: view.optics.nearest_m,
+    "u_lens_upper": lambda view: (view.optics.lens.k1, view.optics.lens.k2, view.optics.lens.k3),
+    "u_lens_lower": lambda view: (view.optics.lens.k4, view.optics.lens.k5, view.optics.lens.k6),
 }
 
 
