@@ -26,6 +26,10 @@ Point = tuple[float, float, float]
 #: corners of the Kinect V2, whose k1..k3 are the strongest of the shipped rigs.
 _UNDISTORT_ITERATIONS = 30
 
+#: Radii of the table from which the inversion of a lens with a limit starts; between them a guess
+#: is wrong by less than 1e-6.
+_RADII = 4096
+
 
 @dataclass(frozen=True)
 class Intrinsics:
@@ -87,23 +91,47 @@ class Intrinsics:
 
 @dataclass(frozen=True)
 class Distortion:
-    """The radial-tangential lens model of OpenCV, in normalised coordinates."""
+    """The radial-tangential lens model of OpenCV, in normalised coordinates.
+
+    Args:
+        k1, k2, k3: of the radial polynomial of r^2, the numerator.
+        p1, p2: tangential.
+        k4, k5, k6: of the denominator, in the rational model; all 0 in the simple one.
+        limit_tan: r up to which the model holds; beyond, where the lens shows nothing, rays are
+            those at this r; 0: everywhere.
+    """
 
     k1: float = 0.0
     k2: float = 0.0
     k3: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
+    limit_tan: float = 0.0
 
     def distort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
         """Distort (..., 2) ideal x/z, y/z to (..., 2) float64 as the lens images them."""
         xy = np.asarray(xy, dtype=np.float64)
         x, y = xy[..., 0], xy[..., 1]
         r2 = x * x + y * y
-        radial = 1 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        radial = self._radial(r2)
         xd = x * radial + 2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x)
         yd = y * radial + self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y
         return np.stack([xd, yd], axis=-1)
+
+    def _radial(self, r2: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the factor of a point at the squared radius r2."""
+        upper = 1 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        if not self.is_rational:
+            return upper
+        return upper / (1 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6)))
+
+    @property
+    def is_rational(self) -> bool:
+        """Whether the model has a denominator."""
+        return any((self.k4, self.k5, self.k6))
 
     def undistort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
         """Undistort (..., 2): the inverse of ``distort``, by fixed-point iteration.
@@ -112,6 +140,8 @@ class Distortion:
         """
         target = np.asarray(xy, dtype=np.float64)
         ideal = target.copy()
+        if self.limit_tan:
+            target, ideal = self._within_limit(target)
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(_UNDISTORT_ITERATIONS):
                 ideal = ideal + (target - self.distort(ideal))
@@ -122,6 +152,25 @@ class Distortion:
                 "check the signs and the order of k1, k2, k3, p1, p2"
             )
         return ideal
+
+    def _within_limit(
+        self, target: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the points moved to where the model holds, and a first guess of their inverse.
+
+        Args:
+            target: (..., 2) distorted points.
+        """
+        ideal_r = np.linspace(0.0, self.limit_tan, _RADII)
+        distorted_r = ideal_r * self._radial(ideal_r**2)
+        if (np.diff(distorted_r) <= 0).any():
+            raise ConfigError(
+                f"the lens distortion {self} folds before limit_tan: give a smaller limit_tan"
+            )
+        r = np.maximum(np.sqrt((target**2).sum(axis=-1)), 1e-12)
+        held = np.minimum(r, distorted_r[-1])
+        guess = np.interp(held, distorted_r, ideal_r)
+        return target * (held / r)[..., None], target * (guess / r)[..., None]
 
 
 @dataclass(frozen=True)

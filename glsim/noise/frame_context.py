@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import Point, SensorRig
+from glsim.geometry.camera import Distortion, Point, SensorRig
 from glsim.geometry.rect import Rect
 from glsim.settings.seeds import stage_seed
 
@@ -38,6 +38,7 @@ class Optics:
         imagers_m: the two imagers; the last one again for each that the rig lacks.
         second_view_m: from the first to the second of the views that are matched.
         subject_m: depth of the nearest part of the face, to which cameras expose.
+        lens: its distortion, also where frames are delivered without it.
     """
 
     emitter_m: Point = (0.0, 0.0, 0.0)
@@ -49,6 +50,7 @@ class Optics:
     imagers_m: tuple[Point, Point] = (_ORIGIN, _ORIGIN)
     second_view_m: Point = _ORIGIN
     subject_m: float = 1.0
+    lens: Distortion = Distortion()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,6 +116,7 @@ class FrameContext(_FrameFacts):
             imagers_m=_two(rig.imagers_m),
             second_view_m=rig.second_view_m,
             subject_m=subject_m,
+            lens=rig.distortion,
         )
         return cls(
             window=window,

@@ -36,6 +36,8 @@ BOUND: dict[str, Callable[[StageView], object]] = {
     "u_imager_2_m": lambda view: view.optics.imagers_m[1],
     "u_subject_m": lambda view: view.optics.subject_m,
     "u_second_view_m": lambda view: view.optics.second_view_m,
+    "u_lens_upper": lambda view: (view.optics.lens.k1, view.optics.lens.k2, view.optics.lens.k3),
+    "u_lens_lower": lambda view: (view.optics.lens.k4, view.optics.lens.k5, view.optics.lens.k6),
 }
 
 

@@ -1,12 +1,13 @@
 """Sensors as data: a TOML file with the rig and the chain of noise stages.
 
 title = "..."
+extends = "..."           optional: another sensor, see glsim.sensors.inheritance
 [rig]
 width = 512
 height = 424
 focal_px = [365.456, 365.456]
 centre_px = [254.878, 205.395]
-[rig.distortion]          optional: k1, k2, k3, p1, p2
+[rig.distortion]          optional: k1, k2, k3, p1, p2; k4, k5, k6 of the rational model; limit_tan
 supersample = 3           optional: samples per pixel along each axis (1, 3 or 5)
 modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
 shadow_map = true         false: a stage casts the shadows instead of the renderer
@@ -27,7 +28,7 @@ base_sigma_mm = 1.5       parameters: numbers or distributions
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -43,12 +44,13 @@ from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
 from glsim.noise.triangulation import check_triangulation
 from glsim.plugins import load_plugin, plugin_file, plugin_names
+from glsim.sensors.inheritance import read_sensor_tree
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.problems import first_problem
 from glsim.settings.schema import Settings, place_of
-from glsim.settings.tables import TomlTable, merge_tables, parse_table, read_toml
+from glsim.settings.tables import TomlTable, merge_tables, parse_table
 
 SENSOR_FOLDER = Path(__file__).parent
 
@@ -82,6 +84,10 @@ class _DistortionTable(TomlTable, allow_inf_nan=False):
     k3: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
+    limit_tan: float = Field(0.0, ge=0, le=10)
 
 
 class _RigTable(TomlTable, allow_inf_nan=False):
@@ -184,7 +190,11 @@ class Sensor:
             "height": i.height,
             "focal_px": [i.fx, i.fy],
             "centre_px": [i.cx, i.cy],
-            "distortion": {"k1": d.k1, "k2": d.k2, "k3": d.k3, "p1": d.p1, "p2": d.p2},
+            "distortion": {
+                name: value
+                for name, value in asdict(d).items()
+                if value or name in ("k1", "k2", "k3", "p1", "p2")
+            },
             "deliver": self.rig.deliver,
             "emitters_m": [list(e.position_m) for e in self.rig.emitters],
             "emitter_spreads_m": [e.spread_m for e in self.rig.emitters],
@@ -234,7 +244,7 @@ def sensor_code(settings: Settings) -> list[str]:
     """
     if not settings.sensor.endswith(".toml"):
         return []
-    stages = read_toml(Path(settings.sensor)).get("stage", [])
+    stages = read_sensor_tree(Path(settings.sensor), sensor_file).get("stage", [])
     uses = [s.get("use") for s in stages if isinstance(s, dict)] if isinstance(stages, list) else []
     return [use for use in uses if isinstance(use, str) and is_code(use)]
 
@@ -258,7 +268,7 @@ def load_sensor(
         ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
     """
     file = sensor_file(name)
-    tree = read_toml(file)
+    tree = read_sensor_tree(file, sensor_file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
     places: dict[tuple[str, ...], str] = {
         ("rig", key): place("rig", key) for key in rig_overrides or {}

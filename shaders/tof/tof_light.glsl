@@ -9,6 +9,7 @@
 #include "lib/loops.glsl"
 
 uniform float smooth_mm = 0.05;    //@ [0, 100]   mm depth error up to which the centre of a pixel replaces its samples; 0: never
+uniform float indirect_spread_mm = 0.0; //@ [0, 5000] mm standard deviation of the lengths of the ways by which light reaches a shadow, halved; it takes contrast from the fast frequencies
 
 uniform sampler2D u_clean;
 uniform sampler2D u_normal; // w: albedo
@@ -24,6 +25,13 @@ out vec4 light_b; // at the third frequency; amplitude; unused
 #ifdef EXPECTED
 out float expected;
 #endif
+
+// The contrast that is left at each frequency where part of the light came on many ways.
+vec3 contrast(float lit) {
+    float around = indirect * (1.0 - lit), share = around / max(lit + around, 1e-6);
+    vec3 turn = TWO_PI * u_modulation_mhz / HALF_WAVE_M_MHZ * 0.001 * indirect_spread_mm;
+    return 1.0 - share * (1.0 - exp(-0.5 * turn * turn));
+}
 
 void main() {
     vec4 sum_a = vec4(0.0), sum_b = vec4(0.0);
@@ -63,6 +71,9 @@ void main() {
         light.x *= share;
         vec3 real, imaginary;
         correlate(light.y, harmonics, real, imaginary);
+        vec3 left = contrast(lit);
+        real *= left;
+        imaginary *= left;
         sum_a += light.x * vec4(real.x, imaginary.x, real.y, imaginary.y);
         sum_b += vec4(light.x * real.z, light.x * imaginary.z, light.x, 0.0);
     } while (++k < samples);

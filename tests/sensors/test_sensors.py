@@ -240,7 +240,7 @@ def test_infrared_falls_with_the_square_of_the_distance(
         ("near_m = 20", r"rig: near_m 20.0 must be less than far_m 12.0"),
         ("widht = 96", r"no such setting 'rig.widht' .did you mean 'width'"),
         ('deliver = "cooked"', "rig.deliver: 'cooked' is not one of undistorted, raw"),
-        ("[rig.distortion]\nk4 = 1", r"no such setting 'rig.distortion.k4' .known: k1, k2, k3"),
+        ("[rig.distortion]\nk7 = 1", r"no such setting 'rig.distortion.k7' .known: k1, k2, k3"),
         ("[[rig.emitter]]\nposition_m = [0, 0, 0]", "an emitter at the camera itself throws no"),
         ("[[rig.emitter]]\nposition_m = [0, 0]", "rig.emitter.0.position_m.2: is missing"),
     ],

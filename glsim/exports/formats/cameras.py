@@ -29,8 +29,14 @@ def centre_at_zero(camera: Intrinsics) -> NDArray[np.float64]:
 
 
 def coefficients(lens: Distortion) -> list[float]:
-    """Return k1, k2, p1, p2, k3: the order of OpenCV and of ROS's plumb_bob."""
-    return [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
+    """Return k1, k2, p1, p2, k3, and k4, k5, k6 of a rational lens: the order of OpenCV and ROS."""
+    simple = [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
+    return [*simple, lens.k4, lens.k5, lens.k6] if lens.is_rational else simple
+
+
+def lens_model(lens: Distortion) -> str:
+    """Return ROS's name of the lens model."""
+    return "rational_polynomial" if lens.is_rational else "plumb_bob"
 
 
 def open3d_json(camera: Intrinsics) -> bytes:
@@ -63,8 +69,8 @@ def ros_yaml(camera: Intrinsics, lens: Distortion, name: str) -> bytes:
         f"image_height: {camera.height}",
         f"camera_name: {json.dumps(name)}",  # a JSON string is a YAML string
         *matrix("camera_matrix", 3, 3, k.ravel().tolist()),
-        "distortion_model: plumb_bob",
-        *matrix("distortion_coefficients", 1, 5, coefficients(lens)),
+        f"distortion_model: {lens_model(lens)}",
+        *matrix("distortion_coefficients", 1, len(coefficients(lens)), coefficients(lens)),
         *matrix("rectification_matrix", 3, 3, np.eye(3).ravel().tolist()),
         *matrix("projection_matrix", 3, 4, projection.ravel().tolist()),
     ]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.exports.base import Export
-from glsim.exports.formats.cameras import centre_at_zero, coefficients
+from glsim.exports.formats.cameras import centre_at_zero, coefficients, lens_model
 from glsim.exports.frames import ExportFrame
 from glsim.geometry.camera import Distortion
 
@@ -132,7 +132,7 @@ def _camera_info(types: Any, frame: ExportFrame, header: Any, version: int) -> A
         header=header,
         height=frame.camera.height,
         width=frame.camera.width,
-        distortion_model="plumb_bob",
+        distortion_model=lens_model(frame.lens),
         **matrices,
         binning_x=0,
         binning_y=0,

@@ -65,7 +65,7 @@ def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image
     side, rays = view.optics.supersample, layers["rays"]
     z = layers["clean"]
     found = np.where(z > 0, layers["lit"], np.float32(1.0))
-    light = phasors(view, p, z, layers["normal"], rays, found)
+    light = phasors(view, p, z, layers["normal"], rays, found) * _contrast(view, p, found)
     mixed = (layers["uneven"] > _MM * p["smooth_mm"]) & (side > 1)
     row, column = np.nonzero(mixed)
     total = np.zeros((len(row), 7), np.float32)
@@ -76,7 +76,8 @@ def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image
         lit, shape = _alike(seen, *around)
         place = np.array([k % side, k // side], np.float32) - np.float32(side // 2)
         aside = place / (np.float32(side) * np.float32(view.optics.focal_px))
-        total += share * phasors(view, p, seen[:, 0], shape, rays[row, column] + aside, lit)
+        seen_light = phasors(view, p, seen[:, 0], shape, rays[row, column] + aside, lit)
+        total += share * seen_light * _contrast(view, p, lit)
     light[mixed] = total
     empty = np.zeros((*z.shape, 1), np.float32)
     return {
@@ -84,6 +85,18 @@ def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image
         "light_b": np.concatenate([light[..., 4:], empty], -1),
         **expected_depth(view, p, layers),
     }
+
+
+def _contrast(view: StageView, p: Parameters, lit: Image) -> Image:
+    """(..., 7) contrast that is left of each part of ``phasors``; that of the amplitude is 1."""
+    around = p["indirect"] * (np.float32(1.0) - lit)
+    share = (around / np.maximum(lit + around, np.float32(1e-6)))[..., None]
+    turn = TWO_PI * frequencies(view) / half_wave_m_mhz() * _MM * p["indirect_spread_mm"]
+    turn = np.concatenate([np.repeat(turn, 2), np.zeros(1)]).astype(np.float32)
+    left: Image = np.float32(1.0) - share * (
+        np.float32(1.0) - np.exp(np.float32(-0.5) * turn * turn)
+    )
+    return left
 
 
 def _around(
