@@ -138,7 +138,8 @@ class Simulator:
         self.sensor: Sensor = sensor_of(settings, changes)
         make_current(context)
         self._cache = cache or RenderCache(context)
-        self._renderer = self._cache.renderer(self.sensor.rig)
+        self._canvas = self.sensor.rig.canvas()
+        self._renderer = self._cache.renderer(self._canvas)
         read_back = (
             *self._extra,
             *((REGION.name,) if "regions" in layers else ()),
@@ -272,12 +273,13 @@ class Simulator:
         return Skipped(task.key, self._sources[task.source].name, str(error))
 
     def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
-        rig, stages = self.sensor.rig, self.sensor.stages
+        rig, stages = self._canvas, self.sensor.stages
         make_current(self._context)  # the caller may have used another since the last frame
         scene = self._scenes.build(task, face)
         drawn, values = draw_values(stages, self._scenes.held(task).seeds)
         reach_px = array_reach_px(stages, values)
-        rendered, owner = self._cache.rendered(self._renderer, scene, reach_px)
+        crop = self.sensor.rig.on_canvas(scene.crop)
+        rendered, owner = self._cache.rendered(self._renderer, scene, crop, reach_px)
         frame = FrameContext.for_frame(
             rig=rig,
             window=rendered.window,
@@ -309,8 +311,8 @@ class Simulator:
         made = assemble_frame(
             layers,
             item.frame.window,
-            scene.crop,
-            self.sensor.rig.intrinsics,
+            self.sensor.rig.on_canvas(scene.crop),
+            self._canvas.intrinsics,
             self._settings.output,
             self._extra,
             key=task.key,

@@ -11,6 +11,7 @@ import moderngl
 from glsim.faces.base import FaceSource
 from glsim.frame_scene import FrameScene, FrameScenes
 from glsim.geometry.camera import SensorRig
+from glsim.geometry.rect import Rect
 from glsim.noise.stage_layers import KeptLayers
 from glsim.noise.stage_pass import LinkedStages
 from glsim.render.renderer import Rendered, Renderer
@@ -57,7 +58,7 @@ class RenderCache:
         return made
 
     def rendered(
-        self, renderer: Renderer, scene: FrameScene, reach_px: int
+        self, renderer: Renderer, scene: FrameScene, crop: Rect, reach_px: int
     ) -> tuple[Rendered, KeptLayers | None]:
         """Return a scene's clean layers, and the owner of what its stages draw.
 
@@ -66,6 +67,7 @@ class RenderCache:
         Args:
             renderer: of the scene's rig.
             scene: what is rendered, unless it is the last one.
+            crop: what is delivered of the renderer's image.
             reach_px: border of the rendered window around the crop.
 
         Returns:
@@ -77,7 +79,7 @@ class RenderCache:
         self._stages.clear()
         self._last = None
         self._rendering.close()  # its targets are used again
-        drawing = renderer.render(scene.meshes, scene.crop, scene.labels, reach_px)
+        drawing = renderer.render(scene.meshes, crop, scene.labels, reach_px)
         rendered = self._rendering.enter_context(drawing)
         self._last = asked, rendered
         return rendered, None

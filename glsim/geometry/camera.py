@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.geometry.products import norm
+from glsim.geometry.rect import Rect
 
 FloatArray = NDArray[np.float32]
 
@@ -213,6 +214,7 @@ class SensorRig:
         imagers_m: positions of the infrared imagers of a camera that triangulates, camera frame,
             metres: two for stereo, one for structured light (the second view is then the first
             emitter's); empty for other cameras. Their images have the rig's intrinsics.
+        border_px: left, top, right, bottom: what the imagers' images have around the delivered one.
     """
 
     intrinsics: Intrinsics
@@ -225,6 +227,24 @@ class SensorRig:
     modulation_mhz: tuple[float, ...] = ()
     shadow_map: bool = True
     imagers_m: tuple[Point, ...] = ()
+    border_px: tuple[int, int, int, int] = (0, 0, 0, 0)
+
+    def canvas(self) -> SensorRig:
+        """The rig whose images are those of the imagers: with the border, delivered whole."""
+        left, top, right, bottom = self.border_px
+        i = self.intrinsics
+        wide = Intrinsics(
+            i.width + left + right, i.height + top + bottom, i.fx, i.fy, i.cx + left, i.cy + top
+        )
+        return (
+            replace(self, intrinsics=wide, border_px=(0, 0, 0, 0)) if any(self.border_px) else self
+        )
+
+    def on_canvas(self, window: Rect) -> Rect:
+        """Return a window of the delivered image in pixels of the canvas."""
+        return window._replace(
+            left=window.left + self.border_px[0], top=window.top + self.border_px[1]
+        )
 
     @property
     def keeps_distortion(self) -> bool:

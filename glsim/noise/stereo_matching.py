@@ -8,6 +8,7 @@ whole frame.
     infrared, infrared_right (or reference) --semi-global--> disparity, 1/16 px
     --smallest region, texture, left-right, border--> holes
     --mean of the support region--> disparity, 1/32 px --f B / n--> depth
+    --view of another camera (TrueDepth)--> depth
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ from glsim.noise.match_reasons import match_reasons
 from glsim.noise.numpy_twins.layers import pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
 from glsim.noise.stage import array_stage
+from glsim.noise.view_warp import warp_to_camera
 
 __all__ = ["match_stereo"]
 
 Disparities = NDArray[np.int32]
+Counts = NDArray[np.float32]
 
 #: Steps per pixel of the matcher's own disparities (OpenCV), and of those after the support region.
 _MATCHED_STEPS, _SUPPORT_STEPS = 16, 256
@@ -78,7 +81,7 @@ def match_stereo(
     """Matches two infrared images (or an image and a pattern) into depth: f B / disparity."""
     second = "infrared_right" if "infrared_right" in layers else "reference"
     turn = _Turn(view.optics.second_view_m)
-    left, right = (turn.forth(_bytes(layers[name])) for name in ("infrared", second))
+    left, right = (turn.forth(layers[name]) for name in ("infrared", second))
     found = match(left, right, p)
     if second == "infrared_right":
         first_px = turn.first_px(view)
@@ -94,16 +97,18 @@ def match_stereo(
     scale = 1000.0 * view.focal_baseline_px_m * p["subpixel_steps"] / p["depth_unit_mm"]
     units = np.rint(scale / np.where(kept, steps, 1).astype(np.float64))
     depth = np.where(kept, units * p["depth_unit_mm"] / 1000.0, 0).astype(np.float32)
+    if any(imager := view.optics.imagers_m[0]):
+        depth = warp_to_camera(depth, imager, view.optics.focal_px)
     shown = np.where(kept, steps / np.float32(p["subpixel_steps"]), 0)
     reason = match_reasons(view, layers, depth, p)
     return {"depth": depth, "reason": reason, "disparity": shown.astype(np.float32)}
 
 
-def match(left: NDArray[np.uint8], right: NDArray[np.uint8], p: Mapping[str, float]) -> Disparities:
+def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
     """Match rectified images whose second camera stands to the right of the first.
 
     Args:
-        left, right: (H, W) uint8.
+        left, right: (H, W) whole counts.
         p: parameters of the stage ``match_stereo``.
 
     Returns:
@@ -131,7 +136,7 @@ def match(left: NDArray[np.uint8], right: NDArray[np.uint8], p: Mapping[str, flo
         side, floor = int(p["contrast_px"]) | 1, p["contrast_floor_counts"]
         views = [_even_contrast(image, side, floor) for image in (left, right)]
     else:
-        views = [left, right]
+        views = [_bytes(image) for image in (left, right)]
     padded = [cv2.copyMakeBorder(i, 0, 0, border, 0, cv2.BORDER_REPLICATE) for i in views]
     matched = matcher.compute(*padded)[:, border:].copy()
     matched[matched <= shift * _MATCHED_STEPS] = _NONE
@@ -143,30 +148,27 @@ def match(left: NDArray[np.uint8], right: NDArray[np.uint8], p: Mapping[str, flo
     return _support_mean(matched, int(p["support_px"]), p["support_step_px"])
 
 
-def _even_contrast(
-    image: NDArray[np.uint8], side_px: int, floor_counts: float
-) -> NDArray[np.uint8]:
+def _even_contrast(image: Counts, side_px: int, floor_counts: float) -> NDArray[np.uint8]:
     """Return an image with its local mean at 128 and its local standard deviation at most 40."""
     mean, variance = _local_moments(image, side_px)
     even = 128 + _EVEN_COUNTS * (image - mean) / np.maximum(np.sqrt(variance), floor_counts)
     return np.rint(even.clip(0, 255)).astype(np.uint8)
 
 
-def _local_moments(
-    image: NDArray[np.uint8], side_px: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _local_moments(image: Counts, side_px: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return mean and variance of the window around each pixel, counts."""
     import cv2
 
     size, count = (side_px, side_px), side_px**2
-    # Sums of bytes and of their squares are whole numbers, exact in float64.
-    total = cv2.boxFilter(image, cv2.CV_64F, size, normalize=False)
-    squares = cv2.sqrBoxFilter(image, cv2.CV_64F, size, normalize=False)
+    # Sums of counts and of their squares are whole numbers, exact in float64.
+    counts = image.astype(np.float64)
+    total = cv2.boxFilter(counts, cv2.CV_64F, size, normalize=False)
+    squares = cv2.boxFilter(counts * counts, cv2.CV_64F, size, normalize=False)
     return total / count, (count * squares - total * total) / count**2
 
 
 def _reject_flat(
-    matched: NDArray[np.int16], image: NDArray[np.uint8], window: int, least_counts: float
+    matched: NDArray[np.int16], image: Counts, window: int, least_counts: float
 ) -> None:
     """Reject, in place, pixels in whose window the image's standard deviation is too small."""
     if least_counts > 0:
@@ -219,7 +221,7 @@ def _mean_along(values: Disparities, axis: int, reach: int, step: int) -> Dispar
     return np.where(values >= 0, mean, _NONE)
 
 
-def _bytes(counts: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _bytes(counts: Counts) -> NDArray[np.uint8]:
     """Return an image of counts as 8 bits; brighter images lose their lowest bits."""
     largest = int(counts.max(initial=0.0))
     shift = max(largest.bit_length() - 8, 0)

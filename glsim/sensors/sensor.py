@@ -19,6 +19,7 @@ spread_m = 0.005          optional: three points instead of one, this far apart
 path_from_m = [0.04, 0, 0]   optional: where the decoder counts paths from, if elsewhere
 [[rig.imager]]            stereo: two; structured light: one, matched with the first emitter's dots
 position_m = [0, 0, 0]
+border_px = [0, 0, 0, 0]  optional, of [rig]: left, top, right, bottom; what the imagers see around the image
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
 name = "axial"            optional; required if a stage is used twice
@@ -66,6 +67,7 @@ _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 #: A coordinate beside the camera, m, and one in the image, pixels; far beyond those of any camera.
 _Metres = Annotated[float, Field(ge=-100, le=100)]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
+_Border = Annotated[int, Field(ge=0, le=1024)]
 
 
 class _EmitterTable(TomlTable, allow_inf_nan=False):
@@ -97,6 +99,7 @@ class _RigTable(TomlTable, allow_inf_nan=False):
     centre_px: tuple[_Pixels, _Pixels]
     emitter: tuple[_EmitterTable, ...] = ()
     imager: tuple[_ImagerTable, ...] = ()
+    border_px: tuple[_Border, _Border, _Border, _Border] = (0, 0, 0, 0)
     distortion: _DistortionTable = _DistortionTable()
     deliver: Literal["undistorted", "raw"] = "undistorted"
     near_m: float = Field(0.1, gt=0)
@@ -135,6 +138,7 @@ class _RigTable(TomlTable, allow_inf_nan=False):
             self.modulation_mhz,
             self.shadow_map,
             tuple(i.position_m for i in self.imager),
+            self.border_px,
         )
 
 
