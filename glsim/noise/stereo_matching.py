@@ -71,6 +71,15 @@ def _reach_px(p: Mapping[str, float]) -> int:
     support_px=("int", 9, 1, 31, "px", "side of the support region whose disparities are averaged, odd"),
     support_step_px=("float", 1.0, 0.1, 16, "px", "step of disparity that ends the support region"),
     subpixel_steps=("int", 32, 1, 256, "1", "steps of the disparity per pixel"),
+    amplitude_px=(
+        "float",
+        0.0,
+        -0.5,
+        0.5,
+        "px",
+        "sine over the fraction of a disparity that is added, against the preference of whole "
+        "pixels",
+    ),
     device_sigma_px=("float", 0.0, 0, 1, "px", "error of the device's own that stays from frame to frame, standard deviation"),
     device_grain_px=("float", 4.0, 0.5, 64, "px", "its correlation: sigma of the Gaussian that smooths it"),
     depth_unit_mm=("float", 1.0, 0.01, 100, "mm", "the camera's own step of depth"),
@@ -88,18 +97,20 @@ def match_stereo(
         column = np.arange(found.shape[1], dtype=np.int32) + first_px
         found[column * _SUPPORT_STEPS - found < int(p["border_px"]) * _SUPPORT_STEPS] = _NONE
     disparity = turn.back(found)
-    exact = disparity / np.float32(_SUPPORT_STEPS)
+    # Matchers prefer whole pixels; D4xx cameras take a sine of this amplitude off ("A-factor").
+    exact = disparity / np.float64(_SUPPORT_STEPS)
+    exact += p["amplitude_px"] * np.sin(2 * np.pi * exact)
     if p["device_sigma_px"] > 0:
         own = _device_error(view.device_seed, view.window, p["device_grain_px"])
-        exact = exact + np.float32(p["device_sigma_px"]) * own
-    steps = np.rint(exact * np.float32(p["subpixel_steps"]))
+        exact += p["device_sigma_px"] * own
+    steps = np.rint(exact * p["subpixel_steps"])
     kept = (disparity >= 0) & (steps > 0) & (steps <= p["largest_px"] * p["subpixel_steps"])
     scale = 1000.0 * view.focal_baseline_px_m * p["subpixel_steps"] / p["depth_unit_mm"]
-    units = np.rint(scale / np.where(kept, steps, 1).astype(np.float64))
+    units = np.rint(scale / np.where(kept, steps, 1))
     depth = np.where(kept, units * p["depth_unit_mm"] / 1000.0, 0).astype(np.float32)
     if any(imager := view.optics.imagers_m[0]):
         depth = warp_to_camera(depth, imager, view.optics.focal_px)
-    shown = np.where(kept, steps / np.float32(p["subpixel_steps"]), 0)
+    shown = np.where(kept, steps / p["subpixel_steps"], 0)
     reason = match_reasons(view, layers, depth, p)
     return {"depth": depth, "reason": reason, "disparity": shown.astype(np.float32)}
 

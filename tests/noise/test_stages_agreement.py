@@ -15,8 +15,9 @@ from glsim.noise.registry import shipped_stages
 from glsim.reason import Reason
 from tests.support.stage_harness import FRAME, Image, crop, flat, frame, run_shader, run_twin, scene
 
-#: Stages of the time-of-flight sensors have layers of their own: test_tof_agreement.
-STAGES = [use for use in TWINS if not use.startswith("tof_")]
+#: Stages of time of flight and of imagers have layers of their own: test_tof_agreement and
+#: test_stereo_light.
+STAGES = [use for use in TWINS if not use.startswith(("tof_", "stereo_", "pattern_"))]
 
 #: Every stage with its defaults, and settings that reach other branches.
 CASES: list[tuple[str, dict[str, float]]] = [

@@ -1,0 +1,144 @@
+"""Twins of the stages of infrared images: dots, light and exposure of one or two imagers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.geometry.camera import Point
+from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
+from glsim.noise.numpy_twins.random import Words, normal_pair, pcg_word, random_bits
+
+
+def stereo_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Draw the light that two imagers get, with the dots of up to two projectors."""
+    left, right = (
+        _imaged_light(view, layers, p, side, imager)
+        for side, imager in zip(("left", "right"), view.optics.imagers_m, strict=True)
+    )
+    return {"light_left": left, "light_right": right}
+
+
+def pattern_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Draw the light that one imager gets, and the pattern that it is matched with."""
+    left = _imaged_light(view, layers, p, "left", view.optics.imagers_m[0])
+    return {"light_left": left, "light_right": dots(layers["rays"], _key(view), p)}
+
+
+def stereo_exposure(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Expose two infrared images."""
+    noise, gain = _draws(view)
+    left, right = (_blurred(view, layers[n], p) for n in ("light_left", "light_right"))
+    return {
+        "infrared": _counts(view, left, noise[0], gain[0], p),
+        "infrared_right": _counts(view, right, noise[1], gain[1], p),
+    }
+
+
+def pattern_exposure(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Expose one infrared image, and blur the pattern like it."""
+    noise, gain = _draws(view)
+    left = _blurred(view, layers["light_left"], p)
+    level = p["reference_counts"] * _blurred(view, layers["light_right"], p)
+    return {
+        "infrared": _counts(view, left, noise[0], gain[0], p),
+        "reference": _whole(level, p),
+    }
+
+
+def _key(view: StageView) -> Words:
+    return pcg_word(np.array([view.device_seed], np.uint32))
+
+
+def dots(tangent: Image, key: Words, p: Parameters) -> Image:
+    """Return the brightness of the pattern for (..., 2) tangents of directions."""
+    half = np.float32(0.5)
+    place = tangent / (np.float32(0.001) * p["dot_spacing_mrad"])
+    first = np.floor(place - half).astype(np.int64)
+    ratio = p["dot_spacing_mrad"] / p["dot_sigma_mrad"]
+    narrowness = -half * ratio * ratio
+    total = np.zeros(tangent.shape[:-1], np.float32)
+    for y in (0, 1):
+        for x in (0, 1):
+            cell = first + (x, y)
+            row = pcg_word(cell[..., 1].astype(np.uint32) + key)
+            word = pcg_word(cell[..., 0].astype(np.uint32) + row)
+            drawn = np.stack([word & 2047, (word >> 11) & 2047], axis=-1).astype(np.float32)
+            drawn = drawn / np.float32(2047) - half
+            centre = cell.astype(np.float32) + half + p["dot_disorder"] * drawn
+            offset = place - centre
+            spread = np.float32(2) * (word >> 22).astype(np.float32) / np.float32(1023)
+            bright = np.float32(1) + p["dot_variation"] * (spread - np.float32(1))
+            total += bright * np.exp(np.maximum(narrowness * (offset * offset).sum(-1), _LEAST))
+    return total
+
+
+#: Exponents below this are 0 in float32; NumPy would warn.
+_LEAST = np.float32(-80)
+
+
+def _projected(
+    point: Image, normal: Image, emitter: Point, lit: Image, key: Words, p: Parameters
+) -> Image:
+    way = point - np.array(emitter, np.float32)
+    squared = (way * way).sum(-1)
+    inverse = np.float32(1) / np.sqrt(squared)
+    facing = np.maximum(-(normal * way).sum(-1) * inverse, np.float32(0))
+    pattern = p["flood"] + (np.float32(1) - p["flood"]) * dots(way[..., :2] / way[..., 2:], key, p)
+    return lit * facing / squared * pattern * (way[..., 2] * inverse) ** p["fall_off_power"]
+
+
+def _imaged_light(
+    view: StageView, layers: Layers, p: Parameters, side: str, imager: Point
+) -> Image:
+    depth, shape = layers[f"{side}_clean"], layers[f"{side}_normal"]
+    lit = layers[f"{side}_lit"]
+    seen = depth > 0
+    z = np.where(seen, depth, np.float32(1))[..., None]
+    point = np.concatenate([layers["rays"] * z, z], axis=-1) + np.array(imager, np.float32)
+    key = _key(view)
+    one, other = view.optics.emitters_m
+    light = _projected(point, shape[..., :3], one, lit[..., 0], key, p)
+    light += _projected(point, shape[..., :3], other, lit[..., 1], key + np.uint32(1), p)
+    light = shape[..., 3] * (p["gain_counts"] * light + p["ambient_counts"])
+    return np.where(seen, light, np.float32(0))
+
+
+def _draws(view: StageView) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
+    """Standard normal noise and gain, each of the first and the second image."""
+    first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
+    noise = normal_pair(first, second)
+    first, second, _, _ = random_bits(*pixels(view.window), view.device_seed, 1)
+    return noise, normal_pair(first, second)
+
+
+def _blurred(view: StageView, light: Image, p: Parameters) -> Image:
+    x, y = pixels(view.window)
+    psf = p["psf_sigma_px"]
+    one = np.float32(1)
+    side = np.exp(np.float32(-0.5) / (psf * psf)) if psf > 0 else np.float32(0)
+    total = np.zeros_like(light)
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            weight = (side if dx else one) * (side if dy else one)
+            total += weight * fetch(light, view.window, x + dx, y + dy)
+    whole = one + np.float32(2) * side
+    return total / (whole * whole)
+
+
+def _counts(view: StageView, light: Image, noise: Image, gain: Image, p: Parameters) -> Image:
+    subject = np.float32(view.optics.subject_m)
+    factor = p["exposure"]
+    if p["longest_exposure"] > 0:
+        factor = factor * np.minimum(subject * subject, p["longest_exposure"])
+    signal = factor * light * (np.float32(1) + p["pixel_gain_sigma"] * gain)
+    speckle = p["speckle_sigma"] * signal
+    read = p["read_sigma_counts"] * p["read_sigma_counts"]
+    sigma = np.sqrt(p["shot_counts"] * signal + read + speckle * speckle)
+    return _whole(signal + sigma * noise, p)
+
+
+def _whole(counts: Image, p: Parameters) -> NDArray[np.float32]:
+    largest = np.exp2(p["bits"]) - np.float32(1)
+    return np.clip(np.floor(counts + np.float32(0.5)), np.float32(0), largest)

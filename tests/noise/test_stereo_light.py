@@ -1,0 +1,164 @@
+"""Infrared images of imagers: shader and twin agree; dots, light, noise and exposure are as declared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.geometry.rect import Rect
+from glsim.noise.frame_context import FrameContext, Optics
+from glsim.noise.numpy_twins.random import pcg_word
+from glsim.noise.numpy_twins.stereo import dots
+from tests.support.stage_harness import (
+    FOCAL_PX,
+    Image,
+    Z_MAX,
+    crop,
+    frame,
+    layers_of,
+    run_shader,
+    run_twin,
+    scene,
+    values,
+)
+
+OPTICS = Optics(
+    emitters_m=((0.028, 0.0, 0.0), (0.035, 0.004, 0.0)),
+    imagers_m=((0.0, 0.0, 0.0), (0.05, 0.0, 0.0)),
+    second_view_m=(0.05, 0.0, 0.0),
+    focal_px=FOCAL_PX,
+    subject_m=0.8,
+)
+
+CASES: list[tuple[str, dict[str, float]]] = [
+    ("stereo_light", {}),
+    ("stereo_light", {"dot_disorder": 0, "dot_variation": 0, "flood": 1, "fall_off_power": 3}),
+    ("pattern_light", {"dot_spacing_mrad": 5.3, "dot_sigma_mrad": 1.1}),
+    ("stereo_exposure", {}),
+    ("stereo_exposure", {"bits": 10, "longest_exposure": 0, "psf_sigma_px": 0, "exposure": 3}),
+    ("pattern_exposure", {"speckle_sigma": 0.2, "read_sigma_counts": 4}),
+]
+
+
+def imager_frame(seed: int = 0, **changes: object) -> FrameContext:
+    return frame(seed, **{"optics": OPTICS, **changes})
+
+
+def with_imagers(layers: Mapping[str, Image]) -> dict[str, Image]:
+    """Return layers with those of two imagers; both see the same depth, shadows differ."""
+    made = dict(layers)
+    shape = layers["normal"].copy()
+    shape[..., 3] = layers["albedo"]
+    height, width = layers["clean"].shape
+    column = np.broadcast_to(np.arange(width) % 40 < 30, (height, width)).astype(np.float32)
+    for side, lit in (("left", np.ones_like(column)), ("right", column)):
+        made |= {f"{side}_clean": layers["clean"], f"{side}_normal": shape}
+        made[f"{side}_lit"] = np.stack([lit, 0.5 * column], axis=-1)
+    seen = layers["clean"] > 0
+    texture = np.random.default_rng(3).uniform(0, 300, (2, height, width)).astype(np.float32)
+    made["light_left"], made["light_right"] = np.where(seen, texture, np.float32(0))
+    return made
+
+
+@pytest.mark.parametrize("window", [Rect(0, 0, 256, 212), Rect(31, 17, 150, 130)])
+@pytest.mark.parametrize(("use", "p"), CASES)
+def test_twin_agrees(
+    context: moderngl.Context, use: str, p: Mapping[str, float], window: Rect
+) -> None:
+    at = imager_frame(window=window)
+    layers = crop(with_imagers(scene()), at)
+    shader, twin = run_shader(context, use, layers, at, **p), run_twin(use, layers, at, **p)
+    assert set(shader) == set(twin)
+    for name, image in shader.items():
+        assert np.ptp(image) > 1
+        if use.endswith("exposure"):  # whole counts: a rounding may fall to the other side
+            off = np.abs(image - twin[name])
+            assert off.max() <= 1
+            assert (off > 0).mean() < 1e-3
+        else:
+            off = np.abs(image - twin[name]) > 1e-3 * np.maximum(1.0, np.abs(image))
+            assert off.mean() <= 2e-4
+
+
+def test_dots_have_the_declared_density_size_and_disorder() -> None:
+    step = 0.25e-3
+    y, x = np.mgrid[-0.4:0.4:step, -0.4:0.4:step].astype(np.float32)
+    p = {k: np.float32(v) for k, v in values("stereo_light", {"dot_variation": 0.0}).items()}
+    image = dots(np.stack([x, y], axis=-1), pcg_word(np.array([7], np.uint32)), p)
+    spacing, sigma = 1e-3 * p["dot_spacing_mrad"], 1e-3 * p["dot_sigma_mrad"]
+    count = (0.8 / spacing) ** 2
+    assert image.sum() * step**2 == pytest.approx(count * 2 * np.pi * sigma**2, rel=0.03)
+    inner = image[1:-1, 1:-1]
+    peak = (inner > 0.9) & np.all(
+        [inner >= image[1 + a : image.shape[0] - 1 + a, 1 + b : image.shape[1] - 1 + b]
+         for a in (-1, 0, 1) for b in (-1, 0, 1)], axis=0,
+    )  # fmt: skip
+    assert peak.sum() == pytest.approx(count, rel=0.05)
+    # Places within the cells are even over the share that disorder gives them.
+    rows, columns = np.nonzero(peak)
+    place = np.stack([x[1:-1, 1:-1][rows, columns], y[1:-1, 1:-1][rows, columns]]) / spacing
+    inside = np.mod(place, 1)
+    assert ((inside > 0.03) & (inside < 0.97)).mean() > 0.99  # but for dots that merge
+    assert inside.std() == pytest.approx(0.9 / np.sqrt(12), rel=0.03)
+
+
+def test_another_device_has_another_pattern() -> None:
+    layers = with_imagers(scene())
+    first = run_twin("stereo_light", layers, imager_frame())["light_left"]
+    again = run_twin("stereo_light", layers, imager_frame(seed=5))["light_left"]
+    other = run_twin("stereo_light", layers, imager_frame(device_seed=1))["light_left"]
+    np.testing.assert_array_equal(first, again)
+    seen = layers["clean"] > 0
+    assert abs(np.corrcoef(first[seen], other[seen])[0, 1]) < 0.9
+    assert not np.array_equal(first, other)
+
+
+def test_dots_move_by_the_disparity_between_the_imagers() -> None:
+    """A wall's dots lie f B / z apart in the two images."""
+    depth = np.full((212, 256), 0.5, np.float32)
+    layers = with_imagers(layers_of(depth, np.array([0.0, 0.0, -1.0, 0.6])))
+    for side in ("left", "right"):
+        layers[f"{side}_lit"] = np.broadcast_to(np.float32([1, 0]), (212, 256, 2))
+    light = run_twin("stereo_light", layers, imager_frame(), ambient_counts=0.0, flood=0.0)
+    moved = FOCAL_PX * 0.05 / 0.5
+    correlation = [
+        np.corrcoef(light["light_left"][:, 60:].ravel(), light["light_right"][:, 60 - d : 256 - d].ravel())[0, 1]
+        for d in range(30, 44)
+    ]  # fmt: skip
+    assert 30 + int(np.argmax(correlation)) == round(moved)
+    assert max(correlation) > 0.8
+
+
+def test_noise_has_the_declared_variance(context: moderngl.Context) -> None:
+    light = np.full((212, 256), 100, np.float32)
+    layers = with_imagers(scene()) | {"light_left": light, "light_right": light}
+    p = {"pixel_gain_sigma": 0.0, "psf_sigma_px": 0.0, "longest_exposure": 0.0, "bits": 10}
+    inner = (slice(2, -2), slice(2, -2))
+    for run in (lambda *a, **k: run_shader(context, *a, **k), run_twin):
+        found = run("stereo_exposure", layers, imager_frame(), **p)
+        for image in found.values():
+            wanted = 0.05 * 100 + 0.7**2 + (0.015 * 100) ** 2 + 1 / 12
+            n = image[inner].size
+            assert abs(image[inner].var() / wanted - 1) < Z_MAX * np.sqrt(2 / n)
+            assert abs(image[inner].mean() - 100) < Z_MAX * np.sqrt(wanted / n)
+        pair = [image[inner].ravel() for image in found.values()]
+        assert abs(np.corrcoef(*pair)[0, 1]) < Z_MAX / np.sqrt(pair[0].size)
+
+
+def test_exposure_follows_the_face_up_to_its_limit() -> None:
+    light = np.full((212, 256), 40, np.float32)
+    layers = with_imagers(scene()) | {"light_left": light, "light_right": light}
+
+    def level(subject_m: float, **p: float) -> float:
+        at = imager_frame(optics=replace(OPTICS, subject_m=subject_m))
+        return float(run_twin("stereo_exposure", layers, at, **p)["infrared"][5:-5, 5:-5].mean())
+
+    assert level(1.0) == pytest.approx(40, rel=0.02)
+    assert level(0.5) == pytest.approx(10, rel=0.03)
+    assert level(9.0) == pytest.approx(160, rel=0.02)
+    assert level(0.5, longest_exposure=0.0) == pytest.approx(40, rel=0.02)
+    assert level(9.0, exposure=10.0) == 255  # saturated
