@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -208,7 +209,7 @@ def emitter_frustum(
 ) -> Frustum:
     """The frustum that an emitter must see to light the image, with the depths of the whole mesh.
 
-    It holds the directions of the points that the camera sees: what shadows them lies there too. A
+    It holds the directions of the points that the camera and the imagers see: what shadows them lies there too. A
     crop does not narrow it, because the edges of shadows depend on the grid of the shadow map. If
     the mesh reaches the camera (the legs of a person who looks up), the emitter is in its box: the
     frustum is then that of the camera's view beyond the near plane.
@@ -228,7 +229,7 @@ def emitter_frustum(
         )
     z = np.clip([corners_m[:, 2].min(), corners_m[:, 2].max()], near_m, None)
     x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
-    seen = np.array([(a * d, b * d, d) for d in z for a, b in itertools.product(x, y)])
+    seen = _seen_points(field_of_view, x, y, z)
     lit = bounding_frustum(seen, origin_m, 0.0)
     if lit is None:
         return whole
@@ -239,6 +240,16 @@ def emitter_frustum(
     )  # fmt: skip
 
 
+def _seen_points(
+    field_of_view: FieldOfView, x: Iterable[float], y: Iterable[float], z: Iterable[float]
+) -> NDArray[np.float64]:
+    """Return (N, 3) points, metres, at the ends of the directions of the camera and the imagers."""
+    eyes = [(0.0, 0.0, 0.0), *field_of_view.rig.imagers_m]
+    return np.array(
+        [(e[0] + a * d, e[1] + b * d, d) for e, d, a, b in itertools.product(eyes, z, x, y)]
+    )
+
+
 def _seen_from(
     origin_m: tuple[float, float, float], field_of_view: FieldOfView, far_m: float
 ) -> Frustum:
@@ -246,8 +257,8 @@ def _seen_from(
     near_m = field_of_view.rig.near_m
     x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
     far_m = max(far_m, 2 * near_m)
-    points = [(a * d, b * d, d) for d in (near_m, far_m) for a, b in itertools.product(x, y)]
-    seen = bounding_frustum(np.array(points), origin_m, 0.0)
+    points = _seen_points(field_of_view, x, y, (near_m, far_m))
+    seen = bounding_frustum(points, origin_m, 0.0)
     assert seen is not None  # an emitter behind the near plane
     return seen
 

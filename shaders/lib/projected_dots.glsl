@@ -4,7 +4,7 @@
 #include "lib/layers.glsl"
 
 uniform float gain_counts = 750.0;      //@ [0, 65535; 0, 400] counts light between a dot's centre and its surroundings on white paper at 1 m, facing the projector; chosen: cameras expose automatically
-uniform float ambient_counts = 40.0;     //@ [0, 65535; 0, 400] counts even light on white paper, from everywhere; chosen
+uniform float ambient_counts = 40.0;     //@ [0, 65535; 0, 400] counts light of the room on white paper that faces up; a fifth of it faces down, 3/5 upright. Chosen
 uniform float flood = 0.1;              //@ [0, 1]      1    the projector's light between its dots over that at a dot's centre; with the ambient light it makes the contrast of 0.5 that a real D435's dots have on cardboard
 uniform float dot_spacing_mrad = 23.9;  //@ [2, 200]    mrad distance of dots, tangent of the angle times 1000; measured on a D435's infrared image: 9.7 dots per 1000 px at f = 424 px
 uniform float dot_sigma_mrad = 2.0;     //@ [0.3, 20]   mrad size of a dot, standard deviation; with the imager's blur 1.2 px, as measured on the same image
@@ -12,7 +12,11 @@ uniform float dot_disorder = 0.9;       //@ [0, 0.9]    1    part of its cell in
 uniform float dot_variation = 0.4;      //@ [0, 1]      1    dots differ in brightness by up to this share, even distribution; chosen
 uniform float fall_off_power = 1.0;     //@ [0, 16]     1    the light falls with this power of the cosine to the projector's axis, besides distance and angle of incidence; chosen
 
+uniform float texture_share = 0.0;      //@ [0, 1]      1    grain of surfaces: their albedo varies by up to this share; cameras without a projector see pores and cloth. It does not move with the surface
+uniform float texture_mm = 1.5;         //@ [0.1, 100; 0.5, 10] mm size of a grain
+
 uniform uint u_device_seed;
+uniform uint u_sequence_seed;
 uniform vec3 u_emitter_1_m;
 uniform vec3 u_emitter_2_m;
 
@@ -46,6 +50,22 @@ float projected(vec3 point, vec3 normal, vec3 emitter, float lit, uint key) {
     return lit * facing / squared * pattern * pow(cosine, fall_off_power);
 }
 
+// Grain of the surface at a point, -1 to 1: random values at the corners of cubes, interpolated.
+float grain(vec3 point) {
+    vec3 place = point * 1000.0 / texture_mm;
+    ivec3 cell = ivec3(floor(place));
+    vec3 part = place - vec3(cell);
+    float sum = 0.0;
+    for (int corner = 0; corner < 8; corner++) {
+        ivec3 at = ivec3(corner & 1, (corner >> 1) & 1, corner >> 2);
+        vec3 near = mix(1.0 - part, part, vec3(at));
+        at += cell;
+        uint word = pcg_word(uint(at.x) + pcg_word(uint(at.y) + pcg_word(uint(at.z) + u_sequence_seed)));
+        sum += near.x * near.y * near.z * (2.0 * uniform01(word) - 1.0);
+    }
+    return sum;
+}
+
 // Light, counts, that an imager gets of a surface.
 // shape: normal and albedo; lit: the share of the light of each projector; point: camera frame, m.
 float imaged_light(float depth, vec4 shape, vec2 lit, vec3 point) {
@@ -53,5 +73,7 @@ float imaged_light(float depth, vec4 shape, vec2 lit, vec3 point) {
     uint key = pcg_word(u_device_seed);
     float light = lit.x > 0.0 ? projected(point, shape.xyz, u_emitter_1_m, lit.x, key) : 0.0;
     if (lit.y > 0.0) light += projected(point, shape.xyz, u_emitter_2_m, lit.y, key + 1u);
-    return shape.w * (gain_counts * light + ambient_counts);
+    float albedo = shape.w;
+    if (texture_share > 0.0) albedo *= 1.0 + texture_share * grain(point);
+    return albedo * (gain_counts * light + ambient_counts * (0.6 - 0.4 * shape.y));
 }

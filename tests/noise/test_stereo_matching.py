@@ -91,7 +91,7 @@ def test_the_amplitude_takes_the_preference_of_whole_pixels_off() -> None:
         found = run(left, right, amplitude_px=amplitude, subpixel_steps=256)["disparity"]
         off = (found - ramp)[10:-10, 60:-10]
         error.append(float(off[found[10:-10, 60:-10] > 0].std()))
-        assert abs(np.median(off)) < 0.03
+        assert abs(np.median(off)) < 0.06
     assert error[1] < 0.6 * error[0]
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from glsim.geometry.camera import Point
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
-from glsim.noise.numpy_twins.random import Words, normal_pair, pcg_word, random_bits
+from glsim.noise.numpy_twins.random import Words, normal_pair, pcg_word, random_bits, uniform01
 
 
 def stereo_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -101,8 +101,26 @@ def _imaged_light(
     one, other = view.optics.emitters_m
     light = _projected(point, shape[..., :3], one, lit[..., 0], key, p)
     light += _projected(point, shape[..., :3], other, lit[..., 1], key + np.uint32(1), p)
-    light = shape[..., 3] * (p["gain_counts"] * light + p["ambient_counts"])
+    sky = np.float32(0.6) - np.float32(0.4) * shape[..., 1]
+    albedo = shape[..., 3]
+    if p["texture_share"] > 0:
+        albedo = albedo * (np.float32(1) + p["texture_share"] * _grain(view, point, p))
+    light = albedo * (p["gain_counts"] * light + p["ambient_counts"] * sky)
     return np.where(seen, light, np.float32(0))
+
+
+def _grain(view: StageView, point: Image, p: Parameters) -> Image:
+    place = point * np.float32(1000) / p["texture_mm"]
+    cell = np.floor(place).astype(np.int64)
+    part = place - cell.astype(np.float32)
+    total = np.zeros(point.shape[:-1], np.float32)
+    for corner in range(8):
+        at = np.array([corner & 1, (corner >> 1) & 1, corner >> 2])
+        x, y, z = np.moveaxis((cell + at).astype(np.uint32), -1, 0)
+        word = pcg_word(x + pcg_word(y + pcg_word(z + np.uint32(view.sequence_seed))))
+        near = np.where(at == 1, part, np.float32(1) - part).prod(axis=-1, dtype=np.float32)
+        total += near * (np.float32(2) * uniform01(word) - np.float32(1))
+    return total
 
 
 def _draws(view: StageView) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
