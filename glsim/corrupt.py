@@ -38,7 +38,7 @@ class _Graphics:
     def __init__(self, corrupter: Corrupter, backend: str | None) -> None:
         self.process = os.getpid()
         self.context = open_context(backend)
-        self.renderer = Renderer(self.context, corrupter.rig)
+        self.renderer = Renderer(self.context, corrupter.canvas)
         self.chain = ShaderChain(
             self.context, corrupter.sensor.stages, pattern_mm=corrupter.pattern_mm
         )
@@ -70,6 +70,12 @@ class Corrupter:
         self._settings, self._backend = settings, backend
         self.sensor = sensor_of(settings)
         self.rig = self.sensor.rig.for_map(shape, focal_px, centre_px)
+        self.canvas = self.rig.canvas()
+        if self.rig.imagers_m and backend == "numpy":
+            raise ConfigError(
+                f"{self.sensor.name}: its imagers see the map's surface from other places, which "
+                "takes OpenGL: use --backend egl or osmesa"
+            )
         self.pattern_mm = None
         if self.sensor.pattern_map is not None:
             self.pattern_mm = self.sensor.pattern_map.error_mm
@@ -192,9 +198,14 @@ class Corrupter:
         )
 
     def _corrupt(self, depth_m: NDArray[np.float32], key: FaceKey, seeds: DrawKeys) -> Frame:
-        image = self.rig.intrinsics
         drawn, values = draw_values(self.sensor.stages, seeds)
+        whole = self.rig.intrinsics
+        delivered = self.rig.on_canvas(Rect(0, 0, whole.width, whole.height))
+        image = self.canvas.intrinsics
         window = Rect(0, 0, image.width, image.height)
+        if window != delivered:
+            inside, depth_m = depth_m, np.zeros((image.height, image.width), np.float32)
+            depth_m[delivered.slices] = inside
         if not depth_m.any():  # an empty map has no surface to light
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))
         elif self._backend == "numpy":
@@ -204,8 +215,8 @@ class Corrupter:
         else:
             graphics = self._graphics()
             make_current(graphics.context)
-            normal = depth_map.normals(depth_m, self.rig.rays())
-            surface = depth_map.surface(depth_m, self.rig)
+            normal = depth_map.normals(depth_m, self.canvas.rays())
+            surface = depth_map.surface(depth_m, self.canvas)
             with graphics.renderer.light_depth_map(depth_m, normal, surface) as rendered:
                 frame = self._frame(rendered.window, seeds, rendered.nearest_m)
                 graphics.chain.run(rendered, frame, values, graphics.readback)
@@ -214,7 +225,7 @@ class Corrupter:
         return assemble_frame(
             layers,
             window,
-            window,
+            delivered,
             image,
             self._output,
             key=key,
@@ -231,7 +242,7 @@ class Corrupter:
 
     def _frame(self, window: Rect, seeds: DrawKeys, nearest_m: float) -> FrameContext:
         return FrameContext.for_frame(
-            rig=self.rig,
+            rig=self.canvas,
             window=window,
             seed=seeds.frame,
             sequence_seed=seeds.sequence,
