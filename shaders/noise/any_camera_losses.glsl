@@ -15,7 +15,8 @@ uniform float dark_spread = 0.3;       //@ [0, 3]   1  standard deviation of the
 uniform float grazing_cosine = 0.1;    //@ [0, 1]   1  cosine of the angle to the ray below which pixels are lost
 uniform float grazing_spread = 0.05;   //@ [0, 1]   1  standard deviation of that threshold
 uniform float saturated_signal = 20.0; //@ [0.1, 1e6] 1 light beyond which pixels are lost; skin at 0.9 m is 1
-uniform float step_mm_per_m2 = 0.0;    //@ [0, 100] mm/m^2 step of the depth at 1 m; grows with the square of the distance, as steps of disparity do
+uniform float step_px = 0.0;           //@ [0, 4]   px step of the disparity, 0: none; depth becomes a constant over a whole number
+uniform float focal_baseline_px_mm = 21000.0; //@ [100, 1e6] px mm focal length times baseline, for step_px; 1/32 px of the default is a step of 1.5 mm at 1 m
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;
@@ -47,7 +48,7 @@ void main() {
     if (signal > saturated_signal) fate = REASON_SATURATED;
     if (cosine < grazing_cosine + grazing_spread * white.y) fate = REASON_LOW_SIGNAL;
     if (signal < dark_signal * exp(dark_spread * apart)) fate = REASON_LOW_SIGNAL;
-    float step_per_m = 0.001 * step_mm_per_m2; // of the inverse depth
+    float step_per_m = 1000.0 * step_px / focal_baseline_px_mm; // of the inverse depth
     if (depth > 0.0 && step_per_m > 0.0) {
         depth = 1.0 / (step_per_m * max(floor(1.0 / (depth * step_per_m) + 0.5), 1.0));
     }

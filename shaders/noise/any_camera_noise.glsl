@@ -1,8 +1,10 @@
 #version 330 core
 // any_camera_noise: adds the noise and the systematic error of some unknown depth camera.
 // Domain randomisation (docs/any_camera.md). The size of the noise is a law of distance, light and
-// angle, its distribution may have heavy tails, and neighbours may be alike. The systematic error is
-// the device's: an offset, a scale, a tilt and a wave along the distance, with the device's phase.
+// angle, its distribution may have heavy tails, and neighbours may be alike. A part of it is noise of
+// 1/depth, which is what stereo and structured light measure; a part may stay in all frames of a
+// device. The systematic error is the device's: an offset, a scale, a tilt and a wave along the
+// distance, with the device's phase.
 //@ sparse
 #include "lib/lattice_noise.glsl"
 #include "lib/skin_signal.glsl"
@@ -13,8 +15,10 @@ uniform float light_mm = 1.0;         //@ [0, 20]   mm standard deviation of ski
 uniform float distance_power = 2.0;   //@ [0, 4]    1  light_mm grows with this power of the distance
 uniform float light_power = 1.0;      //@ [0, 1]    1  and falls with this power of albedo times cosine: 1 for time of flight, less for stereo
 uniform float max_sigma_mm = 40.0;    //@ [0, 1000] mm upper limit of the standard deviation
-uniform float length_x_px = 1.5;      //@ [1, 16]   px lattice of the correlated noise along a row
+uniform float inverse_per_m = 0.0;    //@ [0, 0.1]  1/m standard deviation of 1/depth, which neither distance nor light change
+uniform float length_x_px = 1.5;      //@ [1, 16]   px lattice of the correlated noise along a row; block matching over 13 px: 8
 uniform float length_y_px = 1.5;      //@ [1, 16]   px and along a column
+uniform float static_share = 0.0;     //@ [0, 1]    1  share of the variance of the correlated noise that is the same in all frames of a device
 uniform float white_share = 0.3;      //@ [0, 1]    1  share of the variance that is white
 uniform float tail = 0.2;             //@ [0, 0.8]  1  heavy tails: each pixel's sigma is scaled by a log-normal number; excess kurtosis 3 exp(4 tail^2) - 3
 uniform float outlier_share = 0.0;    //@ [0, 0.05] 1  share of the pixels that are far off
@@ -64,11 +68,15 @@ void main() {
     // A pixel that grew over nothing has the light of skin.
     light = dot(normal, normal) > 0.0 ? max(light, DARKEST) : 1.0;
     float by_light = light_mm * pow(max(z, 1e-3) / USUAL_M, distance_power) * pow(light, -light_power);
-    float sigma = min(sqrt(floor_mm * floor_mm + by_light * by_light), max_sigma_mm);
+    float by_inverse = 1000.0 * inverse_per_m * z * z;
+    float sigma = sqrt(floor_mm * floor_mm + by_light * by_light + by_inverse * by_inverse);
+    sigma = min(sigma, max_sigma_mm);
 
     uvec4 bits = random_bits(pixel, u_seed, 0u);
     vec2 white = normal_pair(bits.xy), second = normal_pair(bits.zw);
-    float field = lattice_noise(pixel, vec2(length_x_px, length_y_px), u_seed);
+    vec2 spacing = vec2(length_x_px, length_y_px);
+    float field = sqrt(1.0 - static_share) * lattice_noise(pixel, spacing, u_seed)
+        + sqrt(static_share) * lattice_noise(pixel, spacing, u_device_seed + 1u);
     float noise = sqrt(white_share) * white.x + sqrt(1.0 - white_share) * field;
     noise *= exp(tail * white.y - tail * tail); // the mean of the square of this factor is 1
     float error = sigma * noise + smooth_mm * lattice_noise(pixel, vec2(smooth_px), u_seed + 1u);

@@ -190,11 +190,16 @@ def any_camera_noise(view: StageView, layers: Layers, p: Parameters) -> dict[str
     ratio = np.maximum(z, _MM) / _USUAL_M
     by_light = p["light_mm"] * np.power(ratio, p["distance_power"])
     by_light = by_light * np.power(light, -p["light_power"])
-    sigma = np.sqrt(p["floor_mm"] * p["floor_mm"] + by_light * by_light)
+    by_inverse = np.float32(1000.0) * p["inverse_per_m"] * z * z
+    sigma = p["floor_mm"] * p["floor_mm"] + by_light * by_light + by_inverse * by_inverse
+    sigma = np.sqrt(sigma)
     sigma = np.minimum(sigma, p["max_sigma_mm"])
     bits = random_bits(*pixels(view.window), view.seed, 0)
     white, scale = normal_pair(bits[0], bits[1])
-    field = lattice_noise(view.window, (p["length_x_px"], p["length_y_px"]), view.seed)
+    spacing = p["length_x_px"], p["length_y_px"]
+    field = np.sqrt(_ONE - p["static_share"]) * lattice_noise(view.window, spacing, view.seed)
+    stays = lattice_noise(view.window, spacing, (view.device_seed + 1) % 2**32)
+    field = field + np.sqrt(p["static_share"]) * stays
     noise = np.sqrt(p["white_share"]) * white + np.sqrt(_ONE - p["white_share"]) * field
     noise = noise * np.exp(p["tail"] * scale - p["tail"] * p["tail"])
     smooth = lattice_noise(view.window, (p["smooth_px"],) * 2, (view.seed + 1) % 2**32)
@@ -245,7 +250,7 @@ def any_camera_losses(view: StageView, layers: Layers, p: Parameters) -> dict[st
         (uniform01(bits[2]) < p["single_share"], Reason.DROPPED),
     )
     lost = (reason != Reason.VALID) & (depth > 0)
-    rounded = _rounded(depth, _MM * p["step_mm_per_m2"])
+    rounded = _rounded(depth, np.float32(1000.0) * p["step_px"] / p["focal_baseline_px_mm"])
     return {
         "depth": np.where(lost, _ZERO, rounded),
         "reason": np.where(lost, reason, layers["reason"]),
