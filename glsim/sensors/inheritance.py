@@ -1,9 +1,9 @@
 """Sensor files that extend another one: a mode of a camera says only what differs.
 
-    extends = "azure-kinect"   a sensor's name, or a path that ends in .toml, from this file's folder
-    [rig]                      keys that replace or add to those of the other file
-    [[stage]]
-    use = "tof_taps"           a stage of the other file, by its name: these parameters replace its
+extends = "azure-kinect"   a sensor's name, or a path that ends in .toml, from this file's folder
+[rig]                      keys that replace or add to those of the other file
+[[stage]]
+use = "tof_taps"           a stage of the other file, by its name: these parameters replace its
 """
 
 from __future__ import annotations
@@ -85,4 +85,3 @@ def _name(stage: dict[str, Any], file: Path) -> str:
     if not isinstance(name, str):
         raise ConfigError(f'{file}: say which stage with use = "..."')
     return name
-
