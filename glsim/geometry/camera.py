@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
+from glsim.geometry.exposure import Exposure
 from glsim.geometry.products import norm
 
 FloatArray = NDArray[np.float32]
@@ -207,6 +208,7 @@ class SensorRig:
         supersample: samples per pixel along each axis, for stages that sum up light; odd.
         modulation_mhz: the three frequencies of a time-of-flight camera; otherwise empty.
         shadow_map: whether the renderer casts shadows (if not, all is lit, and a stage casts them).
+        exposure: when the parts of a frame are exposed.
     """
 
     intrinsics: Intrinsics
@@ -218,6 +220,7 @@ class SensorRig:
     supersample: int = 1
     modulation_mhz: tuple[float, ...] = ()
     shadow_map: bool = True
+    exposure: Exposure = field(default_factory=Exposure)
 
     @property
     def keeps_distortion(self) -> bool:

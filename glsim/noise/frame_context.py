@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class Optics:
     supersample: int = 1
     nearest_m: float = 0.0
     focal_px: float = 1.0
-    lens: Distortion = Distortion()
+    lens: Distortion = field(default_factory=Distortion)
 
 
 @dataclass(frozen=True, kw_only=True)

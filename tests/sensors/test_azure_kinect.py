@@ -42,7 +42,7 @@ def simulated_tiles(context: moderngl.Context) -> NDArray[np.float64]:
     cam = Camera.open(context, "azure-kinect")
     rows = []
     for seed, (z_m, albedo) in enumerate(
-        (z, a) for z in (0.3, 0.5, 0.8, 1.2, 1.6, 2.0) for a in (0.05, 0.1, 0.2, 0.4, 0.8)
+        (z, a) for z in (0.3, 0.5, 0.8, 1.2, 1.4, 1.6, 2.0) for a in (0.05, 0.1, 0.2, 0.4, 0.8)
     ):
         crop = Rect(240, 240, 160, 160)
         shot = cam.shoot([quad(1000 * z_m, albedo=albedo)], {}, seed=seed, crop=crop)
@@ -148,7 +148,8 @@ def test_temporal_sigma_agrees_with_the_published_one(context: moderngl.Context)
     for z_mm, expected_mm in ((1500.0, 0.89), (3000.0, 1.78)):
         wall = [quad(z_mm, albedo=0.8)]
         shots = np.stack([cam.shoot(wall, {}, seed=s, crop=crop)["depth"] for s in range(10)])
-        sigma_mm = 1000 * np.sqrt(shots[:, 12:-12, 12:-12].var(axis=0, ddof=1).mean())
+        shots = np.where(shots > 0, shots, np.nan)[:, 12:-12, 12:-12]
+        sigma_mm = 1000 * np.sqrt(np.nanvar(shots, axis=0, ddof=1).mean())
         assert sigma_mm == pytest.approx(expected_mm, rel=0.25), z_mm
 
 

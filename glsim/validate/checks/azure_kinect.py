@@ -6,6 +6,8 @@ the bands against that frame with the same code.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,7 +46,7 @@ def _frame(capture: Capture) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     _SHEET,
     Check(
         "1", "plane residual over infrared, of the real frame's law: its share, 60 to 9,000 counts",
-        tuple(Band(f"{a}-{b}", 0.85, 1.15) for a, b in zip(COUNTS, COUNTS[1:], strict=False)),
+        tuple(Band(f"{a}-{b}", 0.85, 1.15) for a, b in pairwise(COUNTS)),
         AZURE, "measured",
     ),
     Check(
@@ -67,7 +69,7 @@ def noise(captures: Captures) -> dict[str, Measurement]:
     every_count = np.concatenate([t.infrared for t in tiles])
     every_rms = np.concatenate([t.rms_mm for t in tiles])
     shares: dict[str, float | None] = {}
-    for low, high in zip(COUNTS, COUNTS[1:], strict=False):
+    for low, high in pairwise(COUNTS):
         inside = (every_count >= low) & (every_count < high)
         law = noise_law_mm(float(np.median(every_count[inside]))) if inside.any() else np.nan
         rms = float(np.median(every_rms[inside])) if inside.any() else np.nan
@@ -96,11 +98,13 @@ def noise(captures: Captures) -> dict[str, Measurement]:
           (Band("lit", 2, 4, "px"), Band("shadow", 11, 18, "px")), AZURE, "measured"),
     Check("6", "pixels between the surfaces, within 3 px of the mug's rims, rows",
           (Band("share", 0, 0.011),), AZURE, "measured"),
-    Check("7", "bend of the mug's last pixel, rows: median on the lit side and the shadow's; next pixel",
-          (Band("lit", -17, -2, "mm"), Band("shadow", -12, 2, "mm"), Band("lit, next", -7, 1, "mm")),
+    Check("7", "bend of the mug's last pixel: median on the lit side, the shadow's; next pixel",
+          (Band("lit", -17, -2, "mm"), Band("shadow", -12, 2, "mm"),
+           Band("lit, next", -7, 1, "mm")),
           AZURE, "measured"),
-    Check("8", "bend of the wall's first pixel: median beside the shadow, next pixel, on the lit side",
-          (Band("shadow", 2, 84, "mm"), Band("shadow, next", 2, 53, "mm"), Band("lit", 0, 17, "mm")),
+    Check("8", "bend of the wall's first pixel: median by the shadow, next pixel, lit side",
+          (Band("shadow", 2, 84, "mm"), Band("shadow, next", 2, 53, "mm"),
+           Band("lit", 0, 17, "mm")),
           AZURE, "measured"),
 )  # fmt: skip
 def rims(captures: Captures) -> dict[str, Measurement]:
