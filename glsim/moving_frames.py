@@ -43,8 +43,8 @@ def exposure_parts(rig: SensorRig, chain: ShaderChain, sensor: str) -> tuple[Sub
     parts = rig.exposure.parts()
     if not parts:
         raise ConfigError(
-            f"motion.within_exposure: the sensor {sensor!r} does not say when its frame is exposed: "
-            "set rig.exposure.read_out_ms (rolling shutter), or take azure-kinect or kinect-v2"
+            f"motion.within_exposure: the sensor {sensor!r} does not say when its frame is "
+            "exposed: set rig.exposure.read_out_ms (rolling shutter), or take azure-kinect"
         )
     if parts[0].capture is not None and not chain.has_light:
         raise ConfigError(

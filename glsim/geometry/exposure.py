@@ -7,6 +7,7 @@ time of each part; glsim.render.sub_frames puts the parts together.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 #: Captures of a time-of-flight frame that measure: three taps of each of three frequencies.
 TAPS, FREQUENCIES = 3, 3
@@ -57,6 +58,6 @@ class Exposure:
             shares = [k / self.bands for k in range(self.bands + 1)]
             return tuple(
                 SubExposure((0.5 * (a + b) - 0.5) * self.read_out_ms, rows=(a, b))
-                for a, b in zip(shares, shares[1:], strict=False)
+                for a, b in pairwise(shares)
             )
         return ()

@@ -12,7 +12,7 @@ supersample = 3           optional: samples per pixel along each axis (1, 3 or 5
 modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
 shadow_map = true         false: a stage casts the shadows instead of the renderer
 fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
-[rig.exposure]            optional: captures and spacing_ms, or read_out_ms and bands (rolling shutter)
+[rig.exposure]            optional: captures and spacing_ms; or read_out_ms and bands of rows
 [[rig.wiggling]]          optional: the device's own, written by glsim fit (glsim.sensors.wiggling)
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
