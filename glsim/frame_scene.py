@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from glsim.plan.tasks import Task
 from glsim.scene.body import body_of
 from glsim.scene.other_people import OtherPeople
 from glsim.scene.scenery import Prop, build_scenery, check_behind, scene_regions
-from glsim.settings.schema import Settings
+from glsim.settings.schema import SPEEDS, Settings
 from glsim.settings.source_settings import generates
 
 
@@ -77,6 +78,7 @@ class FrameScenes:
         self._labels = RegionLabels(sources, further) if regions else None
         self._dressers = dressers or [Dresser(source, settings.appearance) for source in sources]
         self._others = others or OtherPeople(settings, sources, self._dressers, rig)
+        self._loading = Lock()
         self._loaded: tuple[Task, Face, Face] | None = None  # as loaded, and as changed
         self._last: tuple[Task, FrameScene] | None = None
 
@@ -88,7 +90,7 @@ class FrameScenes:
     def like(self, settings: Settings, rig: SensorRig, *, regions: bool) -> FrameScenes:
         """Return scenes of the same sources for other settings."""
         changed = self._changed_settings(settings)
-        same_others = rig == self._rig and changed <= {"stage", "pose"}
+        same_others = rig == self._rig and changed <= {"stage", "pose", "motion"}
         return FrameScenes(
             settings,
             self._sources,
@@ -115,6 +117,10 @@ class FrameScenes:
 
     def load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
         """Load the faces of one source. A file that its source cannot survive is a bad face."""
+        with self._loading:  # sub-frames load faces too, while a thread loads ahead
+            return self._load(batch)
+
+    def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
         self._others.load([self.held(task) for task in batch])
         source = self._sources[batch[0].source]
         loaded: list[tuple[Task, Face | BadFace]] = []
@@ -164,7 +170,52 @@ class FrameScenes:
         self._last = task, scene
         return scene
 
-    def _build(self, task: Task, face: Face) -> FrameScene:
+    def moved(self, task: Task, face: Face, times_s: Sequence[float]) -> list[FrameScene] | None:
+        """Build the scene at other times of the frame's exposure; None if nothing moves.
+
+        Raises MeshError as ``build``.
+
+        Args:
+            task: the frame.
+            face: as ``load`` gave it.
+            times_s: from the frame's instant, seconds.
+        """
+        speeds = {SPEEDS[n.removeprefix("motion.")]: v for n, v in self.speeds(task).items()}
+        follows = generates(self._sources[task.source].name)
+        if not follows and not any(speeds.values()):
+            return None
+        scenes = []
+        for time_s in times_s:
+            then = self._face_at(task, time_s) if follows else face
+            moment = face if _alike(then, face) else then
+            scenes.append(self._build(task, moment, time_s, speeds))
+        still = self.build(task, face)
+        same = all(s.face is face and _stands_alike(s, still) for s in scenes)
+        return None if same else scenes
+
+    def speeds(self, task: Task) -> dict[str, float]:
+        """Draw the speeds of [motion]: "motion.NAME" -> mm or degrees per second."""
+        seeds, motion = self.held(task).seeds, self._settings.motion
+        return {f"motion.{n}": getattr(motion, n).draw(seeds, f"motion.{n}") for n in SPEEDS}
+
+    def _face_at(self, task: Task, time_s: float) -> Face:
+        """Return the face of a generated sequence at another time of the frame."""
+        key = replace(task.key, time_s=task.key.time_s + time_s)
+        seeds = self.held(task).seeds
+        with self._loading:
+            face = next(iter(self._sources[task.source].load([key])))
+            if isinstance(face, BadFace):
+                raise face.error
+            varied = vary(face, self._settings.variation, seeds)
+            return self._dressers[task.source].dress(varied, seeds)
+
+    def _build(
+        self,
+        task: Task,
+        face: Face,
+        after_s: float = 0.0,
+        speeds: Mapping[str, float] | None = None,
+    ) -> FrameScene:
         settings, rig = self._settings, self._rig
         seeds = self.held(task).seeds
         pose = {
@@ -173,9 +224,11 @@ class FrameScenes:
         }
         still, motion = pose, pose.pop("motion")
         if generates(self._sources[task.source].name):  # recorded faces move by themselves
-            offsets = head_motion(task.seeds.sequence, task.key.time_s)
+            offsets = head_motion(task.seeds.sequence, task.key.time_s + after_s)
             offsets = {name: motion * offset for name, offset in offsets.items()}
             pose = move_pose(pose, offsets, face.neck)
+        if speeds is not None and any(speeds.values()):
+            pose = move_pose(pose, {n: after_s * v for n, v in speeds.items()}, face.neck)
         drawn = draw_variation(settings.variation, seeds)
         drawn |= self._dressers[task.source].drawn(face, seeds)
         body = body_of(face) if settings.scene.room != "none" else None
@@ -214,6 +267,12 @@ class FrameScenes:
             head_to_camera_m=head_to_camera,
             landmarks_m=landmarks_m,
         )
+
+
+def _stands_alike(one: FrameScene, other: FrameScene) -> bool:
+    """Return whether all meshes of two scenes are the same and in the same place."""
+    pairs = zip(one.meshes, other.meshes, strict=True)
+    return all(_alike(a, b) and np.array_equal(v, w) for (a, v), (b, w) in pairs)
 
 
 def _alike(one: object, other: object) -> bool:

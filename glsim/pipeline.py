@@ -4,6 +4,7 @@ simulate(settings)       opens the sources and the context; per task of the plan
     FrameScenes.load     -> faces (meshes in canonical axes, mm), varied and dressed, in batches
     FrameScenes.build    -> the scene: face, pose, room, other people, and the delivered crop
     draw_values          -> stage parameters, drawn from the task's seeds
+    MovingFrames.draw    -> instead of the next two lines, if the scene moves in the exposure
     Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
     ShaderChain.run      -> depth (noisy), reason, infrared: GPU targets, readback queued
     Readback.arrays      -> the same as float32 arrays
@@ -31,6 +32,7 @@ from glsim.frame_assembly import assemble_frame, seen_landmarks
 from glsim.frame_scene import FrameScene, unusable
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
+from glsim.moving_frames import MovingFrames, exposure_parts, settle_reasons
 from glsim.noise.array_chain import array_reach_px, run_array_stages
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
@@ -39,7 +41,7 @@ from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
 from glsim.plan.tasks import Task, make_tasks
 from glsim.render.region_pass import REGION
-from glsim.render.renderer import NORMAL
+from glsim.render.renderer import NORMAL, Rendered
 from glsim.render_cache import RenderCache
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
 from glsim.settings.schema import Settings, with_assignments
@@ -56,6 +58,7 @@ class _InFlight:
 
     Attributes:
         drawn: the drawn values of the stages.
+        rolled: whether rows were exposed one after the other while the scene moved.
     """
 
     readback: Readback
@@ -64,6 +67,7 @@ class _InFlight:
     frame: FrameContext
     values: dict[str, dict[str, float]]
     drawn: dict[str, float]
+    rolled: bool = False
 
 
 def simulate(
@@ -165,6 +169,10 @@ class Simulator:
             settings, sources, self.sensor.rig, regions="regions" in layers
         )
         ring = 1 if is_software(context) else _RING_ON_GPU
+        self._moving: MovingFrames | None = None
+        if settings.motion.within_exposure:
+            parts = exposure_parts(self.sensor.rig, self._chain, self.sensor.name)
+            self._moving = MovingFrames(self._renderer, self._chain, self._cache.sub_frames, parts)
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
         image = self.sensor.rig.intrinsics
@@ -279,17 +287,28 @@ class Simulator:
         drawn, values = draw_values(stages, self._scenes.held(task).seeds)
         reach_px = array_reach_px(stages, values)
         crop = self.sensor.rig.on_canvas(scene.crop)
+
+        def frame_of(rendered: Rendered) -> FrameContext:
+            return FrameContext.for_frame(
+                rig=rig,
+                window=rendered.window,
+                seed=task.seeds.frame,
+                sequence_seed=task.seeds.sequence,
+                device_seed=stable_seed("device", self._settings.seed, task.device),
+                time_s=task.key.time_s,
+                nearest_m=rendered.nearest_m,
+                subject_m=rendered.subject_m,
+            )
+
+        if self._moving is not None:
+            times_s = [0.001 * part.time_ms for part in self._moving.parts]
+            if moved := self._scenes.moved(task, face, times_s):
+                drawn |= self._scenes.speeds(task)
+                still, *parts = (replace(each, crop=crop) for each in (scene, *moved))
+                frame = self._moving.draw(still, parts, reach_px, frame_of, values, readback)
+                return _InFlight(readback, task, scene, frame, values, drawn, self._moving.rolls)
         rendered, owner = self._cache.rendered(self._renderer, scene, crop, reach_px)
-        frame = FrameContext.for_frame(
-            rig=rig,
-            window=rendered.window,
-            seed=task.seeds.frame,
-            sequence_seed=task.seeds.sequence,
-            device_seed=stable_seed("device", self._settings.seed, task.device),
-            time_s=task.key.time_s,
-            nearest_m=rendered.nearest_m,
-            subject_m=rendered.subject_m,
-        )
+        frame = frame_of(rendered)
         self._chain.run(rendered, frame, values, readback, owner)
         return _InFlight(readback, task, scene, frame, values, drawn)
 
@@ -307,6 +326,8 @@ class Simulator:
                 ),
             )
         run_array_stages(self.sensor.stages, layers, item.frame, item.values)
+        if item.rolled:
+            settle_reasons(layers)
         task, scene = item.task, item.scene
         made = assemble_frame(
             layers,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import cached_property
 
 import moderngl
 
@@ -15,6 +16,7 @@ from glsim.geometry.rect import Rect
 from glsim.noise.stage_layers import KeptLayers
 from glsim.noise.stage_pass import LinkedStages
 from glsim.render.renderer import Rendered, Renderer
+from glsim.render.sub_frames import SubFrames
 from glsim.settings.schema import Settings
 
 #: Scenes of a plan, of the pose that is shown and of the one before.
@@ -36,6 +38,11 @@ class RenderCache:
         self._last: tuple[tuple[FrameScene, int], Rendered] | None = None
         self._rendering = ExitStack()
         self._stages = KeptLayers()
+
+    @cached_property
+    def sub_frames(self) -> SubFrames:
+        """What puts frames of moving scenes together."""
+        return SubFrames(self._context)
 
     def renderer(self, rig: SensorRig) -> Renderer:
         """Return the renderer of a rig."""

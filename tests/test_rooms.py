@@ -37,6 +37,7 @@ ROOMS = (
     "glsim.face_batches",
     "glsim.frame_scene",
     "glsim.render_cache",
+    "glsim.moving_frames",
     "glsim.pipeline",
     "glsim.depth_arrays",
     "glsim.corrupt",

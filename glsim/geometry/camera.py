@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
+from glsim.geometry.exposure import Exposure
 from glsim.geometry.products import norm
 from glsim.geometry.rect import Rect
 
@@ -215,6 +216,7 @@ class SensorRig:
             metres: two for stereo, one for structured light (the second view is then the first
             emitter's); empty for other cameras. Their images have the rig's intrinsics.
         border_px: left, top, right, bottom: what the imagers' images have around the delivered one.
+        exposure: when the parts of a frame are exposed.
     """
 
     intrinsics: Intrinsics
@@ -228,6 +230,7 @@ class SensorRig:
     shadow_map: bool = True
     imagers_m: tuple[Point, ...] = ()
     border_px: tuple[int, int, int, int] = (0, 0, 0, 0)
+    exposure: Exposure = field(default_factory=Exposure)
 
     def canvas(self) -> SensorRig:
         """The rig whose images are those of the imagers: with the border, delivered whole."""

@@ -81,14 +81,20 @@ def find_rims(depth_mm: NDArray[np.floating], *, columns: bool = False) -> Rims:
     depth = np.nan_to_num(np.asarray(depth_mm, np.float64))
     scans = depth.T if columns else depth
     found = [entry for number, z in enumerate(scans) for entry in _rims_of(z, number)]
-    names = list(zip(*found, strict=True)) or [()] * 8
-    bends = [np.array(names[k], np.float64).reshape(-1, OUTER_PX) for k in (5, 6)]
+    columns_of: list[tuple[object, ...]] = list(zip(*found, strict=True)) or [()] * 8
+
+    def numbers(field: int) -> Array:
+        return np.array(columns_of[field], np.float64)
+
     return Rims(
-        np.array(names[0], np.bool_),
-        np.array(names[1], np.int64),
-        *(np.array(names[k], np.float64) for k in (2, 3, 4)),
-        *bends,
-        np.array(names[7], np.float64),
+        right=np.array(columns_of[0], np.bool_),
+        line=np.array(columns_of[1], np.int64),
+        gap_px=numbers(2),
+        front_mm=numbers(3),
+        back_mm=numbers(4),
+        front_bend_mm=numbers(5).reshape(-1, OUTER_PX),
+        back_bend_mm=numbers(6).reshape(-1, OUTER_PX),
+        between=numbers(7),
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 
 import moderngl
@@ -30,6 +31,7 @@ from glsim.noise.stage import ENABLED, Stage, StageValues
 from glsim.noise.stage_layers import StageLayers
 from glsim.noise.stage_pass import BOUND, LinkedStages, StagePass
 from glsim.render.renderer import Rendered
+from glsim.render.sub_frames import LIGHT_LAYERS
 
 _REASON = Layer("reason", "float")
 
@@ -156,25 +158,66 @@ class ShaderChain:
         values: StageValues,
         readback: Readback,
         owner: StageLayers | None = None,
+        *,
+        light: Mapping[str, Target] | None = None,
+        truth: Mapping[str, Target] | None = None,
     ) -> None:
         """Draw all stages over the rendered layers and queue the readback of the result.
 
         Args:
             owner: of the targets that the stages draw; default: they are given back at the end.
+            light: LIGHT_LAYERS of a frame that moves, instead of those of the light stages.
+            truth: layers to read back instead of the rendered ones.
 
         Raises:
             ConfigError: a stage that reads a layer of a stage that is switched off.
         """
         owner = owner or StageLayers()
         with owner.run(rendered, frame):
-            layers = self._draw(rendered, frame, values, owner)
+            layers = self._draw(rendered, frame, values, owner, light=light or {})
+            layers |= truth or {}
             wanted = {name: layers[name] for name in self._wanted if name in layers}
             readback.request(rendered.pool, wanted, frame.window)
 
+    @property
+    def has_light(self) -> bool:
+        """Whether stages write LIGHT_LAYERS."""
+        return self._light_stages > 0
+
+    @contextmanager
+    def light(
+        self, rendered: Rendered, frame: FrameContext, values: StageValues
+    ) -> Iterator[dict[str, Target]]:
+        """Yield LIGHT_LAYERS of a sub-frame, after the stages that write them."""
+        owner = StageLayers()
+        with owner.run(rendered, frame):
+            layers = self._draw(rendered, frame, values, owner, self._light_stages)
+            yield {name: layers[name] for name in LIGHT_LAYERS}
+
+    @property
+    def _light_stages(self) -> int:
+        """The number of the first stages, up to the last that writes light."""
+        writers = [
+            number
+            for number, step in enumerate(self._passes, 1)
+            if {layer.name for layer in step.source.writes} & {*LIGHT_LAYERS}
+        ]
+        return max(writers, default=0)
+
     def _draw(
-        self, rendered: Rendered, frame: FrameContext, values: StageValues, owner: StageLayers
+        self,
+        rendered: Rendered,
+        frame: FrameContext,
+        values: StageValues,
+        owner: StageLayers,
+        stages: int | None = None,
+        light: Mapping[str, Target] | None = None,
     ) -> dict[str, Target]:
-        """Return all layers after the last stage."""
+        """Return all layers after the last stage, or after the first ``stages``.
+
+        Args:
+            light: replaces the light of the stages that write it.
+        """
         pool, silhouette = rendered.pool, rendered.silhouette
         layers = {
             **rendered.layers,
@@ -188,7 +231,9 @@ class ShaderChain:
         # The layers that are blank outside the silhouette. The map is not; where there is no
         # depth it is added to nothing.
         blank = {*layers, PATTERN_LAYER}
-        for step in self._passes:
+        for number, step in enumerate(self._passes[:stages]):
+            if light and number == self._light_stages:
+                layers |= light
             if not values[step.name][ENABLED]:
                 continue
             if sparse := step.source.sparse and blank.issuperset(step.source.reads):

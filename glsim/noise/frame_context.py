@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ class Optics:
     imagers_m: tuple[Point, Point] = (_ORIGIN, _ORIGIN)
     second_view_m: Point = _ORIGIN
     subject_m: float = 1.0
-    lens: Distortion = Distortion()
+    lens: Distortion = field(default_factory=Distortion)
 
 
 @dataclass(frozen=True, kw_only=True)

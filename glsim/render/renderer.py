@@ -122,6 +122,7 @@ class Renderer:
         visible: Rect | None = None,
         labels: Sequence[NDArray[np.float32] | None] = (),
         reach_px: int = 0,
+        window: Rect | None = None,
     ) -> Iterator[Rendered]:
         """Draw meshes, each with its (4, 4) matrix from canonical mm to camera m.
 
@@ -132,28 +133,14 @@ class Renderer:
             labels: per mesh the (V,) region numbers of its vertices, or None; if this is empty, the
                 layer region is not drawn.
             reach_px: how far around the crop stages read, besides the margin.
+            window: the part of the frame to draw; by default what the meshes can touch.
         """
         boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
-        face, view = meshes[0]
-        around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
-        windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
-        for (mesh, view), box in zip(meshes[1:], boxes[1:], strict=True):
-            if out_of_view(box, self._sight, visible):
-                continue
-            wanted = image_window(box, self._sight, visible, reach_px)
-            if union([windows[0], wanted]) != windows[0]:
-                # Trousers of a sitting person: their box is far wider than they are.
-                around = vertex_frustum(mesh.vertices_mm, view, self.rig.near_m)
-                if out_of_view(box, self._sight, visible, around):
-                    continue
-                wanted = image_window(box, self._sight, visible, reach_px, around)
-            windows.append(wanted)
+        window = window or self.window(meshes, visible, reach_px, boxes)
         uploaded = [self._meshes.upload(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
         corners_m = np.concatenate(boxes)
         nearest_m = max(self.rig.near_m, float(corners_m[:, 2].min()))
-        reach = self.rig.reach_of_views(nearest_m)
-        window = widened(union(windows), self._sight, reach)
         with self._pool.scope() as held:
             layers = self._draw_surface(uploaded, views, window)
             held += layers.values()
@@ -212,6 +199,43 @@ class Renderer:
         lit = self._shadow_map.draw(seen, window, arrays, views, corners_m)
         held += lit
         return layers | dict(zip(names, lit, strict=False))
+
+    def window(
+        self,
+        meshes: Sequence[tuple[Mesh, NDArray[np.float32]]],
+        visible: Rect | None = None,
+        reach_px: int = 0,
+        boxes: Sequence[NDArray[np.float64]] = (),
+    ) -> Rect:
+        """Return the part of the frame that meshes can touch. Raises MeshError as ``render``.
+
+        Args:
+            meshes, visible, reach_px: as in ``render``.
+            boxes: the (8, 3) corners of the meshes' bounding boxes, if they are known.
+        """
+        boxes = boxes or [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
+        face, view = meshes[0]
+        around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
+        windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
+        for (mesh, view), box in zip(meshes[1:], boxes[1:], strict=True):
+            if out_of_view(box, self._sight, visible):
+                continue
+            wanted = image_window(box, self._sight, visible, reach_px)
+            if union([windows[0], wanted]) != windows[0]:
+                # Trousers of a sitting person: their box is far wider than they are.
+                around = vertex_frustum(mesh.vertices_mm, view, self.rig.near_m)
+                if out_of_view(box, self._sight, visible, around):
+                    continue
+                wanted = image_window(box, self._sight, visible, reach_px, around)
+            windows.append(wanted)
+        nearest_m = float(np.concatenate(boxes)[:, 2].min())
+        return widened(union(windows), self._sight, self.rig.reach_of_views(nearest_m))
+
+    @contextmanager
+    def everywhere(self, window: Rect) -> Iterator[Silhouette]:
+        """Yield a silhouette that skips no pixel of a window."""
+        with self._silhouettes.draw(None, window) as silhouette:
+            yield silhouette
 
     @contextmanager
     def light_depth_map(

@@ -12,6 +12,7 @@ supersample = 3           optional: samples per pixel along each axis (1, 3 or 5
 modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
 shadow_map = true         false: a stage casts the shadows instead of the renderer
 fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
+[rig.exposure]            optional: captures and spacing_ms; or read_out_ms and bands of rows
 [[rig.wiggling]]          optional: the device's own, written by glsim fit (glsim.sensors.wiggling)
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
@@ -38,6 +39,7 @@ from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
+from glsim.geometry.exposure import Exposure
 from glsim.noise.chain import check_chain
 from glsim.noise.layer_names import PATTERN_LAYER
 from glsim.noise.light import check_light
@@ -92,6 +94,13 @@ class _DistortionTable(TomlTable, allow_inf_nan=False):
     limit_tan: float = Field(0.0, ge=0, le=10)
 
 
+class _ExposureTable(TomlTable, allow_inf_nan=False):
+    captures: Literal[0, 9, 10] = 0
+    spacing_ms: float = Field(0.0, ge=0, le=1000)
+    read_out_ms: float = Field(0.0, ge=0, le=1000)
+    bands: int = Field(16, ge=2, le=64)
+
+
 class _RigTable(TomlTable, allow_inf_nan=False):
     width: int = Field(ge=8, le=8192)
     height: int = Field(ge=8, le=8192)
@@ -109,6 +118,7 @@ class _RigTable(TomlTable, allow_inf_nan=False):
     shadow_map: bool = True
     fixed_pattern_map: str = ""
     wiggling: tuple[Wave, ...] = ()
+    exposure: _ExposureTable = _ExposureTable()
 
     @model_validator(mode="after")
     def _check(self) -> _RigTable:
@@ -120,6 +130,8 @@ class _RigTable(TomlTable, allow_inf_nan=False):
             raise ValueError(f"near_m {self.near_m} must be less than far_m {self.far_m}")
         if any(e.position_m == (0.0, 0.0, 0.0) for e in self.emitter):
             raise ValueError("an emitter at the camera itself throws no shadow: leave it out")
+        if self.exposure.captures and self.exposure.read_out_ms:
+            raise ValueError("exposure: give captures or read_out_ms, not both")
         if self.supersample % 2 == 0:
             raise ValueError(
                 f"supersample {self.supersample} must be odd: the middle sample is the depth"
@@ -139,6 +151,7 @@ class _RigTable(TomlTable, allow_inf_nan=False):
             self.shadow_map,
             tuple(i.position_m for i in self.imager),
             self.border_px,
+            Exposure(**self.exposure.model_dump()),
         )
 
 

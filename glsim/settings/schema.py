@@ -101,6 +101,35 @@ class PoseSettings(TomlTable):
         return self
 
 
+class MotionSettings(TomlTable):
+    """Motion within the exposure of a frame, which other frames do not show."""
+
+    within_exposure: bool = Field(
+        False,
+        description="draw the scene at the time of each part of the exposure (rig.exposure): nine "
+        "captures of a time-of-flight camera, bands of rows of a rolling shutter",
+    )
+    x_mm_s: NumberSetting = Field(
+        constant(0.0), description="speed of the head to the right, added to that of its sequence"
+    )
+    y_mm_s: NumberSetting = Field(constant(0.0), description="speed down")
+    z_mm_s: NumberSetting = Field(constant(0.0), description="speed away from the sensor")
+    yaw_deg_s: NumberSetting = Field(constant(0.0), description="turn to its own left")
+    pitch_deg_s: NumberSetting = Field(constant(0.0), description="turn upwards")
+    roll_deg_s: NumberSetting = Field(constant(0.0), description="tilt to its own left")
+
+
+#: Speed of [motion] -> the number of the pose that it changes.
+SPEEDS = {
+    "x_mm_s": "x_mm",
+    "y_mm_s": "y_mm",
+    "z_mm_s": "distance_mm",
+    "yaw_deg_s": "yaw_deg",
+    "pitch_deg_s": "pitch_deg",
+    "roll_deg_s": "roll_deg",
+}
+
+
 class VariationSettings(TomlTable):
     """Random changes of heads, so that networks do not learn the face model of the source."""
 
@@ -190,6 +219,7 @@ class Settings(TomlTable):
         validate_default=True,
     )
     pose: PoseSettings = PoseSettings()
+    motion: MotionSettings = MotionSettings()
     variation: VariationSettings = VariationSettings()
     appearance: AppearanceSettings = AppearanceSettings()
     redraw: Literal["sequence"] | None = Field(

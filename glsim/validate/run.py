@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import moderngl
 
-from glsim.errors import ConfigError
 from glsim.gl.context import open_context
 from glsim.plugins import load_plugin, plugin_names, shipped_objects
 from glsim.validate.captures import Captures
@@ -29,6 +28,7 @@ _TITLES: Final = {
     "kinect-v2": "Kinect V2",
     "kinect-v1": "Kinect V1",
     "kinect-v2-paper": "Kendrick et al.",
+    "azure-kinect": "Azure Kinect",
 }
 
 
@@ -74,12 +74,6 @@ def sensor_sheet(name: str) -> ValidationSheet:
     return sheets().get(name, sheets()["kinect-v2"])
 
 
-#: Sensors that no published measurement with a source describes, and why.
-WITHOUT_SHEET: dict[str, str] = {
-    "azure-kinect": "tests hold it against one real frame, and its decoder is the Kinect V2's",
-}
-
-
 def validate_sensor(
     sensor: str,
     *,
@@ -92,7 +86,7 @@ def validate_sensor(
 
     A sensor without a sheet of its own is checked as a Kinect V2.
 
-    Raises what simulate raises, and ConfigError for an experimental sensor, which has no sheet.
+    Raises what simulate raises.
 
     Args:
         frames: number of frames of each wall; more make the numbers more precise.
@@ -107,20 +101,10 @@ def validate_sensor(
             own_context.release()
 
 
-def check_has_sheet(sensor: str) -> None:
-    """Raise ConfigError for an experimental sensor."""
-    if sensor in WITHOUT_SHEET:
-        raise ConfigError(
-            f"{sensor} is experimental and has no validation sheet ({WITHOUT_SHEET[sensor]}): "
-            "validate kinect-v2, or a copy of its file to see it measured as a Kinect V2"
-        )
-
-
 def run_checks(captures: Captures) -> ValidationReport:
-    """Run the sheet of the sensor of these captures. Raises ConfigError if it has none."""
+    """Run the sheet of the sensor of these captures."""
     started = time.perf_counter()
     camera = captures.camera
-    check_has_sheet(camera.name)
     sheet = sensor_sheet(camera.sensor.name)
     measurements: dict[str, Measurement] = {}
     for function in sheet.functions:

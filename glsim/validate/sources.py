@@ -18,4 +18,8 @@ OWN = "derived"
 STRUCTURED_LIGHT = "what a structured-light model shows"
 NGUYEN = "Nguyen 2012"
 #: The simulators whose constants ``kinect-v1`` shares and ``kinect-v2-paper`` re-implements.
+#: pyk4a's test recording of an Azure Kinect: one frame with infrared (docs/time_of_flight.md).
+AZURE = "real frame"
+#: The hardware specification of the Azure Kinect.
+MICROSOFT = "Microsoft"
 ANCESTORS = "render_kinect, BlenSor"

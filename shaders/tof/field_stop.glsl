@@ -8,7 +8,7 @@
 uniform float side = 0.599;      //@ [0, 10]  1 distance of the hexagon's sides from its centre, over the focal length; 0: no hexagon; measured on the real frame of an Azure Kinect: 302 px
 uniform float centre_x = -0.003; //@ [-1, 1]  1 the hexagon's centre to the right of the optical axis, over the focal length; the same frame: -1.3 px
 uniform float centre_y = -0.096; //@ [-1, 1]  1 below the axis; the same frame: -48 px
-uniform float widest_tan = 1.74; //@ [0, 100] 1 tangent of the largest angle to the axis; the factory calibration's metric radius
+uniform float widest_tan = 1.732; //@ [0, 100] 1 tangent of the largest angle to the axis (Microsoft: 120 degrees in all; the factory calibration holds to 1.74)
 
 uniform sampler2D u_depth;
 uniform sampler2D u_reason;

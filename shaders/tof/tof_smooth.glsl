@@ -1,20 +1,20 @@
 #version 330 core
-// tof_smooth: averages phasors over 5x5; neighbours with another phase count less.
+// tof_smooth: averages phasors over 7x7; neighbours with another phase count less.
 // The decoder of the Azure Kinect is not published. Its noise is correlated over four pixels, as a mean
-// over 5x5 makes it, and its rims bend: a brighter neighbour of almost the same phase draws a pixel along.
+// over 7x7 makes it, and its rims bend: a brighter neighbour of almost the same phase draws a pixel along.
 // Pixels whose neighbours have other phases are marked; tof_edge removes them.
 //@ sparse
 #include "lib/loops.glsl"
 
-uniform float width_px = 2.0;      //@ [0.1, 10] px standard deviation of the weights over 5x5
+uniform float width_px = 2.0;      //@ [0.1, 10] px standard deviation of the weights over 7x7
 uniform float sharpness = 5.0;     //@ [0, 100]  1  decay of the weight with the phase distance, 0 for the same phase and 1 for the opposite one
 uniform float min_amplitude = 3.0; //@ [0, 1000] 1  minimum amplitude of a neighbour
-uniform float max_apart = 0.3;     //@ [0, 1]    1  mean phase distance of the 24 neighbours that marks a pixel, at any frequency
+uniform float max_apart = 0.3;     //@ [0, 1]    1  mean phase distance of the 48 neighbours that marks a pixel, at any frequency
 
 uniform sampler2D u_phasor_a;
 uniform sampler2D u_phasor_b;
 
-const int REACH = 2, SIDE = 5;
+const int REACH = 3, SIDE = 7;
 
 out vec4 phasor_a;
 out vec4 phasor_b; // w: flags, + 1 if marked as an edge

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -165,3 +167,30 @@ def test_raw_delivery_without_a_lens_is_a_pinhole() -> None:
 def test_baseline_is_that_of_the_first_emitter() -> None:
     assert rig().baseline_m == 0.0
     assert rig((0.03, 0.04, 0.0), (1.0, 0.0, 0.0)).baseline_m == pytest.approx(0.05)
+
+
+#: The factory calibration of an Azure Kinect (pyk4a's test recording).
+AZURE = Distortion(
+    k1=0.54793978, k2=-0.02097137, k3=-0.00265223, p1=2.0557534e-5, p2=-7.2104158e-5,
+    k4=0.88967907, k5=0.08613021, k6=-0.01391038, limit_tan=1.74,
+)  # fmt: skip
+
+
+def test_the_rational_lens_is_opencvs_and_is_inverted_to_its_limit() -> None:
+    turn = np.linspace(0, 2 * np.pi, 50)[:, None]
+    ideal = np.linspace(0.05, 1.7, 40) * np.stack([np.cos(turn), np.sin(turn)])
+    points = np.moveaxis(ideal, 0, -1).reshape(-1, 2)
+    lens = np.array(
+        [AZURE.k1, AZURE.k2, AZURE.p1, AZURE.p2, AZURE.k3, AZURE.k4, AZURE.k5, AZURE.k6]
+    )
+    rays = np.column_stack([points, np.ones(len(points))])
+    seen, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), np.eye(3), lens)
+    assert AZURE.distort(points) == pytest.approx(seen[:, 0], abs=1e-9)
+    assert AZURE.undistort(np.asarray(seen[:, 0], np.float64)) == pytest.approx(points, abs=1e-4)
+    beyond = AZURE.undistort(np.array([[1.4, 1.4], [-2.0, 0.0]]))
+    assert np.linalg.norm(beyond, axis=1) == pytest.approx([1.74, 1.74], abs=0.01)
+
+
+def test_a_limit_beyond_the_lens_models_fold_is_refused() -> None:
+    with pytest.raises(ConfigError, match="folds before limit_tan"):
+        replace(AZURE, limit_tan=5.0).undistort(np.zeros((1, 2)))

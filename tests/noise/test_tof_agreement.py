@@ -9,7 +9,7 @@ import pytest
 from glsim.geometry.rect import Rect
 from tests.support.tof_harness import QUIET, Camera, face_scenes, merged, quad
 
-SENSORS = ["kinect-v2", "kinect-v2-fast", "azure-kinect"]
+SENSORS = ["kinect-v2", "kinect-v2-fast", "azure-kinect", "azure-kinect-wfov"]
 
 
 @pytest.mark.parametrize(

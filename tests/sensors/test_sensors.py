@@ -15,7 +15,7 @@ from glsim.errors import ConfigError
 from glsim.frame import Frame
 from glsim.geometry.mesh import Mesh
 from glsim.reason import Reason
-from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
+from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, sensor_code, sensor_names, sensor_of
 from glsim.settings.distribution import constant
 from glsim.settings.schema import Settings, load_settings
 from tests.support.scenes import Plane, face_mesh, frames_of, sensor_file, settings_for
@@ -186,8 +186,49 @@ def test_numbers_of_a_rig_are_those_of_a_camera(key: str, value: object) -> None
     assert "\n" not in str(caught.value)
 
 
-def test_experimental_sensors_say_so() -> None:
-    assert "experimental" in load_sensor("azure-kinect").title
+def test_a_file_says_only_what_differs_from_the_one_it_extends(tmp_path: Path) -> None:
+    other = tmp_path / "mine.toml"
+    other.write_text(
+        'extends = "femto-bolt"\ntitle = "mine"\n[rig]\nwidth = 600\n'
+        '[[stage]]\nuse = "tof_taps"\nhalo = 0.05\n'
+    )
+    mine, base = load_sensor(str(other)), load_sensor("azure-kinect")
+    assert (mine.title, mine.rig.intrinsics.width, mine.rig.intrinsics.height) == ("mine", 600, 576)
+    assert [s.name for s in mine.stages] == [s.name for s in base.stages]
+    one, two = ({s.name: s.settings for s in x.stages} for x in (mine, base))
+    assert {n for n in one if one[n] != two[n]} == {"tof_taps"}
+    assert one["tof_taps"]["halo"].bounds() == (0.05, 0.05)
+    assert one["tof_taps"]["read_variance"] == two["tof_taps"]["read_variance"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('extends = "azure-kinct"', "no such sensor 'azure-kinct'"),
+        ("extends = 3", "extends must be the name of a sensor, not 3"),
+        ('extends = "mine.toml"', "extends itself"),
+        ('extends = "ideal"\n[[stage]]\nuse = "axial"', "changes the stage 'axial', which ideal"),
+        ('extends = "azure-kinect"\n[stage]\nuse = "axial"', "write each stage as a table"),
+    ],
+)
+def test_a_bad_extension_is_named(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(f'{text.splitlines()[0]}\ntitle = "t"\n' + "\n".join(text.splitlines()[1:]))
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_sensor(str(file))
+    assert "\n" not in str(caught.value)
+
+
+def test_code_of_a_file_that_is_extended_is_found_and_asked_for(tmp_path: Path) -> None:
+    """Python code in the other file needs the same trust as one's own."""
+    (tmp_path / "base").mkdir()
+    (tmp_path / "base" / "own.toml").write_text(
+        (SENSOR_FOLDER / "ideal.toml").read_text() + '[[stage]]\nuse = "code.py:quiet"\n'
+    )
+    mine = tmp_path / "mine.toml"
+    mine.write_text('extends = "base/own.toml"\ntitle = "mine"\n')
+    settings = load_settings(None, [], {"sensor": str(mine)}, {})
+    assert sensor_code(settings) == [f"{tmp_path / 'base' / 'code.py'}:quiet"]
 
 
 @pytest.mark.parametrize(

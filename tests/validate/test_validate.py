@@ -52,7 +52,13 @@ def test_every_check_says_what_kind_of_source_it_has() -> None:
             if check.kinds == ("measured",):
                 assert any(
                     name in check.source
-                    for name in (sources.FANK, sources.KDE, sources.REAL, sources.NGUYEN)
+                    for name in (
+                        sources.FANK,
+                        sources.KDE,
+                        sources.REAL,
+                        sources.NGUYEN,
+                        sources.AZURE,
+                    )
                 ), check.number
     mixed = Check(
         "1", "", (Band("a", 0, 1, kind="measured"), Band("b", 0, 1), Band("c", 0, 1)), "s"
@@ -70,13 +76,22 @@ def test_the_docs_say_how_many_checks_have_which_source() -> None:
     assert counts in " ".join(page.split())
 
 
-def test_an_experimental_sensor_has_no_sheet(
-    context: moderngl.Context, capsys: pytest.CaptureFixture[str]
+def test_the_azure_kinect_passes_its_sheet_and_a_wrong_one_does_not(
+    context: moderngl.Context, tmp_path: Path
 ) -> None:
-    with pytest.raises(ConfigError, match="azure-kinect is experimental and has no validation"):
-        run.run_checks(captures_of(context, "azure-kinect", 8))
-    assert main(["validate", "azure-kinect"]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+    (good,) = (run.run_checks(captures_of(context, "azure-kinect", 8)),)
+    assert len(good.results) == 14
+    assert [r.check.number for r in good.results if r.state != "pass"] == []
+    wrong = tmp_path / "azure-kinect.toml"
+    wrong.write_text(
+        'extends = "azure-kinect"\ntitle = "wrong"\n[rig]\nmodulation_mhz = [80, 16, 120]\n'
+        "[[rig.emitter]]\nposition_m = [0.032, 0, 0]\n"
+        '[[stage]]\nuse = "tof_smooth"\nwidth_px = 0.6\n'
+        '[[stage]]\nuse = "tof_taps"\nsaturation_lsb = 4000\n'
+    )
+    failed = run.run_checks(captures_of(context, str(wrong), 8))
+    states = {r.check.number: r.state for r in failed.results}
+    assert {n for n, state in states.items() if state == "FAIL"} >= {"1", "2", "3", "5", "10"}
 
 
 @pytest.mark.usefixtures("_few_frames")

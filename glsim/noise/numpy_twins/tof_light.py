@@ -92,9 +92,9 @@ def _contrast(view: StageView, p: Parameters, lit: Image) -> Image:
     around = p["indirect"] * (np.float32(1.0) - lit)
     share = (around / np.maximum(lit + around, np.float32(1e-6)))[..., None]
     turn = TWO_PI * frequencies(view) / half_wave_m_mhz() * _MM * p["indirect_spread_mm"]
-    turn = np.concatenate([np.repeat(turn, 2), np.zeros(1)]).astype(np.float32)
+    turns = np.concatenate([np.repeat(turn, 2), np.zeros(1, np.float32)])
     left: Image = np.float32(1.0) - share * (
-        np.float32(1.0) - np.exp(np.float32(-0.5) * turn * turn)
+        np.float32(1.0) - np.exp(np.float32(-0.5) * turns * turns)
     )
     return left
 

@@ -8,14 +8,14 @@ from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.layers import Image, Parameters
 from glsim.reason import Reason
 
-_REACH_PX = 2
+_REACH_PX = 3
 _TINY = np.float32(1e-20)
 _HALF, _ONE = np.float32(0.5), np.float32(1.0)
 _HALF_ROOT_3 = np.float32(0.86602540378)
 
 
 def tof_smooth(_view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Averages phasors over 5x5; neighbours with another phase count less."""
+    """Averages phasors over 7x7; neighbours with another phase count less."""
     a, b = layers["phasor_a"], layers["phasor_b"]
     real = np.stack([a[..., 0], a[..., 2], b[..., 0]], axis=-1)
     imaginary = np.stack([a[..., 1], a[..., 3], b[..., 1]], axis=-1)

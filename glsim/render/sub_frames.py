@@ -1,0 +1,99 @@
+"""Put a frame together from sub-frames of other times: bands of rows, or captures of light.
+
+sub-frame's layers --copy.frag, rows of a band--> layers of a rolling shutter
+sub-frame's light --capture.frag, added up-----> light of a time-of-flight frame
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+
+import moderngl
+
+from glsim.geometry.exposure import TAPS, SubExposure
+from glsim.geometry.rect import Rect
+from glsim.gl.draw import FullscreenPass
+from glsim.gl.program import link_files
+from glsim.gl.targets import Target, TargetPool
+from glsim.render.renderer import Rendered
+
+#: The layers that hold a frame's light, and that the captures add up to.
+LIGHT_LAYERS = ("light_a", "light_b")
+
+
+class SubFrames:
+    """Composes frames from sub-frames, in one context."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        """Link the two programs."""
+        self._context = context
+        self._copy = FullscreenPass(context, link_files(context, "render/copy.frag"))
+        self._capture = FullscreenPass(context, link_files(context, "render/capture.frag"))
+
+    def rows(
+        self,
+        parts: Sequence[SubExposure],
+        draw: Callable[[int], AbstractContextManager[Rendered]],
+        window: Rect,
+        height: int,
+    ) -> dict[str, Target]:
+        """Return the layers of a frame whose bands of rows come from sub-frames.
+
+        The caller gives the targets back to their pool.
+
+        Args:
+            parts: the bands.
+            draw: renders the sub-frame of a band, by its number.
+            window: that all sub-frames have.
+            height: of the whole image, pixels.
+        """
+        layers: dict[str, Target] = {}
+        for number, part in enumerate(parts):
+            assert part.rows is not None, "a part of a rolling shutter"
+            first, end = (round(share * height) for share in part.rows)
+            top, bottom = max(first, window.top), min(end, window.top + window.height)
+            if bottom <= top:
+                continue
+            band = Rect(window.left, top, window.width, bottom - top)
+            with draw(number) as rendered:
+                for name, source in rendered.layers.items():
+                    if name not in layers:
+                        layers[name] = rendered.pool.take(source.layer, window)
+                    self._copy_band(rendered.pool, source, layers[name], band)
+        return layers
+
+    def _copy_band(self, pool: TargetPool, source: Target, to: Target, band: Rect) -> None:
+        buffer = pool.framebuffer([to])
+        buffer.use()
+        buffer.viewport = to.layer.window(band)
+        source.texture.use(0)
+        self._copy.program["u_layer"] = 0
+        self._context.enable_only(moderngl.NOTHING)
+        self._copy.draw()
+
+    def add_capture(
+        self, pool: TargetPool, part: SubExposure, light: Mapping[str, Target], sums: list[Target]
+    ) -> None:
+        """Add a capture's share to the light of a frame.
+
+        Args:
+            pool: owner of the targets.
+            part: the capture.
+            light: LIGHT_LAYERS of its sub-frame.
+            sums: targets of the same layers, 0 before the first capture.
+        """
+        assert part.capture is not None, "a capture"
+        program = self._capture.program
+        for unit, name in enumerate(LIGHT_LAYERS):
+            light[name].texture.use(unit)
+            program[f"u_{name}"] = unit
+        program["u_tap"], program["u_frequency"] = part.capture % TAPS, part.capture // TAPS
+        buffer = pool.framebuffer(sums)
+        buffer.use()
+        assert sums[0].drawn is not None
+        buffer.viewport = sums[0].drawn
+        self._context.blend_func = moderngl.ONE, moderngl.ONE
+        self._context.enable_only(moderngl.BLEND)
+        self._capture.draw()
+        self._context.enable_only(moderngl.NOTHING)
