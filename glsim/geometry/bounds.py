@@ -209,9 +209,9 @@ def emitter_frustum(
 ) -> Frustum:
     """The frustum that an emitter must see to light the image, with the depths of the whole mesh.
 
-    It holds the directions of the points that the camera and the imagers see: what shadows them lies there too. A
-    crop does not narrow it, because the edges of shadows depend on the grid of the shadow map. If
-    the mesh reaches the camera (the legs of a person who looks up), the emitter is in its box: the
+    It holds the directions of the points that the camera and the imagers see: what shadows them
+    lies there too. A crop does not narrow it, because the edges of shadows depend on the grid of
+    the shadow map. If the mesh reaches the camera (the legs of a person who looks up), the emitter is in its box: the
     frustum is then that of the camera's view beyond the near plane.
 
     Raises:

@@ -47,7 +47,7 @@ def match_reasons(
 
 
 def _hidden(view: StageView, layers: Layers, true_px: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return where the second imager does not see the surface, behind another or beside its image."""
+    """Return where the second imager sees another surface, or nothing of the scene."""
     right, clean = layers["right_clean"], layers["clean"]
     height, width = clean.shape
     axis_px = np.array(view.optics.second_view_m[:2]) / np.hypot(*view.optics.second_view_m[:2])
@@ -56,4 +56,5 @@ def _hidden(view: StageView, layers: Layers, true_px: NDArray[np.float32]) -> ND
     row = np.rint(row - axis_px[1] * true_px).astype(np.int64)
     beside = (column < 0) | (column >= width) | (row < 0) | (row >= height)
     there = right[row.clip(0, height - 1), column.clip(0, width - 1)]
-    return beside | ((there > 0) & (there < (1 - _HIDDEN_SHARE) * clean))
+    hidden: NDArray[np.bool_] = beside | ((there > 0) & (there < (1 - _HIDDEN_SHARE) * clean))
+    return hidden

@@ -26,7 +26,7 @@ def warp_to_camera(depth_m: Image, imager_m: Point, focal_px: float) -> Image:
     height, width = depth_m.shape
     row, column = np.nonzero(depth_m)
     depth = depth_m[row, column]
-    # Farthest first: of several values for one pixel NumPy keeps the last. Stable, for equal depths.
+    # Farthest first: of several values for one pixel NumPy keeps the last.
     order = np.argsort(-depth, kind="stable")
     row, column, depth = row[order], column[order], depth[order]
     shift = np.float64(focal_px) / depth

@@ -182,7 +182,8 @@ class Renderer:
             held: gets the targets that are drawn.
             silhouettes: gets the imagers' silhouettes.
         """
-        seen, layers = [camera], {}
+        seen = [camera]
+        layers: dict[str, Target] = {}
         for side, eye_m in zip(_SIDES, self.rig.imagers_m, strict=False):
             drawn, silhouette = camera.layers, camera.silhouette
             if any(eye_m):

@@ -14,13 +14,13 @@ shadow_map = true         false: a stage casts the shadows instead of the render
 fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
 [rig.exposure]            optional: captures and spacing_ms; or read_out_ms and bands of rows
 [[rig.wiggling]]          optional: the device's own, written by glsim fit (glsim.sensors.wiggling)
+border_px = [0, 0, 0, 0]  optional: left, top, right, bottom of what imagers see around the image
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
 spread_m = 0.005          optional: three points instead of one, this far apart
 path_from_m = [0.04, 0, 0]   optional: where the decoder counts paths from, if elsewhere
 [[rig.imager]]            stereo: two; structured light: one, matched with the first emitter's dots
 position_m = [0, 0, 0]
-border_px = [0, 0, 0, 0]  optional, of [rig]: left, top, right, bottom; what the imagers see around the image
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
 name = "axial"            optional; required if a stage is used twice

@@ -1,4 +1,4 @@
-"""Infrared images of imagers: shader and twin agree; dots, light, noise and exposure are as declared."""
+"""Infrared images of imagers: shader and twin agree; dots, noise and exposure are as declared."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from glsim.noise.numpy_twins.random import pcg_word
 from glsim.noise.numpy_twins.stereo import dots
 from tests.support.stage_harness import (
     FOCAL_PX,
-    Image,
     Z_MAX,
+    Image,
     crop,
     frame,
     layers_of,
@@ -126,10 +126,11 @@ def test_dots_move_by_the_disparity_between_the_imagers() -> None:
         layers[f"{side}_lit"] = np.broadcast_to(np.float32([1, 0]), (212, 256, 2))
     light = run_twin("stereo_light", layers, imager_frame(), ambient_counts=0.0, flood=0.0)
     moved = FOCAL_PX * 0.05 / 0.5
+    left, right = light["light_left"], light["light_right"]
     correlation = [
-        np.corrcoef(light["light_left"][:, 60:].ravel(), light["light_right"][:, 60 - d : 256 - d].ravel())[0, 1]
+        np.corrcoef(left[:, 60:].ravel(), right[:, 60 - d : 256 - d].ravel())[0, 1]
         for d in range(30, 44)
-    ]  # fmt: skip
+    ]
     assert 30 + int(np.argmax(correlation)) == round(moved)
     assert max(correlation) > 0.8
 
@@ -146,8 +147,8 @@ def test_noise_has_the_declared_variance(context: moderngl.Context) -> None:
             n = image[inner].size
             assert abs(image[inner].var() / wanted - 1) < Z_MAX * np.sqrt(2 / n)
             assert abs(image[inner].mean() - 100) < Z_MAX * np.sqrt(wanted / n)
-        pair = [image[inner].ravel() for image in found.values()]
-        assert abs(np.corrcoef(*pair)[0, 1]) < Z_MAX / np.sqrt(pair[0].size)
+        one, other = (image[inner].ravel() for image in found.values())
+        assert abs(np.corrcoef(one, other)[0, 1]) < Z_MAX / np.sqrt(one.size)
 
 
 def test_exposure_follows_the_face_up_to_its_limit() -> None:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import FrameContext, Optics
 from glsim.noise.registry import find_stage
-from glsim.noise.stereo_matching import match, match_stereo
+from glsim.noise.semi_global import match
+from glsim.noise.stereo_matching import match_stereo
 from glsim.noise.view_warp import warp_to_camera
 from glsim.reason import Reason
 

@@ -1,4 +1,4 @@
-"""Imagers: what each sees, the light of each projector there, borders, and sensors that do not fit."""
+"""Imagers: what each sees, the light of each projector there, borders, and wrong rigs."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
+from glsim.frame import Frame
 from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
 from glsim.gl.targets import Readback
 from glsim.pipeline import open_sources, simulate
-from glsim.frame import Frame
 from glsim.render.renderer import Renderer
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import load_settings, with_assignments
@@ -149,7 +149,10 @@ EMITTER = "[[rig.emitter]]\nposition_m = [{}, {}, 0]\n"
         (IMAGER.format(0, 0) * 2, "stereo", "along rows or columns"),
         (IMAGER.format(0, 0) + IMAGER.format(0.05, 0.02), "stereo", "along x or along y alone"),
         (IMAGER.format(0, 0) + IMAGER.format(0.05, 0) * 2, "stereo", "two of each at most"),
-        ("supersample = 3\n" + IMAGER.format(0, 0) + IMAGER.format(0.05, 0), "stereo", "supersample"),
+        (
+            "supersample = 3\n" + IMAGER.format(0, 0) + IMAGER.format(0.05, 0),
+            "stereo", "supersample",
+        ),
         (
             IMAGER.format(0, 0) + IMAGER.format(0.05, 0) + "[rig.distortion]\nk1 = 0.1\n",
             "stereo", "no lens distortion",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.geometry.camera import Point
 from glsim.noise.frame_context import Layers, StageView
@@ -61,7 +60,7 @@ def dots(tangent: Image, key: Words, p: Parameters) -> Image:
     total = np.zeros(tangent.shape[:-1], np.float32)
     for y in (0, 1):
         for x in (0, 1):
-            cell = first + (x, y)
+            cell = first + np.array([x, y])
             row = pcg_word(cell[..., 1].astype(np.uint32) + key)
             word = pcg_word(cell[..., 0].astype(np.uint32) + row)
             drawn = np.stack([word & 2047, (word >> 11) & 2047], axis=-1).astype(np.float32)
@@ -86,7 +85,9 @@ def _projected(
     inverse = np.float32(1) / np.sqrt(squared)
     facing = np.maximum(-(normal * way).sum(-1) * inverse, np.float32(0))
     pattern = p["flood"] + (np.float32(1) - p["flood"]) * dots(way[..., :2] / way[..., 2:], key, p)
-    return lit * facing / squared * pattern * (way[..., 2] * inverse) ** p["fall_off_power"]
+    light: Image = lit * facing / squared * pattern
+    light *= (way[..., 2] * inverse) ** p["fall_off_power"]
+    return light
 
 
 def _imaged_light(
@@ -157,6 +158,7 @@ def _counts(view: StageView, light: Image, noise: Image, gain: Image, p: Paramet
     return _whole(signal + sigma * noise, p)
 
 
-def _whole(counts: Image, p: Parameters) -> NDArray[np.float32]:
+def _whole(counts: Image, p: Parameters) -> Image:
     largest = np.exp2(p["bits"]) - np.float32(1)
-    return np.clip(np.floor(counts + np.float32(0.5)), np.float32(0), largest)
+    clipped: Image = np.clip(np.floor(counts + np.float32(0.5)), np.float32(0), largest)
+    return clipped

@@ -1,0 +1,146 @@
+"""Match rectified images: OpenCV's semi-global matcher, and what a camera rejects and averages.
+
+Hirschmueller, "Stereo Processing by Semiglobal Matching and Mutual Information", PAMI 30(2), 2008.
+All is in whole numbers: the same bytes on every machine and for any number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+Disparities = NDArray[np.int32]
+Matched = NDArray[np.int16]
+Counts = NDArray[np.float32]
+
+#: Steps per pixel of what ``match`` returns, and of OpenCV's disparities.
+STEPS_PER_PX, _MATCHED_STEPS = 256, 16
+#: A disparity that is none.
+NO_MATCH = -1
+#: Standard deviation of an image of even contrast, counts: its dots then just fit 8 bits. Chosen.
+_EVEN_COUNTS = 40
+
+
+def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
+    """Match rectified images whose second camera stands to the right of the first.
+
+    Args:
+        left, right: (H, W) whole counts.
+        p: parameters of the stage ``match_stereo``.
+
+    Returns:
+        (H, W) int32 disparities of ``left`` in 1/256 px, -1 without a match.
+    """
+    import cv2
+
+    searched, shift = int(p["disparities"]) // 16 * 16, int(p["disparity_shift"])
+    window = int(p["window_px"]) | 1
+    p1, p2 = int(p["p1"]) * window**2, int(p["p2"]) * window**2
+    matcher = cv2.StereoSGBM.create(
+        minDisparity=shift,
+        numDisparities=searched,
+        blockSize=window,
+        P1=p1,
+        P2=max(p2, p1 + 1),
+        disp12MaxDiff=int(p["left_right_px"]),
+        preFilterCap=int(p["prefilter_counts"]),
+        uniquenessRatio=int(p["uniqueness_percent"]),
+        mode=cv2.StereoSGBM_MODE_SGBM_3WAY,
+    )
+    # OpenCV leaves out the columns whose search would leave the second image: a border holds it.
+    border = searched + shift
+    if p["contrast_px"] > 0:
+        side, floor = int(p["contrast_px"]) | 1, p["contrast_floor_counts"]
+        views = [_even_contrast(image, side, floor) for image in (left, right)]
+    else:
+        views = [_bytes(image) for image in (left, right)]
+    padded = [cv2.copyMakeBorder(i, 0, 0, border, 0, cv2.BORDER_REPLICATE) for i in views]
+    matched: Matched = matcher.compute(*padded)[:, border:].astype(np.int16)
+    matched[matched <= shift * _MATCHED_STEPS] = NO_MATCH
+    _reject_flat(matched, left, window, p["texture_counts"])
+    if p["smallest_region_px"] > 0:
+        step = max(int(p["region_step_px"] * _MATCHED_STEPS), 1)
+        cv2.filterSpeckles(matched, NO_MATCH, int(p["smallest_region_px"]) - 1, step)
+    _reject_rims(matched, int(p["rim_px"]), int(p["rim_step_px"] * _MATCHED_STEPS))
+    return _support_mean(matched, int(p["support_px"]), p["support_step_px"])
+
+
+def _even_contrast(image: Counts, side_px: int, floor_counts: float) -> NDArray[np.uint8]:
+    """Return an image with its local mean at 128 and its local standard deviation at most 40."""
+    mean, variance = _local_moments(image, side_px)
+    even = 128 + _EVEN_COUNTS * (image - mean) / np.maximum(np.sqrt(variance), floor_counts)
+    clipped: NDArray[np.uint8] = np.rint(even.clip(0, 255)).astype(np.uint8)
+    return clipped
+
+
+def _local_moments(image: Counts, side_px: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return mean and variance of the window around each pixel, counts."""
+    import cv2
+
+    size, count = (side_px, side_px), side_px**2
+    # Sums of counts and of their squares are whole numbers, exact in float64.
+    counts = image.astype(np.float64)
+    total = cv2.boxFilter(counts, cv2.CV_64F, size, normalize=False)
+    squares = cv2.boxFilter(counts * counts, cv2.CV_64F, size, normalize=False)
+    return total / count, (count * squares - total * total) / count**2
+
+
+def _reject_flat(matched: Matched, image: Counts, window: int, least_counts: float) -> None:
+    """Reject, in place, pixels in whose window the image's standard deviation is too small."""
+    if least_counts > 0:
+        matched[_local_moments(image, window)[1] < least_counts**2] = NO_MATCH
+
+
+def _reject_rims(matched: Matched, reach_px: int, step: int) -> None:
+    """Reject, in place, pixels within ``reach_px`` of one whose disparity is larger by ``step``."""
+    import cv2
+
+    if reach_px > 0:
+        around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1,) * 2)
+        matched[cv2.dilate(matched, around) - matched > step] = NO_MATCH
+
+
+def _support_mean(matched: Matched, side_px: int, step_px: float) -> Disparities:
+    """Average disparities over the neighbours that continue the surface, first rows, then columns.
+
+    Args:
+        matched: (H, W) in 1/16 px.
+        step_px: a neighbour that differs by more does not count.
+
+    Returns:
+        (H, W) in 1/256 px, in integers.
+    """
+    fine = STEPS_PER_PX // _MATCHED_STEPS
+    values = matched.astype(np.int32) * fine
+    values[matched < 0] = NO_MATCH
+    step = int(step_px * STEPS_PER_PX)
+    for axis in (1, 0):
+        values = _mean_along(values, axis, side_px // 2, step)
+    return values
+
+
+def _mean_along(values: Disparities, axis: int, reach: int, step: int) -> Disparities:
+    """Average along one axis over ``reach`` neighbours on both sides that differ by less."""
+    total, count = values.copy(), np.ones(values.shape, np.int32)
+    for shift in range(1, reach + 1):
+        ahead = (slice(None),) * axis + (slice(shift, None),)
+        behind = (slice(None),) * axis + (slice(None, -shift),)
+        if shift >= values.shape[axis]:
+            break
+        one, other = values[ahead], values[behind]
+        alike = (np.abs(one - other) < step) & (one >= 0) & (other >= 0)
+        total[ahead] += np.where(alike, other, 0)
+        total[behind] += np.where(alike, one, 0)
+        count[ahead] += alike
+        count[behind] += alike
+    mean = (total + (count >> 1)) // count
+    return np.where(values >= 0, mean, NO_MATCH)
+
+
+def _bytes(counts: Counts) -> NDArray[np.uint8]:
+    """Return an image of counts as 8 bits; brighter images lose their lowest bits."""
+    largest = int(counts.max(initial=0.0))
+    shift = max(largest.bit_length() - 8, 0)
+    return (counts.astype(np.int32) >> shift).astype(np.uint8)
