@@ -135,7 +135,7 @@ def test_shares_may_be_text() -> None:
         ("source.subject=1", r"no such setting 'source.0.subject' \(did you mean 'subjects'\?\)"),
         (
             "zzz=1",
-            "no such setting 'zzz' .known: appearance, devices, motion, output, pose, redraw, rig",
+            "no such setting 'zzz' .known: appearance, devices, motion, output, pose",
         ),
         ("seed=-1", "seed: .*greater than or equal to 0 .got -1"),
         ("seed=9223372036854775808", "seed: .*less than"),
