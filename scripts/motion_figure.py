@@ -91,7 +91,6 @@ def draw() -> Figure:
         axis.set_xlabel("turn of the head, degrees per second")
         axis.set_ylim(bottom=0)
     axes[0].legend(fontsize=6)
-    shown = None
     for axis, sensor in zip(axes[2:], ("azure-kinect", "ideal"), strict=True):
         rig = next(own for of, own in CAMERAS.values() if of == sensor)
         moving, still = (frames(sensor, rig, speed)[0] for speed in (SPEEDS_DEG_S[-1], 0.0))
@@ -102,7 +101,7 @@ def draw() -> Figure:
         axis.set_xlim(columns.min() - 5, columns.max() + 5)
         axis.set_ylim(rows.max() + 5, rows.min() - 5)
         axis.axis("off")
-    figure.colorbar(shown, ax=axes[3], label="moving minus at rest, mm")
+        figure.colorbar(shown, ax=axis, label="moving minus at rest, mm")
     return figure
 
 

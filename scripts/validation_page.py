@@ -14,7 +14,14 @@ from glsim.validate import Captures, ValidationReport, VirtualCamera, draw_figur
 from glsim.validate.report import COLUMNS
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-SENSORS = ("kinect-v2", "kinect-v2-fast", "kinect-v2-fankhauser", "kinect-v1", "kinect-v2-paper")
+SENSORS = (
+    "kinect-v2",
+    "kinect-v2-fast",
+    "kinect-v2-fankhauser",
+    "kinect-v1",
+    "kinect-v2-paper",
+    "azure-kinect",
+)
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ import re
 from itertools import takewhile
 from textwrap import dedent
 
+from glsim.noise.stage import Stage
 from glsim.sensors import sensor as sensor_module
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 from glsim.settings.distribution import Distribution
@@ -48,7 +49,7 @@ def _page(sensor: Sensor) -> str:
     parts = [f"# `{sensor.name}`\n\n{plain(sensor.title)}.\n\n{plain(' '.join(head))}\n\n"]
     parts.append("## Rig\n\n" + table(["key", "value", "source"], _rig_rows(rig_text)))
     rows = []
-    for stage, stage_text in zip(sensor.stages, stage_texts, strict=True):
+    for stage, stage_text in _stages_of(sensor, stage_texts):
         given = {key: comment for key, _, comment in _lines(stage_text)}
         link = f"[`{stage.name}`](../stages/{stage.spec.name}.md)"
         rows.append([link, "", "", plain(given["use"])])
@@ -58,10 +59,23 @@ def _page(sensor: Sensor) -> str:
                 unit = "" if parameter is None or parameter.unit == "1" else parameter.unit
                 value = code(f"{_value(setting)} {unit}".strip())
                 rows.append(["", code(name), value, plain(given[name])])
-    parts.append("## Chain\n\nAll other parameters have the stages' defaults.\n\n")
+    if base := re.search(r'^extends = "([\w-]+)"', text, flags=re.MULTILINE):
+        others = f"All else is that of [`{base[1]}`]({base[1]}.md)."
+    else:
+        others = "All other parameters have the stages' defaults."
+    parts.append(f"## Chain\n\n{others}\n\n")
     parts.append(table(["stage", "parameter", "value", "source"], rows))
     parts.append("## File\n\n" + block(text, "toml"))
     return "".join(parts)
+
+
+def _stages_of(sensor: Sensor, texts: list[str]) -> list[tuple[Stage, str]]:
+    """Pair the tables of a file with the sensor's stages; a file that extends names a few only."""
+    if len(texts) == len(sensor.stages):
+        return list(zip(sensor.stages, texts, strict=True))
+    by_name = {stage.name: stage for stage in sensor.stages}
+    named = [{key: value.strip('"') for key, value, _ in _lines(text)} for text in texts]
+    return [(by_name[n.get("name", n["use"])], t) for n, t in zip(named, texts, strict=True)]
 
 
 def _rig_rows(text: str) -> list[list[str]]:

@@ -133,7 +133,10 @@ def test_shares_may_be_text() -> None:
         ("pose.yaw=1", r"no such setting 'pose.yaw' \(did you mean 'yaw_deg'\?\)"),
         ("output.crops=1", r"no such setting 'output.crops' \(did you mean 'crop'\?\)"),
         ("source.subject=1", r"no such setting 'source.0.subject' \(did you mean 'subjects'\?\)"),
-        ("zzz=1", "no such setting 'zzz' .known: appearance, devices, output, pose, redraw, rig"),
+        (
+            "zzz=1",
+            "no such setting 'zzz' .known: appearance, devices, motion, output, pose",
+        ),
         ("seed=-1", "seed: .*greater than or equal to 0 .got -1"),
         ("seed=9223372036854775808", "seed: .*less than"),
         ("seed=1.5", "seed: .*integer.*got 1.5"),
