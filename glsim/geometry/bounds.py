@@ -211,8 +211,8 @@ def emitter_frustum(
 
     It holds the directions of the points that the camera and the imagers see: what shadows them
     lies there too. A crop does not narrow it, because the edges of shadows depend on the grid of
-    the shadow map. If the mesh reaches the camera (the legs of a person who looks up), the emitter is in its box: the
-    frustum is then that of the camera's view beyond the near plane.
+    the shadow map. If the mesh reaches the camera (the legs of a person who looks up), the emitter
+    is in its box: the frustum is then that of the camera's view beyond the near plane.
 
     Raises:
         MeshError: the emitter is inside a scene before the camera.

@@ -123,7 +123,7 @@ def test_dots_move_by_the_disparity_between_the_imagers() -> None:
     depth = np.full((212, 256), 0.5, np.float32)
     layers = with_imagers(layers_of(depth, np.array([0.0, 0.0, -1.0, 0.6])))
     for side in ("left", "right"):
-        layers[f"{side}_lit"] = np.broadcast_to(np.float32([1, 0]), (212, 256, 2))
+        layers[f"{side}_lit"] = np.broadcast_to(np.array([1, 0], np.float32), (212, 256, 2))
     light = run_twin("stereo_light", layers, imager_frame(), ambient_counts=0.0, flood=0.0)
     moved = FOCAL_PX * 0.05 / 0.5
     left, right = light["light_left"], light["light_right"]

@@ -70,7 +70,7 @@ def run(
         "infrared": left, "infrared_right": right, "clean": clean, "right_clean": clean,
         "reason": np.zeros_like(left),
     }  # fmt: skip
-    return match_stereo(at.view("match_stereo"), layers, parameters(**changes))
+    return dict(match_stereo(at.view("match_stereo"), layers, parameters(**changes)))
 
 
 @pytest.mark.parametrize("disparity", [5.0, 20.5, 40.25, 77.125])
