@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import moderngl
+import numpy as np
 
 from glsim.errors import ConfigError, MeshError
 from glsim.face_batches import load_ahead
@@ -297,7 +298,8 @@ class Simulator:
                 device_seed=stable_seed("device", self._settings.seed, task.device),
                 time_s=task.key.time_s,
                 nearest_m=rendered.nearest_m,
-                subject_m=rendered.subject_m,
+                # The middle of the head, or what stands for a face nearer or farther.
+                subject_m=float(np.clip(scene.head_to_camera_m[2, 3], *rendered.face_m)),
             )
 
         if self._moving is not None:

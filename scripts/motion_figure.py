@@ -95,7 +95,7 @@ def draw() -> Figure:
         rig = next(own for of, own in CAMERAS.values() if of == sensor)
         moving, still = (frames(sensor, rig, speed)[0] for speed in (SPEEDS_DEG_S[-1], 0.0))
         added = added_mm(moving, still)
-        axis.imshow(added, cmap="RdBu_r", vmin=-_MOST_MM, vmax=_MOST_MM)
+        shown = axis.imshow(added, cmap="RdBu_r", vmin=-_MOST_MM, vmax=_MOST_MM)
         axis.set_title(f"{sensor}, {SPEEDS_DEG_S[-1]} degrees per second", fontsize=8)
         rows, columns = np.nonzero(np.isfinite(added))
         axis.set_xlim(columns.min() - 5, columns.max() + 5)

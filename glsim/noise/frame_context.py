@@ -37,7 +37,7 @@ class Optics:
         emitters_m: the first two emitters; an emitter that the rig lacks lights nothing.
         imagers_m: the two imagers; the last one again for each that the rig lacks.
         second_view_m: from the first to the second of the views that are matched.
-        subject_m: depth of the nearest part of the face, to which cameras expose.
+        subject_m: depth of the head, to which cameras expose.
         lens: its distortion, also where frames are delivered without it.
     """
 
@@ -102,7 +102,7 @@ class FrameContext(_FrameFacts):
 
         Args:
             nearest_m: a lower bound of all depths in the scene.
-            subject_m: depth of the nearest part of the face.
+            subject_m: depth of the head.
             supersample: samples per pixel along each axis of the fine layers (default: the rig's).
         """
         image = rig.intrinsics

@@ -31,6 +31,8 @@ from glsim.noise.view_warp import warp_to_camera
 
 __all__ = ["match_stereo"]
 
+#: Cameras deliver 16 bits.
+_LARGEST_UNITS = 65535
 #: Tells the random words of the device's error from those of other stages' draws.
 _DEVICE_DRAW = 2
 
@@ -102,6 +104,7 @@ def match_stereo(
     kept = (disparity >= 0) & (steps > 0) & (steps <= p["largest_px"] * p["subpixel_steps"])
     scale = 1000.0 * view.focal_baseline_px_m * p["subpixel_steps"] / p["depth_unit_mm"]
     units = np.rint(scale / np.where(kept, steps, 1))
+    kept &= units <= _LARGEST_UNITS
     depth = np.where(kept, units * p["depth_unit_mm"] / 1000.0, 0).astype(np.float32)
     if any(imager := view.optics.imagers_m[0]):
         depth = warp_to_camera(depth, imager, view.optics.focal_px)

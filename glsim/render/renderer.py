@@ -68,7 +68,7 @@ class Rendered:
             one with imagers also those of glsim.noise.layer_names.IMAGER_LAYERS.
         window: the part of the frame that the layers hold.
         nearest_m: a lower bound of all depths in the scene.
-        subject_m: the same of the first mesh, the face.
+        face_m: nearest and farthest depth of the box around the first mesh, the face.
         silhouette: limits passes to the pixels with a surface.
         rays: x/z and y/z of each pixel's ray, the whole frame; the renderer owns this target.
         pool: owner of the other targets; later passes of the frame take their targets from it.
@@ -77,7 +77,7 @@ class Rendered:
     layers: Mapping[str, Target]
     window: Rect
     nearest_m: float
-    subject_m: float
+    face_m: tuple[float, float]
     silhouette: Silhouette
     rays: Target
     pool: TargetPool
@@ -159,8 +159,8 @@ class Renderer:
                 if labels:
                     layers[REGION.name] = self._draw_regions(uploaded, labels, views, window)
                     held.append(layers[REGION.name])
-                subject_m = max(self.rig.near_m, float(boxes[0][:, 2].min()))
-                yield Rendered(layers, window, nearest_m, subject_m, seen, self._rays, self._pool)
+                face_m = float(boxes[0][:, 2].min()), float(boxes[0][:, 2].max())
+                yield Rendered(layers, window, nearest_m, face_m, seen, self._rays, self._pool)
 
     def _draw_light(
         self,
@@ -271,7 +271,8 @@ class Renderer:
                 held, silhouettes,
             )  # fmt: skip
             nearest_m = float(clean_m[clean_m > 0].min(initial=np.inf))
-            yield Rendered(layers, window, nearest_m, nearest_m, everywhere, self._rays, self._pool)
+            face_m = nearest_m, float(clean_m.max(initial=0.0))
+            yield Rendered(layers, window, nearest_m, face_m, everywhere, self._rays, self._pool)
 
     def _draw_surface(
         self,

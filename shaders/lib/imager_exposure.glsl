@@ -7,7 +7,7 @@ uniform float longest_exposure = 4.0;    //@ [0, 1000; 0.1, 20] 1 automatic expo
 uniform float psf_sigma_px = 0.6;        //@ [0, 1.2]   px     blur of lens and pixel, standard deviation; with the spot a dot has 1.2 px
 uniform float shot_counts = 0.05;        //@ [0, 16]    counts variance of the light's own noise per count
 uniform float read_sigma_counts = 0.7;   //@ [0, 1000; 0, 8] counts noise of reading a pixel, standard deviation
-uniform float speckle_sigma = 0.015;     //@ [0, 1]     1      noise of laser light as a share of the signal, standard deviation; chosen so that noise in disparity hardly depends on distance; SimSense has 0.027 for a D415, Landau et al. 2015 0.05 for a Kinect V1
+uniform float speckle_sigma = 0.05;      //@ [0, 1]     1      noise of laser light as a share of the signal, standard deviation; Landau et al. 2015 for a Kinect V1; SimSense has 0.027 for a D415. It makes noise in disparity hardly depend on distance, as real noise
 uniform float pixel_gain_sigma = 0.005;  //@ [0, 0.2]   1      pixels of a device differ in gain, standard deviation
 uniform int bits = 8;                    //@ [6, 16]    1      counts end at 2^bits - 1: rectified images have 8 bits, raw ones 10
 

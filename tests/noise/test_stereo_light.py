@@ -143,7 +143,7 @@ def test_noise_has_the_declared_variance(context: moderngl.Context) -> None:
     for run in (lambda *a, **k: run_shader(context, *a, **k), run_twin):
         found = run("stereo_exposure", layers, imager_frame(), **p)
         for image in found.values():
-            wanted = 0.05 * 100 + 0.7**2 + (0.015 * 100) ** 2 + 1 / 12
+            wanted = 0.05 * 100 + 0.7**2 + (0.05 * 100) ** 2 + 1 / 12
             n = image[inner].size
             assert abs(image[inner].var() / wanted - 1) < Z_MAX * np.sqrt(2 / n)
             assert abs(image[inner].mean() - 100) < Z_MAX * np.sqrt(wanted / n)

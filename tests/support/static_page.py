@@ -117,6 +117,6 @@ def engine_layers(
     seen_by = targets.get("uneven", targets["clean"])
     with SilhouettePass(pool).draw(seen_by, at.window) as silhouette:
         nearest = at.optics.nearest_m
-        rendered = Rendered(targets, at.window, nearest, nearest, silhouette, rays, pool)
+        rendered = Rendered(targets, at.window, nearest, (nearest, nearest), silhouette, rays, pool)
         ShaderChain(context, sensor.stages).run(rendered, at, values, readback)
         return {name: array.copy() for name, array in readback.arrays().items()}
