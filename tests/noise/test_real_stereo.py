@@ -118,7 +118,7 @@ def test_real_noise_has_the_correlation_of_the_widest_lattice(
 def test_the_spatial_filter_leaves_most_of_real_noise(
     depths_mm: list[NDArray[np.float64]],
 ) -> None:
-    """White noise would fall to 0.16: the filter is narrower than the noise is correlated."""
+    """White noise would fall to 0.11: the filter is narrower than the noise is correlated."""
     steps, valid = disparity_steps(depths_mm[0]), depths_mm[0] > 0
     smooth = smooth_disparity(steps, 0.5, 20.0, 2)
     assert ((smooth > 0) == valid).all()

@@ -255,7 +255,7 @@ def expected_sigma(size: int, alpha: float, iterations: int) -> float:
 
 @pytest.mark.parametrize("size", [1, 13])
 def test_noise_falls_as_its_correlation_lets_it(size: int) -> None:
-    """White noise falls to 0.16; noise of a box of 13 px only to 0.8."""
+    """White noise falls to 0.11 of its sigma; noise of a box of 13 px only to 0.76."""
     rng = np.random.default_rng(size)
     noise = box_noise(rng, size, 8)
     plane = 1200 + 2.5 * noise  # 0.08 px
