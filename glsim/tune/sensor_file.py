@@ -11,6 +11,7 @@ from tomlkit.items import Table
 
 from glsim.errors import ConfigError
 from glsim.files.atomic import write_atomic
+from glsim.sensors.inheritance import EXTENDS
 from glsim.sensors.sensor import Sensor
 from glsim.settings.schema import Settings
 from glsim.tune.state import Tuning, toml_value
@@ -69,9 +70,11 @@ def _in_sensor(name: str) -> bool:
 def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
     """Return the TOML of a tuning; lines that have not changed stay as they are."""
     document = tomlkit.parse(sensor.file.read_text(encoding="utf-8"))
-    rig = document["rig"]
+    rig = document.get("rig", tomlkit.table())
     assert isinstance(rig, Table)
-    if "fixed_pattern_map" in rig:  # beside the original, not beside the copy
+    if str(document.get(EXTENDS, "")).endswith(".toml"):  # beside the original, not the copy
+        document[EXTENDS] = str((sensor.file.parent / str(document[EXTENDS])).resolve())
+    if "fixed_pattern_map" in rig:
         named = sensor.file.parent / str(rig["fixed_pattern_map"])
         rig["fixed_pattern_map"] = str(named.resolve())
     entries = document.get("stage", tomlkit.aot())
@@ -95,11 +98,27 @@ def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
         if not _in_sensor(name):
             continue
         table, _, key = name.removeprefix("stage.").partition(".")
-        target = rig if table == "rig" else by_name.get(table)
-        if target is None:
-            raise ConfigError(f"the sensor has no stage {table!r}")
-        target[key] = _plain(value, sensor, table, key)
+        if table == "rig":
+            document.setdefault("rig", rig)[key] = _plain(value, sensor, table, key)
+            continue
+        if table not in by_name:
+            entries.append(_extended(table, sensor))
+            document.setdefault("stage", entries)
+            by_name[table] = entries[-1]
+        by_name[table][key] = _plain(value, sensor, table, key)
     return tomlkit.dumps(document)
+
+
+def _extended(stage: str, sensor: Sensor) -> Table:
+    """Return the entry of a stage that only the file that the sensor extends has."""
+    found = next((s for s in sensor.stages if s.name == stage), None)
+    if found is None:
+        raise ConfigError(f"the sensor has no stage {stage!r}")
+    entry = tomlkit.table()
+    entry["use"] = found.spec.name
+    if found.name != found.spec.name:
+        entry["name"] = found.name
+    return entry
 
 
 def _name(entry: Mapping[str, Any]) -> str:

@@ -3,7 +3,7 @@
 #include "lib/random.glsl"
 #include "lib/layers.glsl"
 
-uniform float gain_counts = 900.0;      //@ [0, 65535; 0, 400] counts light between a dot's centre and its surroundings on white paper at 1 m, facing the projector; chosen: cameras expose automatically
+uniform float gain_counts = 900.0;      //@ [0, 65535; 0, 2000] counts light between a dot's centre and its surroundings on white paper at 1 m, facing the projector; chosen: cameras expose automatically
 uniform float ambient_counts = 40.0;     //@ [0, 65535; 0, 400] counts light of the room on white paper that faces up; a fifth of it faces down, 3/5 upright. Chosen
 uniform float flood = 0.1;              //@ [0, 1]      1    the projector's light between its dots over that at a dot's centre; with the ambient light it makes the contrast of 0.5 that a real D435's dots have on cardboard
 uniform float dot_spacing_mrad = 23.9;  //@ [2, 200]    mrad distance of dots, tangent of the angle times 1000; measured on a D435's infrared image: 9.7 dots per 1000 px at f = 424 px

@@ -56,6 +56,23 @@ def test_changed_values_keep_the_comments_around_them(tmp_path: Path) -> None:
     assert other_values(tuning) == {"pose.yaw_deg": 20}
 
 
+def test_a_sensor_that_extends_another_keeps_what_it_extends(tmp_path: Path) -> None:
+    values = {
+        "rig.focal_px": [400.0, 400.0],
+        "stereo_light.gain_counts": 70.0,
+        "match_stereo.uniqueness_percent": 30,
+        "spatial_filter.enabled": True,
+    }
+    name = "realsense-d435-high-accuracy"
+    settings = with_assignments(load_settings(overrides={"sensor": name}), values)
+    sensor, file = sensor_of(settings), tmp_path / "own.toml"
+    save_sensor(Tuning(name, values), sensor, file)
+    assert load_sensor(str(file)).stages == sensor.stages
+    assert load_sensor(str(file)).rig == sensor.rig
+    with pytest.raises(ConfigError, match="no stage 'axial'"):
+        save_sensor(Tuning(name, {"axial.base_sigma_mm": 1.0}), sensor, tmp_path / "other.toml")
+
+
 def test_changed_code_is_saved_beside_it(tmp_path: Path) -> None:
     original = tmp_path / "from"
     original.mkdir()
