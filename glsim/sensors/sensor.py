@@ -205,6 +205,7 @@ class Sensor:
             "path_from_m": list(self.rig.emitter_m),
             "modulation_mhz": list(self.rig.modulation_mhz),
             "supersample": self.rig.supersample,
+            **({"exposure": asdict(self.rig.exposure)} if self.rig.exposure.parts() else {}),
             "stages": [
                 {"name": s.name, "use": s.spec.name}
                 | {k: v.model_dump(exclude_none=True) for k, v in s.settings.items()}
