@@ -81,7 +81,8 @@ def _merge_stages(tree: dict[str, Any], own: Any, file: Path, other: Path) -> No
 
 def _name(stage: dict[str, Any], file: Path) -> str:
     """Return the name of a stage in the chain."""
-    name = stage.get("name", stage.get("use"))
-    if not isinstance(name, str):
+    use = stage.get("use")
+    if not isinstance(use, str):
         raise ConfigError(f'{file}: say which stage with use = "..."')
-    return name
+    stem = Path(use).stem if use.endswith(".glsl") else use.rpartition(":")[2]
+    return str(stage.get("name", stem))

@@ -219,6 +219,7 @@ class Sensor:
             **({"imagers_m": [list(i) for i in self.rig.imagers_m]} if self.rig.imagers_m else {}),
             "modulation_mhz": list(self.rig.modulation_mhz),
             "supersample": self.rig.supersample,
+            **({"exposure": asdict(self.rig.exposure)} if self.rig.exposure.parts() else {}),
             "stages": [
                 {"name": s.name, "use": s.spec.name}
                 | {k: v.model_dump(exclude_none=True) for k, v in s.settings.items()}

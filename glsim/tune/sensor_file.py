@@ -70,19 +70,13 @@ def _in_sensor(name: str) -> bool:
 def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
     """Return the TOML of a tuning; lines that have not changed stay as they are."""
     document = tomlkit.parse(sensor.file.read_text(encoding="utf-8"))
-    rig = document.get("rig", tomlkit.table())
-    assert isinstance(rig, Table)
-    if str(document.get(EXTENDS, "")).endswith(".toml"):  # beside the original, not the copy
-        document[EXTENDS] = str((sensor.file.parent / str(document[EXTENDS])).resolve())
-    if "fixed_pattern_map" in rig:
-        named = sensor.file.parent / str(rig["fixed_pattern_map"])
-        rig["fixed_pattern_map"] = str(named.resolve())
+    given = document.get("rig")
+    rig = given if isinstance(given, Table) else tomlkit.table()
     entries = document.get("stage", tomlkit.aot())
     by_name = {_name(entry): entry for entry in entries}
-    for entry in entries:  # paths are relative to the original
-        use = str(entry["use"])
-        if use.endswith(".glsl") and not Path(use).is_absolute():
-            entry["use"] = str((sensor.file.parent / use).resolve())
+    _anchor_paths(document, rig, entries, sensor.file.parent)
+    if EXTENDS in document:
+        _name_inherited(document, entries, by_name, tuning, sensor)
     for stage, code in tuning.code.items():
         if stage not in by_name:
             entry = tomlkit.table()
@@ -94,31 +88,63 @@ def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
         declared = {s.name: s.spec.parameters for s in sensor.stages}[stage]
         for key in [k for k in entry if k not in {"use", "name", "enabled", *declared}]:
             del entry[key]
+    _set_values(tuning, sensor, rig, by_name)
+    if given is None and rig:
+        document["rig"] = rig
+    return tomlkit.dumps(document)
+
+
+def _anchor_paths(document: tomlkit.TOMLDocument, rig: Table, entries: Any, folder: Path) -> None:
+    """Make paths independent of the original's folder: the copy lies elsewhere."""
+    if str(document.get(EXTENDS, "")).endswith(".toml"):
+        document[EXTENDS] = str((folder / str(document[EXTENDS])).resolve())
+    if "fixed_pattern_map" in rig:
+        rig["fixed_pattern_map"] = str((folder / str(rig["fixed_pattern_map"])).resolve())
+    for entry in entries:
+        use = str(entry["use"])
+        if use.endswith(".glsl") and not Path(use).is_absolute():
+            entry["use"] = str((folder / use).resolve())
+
+
+def _set_values(tuning: Tuning, sensor: Sensor, rig: Table, by_name: Mapping[str, Any]) -> None:
+    """Write the tuning's values into the rig and the stages. Raises ConfigError."""
     for name, value in tuning.values.items():
         if not _in_sensor(name):
             continue
         table, _, key = name.removeprefix("stage.").partition(".")
-        if table == "rig":
-            document.setdefault("rig", rig)[key] = _plain(value, sensor, table, key)
+        target = rig if table == "rig" else by_name.get(table)
+        if target is None:
+            raise ConfigError(f"the sensor has no stage {table!r}")
+        target[key] = _plain(value, sensor, table, key)
+
+
+def _name_inherited(
+    document: tomlkit.TOMLDocument,
+    entries: Any,
+    by_name: dict[str, Any],
+    tuning: Tuning,
+    sensor: Sensor,
+) -> None:
+    """Add a [[stage]] for each changed stage that the file has from the one it extends."""
+    own = {stage.name: stage for stage in sensor.stages}
+    for name, code in tuning.code.items():
+        if code.new:
+            raise ConfigError(
+                f"the new stage {name!r} cannot be saved: {sensor.name} extends another sensor's "
+                "file, which says the chain; begin from that one"
+            )
+    changed = {name.removeprefix("stage.").partition(".")[0] for name in tuning.values}
+    for name in own:
+        if name in by_name or name not in {*changed, *tuning.code}:
             continue
-        if table not in by_name:
-            entries.append(_extended(table, sensor))
-            document.setdefault("stage", entries)
-            by_name[table] = entries[-1]
-        by_name[table][key] = _plain(value, sensor, table, key)
-    return tomlkit.dumps(document)
-
-
-def _extended(stage: str, sensor: Sensor) -> Table:
-    """Return the entry of a stage that only the file that the sensor extends has."""
-    found = next((s for s in sensor.stages if s.name == stage), None)
-    if found is None:
-        raise ConfigError(f"the sensor has no stage {stage!r}")
-    entry = tomlkit.table()
-    entry["use"] = found.spec.name
-    if found.name != found.spec.name:
-        entry["name"] = found.name
-    return entry
+        entry = tomlkit.table()
+        entry["use"] = own[name].spec.name
+        if own[name].spec.name != name:
+            entry["name"] = name
+        entries.append(entry)
+        by_name[name] = entry
+    if "stage" not in document and len(entries):
+        document["stage"] = entries
 
 
 def _name(entry: Mapping[str, Any]) -> str:

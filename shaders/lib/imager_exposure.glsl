@@ -3,7 +3,7 @@
 #include "lib/layers.glsl"
 
 uniform float exposure = 1.0;            //@ [1e-3, 1000; 0.05, 20 log] 1 counts per count of light: exposure time and gain
-uniform float longest_exposure = 4.0;    //@ [0, 1000; 0.1, 20] 1 automatic exposure: the face looks as bright as at 1 m, as far as this factor reaches; 0 switches it off. Chosen: a D4xx's default gain can be raised 4 times before its noise shows
+uniform float longest_exposure = 4.0;    //@ [0, 1000; 0, 20] 1 automatic exposure: the face looks as bright as at 1 m, as far as this factor reaches; 0 switches it off. Chosen: a D4xx's default gain can be raised 4 times before its noise shows
 uniform float psf_sigma_px = 0.6;        //@ [0, 1.2]   px     blur of lens and pixel, standard deviation; with the spot a dot has 1.2 px
 uniform float shot_counts = 0.05;        //@ [0, 16]    counts variance of the light's own noise per count
 uniform float read_sigma_counts = 0.7;   //@ [0, 1000; 0, 8] counts noise of reading a pixel, standard deviation

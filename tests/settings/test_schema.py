@@ -155,7 +155,10 @@ def test_shares_may_be_text() -> None:
         ("output.depth_unit_mm=0", "output.depth_unit_mm: .*greater than or equal to 0.01"),
         ("output.clean_mask=none", "output.clean_mask: 'none' is not one of dense, as-noisy"),
         ("output.nearest_to_mm=0", "output.nearest_to_mm: .*greater than or equal to 1"),
-        ("output.layers=[]", "output: layers must be one or more of clean, noisy, infrared, infrared_right, reas"),
+        (
+            "output.layers=[]",
+            "output: layers must be one or more of clean, noisy, infrared, infrared_right, reas",
+        ),
         ('output.layers=["clean", "clean"]', "output: layers must be one or more of .*, once"),
         ('output.layers=["depth"]', "output.layers.0: 'depth' is not one of clean, noisy, infrare"),
         ("pose.yaw_deg=far", "pose.yaw_deg: .*got 'far'"),
