@@ -13,7 +13,7 @@ from glsim.measures import stacks as measure
 from glsim.validate import published_curves, scenes
 from glsim.validate.captures import Captures
 from glsim.validate.checks import depth, edges, phases
-from glsim.validate.run import sensor_sheet
+from glsim.validate.run import sheet_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +68,7 @@ def draw_figure(captures: Captures) -> bytes:
 
 def _is_v2(captures: Captures) -> bool:
     """Whether the sensor is checked as a Kinect V2."""
-    return sensor_sheet(captures.camera.sensor.name).title == "Kinect V2"
+    return sheet_of(captures.camera.sensor).title == "Kinect V2"
 
 
 def _always(_captures: Captures) -> bool:

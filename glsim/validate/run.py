@@ -12,6 +12,7 @@ import moderngl
 
 from glsim.gl.context import open_context
 from glsim.plugins import load_plugin, plugin_names, shipped_objects
+from glsim.sensors.sensor import Sensor
 from glsim.validate.captures import Captures
 from glsim.validate.report import (
     Check,
@@ -29,6 +30,9 @@ _TITLES: Final = {
     "kinect-v1": "Kinect V1",
     "kinect-v2-paper": "Kendrick et al.",
     "azure-kinect": "Azure Kinect",
+    "realsense-d435": "RealSense D4xx",
+    "truedepth": "TrueDepth",
+    "kinect-v1-pattern": "Kinect V1, real frames",
 }
 
 
@@ -74,6 +78,14 @@ def sensor_sheet(name: str) -> ValidationSheet:
     return sheets().get(name, sheets()["kinect-v2"])
 
 
+def sheet_of(sensor: Sensor) -> ValidationSheet:
+    """Return the sheet of a sensor: its own, or that of the cameras that measure as it does."""
+    if sensor.name not in sheets() and sensor.rig.imagers_m:
+        alike = "realsense-d435" if len(sensor.rig.imagers_m) > 1 else "kinect-v1-pattern"
+        return sensor_sheet(alike)
+    return sensor_sheet(sensor.name)
+
+
 def validate_sensor(
     sensor: str,
     *,
@@ -84,7 +96,8 @@ def validate_sensor(
 ) -> ValidationReport:
     """Run all checks of a sensor: a shipped name or a .toml file.
 
-    A sensor without a sheet of its own is checked as a Kinect V2.
+    A sensor without a sheet of its own is checked as a D435 if it has two imagers, as
+    kinect-v1-pattern if it has one, and otherwise as a Kinect V2.
 
     Raises what simulate raises.
 
@@ -105,7 +118,7 @@ def run_checks(captures: Captures) -> ValidationReport:
     """Run the sheet of the sensor of these captures."""
     started = time.perf_counter()
     camera = captures.camera
-    sheet = sensor_sheet(camera.sensor.name)
+    sheet = sheet_of(camera.sensor)
     measurements: dict[str, Measurement] = {}
     for function in sheet.functions:
         measurements |= function(captures)

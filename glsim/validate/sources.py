@@ -22,4 +22,10 @@ NGUYEN = "Nguyen 2012"
 AZURE = "real frame"
 #: The hardware specification of the Azure Kinect.
 MICROSOFT = "Microsoft"
+#: Frames of D435, D455 and D405 cameras from public repositories (docs/explanation/stereo.md).
+D4XX = "real frames of D4xx"
+#: Frames of two iPhones and two iPads, unfiltered (ZEISS/iPad_TrueDepth_Issue_Eval and others).
+TRUEDEPTH = "real frames of TrueDepth"
+#: Clouds of the Object Segmentation Database (PointCloudLibrary/data).
+KINECT_V1_FRAMES = "real frames of a Kinect V1"
 ANCESTORS = "render_kinect, BlenSor"
