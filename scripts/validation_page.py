@@ -21,6 +21,11 @@ SENSORS = (
     "kinect-v1",
     "kinect-v2-paper",
     "azure-kinect",
+    "realsense-d435",
+    "realsense-d455",
+    "realsense-d415",
+    "truedepth",
+    "kinect-v1-pattern",
 )
 
 

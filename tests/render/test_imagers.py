@@ -19,6 +19,7 @@ from glsim.geometry.pose import pose_matrix
 from glsim.geometry.rect import Rect
 from glsim.gl.targets import Readback
 from glsim.pipeline import open_sources, simulate
+from glsim.plan.tasks import make_tasks
 from glsim.render.renderer import Renderer
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import load_settings, with_assignments
@@ -120,6 +121,23 @@ def test_borders_are_seen_by_imagers_and_not_delivered() -> None:
     assert both.mean() > 0.8
     off = np.abs(cut.noisy[both].astype(int) - whole.noisy[part][both])
     assert (off > 2).mean() < 0.01
+
+
+@pytest.mark.parametrize("sensor", ["realsense-d435", "truedepth"])
+def test_frames_are_the_same_bytes_in_any_order(sensor: str) -> None:
+    settings = load_settings(
+        None, [], {"sensor": sensor, "output": {"crop": 160}, "devices": 2},
+        {"subjects": 2, "frames_per_subject": 2},
+    )  # fmt: skip
+    sources = open_sources(settings)
+    tasks = make_tasks(settings, sources)
+    made = [list(simulate(settings, order, sources=sources)) for order in (tasks, tasks[::-1])]
+    for one, other in zip(made[0], made[1][::-1], strict=True):
+        assert isinstance(one, Frame)
+        assert isinstance(other, Frame)
+        assert one.noisy.tobytes() == other.noisy.tobytes()
+        assert one.infrared.tobytes() == other.infrared.tobytes()
+    assert made[0][0].noisy.tobytes() != made[0][1].noisy.tobytes()
 
 
 BASE = """
