@@ -15,9 +15,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from glsim.errors import ConfigError
 from glsim.files.atomic import write_atomic
-from glsim.sensors.sensor import load_sensor, sensor_names
+from glsim.sensors.inheritance import EXTENDS
+from glsim.sensors.sensor import load_sensor, sensor_file, sensor_names
 from glsim.settings.schema import DEFAULT_SENSOR
+from glsim.settings.tables import read_toml
 from glsim.tune.static_captures import UNITS
 from glsim.tune.static_chains import describe_chains
 from glsim.tune.static_scenes import Scene, capture_scenes, default_scenes
@@ -43,16 +46,22 @@ def write_static_page(
 ) -> list[Path]:
     """Write the page into ``folder``, which is made; return the files.
 
-    Raises what ``simulate`` raises.
+    Raises what ``simulate`` raises, and ConfigError for a sensor with imagers.
 
     Args:
-        sensors: names or files (default: all shipped).
+        sensors: names or files (default: ``page_sensors``).
         scenes: default ten heads, and two with a background.
         backend: "egl" or "osmesa".
     """
-    names = list(sensors) or sensor_names()
+    names = list(sensors) or page_sensors()
     chosen = list(scenes) or default_scenes()
     loaded = [load_sensor(name) for name in names]
+    for sensor in loaded:
+        if sensor.rig.imagers_m:
+            raise ConfigError(
+                f"{sensor.name}: a page without a server cannot match infrared images: leave "
+                "--static out"
+            )
     chains = describe_chains(loaded)
     first = DEFAULT_SENSOR if DEFAULT_SENSOR in chains["sensors"] else loaded[0].name
     facts = {
@@ -71,6 +80,12 @@ def write_static_page(
         written.append(folder / "scenes" / f"{scene.name}.js")
         write_atomic(f"glsimScene({_json(captured)});\n".encode(), written[-1])
     return written
+
+
+def page_sensors() -> list[str]:
+    """Return the names of the sensors of the page: without imagers, and one mode per camera."""
+    whole = [name for name in sensor_names() if EXTENDS not in read_toml(sensor_file(name))]
+    return [name for name in whole if not load_sensor(name).rig.imagers_m]
 
 
 def join_script(facts: dict[str, Any]) -> str:

@@ -14,17 +14,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glsim.errors import ConfigError
 from glsim.frame import Frame, encode_depth
 from glsim.frame_assembly import reconcile_reasons
 from glsim.gl.includes import SHADER_ROOT
 from glsim.noise.registry import shipped_stages
 from glsim.pipeline import Simulator, open_sources
 from glsim.plan.tasks import make_tasks
-from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
+from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.schema import load_settings
 from glsim.tune.static_captures import CAPTURED_LAYERS, frame_context, whole_numbers
 from glsim.tune.static_chains import describe_source
-from glsim.tune.static_page import join_script, write_static_page
+from glsim.tune.static_page import join_script, page_sensors, write_static_page
 from glsim.tune.static_scenes import Scene, capture, default_scenes
 from tests.support.static_page import engine_layers, layers_of, open_page
 
@@ -115,7 +116,7 @@ def test_a_finer_layer_is_cut_on_its_own_grid(context: moderngl.Context) -> None
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", sensor_names())
+@pytest.mark.parametrize("name", page_sensors())
 def test_webgl_gives_what_the_engine_gives(
     name: str, opened: tuple[Any, list[str]], context: moderngl.Context
 ) -> None:
@@ -162,10 +163,17 @@ def _tolerance_m(
     return tolerance
 
 
+def test_sensors_that_match_images_have_no_page(tmp_path: Path) -> None:
+    assert {"kinect-v2", "kinect-v1", "azure-kinect"} <= set(page_sensors())
+    with pytest.raises(ConfigError, match=r"realsense-d435: .* leave --static out"):
+        write_static_page(tmp_path, ["realsense-d435"])
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.long
 def test_the_page_reads_declarations_as_glsim_does(opened: tuple[Any, list[str]]) -> None:
     page, _ = opened
-    for name in sensor_names():
+    for name in page_sensors():
         page.evaluate(_OPEN, [name, 0])
         for stage in page.evaluate("() => glsimStatic.chain().map(({linked, ...s}) => s)"):
             if not stage["array"]:
