@@ -270,7 +270,7 @@ class FrameScenes:
 
 
 def _stands_alike(one: FrameScene, other: FrameScene) -> bool:
-    """Return whether all meshes of two scenes are the same and in the same place."""
+    """Return whether two scenes have the same meshes at the same places."""
     pairs = zip(one.meshes, other.meshes, strict=True)
     return all(_alike(a, b) and np.array_equal(v, w) for (a, v), (b, w) in pairs)
 

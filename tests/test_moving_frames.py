@@ -71,7 +71,7 @@ def test_a_frame_at_rest_has_the_same_bytes(
 def test_captures_of_a_scene_at_rest_add_up_to_its_light(
     context: moderngl.Context, sensor: str
 ) -> None:
-    """At a speed that moves nothing by a micrometre, depth is that of one exposure."""
+    """A scene that moves by less than 1 um has the depth of a scene at rest."""
     slow = {**STILL, "motion": {"within_exposure": True, "x_mm_s": 1e-3}}
     one = shot(context, sensor, pose={"distance_mm": 900}, stage=QUIET)
     nine = shot(context, sensor, stage=QUIET, **slow)

@@ -132,7 +132,7 @@ class Distortion:
 
     @property
     def is_rational(self) -> bool:
-        """Whether the model has a denominator."""
+        """Whether radial distortion is a ratio of polynomials (k4, k5 or k6 is not 0)."""
         return any((self.k4, self.k5, self.k6))
 
     def undistort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -158,7 +158,7 @@ class Distortion:
     def _within_limit(
         self, target: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the points moved to where the model holds, and a first guess of their inverse.
+        """Move points into the part of the image where the lens model can be inverted.
 
         Args:
             target: (..., 2) distorted points.

@@ -47,7 +47,7 @@ class Exposure:
     bands: int = 16
 
     def parts(self) -> tuple[SubExposure, ...]:
-        """Return the parts in the order of their times; none if all is exposed at once."""
+        """Return the parts of the exposure, earliest first; none if all pixels share one time."""
         if self.captures and self.spacing_ms > 0:
             middle = 0.5 * (self.captures - 1)
             return tuple(

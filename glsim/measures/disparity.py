@@ -64,7 +64,7 @@ class DisparityNoise:
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
-    """Tiles of one image that have depth nearly everywhere.
+    """Square parts of one image in which nearly every pixel has depth, and their noise.
 
     Attributes:
         top: (N,) row of the first pixel.
@@ -83,7 +83,7 @@ class Tiles:
 
 
 def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | None = None) -> Array:
-    """Convert depth to disparity.
+    """Convert depth, mm, to disparity, px, or to its inverse, 1/m.
 
     Args:
         depth_mm: any shape, 0 or NaN = no depth.

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.measures.robust_line import fit_line
+
 Array = NDArray[np.float64]
 
 #: Neighbours of one surface differ by at most so many px of disparity; chosen, eight times the
@@ -154,7 +156,7 @@ def _goes_on(table: Array) -> NDArray[np.bool_]:
 
 
 def measure_gaps(found: Sequence[Steps], right: bool) -> Gaps:
-    """Measure the gaps on the right or on the left of foregrounds.
+    """Measure the width of the gaps beside foregrounds, px, on one side.
 
     Args:
         found: the steps of each frame.
@@ -206,14 +208,8 @@ def border_band(disparity: Sequence[Array]) -> tuple[float, float]:
 
 
 def _line(x: Array, y: Array) -> tuple[float, float]:
-    """Return slope and offset of y over x by least absolute deviations; NaN if x hardly varies."""
+    """Fit a line; return its slope and offset, NaN if x hardly varies."""
     if float(np.subtract(*np.percentile(x, (90, 10)))) < _LEAST_STEP_PX:
         return float("nan"), float("nan")
-    design = np.column_stack([x, np.ones_like(x)])
-    weight: Array = np.ones_like(x)
-    fit: Array = np.zeros(2)
-    for _ in range(30):
-        solved = np.linalg.lstsq(design * weight[:, None], y * weight, rcond=None)
-        fit = np.asarray(solved[0], np.float64)
-        weight = 1.0 / np.sqrt(np.maximum(np.abs(y - design @ fit), 0.1))
-    return float(fit[0]), float(fit[1])
+    offset, slope = fit_line(x, y)
+    return slope, offset

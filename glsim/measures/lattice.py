@@ -1,4 +1,4 @@
-"""The lattice of depths: values that are round(K / (n + offset)) with whole n.
+"""Find the lattice of a stereo camera's depths: all are round(K / (n + offset)) for a whole n.
 
 A stereo matcher delivers disparity in steps (1/32 px in a RealSense D400, 1/8 px in a Kinect V1),
 so that K = focal length times baseline times the steps a pixel, in units of the depth files. The
@@ -79,7 +79,7 @@ def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0)
 
 
 def on_lattice(values: Array, constant: float, offset: float = 0.0) -> NDArray[np.bool_]:
-    """Return which values are round(K / (n + offset)) with a whole n of 1 or more.
+    """Tell which depths are round(K / (n + offset)) for a whole n of at least 1.
 
     Args:
         values: depths, units of the files.
@@ -133,7 +133,7 @@ def _hits(lattice: Lattice) -> float:
 
 
 def _searched(values: Array, offset: float) -> float:
-    """Return the constant of the largest likelihood, on a grid of a third of a step at the end."""
+    """Search the likeliest constant K; tries differ by a third of a step at the largest depth."""
     far = np.sort(values)[::-1]
     some = far[np.unique(np.linspace(0, far.size - 1, _SEARCHED).astype(int))]
     step = 1.0 / (3.0 * float(far[0]))
@@ -149,7 +149,7 @@ def _searched(values: Array, offset: float) -> float:
 
 
 def _likelihood(values: Array, constants: Array, offset: float) -> Array:
-    """Return the log of the likelihood of a lattice over that of any whole numbers, (K,)."""
+    """Return, per constant, the log of how much likelier its lattice makes the depths, (K,)."""
     total = np.zeros(len(constants))
     for value in values:
         chance = np.minimum(constants / value**2, 1.0)

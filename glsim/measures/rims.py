@@ -69,7 +69,7 @@ class Rims:
 
 
 def find_rims(depth_mm: NDArray[np.floating], *, columns: bool = False) -> Rims:
-    """Find the rims of a frame.
+    """Find where a surface ends before a farther one, and how its depth bends there, mm.
 
     Args:
         depth_mm: (H, W) depth, mm; 0 or NaN where there is none.

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.measures.frame import DepthFrame
+from glsim.measures.robust_line import fit_line
 
 Array = NDArray[np.float64]
 
@@ -217,17 +218,7 @@ def _median_of_counts(counts: Array) -> float:
 
 
 def _line(x: Array, y: Array) -> tuple[float, float]:
-    """Fit y = offset + slope x by least absolute deviations; NaN if x hardly varies.
-
-    Up to half of the points may be outliers.
-    """
+    """Fit a line; return its offset and slope, NaN for few points or if x hardly varies."""
     if x.size < _LEAST_EDGES or float(np.subtract(*np.percentile(x, (90, 10)))) < 30.0:
         return float("nan"), float("nan")
-    design = np.column_stack([np.ones_like(x), x])
-    weight: Array = np.ones_like(x)
-    fit: Array = np.zeros(2)
-    for _ in range(30):
-        solved = np.linalg.lstsq(design * weight[:, None], y * weight, rcond=None)
-        fit = np.asarray(solved[0], np.float64)
-        weight = 1.0 / np.sqrt(np.maximum(np.abs(y - design @ fit), 0.1))
-    return float(fit[0]), float(fit[1])
+    return fit_line(x, y)

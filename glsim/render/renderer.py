@@ -208,7 +208,7 @@ class Renderer:
         reach_px: int = 0,
         boxes: Sequence[NDArray[np.float64]] = (),
     ) -> Rect:
-        """Return the part of the frame that meshes can touch. Raises MeshError as ``render``.
+        """Return the window of the image, px, to render for meshes. Raises MeshError as ``render``.
 
         Args:
             meshes, visible, reach_px: as in ``render``.

@@ -18,6 +18,7 @@ from glsim.measures.disparity_steps import (
     find_steps,
     measure_gaps,
 )
+from glsim.measures.lattice import on_lattice
 from glsim.validate import scenes
 from glsim.validate.captures import Captures
 from glsim.validate.report import Band, Check, Measurement, validation_check
@@ -100,8 +101,7 @@ def lattice_share(depth_mm: NDArray[np.floating], constant_mm: float, unit_mm: f
         unit_mm: step of the depths.
     """
     units = np.rint(depth_mm[depth_mm > 0] / unit_mm)
-    n = np.rint(constant_mm / (units * unit_mm))
-    return float((np.rint(constant_mm / (n * unit_mm)) == units).mean())
+    return float(on_lattice(units, constant_mm / unit_mm).mean())
 
 
 def _step_rows(
