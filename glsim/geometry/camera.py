@@ -162,6 +162,9 @@ class Distortion:
 
         Args:
             target: (..., 2) distorted points.
+
+        Returns:
+            The moved points, and a first guess of their undistorted places, (..., 2) each.
         """
         ideal_r = np.linspace(0.0, self.limit_tan, _RADII)
         distorted_r = ideal_r * self._radial(ideal_r**2)
