@@ -18,6 +18,8 @@ glsim compare recording data
 glsim compare kinect_cal_data simulated -o table.md --figure compare.png --json compare.json
 
 glsim compare monday tuesday --frames 200
+
+glsim compare recording --replay kinect-v2 --set fixed_pattern.enabled=0
 """
 
 
@@ -30,8 +32,20 @@ def compare(
         ),
     ],
     second: Annotated[
-        Path, typer.Argument(metavar="SIMULATED", help="The same, real or simulated.")
-    ],
+        Path | None, typer.Argument(metavar="SIMULATED", help="The same, real or simulated.")
+    ] = None,
+    replay_sensor: Annotated[
+        str | None,
+        typer.Option(
+            "--replay",
+            metavar="SENSOR",
+            help="In place of SIMULATED: render the surfaces of REAL through this sensor.",
+        ),
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="STAGE.KEY=VALUE", help="Set a parameter of that sensor."),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option("-o", "--out", metavar="FILE.md", help="Write the table as Markdown."),
@@ -57,11 +71,16 @@ def compare(
 ) -> None:
     """Measure two sets of depth frames and tell them apart.
 
+    With --replay the second set is made of the first: its own surfaces, silhouettes and
+    reflectivity, rendered through a sensor. Scenes, distances and light then agree, and what tells
+    the sets apart is the camera.
+
     The table has noise over distance, radius and infrared, correlation, fixed pattern, silhouettes,
     light, and the AUC of a classifier of patches (which needs the extra eval). It goes to stdout
     unless -o is given.
     """
     from glsim.compare.figure import draw_comparison
+    from glsim.compare.replay import replay
     from glsim.compare.run import compare_sets
     from glsim.errors import ConfigError, require_package
     from glsim.files.atomic import write_atomic
@@ -71,8 +90,18 @@ def compare(
         raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
     if figure_file is not None:
         require_package("matplotlib", "--figure", "eval")
-    sets = [read_frame_set(path, depth_unit_mm, focal_px, frames) for path in (first, second)]
-    comparison = compare_sets(sets[0], sets[1], progress=print_message)
+    if (second is None) == (replay_sensor is None):
+        raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")
+    if assignments and replay_sensor is None:
+        raise ConfigError("--set changes the sensor of --replay: add --replay SENSOR")
+    real = read_frame_set(first, depth_unit_mm, focal_px, frames)
+    if second is not None:
+        simulated = read_frame_set(second, depth_unit_mm, focal_px, frames)
+    else:
+        require_package("scipy", "--replay", "eval")
+        print_message(f"rendering {len(real.frames)} frames through {replay_sensor}")
+        simulated = replay(real, replay_sensor or "", assignments=assignments or ())
+    comparison = compare_sets(real, simulated, progress=print_message)
     table = comparison.as_markdown()
     written = []
     if json_file is not None:

@@ -20,6 +20,9 @@ from glsim.measures.silhouettes import HEAD_SHIFTS, find_edges
 
 Array = NDArray[np.float64]
 
+#: One patch: number of its frame, first column, matched quantity, features.
+_Found = tuple[int, int, float, Array]
+
 KINDS = ("planes", "curved", "silhouettes, lit side", "silhouettes, shadow side")
 SIDE_PX = 16
 _ROWS, _FRONT_PX, _BACK_PX = 13, 8, 16
@@ -65,6 +68,7 @@ class Patches:
         names: of the F features.
         features: (N, F).
         frame: (N,) number of the frame of each.
+        column: (N,) its first column, px.
         matched: (N,) log of the distance in mm for surfaces, S in px per m for silhouettes.
 
     """
@@ -72,15 +76,16 @@ class Patches:
     names: tuple[str, ...]
     features: Array
     frame: NDArray[np.int64]
+    column: NDArray[np.int64]
     matched: Array
 
 
 def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
     """Cut planes and curved surfaces out of the frames, on a grid of half a patch."""
-    found: dict[str, list[tuple[int, float, Array]]] = {"planes": [], "curved": []}
+    found: dict[str, list[_Found]] = {"planes": [], "curved": []}
     plane, quadric = _projections()
     for number, frame in enumerate(frames):
-        cells = _whole_patches(frame)
+        cells, columns = _whole_patches(frame)
         if len(cells) == 0:
             continue
         flat = cells.reshape(len(cells), -1)
@@ -94,13 +99,15 @@ def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
         for kind, chosen in (("planes", share < _CURVED), ("curved", share >= _CURVED)):
             kept = _thinned(np.flatnonzero(good & chosen))
             features = _surface_features(residual[kept].reshape(-1, SIDE_PX, SIDE_PX))
-            found[kind] += zip([number] * len(kept), np.log(distance[kept]), features, strict=True)
+            found[kind] += zip(
+                [number] * len(kept), columns[kept], np.log(distance[kept]), features, strict=True
+            )
     return {kind: _collected(SURFACE_FEATURES, rows) for kind, rows in found.items()}
 
 
 def edge_patches(frames: Sequence[DepthFrame], shadow_side: str) -> dict[str, Patches]:
     """Cut silhouettes out of the frames, of the lit side and of the shadow side."""
-    found: dict[str, list[tuple[int, float, Array]]] = {KINDS[2]: [], KINDS[3]: []}
+    found: dict[str, list[_Found]] = {KINDS[2]: [], KINDS[3]: []}
     shadow = 1 if shadow_side == "right" else 0
     for number, frame in enumerate(frames):
         edges = find_edges(frame)
@@ -116,16 +123,18 @@ def edge_patches(frames: Sequence[DepthFrame], shadow_side: str) -> dict[str, Pa
                     continue
                 features = _edge_features(patch, edges.front_mm[k], edges.back_mm[k])
                 if features is not None:
-                    found[kind].append((number, float(edges.shift_px_per_m[k]), features))
+                    shift = float(edges.shift_px_per_m[k])
+                    found[kind].append((number, int(edges.column[k]), shift, features))
     return {kind: _collected(EDGE_FEATURES, rows) for kind, rows in found.items()}
 
 
-def _collected(names: tuple[str, ...], rows: list[tuple[int, float, Array]]) -> Patches:
+def _collected(names: tuple[str, ...], rows: list[_Found]) -> Patches:
     return Patches(
         names,
-        np.array([r[2] for r in rows], np.float64).reshape(-1, len(names)),
+        np.array([r[3] for r in rows], np.float64).reshape(-1, len(names)),
         np.array([r[0] for r in rows], np.int64),
-        np.array([r[1] for r in rows], np.float64),
+        np.array([r[1] for r in rows], np.int64),
+        np.array([r[2] for r in rows], np.float64),
     )
 
 
@@ -146,17 +155,22 @@ def _projections() -> tuple[Array, Array]:
     return plane @ plane.T, quadric @ quadric.T
 
 
-def _whole_patches(frame: DepthFrame) -> Array:
-    """Return (N, 16, 16) patches on a grid of 8 px, complete, smooth, with infrared in range."""
+def _whole_patches(frame: DepthFrame) -> tuple[Array, NDArray[np.int64]]:
+    """Return (N, 16, 16) patches on a grid of 8 px, complete, smooth, with infrared in range.
+
+    And (N,) their first columns.
+    """
     step, (height, width) = SIDE_PX // 2, frame.depth_mm.shape
     smooth = np.isfinite(frame.surfaces.rough_mm) & frame.lit
-    cells = []
+    cells, columns = [], []
     for top in range(0, height - SIDE_PX + 1, step):
         for left in range(0, width - SIDE_PX + 1, step):
             inner = smooth[top + 3 : top + SIDE_PX - 3, left + 3 : left + SIDE_PX - 3]
             if inner.all():
                 cells.append(frame.depth_mm[top : top + SIDE_PX, left : left + SIDE_PX])
-    return np.array(cells, np.float64).reshape(-1, SIDE_PX, SIDE_PX)
+                columns.append(left)
+    patches = np.array(cells, np.float64).reshape(-1, SIDE_PX, SIDE_PX)
+    return patches, np.array(columns, np.int64)
 
 
 def _surface_features(e: Array) -> Array:

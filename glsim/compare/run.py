@@ -13,7 +13,7 @@ from glsim.measures.light import measure_light
 from glsim.measures.pattern import measure_pattern
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.spatial import measure_spatial
-from glsim.measures.static import static_pairs
+from glsim.measures.static import static_pairs, view_numbers
 from glsim.measures.temporal import measure_temporal
 from glsim.measures.validity import measure_invalid
 
@@ -39,7 +39,11 @@ def compare_sets(
             surface_patches(frames.frames) | edge_patches(frames.frames, m.silhouettes.shadow_side)
             for frames, m in zip((first, second), measured, strict=True)
         ]
-        verdicts = {kind: tell_apart(patches[0][kind], patches[1][kind]) for kind in KINDS}
+        views = [view_numbers(frames.frames) for frames in (first, second)]
+        verdicts = {
+            kind: tell_apart(patches[0][kind], patches[1][kind], views[0], views[1])
+            for kind in KINDS
+        }
     return Comparison(measured[0], measured[1], verdicts)
 
 

@@ -38,6 +38,14 @@ def static_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
     return pairs
 
 
+def view_numbers(frames: Sequence[DepthFrame]) -> list[int]:
+    """Number the views of frames: frames of one static view have one number."""
+    views = list(range(len(frames)))
+    for first, second in static_pairs(frames):
+        views[second] = views[first]
+    return views
+
+
 def view_change(first: DepthFrame, second: DepthFrame) -> str:
     """Return what shows that the view changed between two frames; "" for a static pair."""
     return _change(*_thinned(first.depth_mm), _thinned(second.depth_mm)[0])

@@ -70,8 +70,20 @@ def _reach_px(p: Mapping[str, float]) -> int:
     ),
     rim_step_px=("float", 2.0, 0.25, 64, "px", "step from which a surface is another"),
     border_px=("int", 9, 0, 64, "px", "reject matches this near the second image's border"),
-    support_px=("int", 9, 1, 31, "px", "side of the region whose disparities are averaged, odd"),
+    support_px=(
+        "int", 9, 1, 31, "px", "side of the region whose disparities are averaged, along the "
+        "baseline, odd",
+    ),
+    support_across_px=("int", 0, 0, 31, "px", "its side across the baseline, odd; 0: the same"),
     support_step_px=("float", 1.0, 0.1, 16, "px", "step that ends this region"),
+    refine_px=(
+        "int", 0, 0, 31, "px", "side of the window, along the baseline, odd, in which the images "
+        "are aligned by least squares after the match; 0: the match alone, which prefers whole "
+        "pixels by up to 0.2 px",
+    ),
+    refine_across_px=("int", 0, 0, 31, "px", "its side across the baseline, odd; 0: the same"),
+    refine_rounds=("int", 2, 1, 4, "1", "how often: once leaves 0.03 px of that preference"),
+    refine_mean=("int", 1, 0, 1, "1", "1: the support region is averaged after each round too"),
     subpixel_steps=("int", 32, 1, 256, "1", "steps of the disparity per pixel"),
     amplitude_px=(
         "float", 0.0, -0.5, 0.5, "px", "sine over a disparity's fraction that is added, against "

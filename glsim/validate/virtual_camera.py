@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -83,10 +84,25 @@ class VirtualCamera:
     """Captures frames of meshes with one sensor in one GL context."""
 
     def __init__(
-        self, sensor: str, context: moderngl.Context, seed: int = 0, frames: int = 64
+        self,
+        sensor: str,
+        context: moderngl.Context,
+        seed: int = 0,
+        frames: int = 64,
+        rig: Mapping[str, Any] | None = None,
+        assignments: Sequence[str] = (),
     ) -> None:
+        """Load the sensor. Raises ConfigError.
+
+        Args:
+            frames: default number of a capture.
+            rig: keys of the sensor's [rig] to override.
+            assignments: settings as of ``--set``, "fixed_pattern.enabled=0".
+        """
         self.name, self.seed, self.frames = sensor, seed, frames
-        self.sensor: Sensor = load_sensor(sensor)
+        self._assignments = tuple(assignments)
+        self._own_rig = dict(rig or {})
+        self.sensor: Sensor = load_sensor(sensor, rig_overrides=self._own_rig)
         self._context = context
         self._simulators: OrderedDict[str, tuple[Simulator, _Scene]] = OrderedDict()
 
@@ -130,9 +146,13 @@ class VirtualCamera:
             "pose": {"x_mm": x, "y_mm": y, "distance_mm": z},
             "stage": dict(changes or {}),
             "output": {} if crop is None else {"crop": crop},
+            "rig": self._own_rig,
         }
         settings = load_settings(
-            None, [], overrides, {"subjects": 1, "frames_per_subject": frames or self.frames}
+            None,
+            self._assignments,
+            overrides,
+            {"subjects": 1, "frames_per_subject": frames or self.frames},
         )
         simulator, source = self._simulator(f"{overrides} {tuple(extra)}", settings, extra)
         canonical = (mesh.vertices_mm - np.array((x, y, z), np.float32)) * _TO_CANONICAL

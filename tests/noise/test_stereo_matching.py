@@ -243,3 +243,61 @@ def test_warp_shows_what_a_camera_beside_the_imager_sees() -> None:
     assert len(gap) == pytest.approx(near - far, abs=2)  # below the foreground alone
     assert gap[0] > inside[-1]
     assert (np.diff(gap) == 1).all()
+
+
+def _bias_by_fraction(found: NDArray[np.int32], truth: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Mean error in eight parts of a pixel, px, without the border that windows see past."""
+    inner = np.s_[20:-20, 60:-40]
+    error = np.where(found >= 0, found / 256.0, np.nan)[inner] - truth[inner]
+    part = np.floor(truth[inner] % 1.0 * 8).astype(int)
+    return np.array([np.nanmean(error[part == k]) for k in range(8)])
+
+
+def test_refinement_removes_the_preference_of_whole_pixels() -> None:
+    """A slanted surface crosses ten whole disparities."""
+    truth = np.broadcast_to(np.linspace(20.0, 30.0, WIDTH), (HEIGHT, WIDTH))
+    left, right = seen(truth)
+    plain, refined = (
+        _bias_by_fraction(match(left, right, parameters(refine_px=w)), truth) for w in (0, 9)
+    )
+    assert np.ptp(plain) > 0.15
+    assert np.ptp(refined) < 0.06
+
+
+def test_refined_noise_is_alike_over_the_support_and_less_than_unrefined() -> None:
+    truth = np.full((HEIGHT, WIDTH), 20.4)
+    left, right = seen(truth)
+    noisy = [
+        np.clip(np.rint(i + np.random.default_rng(k).normal(0, 8, i.shape)), 0, 255).astype("f4")
+        for k, i in enumerate((left, right))
+    ]
+    plain, refined = (
+        match(noisy[0], noisy[1], parameters(refine_px=w))[20:-20, 60:-40] / 256.0 for w in (0, 9)
+    )
+    assert refined.std() < 0.8 * plain.std()
+    step = np.diff(refined, axis=1).std()
+    assert step < 0.4 * refined.std()  # white noise has sqrt 2
+
+
+def test_the_support_may_be_longer_along_the_baseline() -> None:
+    truth = np.full((HEIGHT, WIDTH), 20.4)
+    left, right = seen(truth)
+    noisy = np.clip(left + np.random.default_rng(5).normal(0, 8, left.shape), 0, 255)
+    found = match(
+        np.rint(noisy).astype(np.float32), right, parameters(support_px=15, support_across_px=3)
+    )[20:-20, 60:-40]
+    along, across = (np.diff(found, axis=axis).std() for axis in (1, 0))
+    assert along < 0.6 * across
+
+
+@pytest.mark.parametrize("threads", [1, 2, 4])
+def test_refined_disparities_are_the_same_for_any_number_of_threads(threads: int) -> None:
+    truth = np.broadcast_to(np.linspace(20.0, 30.0, WIDTH), (HEIGHT, WIDTH))
+    left, right = seen(truth)
+    expected = match(left, right, parameters(refine_px=9))
+    before = cv2.getNumThreads()
+    try:
+        cv2.setNumThreads(threads)
+        np.testing.assert_array_equal(match(left, right, parameters(refine_px=9)), expected)
+    finally:
+        cv2.setNumThreads(before)

@@ -1,0 +1,195 @@
+"""Replays: surfaces found in a frame, and the same surfaces rendered through a sensor again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.cli import main
+from glsim.compare.replay import replay
+from glsim.compare.replay_surfaces import find_surfaces, mesh_of
+from glsim.compare.run import compare_sets
+from glsim.files.atomic import write_atomic
+from glsim.files.png import encode_png
+from glsim.geometry.camera import Intrinsics
+from glsim.measures.frame import DepthFrame, FrameSet, frame_set
+from glsim.recordings.recording import read_frame_set
+from tests.support.real_cameras import REAL_CAMERAS, needs_real_cameras
+
+Array = NDArray[np.float32]
+
+REAL_KINECT = REAL_CAMERAS.parent / "kinect-v2-real"
+HEIGHT, WIDTH = 120, 200
+FRONT_MM, WALL_MM = 800.0, 1600.0
+
+
+def step(seed: int = 0, sigma_mm: float = 1.5, gap_px: int = 6) -> Array:
+    """A tilted near square before a wall, with a gap on its left and on its right, in mm."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
+    depth = WALL_MM + 0.4 * x
+    inside = (np.abs(x - 100) < 40) & (np.abs(y - 60) < 40)
+    depth = np.where(inside, FRONT_MM + 0.5 * y, depth)
+    depth += np.random.default_rng(seed).normal(0, sigma_mm, depth.shape)
+    gap = (np.abs(y - 60) < 40) & (x >= 140) & (x < 140 + gap_px)
+    gap |= (np.abs(y - 60) < 40) & (x <= 60) & (x > 58)
+    depth[gap] = np.nan
+    depth[20, 30:33] = np.nan  # a hole within the wall
+    return depth.astype(np.float32)
+
+
+def test_surfaces_are_smooth_and_gaps_are_given_to_the_far_one() -> None:
+    found = find_surfaces(step(), 3.0, 12)
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    wall = WALL_MM + 0.4 * x
+    assert np.isfinite(found.front_mm).all()
+    far = np.abs(x - 100) > 50
+    error = (found.front_mm - wall)[far]
+    assert np.sqrt((error**2).mean()) < 0.4  # 1.5 mm of noise before
+    inner = (np.abs(x - 100) < 36) & (np.abs(y - 60) < 36)
+    assert np.abs((found.front_mm - FRONT_MM - 0.5 * y)[inner]).max() < 1.5
+    assert found.front_mm[60, 140] < 1000  # the rim
+    assert (found.front_mm[60, 142:146] > 1500).all()  # the rest of the gap
+
+
+def test_the_far_surface_goes_on_behind_the_near_one_and_lends_its_light() -> None:
+    found = find_surfaces(step(), 3.0, 12)
+    behind = found.behind_mm[60, 121:140]  # nearer pixels are filled from the left
+    assert np.isfinite(behind).all()
+    np.testing.assert_allclose(behind, WALL_MM + 0.4 * 142, atol=3)
+    row, column = np.divmod(found.light_from[60, 143], WIDTH)
+    assert (row, column) == (60, 146)
+    assert found.light_from[60, 100] == 60 * WIDTH + 100
+
+
+def test_wide_holes_of_a_surface_stay_open() -> None:
+    depth = step()
+    depth[90:118, 100:160] = np.nan
+    assert np.isnan(find_surfaces(depth, 3.0, 12).front_mm[104, 130])
+    assert np.isfinite(find_surfaces(depth, 3.0, 80).front_mm[104, 130])
+
+
+def test_the_mesh_is_seen_where_the_depth_was() -> None:
+    camera = Intrinsics(WIDTH, HEIGHT, 180.0, 180.0, WIDTH / 2, HEIGHT / 2)
+    found = find_surfaces(step(), 3.0, 12)
+    albedo = np.full((HEIGHT, WIDTH), 0.5)
+    mesh = mesh_of(found, camera, albedo)
+    assert mesh.albedo is not None and (mesh.albedo == np.float32(0.5)).all()
+    x, y, z = mesh.vertices_mm.T.astype(np.float64)
+    column = np.floor(x / z * 180 + WIDTH / 2).astype(int)
+    row = np.floor(y / z * 180 + HEIGHT / 2).astype(int)
+    seen = found.front_mm[row, column]
+    hidden = found.behind_mm[row, column]
+    near = np.abs(z - seen) < 0.01
+    assert (near | (np.abs(z - np.nan_to_num(hidden)) < 0.01)).all()
+    # No triangle spans the step.
+    corners = z[mesh.faces]
+    assert (corners.max(axis=1) - corners.min(axis=1)).max() < 100
+
+
+def simulated(seed: int, frames: int = 4) -> FrameSet:
+    """Frames of kinect-v2 of steps at four distances, each by a replay of a perfect one."""
+    depths = [np.kron(step(k, 0.0, 1) * (0.8 + 0.1 * k), np.ones((2, 2))) for k in range(frames)]
+    lights = [np.nan_to_num(3e9 / depth**2).astype(np.float32) for depth in depths]
+    perfect = frame_set("perfect", depths, lights)
+    return replay(perfect, "kinect-v2", seed=seed, smooth_px=3.0, mirrored=False)
+
+
+@pytest.fixture(scope="module")
+def recorded() -> FrameSet:
+    return simulated(1)
+
+
+def test_a_sensor_is_not_told_from_its_own_replay(recorded: FrameSet) -> None:
+    """The same device; a replay of it differs by what the smoothing leaves of the noise."""
+    again = replay(recorded, "kinect-v2", seed=1)
+    assert [f.name for f in again.frames] == [f.name for f in recorded.frames]
+    for first, second in zip(recorded.frames, again.frames, strict=True):
+        both = np.isfinite(first.depth_mm) & np.isfinite(second.depth_mm)
+        assert both.mean() > 0.9
+        assert np.median(np.abs(first.depth_mm - second.depth_mm)[both]) < 3.0
+        assert first.infrared is not None and second.infrared is not None
+        ratio = second.infrared[both] / np.maximum(first.infrared[both], 1)
+        assert np.median(ratio) == pytest.approx(1.0, abs=0.05)
+    other = replay(recorded, "kinect-v2", seed=1, assignments=["tof_floor.sigma_mm=4"])
+    own, noisier = (compare_sets(recorded, s).verdicts["planes"] for s in (again, other))
+    assert own.auc < 0.7
+    assert own.boosted_auc < 0.7
+    assert noisier.auc > own.auc + 0.15
+    assert noisier.boosted_auc > own.boosted_auc + 0.1
+
+
+def test_the_same_seed_gives_the_same_frames(recorded: FrameSet) -> None:
+    few = FrameSet("few", recorded.frames[:1])
+    first, second = (replay(few, "kinect-v2", seed=3) for _ in range(2))
+    np.testing.assert_array_equal(first.frames[0].depth_mm, second.frames[0].depth_mm)
+
+
+def test_mirrored_frames_are_replayed_mirrored(recorded: FrameSet) -> None:
+    """Shadows stay on the side that they have in the real frames."""
+    mirrored = FrameSet(
+        "mirrored",
+        tuple(
+            DepthFrame(
+                f.name,
+                np.ascontiguousarray(f.depth_mm[:, ::-1]),
+                None if f.infrared is None else np.ascontiguousarray(f.infrared[:, ::-1]),
+                f.camera,
+            )
+            for f in recorded.frames
+        ),
+    )
+    own = compare_sets(recorded, recorded).first.silhouettes.shadow_side
+    for frames, side in ((recorded, own), (mirrored, {"left": "right", "right": "left"}[own])):
+        again = replay(frames, "kinect-v2", seed=1)
+        assert compare_sets(frames, again).second.silhouettes.shadow_side == side
+
+
+def test_the_command_replays_and_refuses_what_it_cannot(
+    tmp_path: Path, recorded: FrameSet, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for frame in recorded.frames[:2]:
+        depth = np.nan_to_num(frame.depth_mm).astype(np.uint16)
+        write_atomic(encode_png(depth), tmp_path / "real" / f"{frame.name}_depth.png")
+    real = str(tmp_path / "real")
+    assert main(["compare", real, "--replay", "kinect-v2", "-q", "-o", f"{tmp_path}/t.md"]) == 0
+    text = (tmp_path / "t.md").read_text()
+    assert text.startswith("# real against kinect-v2, replay")
+    assert "| planes |" in text
+    for wrong, message in (
+        ([real], "give the simulated frames, or --replay"),
+        ([real, real, "--replay", "kinect-v2"], "give the simulated frames, or --replay"),
+        ([real, real, "--set", "a.b=1"], "add --replay"),
+        ([real, "--replay", "kinekt"], "did you mean"),
+        ([real, "--replay", "kinect-v2", "--set", "tof_floor.sigm=2"], "did you mean 'sigma_mm'"),
+    ):
+        capsys.readouterr()
+        assert main(["compare", *wrong]) in (1, 2)
+        error = capsys.readouterr().err
+        assert message in error.splitlines()[-1]
+
+
+@pytest.mark.long
+@needs_real_cameras
+def test_replays_of_real_kinect_v2_frames() -> None:
+    """Held by the figures of docs/comparison.md: 44 frames, logistic regression."""
+    real = read_frame_set(REAL_KINECT, most=16)
+    verdicts = compare_sets(real, replay(real, "kinect-v2")).verdicts
+    assert verdicts["planes"].auc < 0.72
+    assert verdicts["silhouettes, lit side"].auc < 0.72
+
+
+@pytest.mark.long
+@needs_real_cameras
+def test_replays_of_real_d435_frames() -> None:
+    """A wall and rooms, by two devices; figures as in docs/comparison.md."""
+    wall = read_frame_set(
+        sorted((REAL_CAMERAS / "d435_wall_2frames").glob("depth*.png")), 1, 390.43
+    )
+    rooms = sorted((REAL_CAMERAS / "d435_robot_room").glob("depth*.png"))[::3]
+    for real in (wall, read_frame_set(rooms, 1.0, 381.4)):
+        verdicts = compare_sets(real, replay(real, "realsense-d435-vga")).verdicts
+        assert verdicts["planes"].auc < 0.75
+        assert verdicts["curved"].auc < 0.75
