@@ -44,6 +44,9 @@ NO_PATTERN = np.float32(1e6)
 #: The second infrared image of a stereo camera.
 INFRARED_RIGHT = "infrared_right"
 
+#: What the matcher found, pixels, 0 = nothing: in the view of the first imager.
+DISPARITY_LAYER = "disparity"
+
 #: The layers that a Frame is made of; a chain without an infrared stage has no ``infrared``.
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")
 

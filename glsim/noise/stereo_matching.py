@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.layer_names import DISPARITY_LAYER
 from glsim.noise.match_reasons import match_reasons
 from glsim.noise.numpy_twins.layers import pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
@@ -50,12 +51,13 @@ def _reach_px(p: Mapping[str, float]) -> int:
     ),
     largest_px=("float", 126, 1, 1024, "px", "largest disparity that is kept: nearest = f B / it"),
     disparity_shift=("int", 0, 0, 512, "px", "smallest disparity that is searched"),
-    window_px=("int", 9, 3, 21, "px", "side of the window that is compared, odd"),
+    window_px=("int", 9, 3, 21, "px", "side of the window that is compared, odd", "step 2"),
     p1=("int", 8, 0, 200, "1", "P1, per pixel of the window: cost of a step of 1 px"),
     p2=("int", 32, 1, 800, "1", "P2, per pixel of the window: cost of a larger step"),
     contrast_px=(
         "int", 15, 0, 63, "px", "images are evened to one contrast in windows of this side, odd, "
         "since the cameras' census does not see brightness; 0 takes them as they are",
+        "3, 63 step 2",
     ),
     contrast_floor_counts=("float", 4.0, 0.1, 100, "counts", "lowest contrast that is evened"),
     prefilter_counts=("int", 63, 1, 127, "counts", "horizontal gradients are cut here"),
@@ -70,7 +72,9 @@ def _reach_px(p: Mapping[str, float]) -> int:
     ),
     rim_step_px=("float", 2.0, 0.25, 64, "px", "step from which a surface is another"),
     border_px=("int", 9, 0, 64, "px", "reject matches this near the second image's border"),
-    support_px=("int", 9, 1, 31, "px", "side of the region whose disparities are averaged, odd"),
+    support_px=(
+        "int", 9, 1, 31, "px", "side of the region whose disparities are averaged, odd", "step 2"
+    ),
     support_step_px=("float", 1.0, 0.1, 16, "px", "step that ends this region"),
     subpixel_steps=("int", 32, 1, 256, "1", "steps of the disparity per pixel"),
     amplitude_px=(
@@ -110,7 +114,7 @@ def match_stereo(
         depth = warp_to_camera(depth, imager, view.optics.focal_px)
     shown = np.where(kept, steps / p["subpixel_steps"], 0)
     reason = match_reasons(view, layers, depth, p)
-    return {"depth": depth, "reason": reason, "disparity": shown.astype(np.float32)}
+    return {"depth": depth, "reason": reason, DISPARITY_LAYER: shown.astype(np.float32)}
 
 
 class _Turn:
