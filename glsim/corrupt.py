@@ -20,9 +20,8 @@ from glsim.geometry.rect import Rect
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.noise.array_chain import run_array_stages, run_twins
-from glsim.noise.chain import ShaderChain, pattern_layer
+from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.layer_names import PATTERN_LAYER
 from glsim.noise.stage import draw_values
 from glsim.render.renderer import Renderer
 from glsim.sensors.pattern_map import check_shape
@@ -39,9 +38,8 @@ class _Graphics:
         self.process = os.getpid()
         self.context = open_context(backend)
         self.renderer = Renderer(self.context, corrupter.canvas)
-        self.chain = ShaderChain(
-            self.context, corrupter.sensor.stages, pattern_mm=corrupter.pattern_mm
-        )
+        sensor = corrupter.sensor
+        self.chain = ShaderChain(self.context, sensor.stages, images=sensor.images)
         self.readback = Readback(self.context)
 
 
@@ -76,10 +74,8 @@ class Corrupter:
                 f"{self.sensor.name}: its imagers see the map's surface from other places, which "
                 "takes OpenGL: use --backend egl or osmesa"
             )
-        self.pattern_mm = None
-        if self.sensor.pattern_map is not None:
-            self.pattern_mm = self.sensor.pattern_map.error_mm
-            check_shape(self.pattern_mm, shape, str(self.sensor.pattern_map.file))
+        if (own := self.sensor.pattern_map) is not None:
+            check_shape(own.error_mm, shape, str(own.file))
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
         self._opened: _Graphics | None = None
 
@@ -257,9 +253,8 @@ class Corrupter:
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
         normal = np.dstack([depth_map.normals(depth_m, rays), albedo])
-        own = {} if self.pattern_mm is None else {PATTERN_LAYER: pattern_layer(self.pattern_mm)}
         return {
-            **own,
+            **self.sensor.images,
             "clean": depth_m,
             "depth": depth_m,
             "reason": np.zeros_like(depth_m),

@@ -20,8 +20,12 @@ IMAGER_LAYERS = tuple(
 )
 
 #: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where unknown.
-#: Only chains of sensors with a map have it: their shaders see the constant PATTERN_MAP.
-PATTERN_LAYER, PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
+PATTERN_LAYER = "pattern_map"
+#: What the projectors throw instead of drawn dots, 0 to 1; its pixels are not those of the frame.
+PROJECTOR_LAYER = "projector_image"
+#: Images that are the same in every frame of a sensor -> the constant that shaders see. Only chains
+#: of sensors that have such an image have its layer and its constant.
+IMAGE_CONSTANTS = {PATTERN_LAYER: "PATTERN_MAP", PROJECTOR_LAYER: "PROJECTOR_IMAGE"}
 
 #: Depth with the device's systematic error and without everything random: clean before the first
 #: stage. Stages write it only in chains that need it: their shaders see the constant EXPECTED.

@@ -26,7 +26,7 @@ from glsim.noise.layer_names import DISPARITY_LAYER
 from glsim.noise.match_reasons import match_reasons
 from glsim.noise.numpy_twins.layers import pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
-from glsim.noise.semi_global import NO_MATCH, STEPS_PER_PX, match
+from glsim.noise.semi_global import NO_MATCH, STEPS_PER_PX, match, reject_unlit
 from glsim.noise.stage import array_stage
 from glsim.noise.view_warp import warp_to_camera
 
@@ -97,6 +97,8 @@ def match_stereo(
         first_px = turn.first_px(view)
         column = np.arange(found.shape[1], dtype=np.int32) + first_px
         found[column * STEPS_PER_PX - found < int(p["border_px"]) * STEPS_PER_PX] = NO_MATCH
+    else:
+        reject_unlit(found, right, int(p["window_px"]) | 1)
     disparity = turn.back(found)
     # Matchers prefer whole pixels; D4xx cameras take a sine of this amplitude off ("A-factor").
     exact = disparity / np.float64(STEPS_PER_PX)
