@@ -15,6 +15,7 @@ from glsim.geometry.camera import SensorRig
 from glsim.gl.declarations import Layer
 from glsim.gl.shader_source import ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
+from glsim.noise.earlier_frames import layers_for_earlier
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import (
     EXPECTED_CONSTANT,
@@ -124,6 +125,7 @@ class ShaderChain:
         wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         read = [stage.spec.array_reads for stage in stages if stage.spec.function is not None]
         if read:
+            read.append(layers_for_earlier(stages))
             wanted = tuple(
                 dict.fromkeys((*FRAME_LAYERS, *(name for names in read for name in names)))
             )

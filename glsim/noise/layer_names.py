@@ -38,15 +38,15 @@ IMAGE_CONSTANTS = {PATTERN_LAYER: "PATTERN_MAP", PROJECTOR_LAYER: "PROJECTOR_IMA
 EXPECTED_LAYER, EXPECTED_CONSTANT = "expected", "EXPECTED"
 
 #: Depth of N earlier frames of the same still scene, (h, w, N) metres, oldest first: other draws of
-#: the noise of the same device, a function of the frame's seed. A stage on arrays may write it;
-#: temporal_filter reads it.
+#: the noise of the same device, a function of the frame's seed. Drawn after the matcher if a later
+#: stage reads it, as temporal_filter does (glsim.noise.earlier_frames); a stage on arrays may too.
 EARLIER_LAYER = "earlier_depth"
 
 #: Stands for NaN, which GLSL compilers may assume away: larger than any error.
 NO_PATTERN = np.float32(1e6)
 
-#: The second infrared image of a stereo camera.
-INFRARED_RIGHT = "infrared_right"
+#: The infrared image, and the second one of a stereo camera.
+INFRARED, INFRARED_RIGHT = "infrared", "infrared_right"
 
 #: What the matcher found, pixels, 0 = nothing: in the view of the first imager.
 DISPARITY_LAYER = "disparity"

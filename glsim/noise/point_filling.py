@@ -46,6 +46,7 @@ def _reach_px(p: Mapping[str, float]) -> int:
 
 @array_stage(
     _reach_px,
+    (),
     spacing_px=("int", 8, 2, 64, "px", "side of the cells that hold one point each"),
     sigma_px=("float", 3.8, 1, 32, "px", "Gaussian weight of a point over distance, sigma"),
     nearer_power=(

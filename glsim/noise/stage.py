@@ -48,7 +48,8 @@ _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage run
 StageValues = Mapping[str, Mapping[str, float]]
 
 
-def _own_pixel(_: Mapping[str, float]) -> int:
+def own_pixel(_: Mapping[str, float]) -> int:
+    """Return the reach of a stage that reads no neighbours: 0 pixels."""
     return 0
 
 
@@ -70,7 +71,7 @@ class StageSpec:
     file: str
     source: ShaderSource | None = None
     function: ArrayFunction | None = None
-    reach_px: Reach = _own_pixel
+    reach_px: Reach = own_pixel
     array_reads: tuple[str, ...] = ()
 
 
@@ -106,7 +107,7 @@ class Stage:
 
 
 def array_stage(
-    reach_px: Reach = _own_pixel,
+    reach_px: Reach = own_pixel,
     reads: tuple[str, ...] = ("normal", "albedo", "lit"),
     /,
     **parameters: tuple[str, float, float, float, str, str]

@@ -84,6 +84,10 @@ def _reach_px(p: Mapping[str, float]) -> int:
     device_sigma_px=("float", 0.0, 0, 1, "px", "error of the device's own, standard deviation"),
     device_grain_px=("float", 4.0, 0.5, 64, "px", "sigma of the Gaussian that smooths it"),
     depth_unit_mm=("float", 1.0, 0.01, 100, "mm", "the camera's own step of depth"),
+    earlier_frames=(
+        "int", 8, 1, 32, "1", "frames before this one that are exposed and matched too if "
+        "temporal_filter runs, each for two thirds of a frame's time; it looks back at 8",
+    ),
 )  # fmt: skip
 def match_stereo(
     view: StageView, layers: Layers, p: Mapping[str, float]
