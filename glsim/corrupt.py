@@ -206,7 +206,8 @@ class Corrupter:
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))
         elif self._backend == "numpy":
             layers = self._array_layers(depth_m)
-            frame = self._frame(window, seeds, float(depth_m[depth_m > 0].min()))
+            nearest_m = float(depth_m[depth_m > 0].min())
+            frame = self._frame(window, seeds, depth_m, nearest_m)
             run_twins(self.sensor.stages, layers, frame, values)
         else:
             graphics = self._graphics()
@@ -214,7 +215,7 @@ class Corrupter:
             normal = depth_map.normals(depth_m, self.canvas.rays())
             surface = depth_map.surface(depth_m, self.canvas)
             with graphics.renderer.light_depth_map(depth_m, normal, surface) as rendered:
-                frame = self._frame(rendered.window, seeds, rendered.nearest_m)
+                frame = self._frame(rendered.window, seeds, depth_m, rendered.nearest_m)
                 graphics.chain.run(rendered, frame, values, graphics.readback)
             layers = graphics.readback.arrays()
             run_array_stages(self.sensor.stages, layers, frame, values)
@@ -236,7 +237,12 @@ class Corrupter:
             self._opened = _Graphics(self, self._backend)
         return self._opened
 
-    def _frame(self, window: Rect, seeds: DrawKeys, nearest_m: float) -> FrameContext:
+    def _frame(
+        self, window: Rect, seeds: DrawKeys, depth_m: NDArray[np.float32], nearest_m: float
+    ) -> FrameContext:
+        # Nobody says what a map shows. Cameras expose to a mean brightness, and light falls with the
+        # square of the distance.
+        brightness = np.mean(depth_m[depth_m > 0].astype(np.float64) ** -2)
         return FrameContext.for_frame(
             rig=self.canvas,
             window=window,
@@ -244,7 +250,7 @@ class Corrupter:
             sequence_seed=seeds.sequence,
             device_seed=stable_seed("device", self._settings.seed, 0),
             nearest_m=nearest_m,
-            subject_m=nearest_m,
+            subject_m=float(brightness**-0.5),
             supersample=1,  # a map has no samples
         )
 

@@ -63,10 +63,10 @@ RECORDINGS: Final[Mapping[str, Recording]] = {
     ),
     "d405_bed": Recording("d405_bed/depth_26.png", "realsense-d405", 0.1, 648.0, detail=(500, 300)),
     "truedepth_box": Recording(
-        "truedepth_box_and_can/box_can/depth_00.png", "truedepth", 0.1, 434.8, detail=(220, 160)
+        "truedepth_box_and_can/box_can/depth_01.png", "truedepth", 0.1, 434.8, detail=(220, 160)
     ),
     "truedepth_board": Recording(
-        "truedepth_zeiss/board_iPhone11Pro_iOS14/depth_0.png", "truedepth", 0.1, 434.6
+        "truedepth_zeiss/board_iPhone11Pro_iOS14/depth_633291.png", "truedepth", 0.1, 434.6
     ),
     "azure_mug": Recording(
         "azure_kinect_mug/depth.png",
