@@ -240,8 +240,8 @@ class Corrupter:
     def _frame(
         self, window: Rect, seeds: DrawKeys, depth_m: NDArray[np.float32], nearest_m: float
     ) -> FrameContext:
-        # Nobody says what a map shows. Cameras expose to a mean brightness, and light falls with the
-        # square of the distance.
+        # Nobody says what a map shows. Cameras expose to a mean brightness, and light falls with
+        # the square of the distance.
         brightness = np.mean(depth_m[depth_m > 0].astype(np.float64) ** -2)
         return FrameContext.for_frame(
             rig=self.canvas,
