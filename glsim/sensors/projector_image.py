@@ -99,7 +99,7 @@ def read_projector_image(
     for axis, number in ((1, 0), (0, 1)):
         side_px = _seen_px(view_deg[number], sums.shape[axis], focal_px[number])
         sums, count = _sums_along(sums, axis, side_px), count * side_px
-    white = int(np.iinfo(image.dtype).max) * count
+    white = (2 ** (8 * image.dtype.itemsize) - 1) * count
     brightness = (sums / np.float64(white)).astype(np.float32)
     brightness.flags.writeable = False
     return ProjectorImage(brightness, view_deg, file)

@@ -92,15 +92,16 @@ def _thrown(view: StageView, layers: Layers, tangent: Image, key: Words, p: Para
     part = place - half - corner
     first = np.clip(corner.astype(np.int64), 0, size - 1)
     last = np.clip(corner.astype(np.int64) + 1, 0, size - 1)
-    rows = [
+    upper, lower = (
         _mix(image[row, first[..., 0]], image[row, last[..., 0]], part[..., 0])
         for row in (first[..., 1], last[..., 1])
-    ]
-    return np.where(inside, _mix(*rows, part[..., 1]), np.float32(-1))
+    )
+    return np.where(inside, _mix(upper, lower, part[..., 1]), np.float32(-1))
 
 
 def _mix(one: Image, other: Image, share: Image) -> Image:
-    return one * (np.float32(1) - share) + other * share
+    mixed: Image = one * (np.float32(1) - share) + other * share
+    return mixed
 
 
 def _projected(
