@@ -100,11 +100,11 @@ def surface(depth_m: Depth) -> Depth:
     for _ in range(2):  # from the left and from the right
         filled = fill_holes(np.ascontiguousarray(filled), 1)[:, ::-1]
     inverse = np.where(filled > 0, 1 / np.maximum(filled, 0.05), 0).astype(np.float32)
-    inverse = cv2.medianBlur(cv2.medianBlur(inverse, 5), 5)
+    inverse = np.asarray(cv2.medianBlur(cv2.medianBlur(inverse, 5), 5), np.float32)
     # The logarithm of depth: a step is a share of it.
     smooth = np.log(np.maximum(inverse, 1e-3)).astype(np.float32)
     for _ in range(3):
-        smooth = cv2.bilateralFilter(smooth, 0, _STEP, _SMOOTH_PX)
+        smooth = np.asarray(cv2.bilateralFilter(smooth, 0, _STEP, _SMOOTH_PX), np.float32)
     known = cv2.erode((inverse > 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     return np.where(known, np.exp(-smooth), 0).astype(np.float32)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import moderngl
@@ -46,7 +47,7 @@ longest_exposure = 0
 """
 
 
-def sensor_file(folder: Path, image: NDArray[np.generic] | bytes | None, stages: str = "") -> str:
+def sensor_file(folder: Path, image: NDArray[Any] | bytes | None, stages: str = "") -> str:
     """A small D435 beside its pattern."""
     if image is not None:
         data = image if isinstance(image, bytes) else cv2.imencode(".png", image)[1].tobytes()
@@ -190,7 +191,7 @@ def test_a_sensor_that_extends_one_finds_its_image_and_can_switch_it_off(tmp_pat
     ],
 )
 def test_images_that_cannot_serve(
-    tmp_path: Path, image: NDArray[np.generic] | bytes | None, words: str
+    tmp_path: Path, image: NDArray[Any] | bytes | None, words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words) as caught:
         load_sensor(sensor_file(tmp_path, image))
