@@ -20,9 +20,8 @@ from glsim.geometry.rect import Rect
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.noise.array_chain import run_array_stages, run_twins
-from glsim.noise.chain import ShaderChain, pattern_layer
+from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.layer_names import PATTERN_LAYER
 from glsim.noise.stage import draw_values
 from glsim.render.renderer import Renderer
 from glsim.sensors.pattern_map import check_shape
@@ -39,9 +38,8 @@ class _Graphics:
         self.process = os.getpid()
         self.context = open_context(backend)
         self.renderer = Renderer(self.context, corrupter.canvas)
-        self.chain = ShaderChain(
-            self.context, corrupter.sensor.stages, pattern_mm=corrupter.pattern_mm
-        )
+        sensor = corrupter.sensor
+        self.chain = ShaderChain(self.context, sensor.stages, images=sensor.images)
         self.readback = Readback(self.context)
 
 
@@ -76,10 +74,8 @@ class Corrupter:
                 f"{self.sensor.name}: its imagers see the map's surface from other places, which "
                 "takes OpenGL: use --backend egl or osmesa"
             )
-        self.pattern_mm = None
-        if self.sensor.pattern_map is not None:
-            self.pattern_mm = self.sensor.pattern_map.error_mm
-            check_shape(self.pattern_mm, shape, str(self.sensor.pattern_map.file))
+        if (own := self.sensor.pattern_map) is not None:
+            check_shape(own.error_mm, shape, str(own.file))
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
         self._opened: _Graphics | None = None
 
@@ -210,7 +206,8 @@ class Corrupter:
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))
         elif self._backend == "numpy":
             layers = self._array_layers(depth_m)
-            frame = self._frame(window, seeds, float(depth_m[depth_m > 0].min()))
+            nearest_m = float(depth_m[depth_m > 0].min())
+            frame = self._frame(window, seeds, depth_m, nearest_m)
             run_twins(self.sensor.stages, layers, frame, values)
         else:
             graphics = self._graphics()
@@ -218,7 +215,7 @@ class Corrupter:
             normal = depth_map.normals(depth_m, self.canvas.rays())
             surface = depth_map.surface(depth_m, self.canvas)
             with graphics.renderer.light_depth_map(depth_m, normal, surface) as rendered:
-                frame = self._frame(rendered.window, seeds, rendered.nearest_m)
+                frame = self._frame(rendered.window, seeds, depth_m, rendered.nearest_m)
                 graphics.chain.run(rendered, frame, values, graphics.readback)
             layers = graphics.readback.arrays()
             run_array_stages(self.sensor.stages, layers, frame, values)
@@ -240,7 +237,12 @@ class Corrupter:
             self._opened = _Graphics(self, self._backend)
         return self._opened
 
-    def _frame(self, window: Rect, seeds: DrawKeys, nearest_m: float) -> FrameContext:
+    def _frame(
+        self, window: Rect, seeds: DrawKeys, depth_m: NDArray[np.float32], nearest_m: float
+    ) -> FrameContext:
+        # Nobody says what a map shows. Cameras expose to a mean brightness, and light falls with
+        # the square of the distance.
+        brightness = np.mean(depth_m[depth_m > 0].astype(np.float64) ** -2)
         return FrameContext.for_frame(
             rig=self.canvas,
             window=window,
@@ -248,7 +250,7 @@ class Corrupter:
             sequence_seed=seeds.sequence,
             device_seed=stable_seed("device", self._settings.seed, 0),
             nearest_m=nearest_m,
-            subject_m=nearest_m,
+            subject_m=float(brightness**-0.5),
             supersample=1,  # a map has no samples
         )
 
@@ -257,9 +259,8 @@ class Corrupter:
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
         normal = np.dstack([depth_map.normals(depth_m, rays), albedo])
-        own = {} if self.pattern_mm is None else {PATTERN_LAYER: pattern_layer(self.pattern_mm)}
         return {
-            **own,
+            **self.sensor.images,
             "clean": depth_m,
             "depth": depth_m,
             "reason": np.zeros_like(depth_m),

@@ -156,14 +156,13 @@ class Simulator:
                 f"the layer 'infrared_right' needs a stereo camera, not {settings.sensor!r}: leave "
                 "it out of --layers"
             )
-        own = self.sensor.pattern_map
         self._chain = ShaderChain(
             context,
             self.sensor.stages,
             read_back,
             infrared="infrared" in layers,
             expected="expected" in layers,
-            pattern_mm=None if own is None else own.error_mm,
+            images=self.sensor.images,
             linked=self._cache.linked,
         )
         self._scenes = self._cache.scenes(

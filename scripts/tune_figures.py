@@ -38,6 +38,10 @@ def main() -> None:
             _write(_photograph(page), FIGURES / name)
             if not dark:
                 _film(page, FIGURES / "tune.webp")
+    with tune_page(["realsense-d435", *_SCENE, "--set", "pose.distance_mm=600"]) as (page, _):
+        _open(page, "stereo_light")
+        page.hover('[data-kind="disparity"]')
+        _write(_photograph(page), FIGURES / "tune_stereo.png")
     with tempfile.TemporaryDirectory() as folder:
         write_static_page(Path(folder), sensors=["kinect-v2", "kinect-v1"])
         for name, scheme in (("tune_static.png", "light"), ("tune_static_dark.png", "dark")):

@@ -31,6 +31,16 @@ def _pattern_map(folder: Path) -> Kind:
     return bytes_kind(path, lambda file: read_pattern_map(file, (24, 32)))
 
 
+def _projector_image(folder: Path) -> Kind:
+    from glsim.files.png import encode_png
+    from glsim.sensors.projector_image import read_projector_image
+
+    path = folder / "dots.png"
+    dots = np.random.default_rng(0).random((24, 32)) < 0.1
+    path.write_bytes(encode_png(255 * dots.astype(np.uint8)))
+    return bytes_kind(path, lambda file: read_projector_image(file, (90, 60), (400, 400)))
+
+
 def _matrices(folder: Path) -> Kind:
     """Matrices in OpenCV's YAML; half of the time a word is changed."""
     from glsim.recordings.opencv_yaml import read_matrices
@@ -85,6 +95,7 @@ def _link(folder: Path) -> Kind:
 ARRAY_KINDS: dict[str, Callable[[Path], Kind]] = {
     "npy-stack": _stack,
     "npy-map": _pattern_map,
+    "png-pattern": _projector_image,
     "opencv-yaml": _matrices,
     "tuner-link": _link,
 }

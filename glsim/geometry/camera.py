@@ -220,6 +220,8 @@ class SensorRig:
             emitter's); empty for other cameras. Their images have the rig's intrinsics.
         border_px: left, top, right, bottom: what the imagers' images have around the delivered one.
         exposure: when the parts of a frame are exposed.
+        projector_tan: tangents of half the field of view of the image that the emitters throw,
+            columns and rows; 0 without an image.
     """
 
     intrinsics: Intrinsics
@@ -234,6 +236,7 @@ class SensorRig:
     imagers_m: tuple[Point, ...] = ()
     border_px: tuple[int, int, int, int] = (0, 0, 0, 0)
     exposure: Exposure = field(default_factory=Exposure)
+    projector_tan: tuple[float, float] = (0.0, 0.0)
 
     def canvas(self) -> SensorRig:
         """The rig whose images are those of the imagers: with the border, delivered whole."""

@@ -4,8 +4,8 @@
 
 declares a parameter: type, name and default in GLSL, then range, unit ("1" for none) and help.
 A second part in the brackets is for sliders alone: ``//@ [0, 65535; 0, 2000] counts ...`` shows 0
-to 2000, ``//@ [0.1, 1e6; log] 1 ...`` a logarithmic scale, ``[0.1, 1e6; 1, 100 log]`` both. Values
-outside it are valid in boxes and files.
+to 2000, ``//@ [0.1, 1e6; log] 1 ...`` a logarithmic scale, ``[0.1, 1e6; 1, 100 log]`` both, and
+``[3, 21; step 2]`` only odd numbers. Values outside it are valid in boxes and files.
 ``uniform sampler2D u_depth;`` declares that the layer ``depth`` is read and ``out float depth;``
 that it is written; ``//@ 1/3`` after an ``out`` makes the written layers a third of the frame's
 size. glsim binds the other ``u_`` uniforms, a fixed set (glsim.noise.stage_pass).
@@ -38,8 +38,11 @@ _NOTE = re.compile(
     r"^\s*(?:\[(?P<low>[^,;\]]+),(?P<high>[^,;\]]+)(?:;(?P<slider>[^\]]*))?\])?"
     r"\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
 )
-#: The part of a note that is for sliders: two numbers, "log", or both.
-_SLIDER = re.compile(r"^\s*(?:(?P<low>[^,\s]+)\s*,\s*(?P<high>[^,\s]+?))?\s*(?P<log>\blog)?\s*$")
+#: The part of a note that is for sliders: two numbers, "log" or "step" and a number, or both.
+_SLIDER = re.compile(
+    r"^\s*(?:(?P<low>[^,\s]+)\s*,\s*(?P<high>[^,\s]+?))?"
+    r"\s*(?:(?P<log>\blog)|\bstep\s+(?P<step>\S+))?\s*$"
+)
 _SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
 SPARSE = re.compile(r"^//@ sparse\b")
 #: Longest line with a declaration; the longest shipped has 100 characters. The patterns above take
@@ -58,6 +61,7 @@ class Parameter:
     Attributes:
         slider: the range that sliders show, if it is smaller than [low, high].
         log_scale: whether their scale is logarithmic.
+        step: theirs; 0: they choose one.
     """
 
     name: str
@@ -71,6 +75,7 @@ class Parameter:
     line: int
     slider: tuple[float, float] | None = None
     log_scale: bool = False
+    step: float = 0.0
 
     def problem(self, value: float) -> str | None:
         """Return why ``value`` is invalid, or None."""
@@ -200,40 +205,55 @@ def declared_parameter(match: re.Match[str], line: Line) -> Parameter:
         raise ShaderError(f"{where}: parameter {name!r}: {error}") from None
     if kind != "bool" and not note["low"]:
         raise ShaderError(f"{where}: parameter {name!r} needs a range, e.g. //@ [0, 10] mm ...")
-    slider, log_scale = _slider(note["slider"], low, high, f"{where}: parameter {name!r}")
+    slider = slider_of(note["slider"], low, high, f"{where}: parameter {name!r}")
     help = note["help"].strip()
     parameter = Parameter(
-        name, kind, default, low, high, note["unit"], help,
-        Path(line.file), line.number, slider, log_scale,
-    )  # fmt: skip
+        name, kind, default, low, high, note["unit"], help, Path(line.file), line.number, *slider
+    )
     if problem := parameter.problem(default):
         raise ShaderError(f"{where}: parameter {name!r}: the default {problem}")
     return parameter
 
 
-def _slider(
+def slider_of(
     text: str | None, low: float, high: float, where: str
-) -> tuple[tuple[float, float] | None, bool]:
-    """Read the part of a note that is for sliders: its range and its scale. Raises ShaderError."""
+) -> tuple[tuple[float, float] | None, bool, float]:
+    """Read the part of a note that is for sliders. Raises ShaderError.
+
+    Args:
+        text: what stands behind the semicolon; None: nothing.
+        low, high: the valid range.
+        where: the parameter, for messages.
+
+    Returns:
+        ``slider``, ``log_scale`` and ``step`` of a Parameter.
+    """
     if text is None:
-        return None, False
+        return None, False, 0.0
     match = _SLIDER.match(text)
     if match is None or not text.strip():
-        raise ShaderError(f"{where}: after ';' write a range, 'log' or both, not {text.strip()!r}")
-    shown = None
-    if match["low"] is not None:
-        try:
+        raise ShaderError(
+            f"{where}: after ';' write a range, 'log' or 'step 2', or a range and one of the two, "
+            f"not {text.strip()!r}"
+        )
+    shown, step = None, 0.0
+    try:
+        if match["low"] is not None:
             shown = _number(match["low"]), _number(match["high"])
-        except ValueError as error:
-            raise ShaderError(f"{where}: {error}") from None
-        if not low <= shown[0] < shown[1] <= high:
-            raise ShaderError(
-                f"{where}: the slider's range {list(shown)} must lie in [{low:g}, {high:g}]"
-            )
+        if match["step"] is not None:
+            step = _number(match["step"])
+    except ValueError as error:
+        raise ShaderError(f"{where}: {error}") from None
+    if shown is not None and not low <= shown[0] < shown[1] <= high:
+        raise ShaderError(
+            f"{where}: the slider's range {list(shown)} must lie in [{low:g}, {high:g}]"
+        )
     log_scale = match["log"] is not None
     if log_scale and (shown or (low, high))[0] <= 0:
         raise ShaderError(f"{where}: a logarithmic slider starts above 0")
-    return shown, log_scale
+    if match["step"] is not None and not 0 < step <= high - low:
+        raise ShaderError(f"{where}: the slider's step {step:g} must lie in (0, {high - low:g}]")
+    return shown, log_scale, step
 
 
 def _number(text: str) -> float:

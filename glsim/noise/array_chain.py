@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
+from glsim.noise.earlier_frames import draws_earlier, earlier_depth, twin_of
 from glsim.noise.frame_context import FrameContext, StageView
-from glsim.noise.layer_names import EXPECTED_LAYER, FINE_LAYERS, INITIAL_LAYERS
-from glsim.noise.registry import shipped_stages
+from glsim.noise.layer_names import EARLIER_LAYER, EXPECTED_LAYER, FINE_LAYERS, INITIAL_LAYERS
 from glsim.noise.stage import ENABLED, Stage, StageValues
 
 
@@ -33,9 +33,11 @@ def run_array_stages(
 
     Raises ConfigError for a stage that returns a layer of another shape.
     """
-    for stage in stages:
+    for number, stage in enumerate(stages):
         if stage.spec.function is not None and values[stage.name][ENABLED]:
-            written = stage.spec.function(frame.view(stage.name), layers, values[stage.name])
+            written = dict(stage.spec.function(frame.view(stage.name), layers, values[stage.name]))
+            if draws_earlier(stages, number, values):
+                written[EARLIER_LAYER] = earlier_depth(stages, number, layers, frame, values)
             _update(stage, layers, written, frame.view(stage.name))
 
 
@@ -49,15 +51,11 @@ def run_twins(
 
     Raises ConfigError for a shader without a twin.
     """
-    from glsim.noise.numpy_twins import TWINS
-
     layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
     for stage in stages:
         if not values[stage.name][ENABLED]:
             continue
-        # A user's file may have the name of a shipped stage; it has no twin.
-        ours = shipped_stages().get(stage.spec.name) is stage.spec
-        function = stage.spec.function or (TWINS.get(stage.spec.name) if ours else None)
+        function = stage.spec.function or twin_of(stage)
         if function is None:
             raise ConfigError(
                 f"stage {stage.name!r} has no NumPy twin: use --backend egl or osmesa, "

@@ -15,17 +15,16 @@ from glsim.geometry.camera import SensorRig
 from glsim.gl.declarations import Layer
 from glsim.gl.shader_source import ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
+from glsim.noise.earlier_frames import layers_for_earlier
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import (
     EXPECTED_CONSTANT,
     EXPECTED_LAYER,
     FINE_LAYERS,
     FRAME_LAYERS,
+    IMAGE_CONSTANTS,
     IMAGER_LAYERS,
     INITIAL_LAYERS,
-    NO_PATTERN,
-    PATTERN_CONSTANT,
-    PATTERN_LAYER,
 )
 from glsim.noise.stage import ENABLED, Stage, StageValues
 from glsim.noise.stage_layers import StageLayers
@@ -42,7 +41,7 @@ def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
     Args:
         where: the sensor file, for messages.
     """
-    layers = {*INITIAL_LAYERS, *FINE_LAYERS, PATTERN_LAYER}
+    layers = {*INITIAL_LAYERS, *FINE_LAYERS, *IMAGE_CONSTANTS}
     if rig.imagers_m:
         layers |= {n for n in IMAGER_LAYERS if len(rig.imagers_m) > 1 or n.startswith("left")}
     seen_array_stage: str | None = None
@@ -104,8 +103,7 @@ class ShaderChain:
     Args:
         infrared, expected: whether to read these layers back.
         extra_layers: further layers to read back.
-        pattern_mm: (H, W) map of the device's fixed pattern of the whole frame, NaN = unknown, or
-            None.
+        images: float32 images that are the same in every frame, by layer: those of a sensor.
         linked: stages that other chains of the context have linked; equal ones are taken from
             there.
     """
@@ -118,7 +116,7 @@ class ShaderChain:
         *,
         infrared: bool = True,
         expected: bool = False,
-        pattern_mm: NDArray[np.float32] | None = None,
+        images: Mapping[str, NDArray[np.float32]] | None = None,
         linked: LinkedStages | None = None,
     ) -> None:
         self._context = context
@@ -127,6 +125,7 @@ class ShaderChain:
         wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         read = [stage.spec.array_reads for stage in stages if stage.spec.function is not None]
         if read:
+            read.append(layers_for_earlier(stages))
             wanted = tuple(
                 dict.fromkeys((*FRAME_LAYERS, *(name for names in read for name in names)))
             )
@@ -146,17 +145,15 @@ class ShaderChain:
                     source = source.without(EXPECTED_LAYER)
             if needed & {layer.name for layer in source.writes}:
                 needed |= set(source.reads)
-                if pattern_mm is not None and PATTERN_LAYER in source.reads:
-                    source = source.with_defines(**{PATTERN_CONSTANT: 1})
+                own = {IMAGE_CONSTANTS[n]: 1 for n in images or {} if n in source.reads}
+                source = source.with_defines(**own) if own else source
                 self._passes.insert(0, linked.stage_pass(stage.name, source))
-        self._pattern: dict[str, Target] = {}
-        if pattern_mm is not None:
-            layer = Layer(PATTERN_LAYER, "float")
-            height, width = pattern_mm.shape
-            values = pattern_layer(pattern_mm).tobytes()
-            texture = context.texture((width, height), 1, values, dtype="f4")
+        self._images: dict[str, Target] = {}
+        for name, values in (images or {}).items():
+            height, width = values.shape
+            texture = context.texture((width, height), 1, values.tobytes(), dtype="f4")
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            self._pattern = {PATTERN_LAYER: Target(texture, layer)}
+            self._images[name] = Target(texture, Layer(name, "float"))
 
     def run(
         self,
@@ -231,13 +228,13 @@ class ShaderChain:
             "depth": rendered.layers["clean"],
             EXPECTED_LAYER: rendered.layers["clean"],
             "rays": rendered.rays,
-            **self._pattern,
+            **self._images,
             **owner.draw(_REASON.name, lambda: self._empty_reason(pool, frame)),
         }
         layers |= {fine: layers[n] for fine, n in FINE_LAYERS.items() if fine not in layers}
-        # The layers that are blank outside the silhouette. The map is not; where there is no
-        # depth it is added to nothing.
-        blank = {*layers, PATTERN_LAYER}
+        # The layers that are blank outside the silhouette. Images of the sensor are not; where
+        # there is no depth they are added to nothing.
+        blank = {*layers, *IMAGE_CONSTANTS}
         for number, step in enumerate(self._passes[:stages]):
             if light and number == self._light_stages:
                 layers |= light
@@ -267,8 +264,3 @@ class ShaderChain:
         buffer.clear(viewport=frame.window)
         self._context.enable_only(moderngl.NOTHING)
         return {_REASON.name: target}
-
-
-def pattern_layer(pattern_mm: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the layer of a map of the fixed pattern: NO_PATTERN instead of NaN."""
-    return np.where(np.isfinite(pattern_mm), pattern_mm, NO_PATTERN).astype(np.float32)

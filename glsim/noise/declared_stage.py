@@ -7,8 +7,7 @@ from pathlib import Path
 
 from glsim.errors import ConfigError
 from glsim.files.regular import read_regular
-from glsim.gl.declarations import Parameter
-from glsim.noise.stage import StageSpec
+from glsim.noise.stage import StageSpec, array_parameter
 
 #: Largest file, bytes: a stage is a page of code.
 _MAX_BYTES = 1 << 20
@@ -36,26 +35,15 @@ def declared_stage(file: Path, name: str) -> StageSpec:
         raise ConfigError(f"{file}: {name} is not a stage: decorate it with @array_stage(...)")
     parameters = {}
     for keyword in declared.keywords:
+        parameter, line = str(keyword.arg), keyword.value.lineno
         try:
-            kind, default, low, high, unit, help = ast.literal_eval(keyword.value)
-            default, low, high = float(default), float(low), float(high)
+            spec = ast.literal_eval(keyword.value)
+            parameters[parameter] = array_parameter(parameter, spec, file, line)
         except (ValueError, TypeError):
             raise ConfigError(
-                f"{file}:{keyword.value.lineno}: the parameter {keyword.arg!r} is not written out "
+                f"{file}:{line}: the parameter {parameter!r} is not written out "
                 'as ("float", default, low, high, "unit", "help")'
             ) from None
-        parameter = str(keyword.arg)
-        parameters[parameter] = Parameter(
-            parameter,
-            str(kind),
-            default,
-            low,
-            high,
-            str(unit),
-            str(help),
-            file,
-            keyword.value.lineno,
-        )
     title = (ast.get_docstring(functions[-1]) or name).strip().splitlines()[0]
     return StageSpec(name, f"{name}: {title}", parameters, str(file))
 

@@ -39,6 +39,8 @@ class Optics:
         second_view_m: from the first to the second of the views that are matched.
         subject_m: depth of the head, to which cameras expose.
         lens: its distortion, also where frames are delivered without it.
+        projector_tan: tangents of half the field of view of the projectors' image, columns and
+            rows; 0 without one.
     """
 
     emitter_m: Point = (0.0, 0.0, 0.0)
@@ -51,6 +53,7 @@ class Optics:
     second_view_m: Point = _ORIGIN
     subject_m: float = 1.0
     lens: Distortion = field(default_factory=Distortion)
+    projector_tan: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +120,7 @@ class FrameContext(_FrameFacts):
             second_view_m=rig.second_view_m,
             subject_m=subject_m,
             lens=rig.distortion,
+            projector_tan=rig.projector_tan,
         )
         return cls(
             window=window,

@@ -20,8 +20,12 @@ IMAGER_LAYERS = tuple(
 )
 
 #: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where unknown.
-#: Only chains of sensors with a map have it: their shaders see the constant PATTERN_MAP.
-PATTERN_LAYER, PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
+PATTERN_LAYER = "pattern_map"
+#: What the projectors throw instead of drawn dots, 0 to 1; its pixels are not those of the frame.
+PROJECTOR_LAYER = "projector_image"
+#: Images that are the same in every frame of a sensor -> the constant that shaders see. Only chains
+#: of sensors that have such an image have its layer and its constant.
+IMAGE_CONSTANTS = {PATTERN_LAYER: "PATTERN_MAP", PROJECTOR_LAYER: "PROJECTOR_IMAGE"}
 
 #: Depth with the device's systematic error and without everything random: clean before the first
 #: stage. Stages write it only in chains that need it: their shaders see the constant EXPECTED.
@@ -34,15 +38,18 @@ PATTERN_LAYER, PATTERN_CONSTANT = "pattern_map", "PATTERN_MAP"
 EXPECTED_LAYER, EXPECTED_CONSTANT = "expected", "EXPECTED"
 
 #: Depth of N earlier frames of the same still scene, (h, w, N) metres, oldest first: other draws of
-#: the noise of the same device, a function of the frame's seed. A stage on arrays may write it;
-#: temporal_filter reads it.
+#: the noise of the same device, a function of the frame's seed. Drawn after the matcher if a later
+#: stage reads it, as temporal_filter does (glsim.noise.earlier_frames); a stage on arrays may too.
 EARLIER_LAYER = "earlier_depth"
 
 #: Stands for NaN, which GLSL compilers may assume away: larger than any error.
 NO_PATTERN = np.float32(1e6)
 
-#: The second infrared image of a stereo camera.
-INFRARED_RIGHT = "infrared_right"
+#: The infrared image, and the second one of a stereo camera.
+INFRARED, INFRARED_RIGHT = "infrared", "infrared_right"
+
+#: What the matcher found, pixels, 0 = nothing: in the view of the first imager.
+DISPARITY_LAYER = "disparity"
 
 #: The layers that a Frame is made of; a chain without an infrared stage has no ``infrared``.
 FRAME_LAYERS = ("clean", "depth", "reason", "infrared")

@@ -39,11 +39,23 @@ def match_reasons(
     reason[lost & (true_px > nearest_px)] = float(Reason.OUT_OF_RANGE)
     if "right_clean" in layers:
         reason[lost & _hidden(view, layers, true_px)] = float(Reason.SHADOW)
-    wrong = (
-        found & surface & (np.abs(fb / np.where(found, depth_m, 1) - true_px) > _OTHER_SURFACE_PX)
-    )
-    reason[wrong] = float(Reason.MOVED)
+    reason[is_other_surface(view, clean, depth_m)] = float(Reason.MOVED)
     return reason
+
+
+def is_other_surface(
+    view: StageView, clean_m: NDArray[np.float32], depth_m: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Return where a depth's disparity is not that of the clean surface.
+
+    Args:
+        clean_m, depth_m: (h, w) metres, 0 = none; where either is, the answer is no.
+    """
+    fb = np.float32(view.focal_baseline_px_m)
+    both = (clean_m > 0) & (depth_m > 0)
+    found_px, true_px = (fb / np.where(both, d, 1) for d in (depth_m, clean_m))
+    other: NDArray[np.bool_] = both & (np.abs(found_px - true_px) > _OTHER_SURFACE_PX)
+    return other
 
 
 def _hidden(view: StageView, layers: Layers, true_px: NDArray[np.float32]) -> NDArray[np.bool_]:

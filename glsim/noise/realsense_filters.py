@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.layer_names import EARLIER_LAYER
-from glsim.noise.stage import array_stage
+from glsim.noise.stage import array_stage, own_pixel
 from glsim.reason import Reason
 
 __all__ = ["hole_filling", "spatial_filter", "temporal_filter", "threshold_filter"]
@@ -53,6 +53,7 @@ def _spatial_reach_px(p: Mapping[str, float]) -> int:
 
 @array_stage(
     _spatial_reach_px,
+    (),
     alpha=("float", 0.5, 0.25, 1, "1", "weight of a pixel against its filtered neighbour"),
     delta=("float", 20, 1, 50, "px/32", "difference from which neighbours are two surfaces"),
     iterations=("int", 2, 1, 5, "1", "how often rows and columns are filtered"),
@@ -76,6 +77,8 @@ def spatial_filter(view: StageView, layers: Layers, p: Mapping[str, float]) -> d
 
 
 @array_stage(
+    own_pixel,
+    (EARLIER_LAYER,),
     alpha=("float", 0.4, 0, 1, "1", "weight of this frame against the frames before"),
     delta=("float", 20, 1, 100, "px/32", "difference from which a pixel starts anew"),
     persistence=("int", 3, 0, 8, "1", "a hole takes the last depth if n of m before had one: "
@@ -87,7 +90,7 @@ def temporal_filter(view: StageView, layers: Layers, p: Mapping[str, float]) -> 
     if EARLIER_LAYER not in layers:
         raise ConfigError(
             f"temporal_filter reads the layer {EARLIER_LAYER!r}, which no stage before it writes: "
-            "let the matcher draw earlier frames, or filter a recording by filter_sequence"
+            "match_stereo does; filter the depth of other cameras by filter_sequence"
         )
     stack = np.concatenate([np.moveaxis(layers[EARLIER_LAYER], -1, 0), layers["depth"][None]])
     steps = _disparity(stack, view, "temporal_filter")
@@ -104,6 +107,7 @@ def _whole_frame(_: Mapping[str, float]) -> int:
 
 @array_stage(
     _whole_frame,
+    (),
     mode=("int", 1, 0, 2, "1", "0: left neighbour; 1: farthest, 2: nearest of five neighbours"),
 )
 def hole_filling(view: StageView, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
@@ -112,6 +116,8 @@ def hole_filling(view: StageView, layers: Layers, p: Mapping[str, float]) -> dic
 
 
 @array_stage(
+    own_pixel,
+    (),
     near_mm=("float", 100, 0, 65535, "mm", "depths below are removed"),
     far_mm=("float", 4000, 0, 65535, "mm", "depths beyond are removed"),
 )

@@ -16,7 +16,7 @@ from typing import Any
 from glsim.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import ShaderSource, load_source, parse_source
-from glsim.noise import array_stages, realsense_filters, stereo_matching
+from glsim.noise import array_stages, point_filling, realsense_filters, stereo_matching
 from glsim.noise.declared_stage import declared_stage
 from glsim.noise.stage import StageSpec
 from glsim.plugins import announce_code, load_plugin, plugin_file, plugin_names
@@ -25,7 +25,7 @@ from glsim.plugins import announce_code, load_plugin, plugin_file, plugin_names
 STAGE_FOLDERS = ("noise", "tof", "stereo")
 
 #: The modules of the shipped array stages; ``__all__`` of a module names its stages.
-ARRAY_MODULES = (array_stages, realsense_filters, stereo_matching)
+ARRAY_MODULES = (array_stages, realsense_filters, point_filling, stereo_matching)
 
 
 @lru_cache(maxsize=1)

@@ -107,6 +107,19 @@ def _reject_flat(matched: Matched, image: Counts, window: int, least_counts: flo
         matched[_local_moments(image, window)[1] < least_counts**2] = NO_MATCH
 
 
+def reject_unlit(found: Disparities, pattern: Counts, window: int) -> None:
+    """Reject, in place, matches with a part of the pattern that is the same all over the window.
+
+    Args:
+        found: (H, W) in 1/256 px.
+        pattern: (H, W) counts; a projector's image need not fill the view.
+    """
+    row, column = np.nonzero(found >= 0)
+    there = np.maximum(column - (found[row, column] + STEPS_PER_PX // 2) // STEPS_PER_PX, 0)
+    unlit = _local_moments(pattern, window)[1][row, there] == 0
+    found[row[unlit], column[unlit]] = NO_MATCH
+
+
 def _reject_rims(matched: Matched, reach_px: int, step: int) -> None:
     """Reject, in place, pixels within ``reach_px`` of one whose disparity is larger by ``step``."""
     import cv2

@@ -18,12 +18,13 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, ShaderError, did_you_mean
-from glsim.gl.declarations import Parameter
+from glsim.gl.declarations import Parameter, slider_of
 from glsim.gl.shader_source import ShaderSource
 from glsim.noise.frame_context import Layers, StageView
 from glsim.settings.distribution import Distribution, DrawKeys, constant
@@ -47,7 +48,8 @@ _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage run
 StageValues = Mapping[str, Mapping[str, float]]
 
 
-def _own_pixel(_: Mapping[str, float]) -> int:
+def own_pixel(_: Mapping[str, float]) -> int:
+    """Return the reach of a stage that reads no neighbours: 0 pixels."""
     return 0
 
 
@@ -69,7 +71,7 @@ class StageSpec:
     file: str
     source: ShaderSource | None = None
     function: ArrayFunction | None = None
-    reach_px: Reach = _own_pixel
+    reach_px: Reach = own_pixel
     array_reads: tuple[str, ...] = ()
 
 
@@ -105,12 +107,15 @@ class Stage:
 
 
 def array_stage(
-    reach_px: Reach = _own_pixel,
+    reach_px: Reach = own_pixel,
     reads: tuple[str, ...] = ("normal", "albedo", "lit"),
     /,
-    **parameters: tuple[str, float, float, float, str, str],
+    **parameters: tuple[str, float, float, float, str, str]
+    | tuple[str, float, float, float, str, str, str],
 ) -> Callable[[ArrayFunction], ArrayFunction]:
     """Declare a function as a stage; per parameter name=(type, default, low, high, unit, help).
+
+    A seventh word is for sliders, as in GLSL behind the semicolon: "0, 2000", "log", "step 2".
 
     Args:
         reach_px: how far around a pixel the function reads, so that crops are drawn with that
@@ -122,7 +127,7 @@ def array_stage(
     def mark(function: ArrayFunction) -> ArrayFunction:
         code = function.__code__
         declared = {
-            name: Parameter(name, *spec, Path(code.co_filename), code.co_firstlineno)
+            name: array_parameter(name, spec, Path(code.co_filename), code.co_firstlineno)
             for name, spec in parameters.items()
         }
         function.stage_parameters = declared  # type: ignore[attr-defined]
@@ -131,6 +136,23 @@ def array_stage(
         return function
 
     return mark
+
+
+def array_parameter(name: str, spec: Sequence[Any], file: Path, line: int) -> Parameter:
+    """Return the parameter of a stage on arrays.
+
+    Args:
+        spec: type, default, low, high, unit, help, and perhaps what is for sliders.
+        file, line: where it is declared.
+
+    Raises:
+        ShaderError, TypeError, ValueError: ``spec`` has other words.
+    """
+    kind, default, low, high, unit, help, *slider = spec
+    default, low, high = float(default), float(low), float(high)
+    (of_slider,) = slider or (None,)
+    shown = slider_of(of_slider, low, high, f"{file}:{line}: parameter {name!r}")
+    return Parameter(name, str(kind), default, low, high, str(unit), str(help), file, line, *shown)
 
 
 def make_stage(

@@ -35,6 +35,7 @@ BOUND: dict[str, Callable[[StageView], object]] = {
     "u_imager_1_m": lambda view: view.optics.imagers_m[0],
     "u_imager_2_m": lambda view: view.optics.imagers_m[1],
     "u_subject_m": lambda view: view.optics.subject_m,
+    "u_projector_tan": lambda view: view.optics.projector_tan,
     "u_second_view_m": lambda view: view.optics.second_view_m,
     "u_lens_upper": lambda view: (view.optics.lens.k1, view.optics.lens.k2, view.optics.lens.k3),
     "u_lens_lower": lambda view: (view.optics.lens.k4, view.optics.lens.k5, view.optics.lens.k6),

@@ -7,7 +7,8 @@ whole frame.
 
     infrared, infrared_right (or reference) --semi-global--> disparity, 1/16 px
     --smallest region, texture, left-right, border--> holes
-    --mean of the support region--> disparity, 1/32 px --f B / n--> depth
+    --mean of the support region, least squares between the images--> disparity, 1/32 px
+    --f B / n--> depth
     --view of another camera (TrueDepth)--> depth
 """
 
@@ -22,10 +23,11 @@ from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.layer_names import DISPARITY_LAYER
 from glsim.noise.match_reasons import match_reasons
 from glsim.noise.numpy_twins.layers import pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
-from glsim.noise.semi_global import NO_MATCH, STEPS_PER_PX, match
+from glsim.noise.semi_global import NO_MATCH, STEPS_PER_PX, match, reject_unlit
 from glsim.noise.stage import array_stage
 from glsim.noise.view_warp import warp_to_camera
 
@@ -39,7 +41,8 @@ _DEVICE_DRAW = 2
 
 def _reach_px(p: Mapping[str, float]) -> int:
     """Return how far windows reach around a pixel; the paths reach farther, ever more weakly."""
-    return int(p["window_px"]) // 2 + int(p["support_px"]) // 2 + 16
+    windows = (int(p[name]) // 2 for name in ("window_px", "support_px", "refine_px"))
+    return sum(windows) + 16
 
 
 @array_stage(
@@ -50,12 +53,13 @@ def _reach_px(p: Mapping[str, float]) -> int:
     ),
     largest_px=("float", 126, 1, 1024, "px", "largest disparity that is kept: nearest = f B / it"),
     disparity_shift=("int", 0, 0, 512, "px", "smallest disparity that is searched"),
-    window_px=("int", 9, 3, 21, "px", "side of the window that is compared, odd"),
+    window_px=("int", 9, 3, 21, "px", "side of the window that is compared, odd", "step 2"),
     p1=("int", 8, 0, 200, "1", "P1, per pixel of the window: cost of a step of 1 px"),
     p2=("int", 32, 1, 800, "1", "P2, per pixel of the window: cost of a larger step"),
     contrast_px=(
         "int", 15, 0, 63, "px", "images are evened to one contrast in windows of this side, odd, "
         "since the cameras' census does not see brightness; 0 takes them as they are",
+        "3, 63 step 2",
     ),
     contrast_floor_counts=("float", 4.0, 0.1, 100, "counts", "lowest contrast that is evened"),
     prefilter_counts=("int", 63, 1, 127, "counts", "horizontal gradients are cut here"),
@@ -72,7 +76,7 @@ def _reach_px(p: Mapping[str, float]) -> int:
     border_px=("int", 9, 0, 64, "px", "reject matches this near the second image's border"),
     support_px=(
         "int", 9, 1, 31, "px", "side of the region whose disparities are averaged, along the "
-        "baseline, odd",
+        "baseline, odd", "step 2",
     ),
     support_across_px=("int", 0, 0, 31, "px", "its side across the baseline, odd; 0: the same"),
     support_step_px=("float", 1.0, 0.1, 16, "px", "step that ends this region"),
@@ -92,6 +96,11 @@ def _reach_px(p: Mapping[str, float]) -> int:
     device_sigma_px=("float", 0.0, 0, 1, "px", "error of the device's own, standard deviation"),
     device_grain_px=("float", 4.0, 0.5, 64, "px", "sigma of the Gaussian that smooths it"),
     depth_unit_mm=("float", 1.0, 0.01, 100, "mm", "the camera's own step of depth"),
+    half_floats=("int", 0, 0, 1, "1", "1: depths are 16-bit floats of metres, as Apple's are"),
+    earlier_frames=(
+        "int", 8, 1, 32, "1", "frames before this one that are exposed and matched too if "
+        "temporal_filter runs, each for two thirds of a frame's time; it looks back at 8",
+    ),
 )  # fmt: skip
 def match_stereo(
     view: StageView, layers: Layers, p: Mapping[str, float]
@@ -105,6 +114,8 @@ def match_stereo(
         first_px = turn.first_px(view)
         column = np.arange(found.shape[1], dtype=np.int32) + first_px
         found[column * STEPS_PER_PX - found < int(p["border_px"]) * STEPS_PER_PX] = NO_MATCH
+    else:
+        reject_unlit(found, right, int(p["window_px"]) | 1)
     disparity = turn.back(found)
     # Matchers prefer whole pixels; D4xx cameras take a sine of this amplitude off ("A-factor").
     exact = disparity / np.float64(STEPS_PER_PX)
@@ -120,9 +131,11 @@ def match_stereo(
     depth = np.where(kept, units * p["depth_unit_mm"] / 1000.0, 0).astype(np.float32)
     if any(imager := view.optics.imagers_m[0]):
         depth = warp_to_camera(depth, imager, view.optics.focal_px)
+    if p["half_floats"] > 0:
+        depth = depth.astype(np.float16).astype(np.float32)
     shown = np.where(kept, steps / p["subpixel_steps"], 0)
     reason = match_reasons(view, layers, depth, p)
-    return {"depth": depth, "reason": reason, "disparity": shown.astype(np.float32)}
+    return {"depth": depth, "reason": reason, DISPARITY_LAYER: shown.astype(np.float32)}
 
 
 class _Turn:

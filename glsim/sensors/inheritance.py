@@ -17,6 +17,8 @@ from glsim.settings.tables import merge_tables, read_toml
 
 #: The key that names the other file.
 EXTENDS = "extends"
+#: The keys of [rig] that name a file, from the folder of the sensor file.
+RIG_FILES = ("fixed_pattern_map", "projector_image")
 
 
 def read_sensor_tree(file: Path, find: Callable[[str], Path]) -> dict[str, Any]:
@@ -53,8 +55,9 @@ def _read(file: Path, find: Callable[[str], Path], before: tuple[Path, ...]) -> 
 def _anchor(tree: dict[str, Any], folder: Path) -> None:
     """Make the paths in a file that is extended independent of the file that extends it."""
     rig = tree.get("rig", {})
-    if isinstance(rig, dict) and isinstance(found := rig.get("fixed_pattern_map"), str) and found:
-        rig["fixed_pattern_map"] = str(folder.absolute() / found)
+    for key in RIG_FILES if isinstance(rig, dict) else ():
+        if isinstance(found := rig.get(key), str) and found:
+            rig[key] = str(folder.absolute() / found)
     for stage in tree.get("stage", []):
         use = stage.get("use") if isinstance(stage, dict) else None
         if isinstance(use, str) and (use.endswith(".glsl") or ".py:" in use):

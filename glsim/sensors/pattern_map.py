@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.files.npy import map_npy
+from glsim.noise.layer_names import NO_PATTERN
 
 #: Errors beyond this are no fixed pattern but depth in another unit, mm: the limit of the stage's
 #: own parameters. The whole pattern of a Kinect V2 is 0.7 to 0.9 mm (standard deviation).
@@ -37,6 +38,11 @@ class PatternMap:
     def digest(self) -> str:
         """First 16 hexadecimal digits of the SHA-256 of the values: equal maps, equal digests."""
         return hashlib.sha256(self.error_mm.tobytes()).hexdigest()[:16]
+
+    @property
+    def layer(self) -> NDArray[np.float32]:
+        """The map as stages read it: NO_PATTERN instead of NaN."""
+        return np.where(np.isfinite(self.error_mm), self.error_mm, NO_PATTERN).astype(np.float32)
 
 
 def read_pattern_map(file: Path, shape: tuple[int, int]) -> PatternMap:

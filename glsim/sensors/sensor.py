@@ -12,6 +12,8 @@ supersample = 3           optional: samples per pixel along each axis (1, 3 or 5
 modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
 shadow_map = true         false: a stage casts the shadows instead of the renderer
 fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
+projector_image = "dots.png"   optional: thrown by all emitters instead of drawn dots; and its
+projector_view_deg = [90, 63]  field of view, degrees (glsim.sensors.projector_image)
 [rig.exposure]            optional: captures and spacing_ms; or read_out_ms and bands of rows
 [[rig.wiggling]]          optional: the device's own, written by glsim fit (glsim.sensors.wiggling)
 border_px = [0, 0, 0, 0]  optional: left, top, right, bottom of what imagers see around the image
@@ -35,13 +37,15 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.geometry.exposure import Exposure
 from glsim.noise.chain import check_chain
-from glsim.noise.layer_names import PATTERN_LAYER
+from glsim.noise.layer_names import PATTERN_LAYER, PROJECTOR_LAYER
 from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage, is_code
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
@@ -49,6 +53,7 @@ from glsim.noise.triangulation import check_triangulation
 from glsim.plugins import load_plugin, plugin_file, plugin_names
 from glsim.sensors.inheritance import read_sensor_tree
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
+from glsim.sensors.projector_image import ProjectorImage, half_tan, read_projector_image
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.problems import first_problem
@@ -70,6 +75,7 @@ _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 _Metres = Annotated[float, Field(ge=-100, le=100)]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Border = Annotated[int, Field(ge=0, le=1024)]
+_ViewDeg = Annotated[float, Field(ge=1, le=170)]
 
 
 class _EmitterTable(TomlTable, allow_inf_nan=False):
@@ -117,6 +123,8 @@ class _RigTable(TomlTable, allow_inf_nan=False):
     modulation_mhz: tuple[float, float, float] | tuple[()] = ()
     shadow_map: bool = True
     fixed_pattern_map: str = ""
+    projector_image: str = ""
+    projector_view_deg: tuple[_ViewDeg, _ViewDeg] | None = None
     wiggling: tuple[Wave, ...] = ()
     exposure: _ExposureTable = _ExposureTable()
 
@@ -132,6 +140,11 @@ class _RigTable(TomlTable, allow_inf_nan=False):
             raise ValueError("an emitter at the camera itself throws no shadow: leave it out")
         if self.exposure.captures and self.exposure.read_out_ms:
             raise ValueError("exposure: give captures or read_out_ms, not both")
+        if self.projector_image and self.projector_view_deg is None:
+            raise ValueError(
+                "projector_image needs the field of view that it fills, projector_view_deg = "
+                "[columns, rows]"
+            )
         if self.supersample % 2 == 0:
             raise ValueError(
                 f"supersample {self.supersample} must be odd: the middle sample is the depth"
@@ -152,7 +165,14 @@ class _RigTable(TomlTable, allow_inf_nan=False):
             tuple(i.position_m for i in self.imager),
             self.border_px,
             Exposure(**self.exposure.model_dump()),
+            self._projector_tan(),
         )
+
+    def _projector_tan(self) -> tuple[float, float]:
+        if not self.projector_image or self.projector_view_deg is None:
+            return 0.0, 0.0
+        across_deg, down_deg = self.projector_view_deg
+        return half_tan(across_deg), half_tan(down_deg)
 
 
 class _SensorFile(TomlTable):
@@ -186,6 +206,7 @@ class Sensor:
         file: the TOML file it was read from.
         pattern_map: the device's own fixed pattern, which the stage ``fixed_pattern`` adds; None:
             the stage draws one.
+        projector_image: what the emitters throw; None: the light stage draws dots.
         wiggling: the device's own, for ``remove_wiggling``; the light stage does not read it.
     """
 
@@ -196,10 +217,19 @@ class Sensor:
     file: Path
     pattern_map: PatternMap | None = None
     wiggling: tuple[Wave, ...] = ()
+    projector_image: ProjectorImage | None = None
+
+    @property
+    def images(self) -> dict[str, NDArray[np.float32]]:
+        """The images that stages read in every frame, by the name of the layer."""
+        own, thrown = self.pattern_map, self.projector_image
+        return ({} if own is None else {PATTERN_LAYER: own.layer}) | (
+            {} if thrown is None else {PROJECTOR_LAYER: thrown.brightness}
+        )
 
     def describe(self) -> dict[str, Any]:
         """The complete sensor as JSON values, for the header of a data set."""
-        i, d = self.rig.intrinsics, self.rig.distortion
+        i, d, thrown = self.rig.intrinsics, self.rig.distortion, self.projector_image
         return {
             "name": self.name,
             "title": self.title,
@@ -226,6 +256,7 @@ class Sensor:
                 for s in self.stages
             ],
             **({"fixed_pattern_map": self.pattern_map.digest} if self.pattern_map else {}),
+            **({"projector_image": thrown.describe()} if thrown else {}),
         }
 
 
@@ -318,8 +349,9 @@ def load_sensor(
     check_triangulation(stages, rig, str(file))
     _check_shadow(stages, rig, str(file))
     pattern_map = _pattern_map(table.rig, stages, file)
+    thrown = _projector_image(table.rig, stages, file)
     waves = table.rig.wiggling or stage_waves(stages, rig.modulation_mhz)
-    return Sensor(file.stem, table.title, rig, tuple(stages), file, pattern_map, waves)
+    return Sensor(file.stem, table.title, rig, tuple(stages), file, pattern_map, waves, thrown)
 
 
 def _insert(
@@ -347,12 +379,29 @@ def _pattern_map(rig: _RigTable, stages: Sequence[Stage], file: Path) -> Pattern
     """Read the map that the rig names, from the folder of the sensor file. Raises ConfigError."""
     if not rig.fixed_pattern_map:
         return None
-    if not any(stage.spec.source and PATTERN_LAYER in stage.spec.source.reads for stage in stages):
+    if not _reads(stages, PATTERN_LAYER):
         raise ConfigError(
             f"{file}: rig.fixed_pattern_map is given, but no stage adds it: add the stage "
             "'fixed_pattern', or leave the map out"
         )
     return read_pattern_map(file.parent / rig.fixed_pattern_map, (rig.height, rig.width))
+
+
+def _projector_image(rig: _RigTable, stages: Sequence[Stage], file: Path) -> ProjectorImage | None:
+    """Read the image that the rig names, from the folder of the sensor file. Raises ConfigError."""
+    if not rig.projector_image or rig.projector_view_deg is None:
+        return None
+    if not _reads(stages, PROJECTOR_LAYER) or not rig.emitter:
+        raise ConfigError(
+            f"{file}: rig.projector_image is given, but no stage throws it: add the stage "
+            "'stereo_light' or 'pattern_light' and an emitter, or leave the image out"
+        )
+    image = file.parent / rig.projector_image
+    return read_projector_image(image, rig.projector_view_deg, rig.focal_px)
+
+
+def _reads(stages: Sequence[Stage], layer: str) -> bool:
+    return any(stage.spec.source and layer in stage.spec.source.reads for stage in stages)
 
 
 def _check_shadow(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:

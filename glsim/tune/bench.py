@@ -14,14 +14,18 @@ from numpy.typing import NDArray
 
 from glsim.errors import GlsimError
 from glsim.faces.base import FaceSource
-from glsim.frame import Frame
+from glsim.frame import LAYERS, Frame
 from glsim.gl.context import open_context
+from glsim.noise.layer_names import DISPARITY_LAYER, INFRARED_RIGHT
 from glsim.noise.registry import shipped_stages
 from glsim.pipeline import Simulator
 from glsim.plan.tasks import Task, make_tasks
 from glsim.sensors.sensor import Sensor
 from glsim.settings.schema import Settings, with_assignments
 from glsim.tune.state import StageCode, Tuning
+
+#: Layers that the page measures or shows besides the images.
+_EXTRA_LAYERS = ("normal", DISPARITY_LAYER)
 
 #: Values that need other faces or another plan, and so a simulator of their own.
 _OF_PLAN = ("seed", "devices")
@@ -107,7 +111,10 @@ class Bench:
             self._tasks = make_tasks(settings, list(sources))
             if self._context is None:
                 self._context = open_context(self._backend)
-            self._plain = Simulator(settings, sources, self._context, ("normal",))
+            plain = Simulator(settings, sources, self._context, _EXTRA_LAYERS)
+            if len(plain.sensor.rig.imagers_m) > 1:
+                plain = plain.with_layers((*LAYERS, INFRARED_RIGHT), _EXTRA_LAYERS)
+            self._plain = plain
             self._plan, self._coded = (tuning.sensor, of_plan), None
         if self._coded is None or self._coded[0] != tuning.code:
             simulator = self._plain

@@ -30,6 +30,7 @@ class Control:
         log_scale: the slider holds the logarithm to base 10.
         start: the sensor's own value.
         off: the sensor lacks the value until the slider moves away from ``start``.
+        own_step: the step that the declaration gives; 0: none.
     """
 
     name: str
@@ -44,10 +45,13 @@ class Control:
     start: Distribution
     log_scale: bool = False
     off: bool = False
+    own_step: float = 0.0
 
     @property
     def step(self) -> float:
-        """The slider's step: a round number."""
+        """The slider's step: its own, or a round number."""
+        if self.own_step:
+            return self.own_step
         if self.kind == "int":
             return 1.0
         least, most = (math.log10(v) if self.log_scale else v for v in (self.least, self.most))
@@ -94,6 +98,7 @@ def parameter_control(name: str, parameter: Parameter, start: Distribution) -> C
         parameter.help,
         start,
         parameter.log_scale and least > 0,
+        own_step=parameter.step,
     )
 
 

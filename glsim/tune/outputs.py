@@ -10,10 +10,12 @@ from nicegui import ui
 
 from glsim.dataset import write_frame
 from glsim.errors import ConfigError, GlsimError
-from glsim.frame import LAYERS
 from glsim.tune.desk import Desk
+from glsim.tune.packet import image_names
 from glsim.tune.sensor_file import checked_path, code_file, other_values, save_sensor
 from glsim.tune.state import Tuning, python_code, set_options, toml_value
+
+_NO_PICTURE = "there is no picture yet: wait for the first one"
 
 
 class Outputs:
@@ -110,7 +112,7 @@ class Outputs:
     def _save_sensor(self, path: Path) -> str:
         page = self._page
         if page.sensor is None:
-            raise ConfigError("there is no picture yet: wait for the first one")
+            raise ConfigError(_NO_PICTURE)
         written = save_sensor(page.history.now, page.sensor, path)
         words = [f"--sensor {shlex.quote(str(written[0]))}"]
         for key, value in other_values(page.history.now).items():
@@ -121,15 +123,22 @@ class Outputs:
         )
 
     def _ask_frame(self) -> None:
-        def files(path: Path) -> list[Path]:
-            return [path.with_name(f"{path.name}_{layer}.png") for layer in LAYERS]
+        picture = self._page.picture
+        if picture is None:
+            ui.notify(_NO_PICTURE, type="negative")
+            return
+        names = image_names(picture.frame)
 
-        self._ask("Save this frame: clean, noisy, infrared and reason", str(Path.cwd() / "frame"),
+        def files(path: Path) -> list[Path]:
+            return [path.with_name(f"{path.name}_{name}.png") for name in names]
+
+        self._ask(f"Save this frame: {', '.join(names)}", str(Path.cwd() / "frame"),
                   "folder and beginning of the names", files, self._save_frame)  # fmt: skip
 
     def _save_frame(self, path: Path) -> str:
         picture = self._page.picture
         if picture is None:
-            raise ConfigError("there is no picture yet: wait for the first one")
-        written = write_frame(picture.frame, path.parent, path.name, LAYERS)
+            raise ConfigError(_NO_PICTURE)
+        names = image_names(picture.frame)
+        written = write_frame(picture.frame, path.parent, path.name, names)
         return f"wrote {', '.join(file.name for file in written)} in {path.parent}"

@@ -2,28 +2,32 @@
 
     4 bytes   length of the head, little-endian, padded to a multiple of 4
     head      {"width", "height", "window": [left, top, w, h], "layers": [[name, type], ...], ...}
-    layers    (h, w) of the window, uint16 or uint8, little-endian, each padded to 4 bytes
+    layers    (h, w) of the window, uint16, uint8 or float32, little-endian, each padded to 4 bytes
 
-Outside the window every layer is 0 and the reason is NO_SURFACE.
+The layers are those that the sensor has: clean, noisy, reason and infrared of all, infrared_right
+of stereo cameras, and disparity (pixels) of cameras that match images. Outside the window every
+layer is 0 and the reason is NO_SURFACE.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.frame import Frame
+from glsim.frame import LAYERS, Frame
+from glsim.noise.layer_names import DISPARITY_LAYER, INFRARED_RIGHT
 
-#: The layers of a packet, in order.
-LAYERS = (("clean", "u2"), ("noisy", "u2"), ("infrared", "u2"), ("reason", "u1"))
+_TYPES = {"uint8": "u1", "uint16": "u2", "float32": "f4"}
 
 
 def pack(frame: Frame, **head: Any) -> bytes:
     """Return the packet of a frame; head: further JSON values."""
     camera = frame.intrinsics
+    layers = dict(shown_layers(frame))
     tree = {
         "width": camera.width,
         "height": camera.height,
@@ -31,17 +35,29 @@ def pack(frame: Frame, **head: Any) -> bytes:
         "focal_px": [camera.fx, camera.fy],
         "centre_px": [camera.cx, camera.cy],
         "depth_unit_mm": frame.depth_unit_mm,
-        "layers": [list(layer) for layer in LAYERS],
+        "layers": [[name, _TYPES[layer.dtype.name]] for name, layer in layers.items()],
         **head,
     }
     text = json.dumps(tree, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
-    parts = [len(text).to_bytes(4, "little"), text]
-    for name, kind in LAYERS:
-        parts.append(_padded(frame.image(name)[frame.window.slices].astype(f"<{kind}")))
+    parts = [len(text).to_bytes(4, "little"), text, *map(_padded, layers.values())]
     return b"".join(parts)
 
 
+def image_names(frame: Frame) -> tuple[str, ...]:
+    """Return the names of a frame's images: those of every frame, and the second infrared one."""
+    stereo = frame.infrared_right_counts is not None
+    return (*LAYERS, INFRARED_RIGHT) if stereo else LAYERS
+
+
+def shown_layers(frame: Frame) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the names and (h, w) values of the layers that a frame has, within its window."""
+    for name in image_names(frame):
+        yield name, frame.image(name)[frame.window.slices]
+    if DISPARITY_LAYER in frame.extra:
+        yield DISPARITY_LAYER, frame.extra[DISPARITY_LAYER]
+
+
 def _padded(image: NDArray[Any]) -> bytes:
-    raw = np.ascontiguousarray(image).tobytes()
+    raw = np.ascontiguousarray(image, image.dtype.newbyteorder("<")).tobytes()
     return raw + b"\0" * (-len(raw) % 4)

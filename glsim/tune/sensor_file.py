@@ -11,7 +11,7 @@ from tomlkit.items import Table
 
 from glsim.errors import ConfigError
 from glsim.files.atomic import write_atomic
-from glsim.sensors.inheritance import EXTENDS
+from glsim.sensors.inheritance import EXTENDS, RIG_FILES
 from glsim.sensors.sensor import Sensor
 from glsim.settings.schema import Settings
 from glsim.tune.state import Tuning, toml_value
@@ -98,8 +98,9 @@ def _anchor_paths(document: tomlkit.TOMLDocument, rig: Table, entries: Any, fold
     """Make paths independent of the original's folder: the copy lies elsewhere."""
     if str(document.get(EXTENDS, "")).endswith(".toml"):
         document[EXTENDS] = str((folder / str(document[EXTENDS])).resolve())
-    if "fixed_pattern_map" in rig:
-        rig["fixed_pattern_map"] = str((folder / str(rig["fixed_pattern_map"])).resolve())
+    for key in RIG_FILES:
+        if rig.get(key):
+            rig[key] = str((folder / str(rig[key])).resolve())
     for entry in entries:
         use = str(entry["use"])
         if use.endswith(".glsl") and not Path(use).is_absolute():

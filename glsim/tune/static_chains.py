@@ -130,6 +130,7 @@ def _parameter(p: Parameter) -> dict[str, Any]:
         "help": p.help,
         "slider": None if p.slider is None else list(p.slider),
         "log_scale": p.log_scale,
+        "step": p.step,
     }
 
 

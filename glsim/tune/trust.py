@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from glsim.errors import ConfigError
+from glsim.sensors.inheritance import RIG_FILES
 from glsim.sensors.sensor import sensor_code, sensor_names
 from glsim.settings.schema import Settings
 from glsim.tune.state import Tuning
@@ -21,7 +22,7 @@ def check_link(tuning: Tuning, own_sensor: str, folder: Path) -> None:
     if tuning.sensor not in (own_sensor, *sensor_names()):
         _check_inside(tuning.sensor, folder)
     for name, value in tuning.values.items():
-        if "fixed_pattern_map" in name and isinstance(value, str):
+        if any(key in name for key in RIG_FILES) and isinstance(value, str):
             _check_inside(value, folder)
         elif name == "rig" or name.split(".")[0] in ("source", "output", "sensor"):
             raise ConfigError(f"the link sets {name}, which the page does not change")

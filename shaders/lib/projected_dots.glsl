@@ -1,5 +1,6 @@
 // projected_dots: the light of a projector's dots on a surface, as an imager sees it.
-// One dot lies in each cell of a square grid of directions from the projector, at a place drawn by a hash.
+// One dot lies in each cell of a square grid of directions from the projector, at a place drawn by a hash. A sensor
+// with an image of its pattern (rig.projector_image) throws that instead.
 #include "lib/random.glsl"
 #include "lib/layers.glsl"
 
@@ -40,12 +41,44 @@ float dots(vec2 tangent, uint key) {
     return sum;
 }
 
+#ifdef PROJECTOR_IMAGE
+uniform sampler2D u_projector_image; // brightness, 0 to 1
+uniform vec2 u_projector_tan;        // half of its field of view, tangents
+
+// Brightness of the image in a direction, between its pixels; negative outside of its field of view.
+float image_brightness(vec2 tangent) {
+    ivec2 size = textureSize(u_projector_image, 0);
+    vec2 place = (0.5 * tangent / u_projector_tan + 0.5) * vec2(size);
+    if (any(lessThan(place, vec2(0.0))) || any(greaterThan(place, vec2(size)))) return -1.0;
+    vec2 corner = floor(place - 0.5);
+    vec2 part = place - 0.5 - corner;
+    ivec2 first = clamp(ivec2(corner), ivec2(0), size - 1);
+    ivec2 last = clamp(ivec2(corner) + 1, ivec2(0), size - 1);
+    float upper = mix(texelFetch(u_projector_image, first, 0).r,
+        texelFetch(u_projector_image, ivec2(last.x, first.y), 0).r, part.x);
+    float lower = mix(texelFetch(u_projector_image, ivec2(first.x, last.y), 0).r,
+        texelFetch(u_projector_image, last, 0).r, part.x);
+    return mix(upper, lower, part.y);
+}
+#endif
+
+// Brightness of what a projector throws in a direction: 1 is a mean dot's centre, negative outside of its view.
+float thrown(vec2 tangent, uint key) {
+#ifdef PROJECTOR_IMAGE
+    return image_brightness(tangent);
+#else
+    return dots(tangent, key);
+#endif
+}
+
 // Irradiance by one projector, whose light reaches the point by the share ``lit``.
 float projected(vec3 point, vec3 normal, vec3 emitter, float lit, uint key) {
     vec3 way = point - emitter;
     float squared = dot(way, way);
     float facing = max(-dot(normal, way) * inversesqrt(squared), 0.0);
-    float pattern = flood + (1.0 - flood) * dots(way.xy / way.z, key);
+    float brightness = thrown(way.xy / way.z, key);
+    if (brightness < 0.0) return 0.0;
+    float pattern = flood + (1.0 - flood) * brightness;
     float cosine = way.z * inversesqrt(squared);
     return lit * facing / squared * pattern * pow(cosine, fall_off_power);
 }

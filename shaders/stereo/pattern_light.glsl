@@ -18,5 +18,5 @@ void main() {
     float left = texelFetch(u_left_clean, pixel, 0).r;
     light_left = imaged_light(left, texelFetch(u_left_normal, pixel, 0),
         texelFetch(u_left_lit, pixel, 0).rg, left * ray + u_imager_1_m);
-    light_right = dots(ray.xy, pcg_word(u_device_seed));
+    light_right = max(thrown(ray.xy, pcg_word(u_device_seed)), 0.0);
 }

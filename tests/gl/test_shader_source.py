@@ -15,6 +15,7 @@ from glsim.errors import ShaderError
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.program import link
 from glsim.gl.shader_source import load_source
+from glsim.noise.layer_names import IMAGE_CONSTANTS
 from glsim.noise.registry import shipped_stages
 from glsim.reason import Reason
 
@@ -228,10 +229,8 @@ def test_the_parser_agrees_with_the_driver_for_shipped_stages(
     for key, parameter in source.parameters.items():
         assert seen[key] == (parameter.type, pytest.approx(parameter.default, rel=1e-6))
     samplers = {k[2:] for k in program if k.startswith("u_")} - {n[2:] for n in source.bound}
-    left_out = {
-        "pattern_map",
-        "expected",
-    }  # compiled for sensors with a map, and where it is wanted
+    # Compiled for sensors with such an image, and where the layer is wanted.
+    left_out = {*IMAGE_CONSTANTS, "expected"}
     assert samplers <= set(source.reads) <= samplers | left_out
     assert source.title.startswith(f"{name}: ")
     assert source.file.is_relative_to(SHADER_ROOT)

@@ -98,7 +98,7 @@ def test_the_temporal_filter_asks_for_earlier_frames(
     context: moderngl.Context, tmp_path: Path
 ) -> None:
     named = sensor_file(tmp_path, 'use = "temporal_filter"', emitter=True)
-    with pytest.raises(ConfigError, match="let the matcher draw earlier frames"):
+    with pytest.raises(ConfigError, match="match_stereo does; filter the depth of other cameras"):
         frames_of(context, settings_for(named), plate())
 
 

@@ -85,6 +85,23 @@ def test_twin_agrees(
             assert off.mean() <= 2e-4
 
 
+@pytest.mark.parametrize("use", ["stereo_light", "pattern_light"])
+def test_twin_throws_the_same_image(context: moderngl.Context, use: str) -> None:
+    """The image fills half of the view: its pixels, its edge, and no light outside."""
+    at = imager_frame(optics=replace(OPTICS, projector_tan=(0.2, 0.12)))
+    image = np.random.default_rng(1).random((37, 61), np.float32)
+    layers = with_imagers(scene()) | {"projector_image": image}
+    p = {"ambient_counts": 0.0}
+    shader, twin = run_shader(context, use, layers, at, **p), run_twin(use, layers, at, **p)
+    drawn = run_twin(use, with_imagers(scene()), at, **p)
+    for name, light in shader.items():
+        off = np.abs(light - twin[name]) > 1e-3 * np.maximum(1.0, np.abs(light))
+        assert off.mean() <= 2e-4  # a rounding at the image's edge
+        assert light.max() > 0
+        assert (light == 0).mean() > (drawn[name] == 0).mean() + 0.2, "dark around the image"
+        assert not np.allclose(light, drawn[name], rtol=0.1)
+
+
 def test_dots_have_the_declared_density_size_and_disorder() -> None:
     step = 0.25e-3
     y, x = np.mgrid[-0.4:0.4:step, -0.4:0.4:step].astype(np.float32)

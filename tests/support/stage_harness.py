@@ -15,6 +15,7 @@ from glsim.geometry.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.frame_context import FrameContext
+from glsim.noise.layer_names import IMAGE_CONSTANTS
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.numpy_twins.dots import cells
 from glsim.noise.registry import shipped_stages
@@ -67,15 +68,21 @@ def run_twin(use: str, layers: Layers, at: FrameContext = FRAME, **p: float) -> 
 def run_shader(
     context: moderngl.Context, use: str, layers: Layers, at: FrameContext = FRAME, **p: float
 ) -> dict[str, Image]:
-    """Return the layers that a stage's shader writes. Layers are of the window."""
+    """Return the layers that a stage's shader writes. Layers are of the window.
+
+    Those of IMAGE_CONSTANTS have a size of their own.
+    """
     pool = _pool(context, at.width, at.height)
-    targets = {name: _upload(pool, name, image, at.window) for name, image in layers.items()}
+    images = {name: layers[name] for name in IMAGE_CONSTANTS if name in layers}
+    lent = {n: _upload(pool, n, v, at.window) for n, v in layers.items() if n not in images}
+    targets = lent | {name: _image(context, name, v) for name, v in images.items()}
     context.enable_only(moderngl.NOTHING)
-    written = _pass(context, use, "expected" in layers).draw(pool, targets, at, values(use, p))
+    stage = _pass(context, use, "expected" in layers, tuple(images))
+    written = stage.draw(pool, targets, at, values(use, p))
     readback = Readback(context)
     readback.request(pool, written, at.window)
     arrays = {name: array.copy() for name, array in readback.arrays().items()}
-    for target in (*targets.values(), *written.values()):
+    for target in (*lent.values(), *written.values()):
         pool.give_back(target)
     return arrays
 
@@ -86,12 +93,23 @@ def _pool(context: moderngl.Context, width: int, height: int) -> TargetPool:
 
 
 @lru_cache(maxsize=32)
-def _pass(context: moderngl.Context, use: str, expected: bool) -> StagePass:
+def _pass(
+    context: moderngl.Context, use: str, expected: bool, images: tuple[str, ...]
+) -> StagePass:
     source = shipped_stages()[use].source
     assert source is not None
     if source.uses("EXPECTED"):
         source = source.with_defines(EXPECTED=1) if expected else source.without("expected")
+    for name in images:
+        source = source.with_defines(**{IMAGE_CONSTANTS[name]: 1})
     return StagePass(context, use, source)
+
+
+def _image(context: moderngl.Context, name: str, image: Image) -> Target:
+    height, width = image.shape
+    texture = context.texture((width, height), 1, np.ascontiguousarray(image).tobytes(), dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return Target(texture, Layer(name, "float"))
 
 
 def _upload(pool: TargetPool, name: str, image: Image, window: Rect) -> Target:

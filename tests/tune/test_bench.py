@@ -15,7 +15,7 @@ from glsim.pipeline import simulate
 from glsim.settings.schema import Settings, load_settings, with_assignments
 from glsim.settings.source_settings import parse_source
 from glsim.tune.bench import Bench, marked_lines
-from glsim.tune.packet import LAYERS, pack
+from glsim.tune.packet import pack, shown_layers
 from glsim.tune.state import StageCode, Tuning
 from glsim.tune.statistics import frame_statistics, silhouette_widths
 from tests.support.scenes import face_mesh
@@ -121,12 +121,47 @@ def test_a_packet_holds_the_layers_of_the_window(settings: Settings, source: One
     assert head["window"] == list(frame.window)
     at = 4 + size
     shape = (frame.window.height, frame.window.width)
-    for name, kind in LAYERS:
+    assert [name for name, _ in head["layers"]] == ["clean", "noisy", "infrared", "reason"]
+    for name, kind in head["layers"]:
         count = shape[0] * shape[1]
         layer = np.frombuffer(packet, f"<{kind}", count, at).reshape(shape)
         assert np.array_equal(layer, frame.image(name)[frame.window.slices])
         at += -(-layer.nbytes // 4) * 4
     assert at == len(packet)
+
+
+def test_the_layers_follow_from_the_sensor(tmp_path: Path, source: OneMesh) -> None:
+    """Two imagers: both images and what was matched; one imager: its image and the same."""
+    one, both = "truedepth", "realsense-d435"
+    rig = "width = 160\nheight = 120\nfocal_px = [110, 110]\ncentre_px = [80, 60]\n"
+    for name in (one, both):
+        text = f'extends = "{name}"\ntitle = "small"\n[rig]\n{rig}'
+        (tmp_path / f"{name}.toml").write_text(text)
+    found = {}
+    for name in (one, both):
+        settings = load_settings(overrides={"sensor": str(tmp_path / f"{name}.toml")})
+        single = parse_source({"subjects": 1, "frames_per_subject": 1})
+        bench = Bench(settings.model_copy(update={"source": (single,)}), lambda _: [source])
+        tuning = Tuning(settings.sensor, {"scene.wall_mm": 1200, "pose.distance_mm": 500})
+        drawn = bench.draw(tuning)
+        found[name] = dict(shown_layers(drawn.frame))
+        assert drawn.sensor.rig.baseline_m > 0
+        packet = pack(drawn.frame)
+        head = json.loads(packet[4 : 4 + int.from_bytes(packet[:4], "little")])
+        assert head["layers"][-1] == ["disparity", "f4"]
+        assert packet.endswith(found[name]["disparity"].tobytes())
+        off = bench.draw(tuning.with_value("match_stereo.enabled", False))
+        assert "disparity" not in dict(shown_layers(off.frame))
+        bench.close()
+    assert [*found[one]] == ["clean", "noisy", "infrared", "reason", "disparity"]
+    assert [*found[both]][4:] == ["infrared_right", "disparity"]
+    layers = found[both]
+    measured = (layers["noisy"] > 0) & (layers["disparity"] > 0)
+    assert measured.mean() > 0.5
+    fb_px_mm = 110 * 50.17
+    error_mm = fb_px_mm / layers["disparity"][measured] - layers["noisy"][measured]
+    assert np.abs(error_mm).max() <= 0.501, "depth is the disparity's, rounded to 1 mm"
+    assert (layers["infrared_right"] != layers["infrared"]).mean() > 0.5
 
 
 def test_only_lines_of_the_file_itself_are_marked() -> None:

@@ -58,6 +58,10 @@ def test_a_note_may_give_the_sliders_own_range_and_scale() -> None:
         "[0, 10; 0, 11] mm help",
         "[0, 10; log] mm help",
         "[0, 10; a, b] mm help",
+        "[0, 10; step] mm help",
+        "[0, 10; step x] mm help",
+        "[0, 10; step 0] mm help",
+        "[0, 10; step 11] mm help",
     ],
 )
 def test_a_wrong_note_names_its_line(note: str) -> None:
@@ -68,6 +72,18 @@ def test_a_wrong_note_names_its_line(note: str) -> None:
 def test_steps_are_round_numbers() -> None:
     assert declared("[0, 3] mm shift").step == pytest.approx(0.02)
     assert declared("[1, 8] 1 octaves", kind="int", default="1").step == 1
+
+
+def test_sliders_of_windows_keep_them_odd() -> None:
+    control = declared("[3, 21; step 2] px window", kind="int", default="9")
+    assert (control.least, control.most, control.step) == (3, 21, 2)
+    (matcher,) = (s for s in load_sensor("realsense-d435").stages if s.name == "match_stereo")
+    sliders = {c.label: c for c in stage_controls(matcher)}
+    for name in ("window_px", "support_px", "contrast_px"):
+        slider = sliders[name]
+        assert (slider.step, slider.least % 2) == (2, 1), name
+    assert sliders["p2"].step == 1
+    assert sliders["contrast_px"].low == 0, "a box takes 0: switched off"
 
 
 @pytest.mark.parametrize("name", sensor_names())

@@ -424,6 +424,58 @@ def test_other_settings_stand_beside_these(page: Any) -> None:
     page.wait_for_function("!glsimTune.state.other")
 
 
+def test_a_stereo_camera_shows_both_images_and_what_was_matched(page: Any, server: Server) -> None:
+    (server.folder / "stereo.toml").write_text(
+        'extends = "realsense-d435"\ntitle = "small"\n[rig]\nwidth = 160\nheight = 120\n'
+        "focal_px = [110, 110]\ncentre_px = [80, 60]\n"
+    )
+    tuning = Tuning("stereo.toml", {"pose.distance_mm": 500})
+    other = page.context.new_page()
+    other.set_default_timeout(PATIENCE_MS)
+    problems: list[str] = []
+    other.on("pageerror", lambda error: problems.append(str(error)))
+    other.goto(f"http://127.0.0.1:{server.port}/?s={tuning.link()}")
+    other.wait_for_selector("#tune-view[data-shown]")
+    other.wait_for_selector('[data-stage="match_stereo"]')
+
+    def tiles() -> list[str]:
+        script = "all => all.filter(c => c.offsetWidth).map(c => c.dataset.kind)"
+        return list(other.eval_on_selector_all("canvas[data-kind]", script))
+
+    def picture(kind: str) -> str:
+        return str(other.evaluate(f"document.querySelector('[data-kind={kind}]').toDataURL()"))
+
+    def moved(name: str, key: str = "ArrowRight") -> None:
+        number = shown(other)
+        other.locator(f'[data-name="{name}"] .q-slider__track-container').press(key)
+        after(other, number)
+
+    depths = ["clean", "noisy", "disparity", "difference"]
+    assert tiles() == [*depths, "reason", "infrared", "infrared_right", "surface"]
+    other.hover('[data-kind="disparity"]')
+    said = other.inner_text(".readout")
+    assert re.search(r"disparity \d+\.\d\d px  infrared \d+ and \d+ counts", said), said
+    first = {kind: picture(kind) for kind in ("infrared", "infrared_right", "disparity")}
+    select(other, "stereo_light")
+    moved("stereo_light.gain_counts")
+    assert all(picture(kind) != before for kind, before in first.items())
+    second = {kind: picture(kind) for kind in first}
+    select(other, "match_stereo")
+    moved("match_stereo.p2")
+    assert picture("infrared") == second["infrared"]
+    assert picture("disparity") != second["disparity"]
+    moved("match_stereo.window_px")
+    assert other.input_value('[aria-label="match_stereo.window_px value"]') == "11"
+    number = shown(other)
+    other.click('[data-stage="match_stereo"] .q-toggle')
+    after(other, number)
+    shown_now = ["clean", "noisy", "difference", "reason", "infrared", "infrared_right", "surface"]
+    assert tiles() == shown_now
+    assert problems == []
+    other.close()
+    page.said.clear()
+
+
 def test_playing_shows_frame_after_frame(page: Any) -> None:
     number = shown(page)
     page.click('[aria-label="play or stop"]')

@@ -24,12 +24,14 @@ def test_files_in_the_folder_and_shipped_sensors_may_be_named(tmp_path: Path) ->
     for sensor in ("kinect-v2", "mine.toml", "a/b.toml", str(tmp_path / "x.toml"), "/own/s.toml"):
         check_link(Tuning(sensor, {"rig.focal_px": [9, 9]}), "/own/s.toml", tmp_path)
     check_link(Tuning("ideal", {"rig.fixed_pattern_map": "map.npy"}), "ideal", tmp_path)
+    check_link(Tuning("ideal", {"rig.projector_image": "dots.png"}), "ideal", tmp_path)
 
 
 @pytest.mark.parametrize("sensor", ["/etc/evil.toml", "../x.toml", "a/../../x.toml", "~/x.toml/.."])
 def test_files_elsewhere_may_not(tmp_path: Path, sensor: str) -> None:
     inside = sensor.startswith("~")  # a folder called ~ here
-    for tuning in (Tuning(sensor), Tuning("ideal", {"rig.fixed_pattern_map": sensor})):
+    named = [{"rig.fixed_pattern_map": sensor}, {"rig.projector_image": sensor}]
+    for tuning in (Tuning(sensor), *(Tuning("ideal", values) for values in named)):
         if inside:
             check_link(tuning, "ideal", tmp_path)
             continue

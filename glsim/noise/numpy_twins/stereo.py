@@ -6,6 +6,7 @@ import numpy as np
 
 from glsim.geometry.camera import Point
 from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.layer_names import PROJECTOR_LAYER
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
 from glsim.noise.numpy_twins.random import Words, normal_pair, pcg_word, random_bits, uniform01
 
@@ -22,7 +23,8 @@ def stereo_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Im
 def pattern_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Draw the light that one imager gets, and the pattern that it is matched with."""
     left = _imaged_light(view, layers, p, "left", view.optics.imagers_m[0])
-    return {"light_left": left, "light_right": dots(layers["rays"], _key(view), p)}
+    pattern = _thrown(view, layers, layers["rays"], _key(view), p)
+    return {"light_left": left, "light_right": np.maximum(pattern, np.float32(0))}
 
 
 def stereo_exposure(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -77,14 +79,48 @@ def dots(tangent: Image, key: Words, p: Parameters) -> Image:
 _LEAST = np.float32(-80)
 
 
+def _thrown(view: StageView, layers: Layers, tangent: Image, key: Words, p: Parameters) -> Image:
+    """Return what a projector throws in (..., 2) directions; negative outside of its view."""
+    if PROJECTOR_LAYER not in layers:
+        return dots(tangent, key, p)
+    image, half = layers[PROJECTOR_LAYER], np.float32(0.5)
+    size = np.array(image.shape[::-1], np.int64)
+    view_tan = np.array(view.optics.projector_tan, np.float32)
+    place = (half * tangent / view_tan + half) * size.astype(np.float32)
+    inside = ((place >= 0) & (place <= size)).all(axis=-1)
+    corner = np.floor(place - half)
+    part = place - half - corner
+    first = np.clip(corner.astype(np.int64), 0, size - 1)
+    last = np.clip(corner.astype(np.int64) + 1, 0, size - 1)
+    upper, lower = (
+        _mix(image[row, first[..., 0]], image[row, last[..., 0]], part[..., 0])
+        for row in (first[..., 1], last[..., 1])
+    )
+    return np.where(inside, _mix(upper, lower, part[..., 1]), np.float32(-1))
+
+
+def _mix(one: Image, other: Image, share: Image) -> Image:
+    mixed: Image = one * (np.float32(1) - share) + other * share
+    return mixed
+
+
 def _projected(
-    point: Image, normal: Image, emitter: Point, lit: Image, key: Words, p: Parameters
+    view: StageView,
+    layers: Layers,
+    point: Image,
+    normal: Image,
+    emitter: Point,
+    lit: Image,
+    key: Words,
+    p: Parameters,
 ) -> Image:
     way = point - np.array(emitter, np.float32)
     squared = (way * way).sum(-1)
     inverse = np.float32(1) / np.sqrt(squared)
     facing = np.maximum(-(normal * way).sum(-1) * inverse, np.float32(0))
-    pattern = p["flood"] + (np.float32(1) - p["flood"]) * dots(way[..., :2] / way[..., 2:], key, p)
+    brightness = _thrown(view, layers, way[..., :2] / way[..., 2:], key, p)
+    pattern = p["flood"] + (np.float32(1) - p["flood"]) * brightness
+    pattern[brightness < 0] = 0
     light: Image = lit * facing / squared * pattern
     light *= (way[..., 2] * inverse) ** p["fall_off_power"]
     return light
@@ -99,9 +135,10 @@ def _imaged_light(
     z = np.where(seen, depth, np.float32(1))[..., None]
     point = np.concatenate([layers["rays"] * z, z], axis=-1) + np.array(imager, np.float32)
     key = _key(view)
-    one, other = view.optics.emitters_m
-    light = _projected(point, shape[..., :3], one, lit[..., 0], key, p)
-    light += _projected(point, shape[..., :3], other, lit[..., 1], key + np.uint32(1), p)
+    light = np.zeros_like(depth)
+    for number, emitter in enumerate(view.optics.emitters_m):
+        word = key + np.uint32(number)
+        light += _projected(view, layers, point, shape[..., :3], emitter, lit[..., number], word, p)
     sky = np.float32(0.6) - np.float32(0.4) * shape[..., 1]
     albedo = shape[..., 3]
     if p["texture_share"] > 0:

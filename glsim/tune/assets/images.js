@@ -1,47 +1,56 @@
 // Images of a picture's layers on 2D canvases with a common zoom, cursor and profile line.
 
-import { DEPTH, GREY, REASON_WORDS, SIGNED, word } from "./maps.js";
+import { DEPTH, DISPARITY, GREY, REASON_WORDS, SIGNED, word } from "./maps.js";
 import { alike } from "./packet.js";
 
 const EMPTY = word([27, 30, 36]);
 
 const LAYERS_OF = { difference: ["clean", "noisy"] };
 
-// The range of depths that is worth colours: from the nearest to the farthest clean surface.
-export function depthRange(picture) {
-  const clean = picture.layers.clean;
-  let low = 65535,
+// The smallest and the largest value above 0 of the pixels that `counts` accepts; from 0 without two.
+function rangeOf(values, counts = () => true) {
+  let low = Infinity,
     high = 0;
-  for (let i = 0; i < clean.length; i++) {
-    const depth = clean[i];
-    if (depth > 0) {
-      if (depth < low) low = depth;
-      if (depth > high) high = depth;
+  for (let i = 0; i < values.length; i++) {
+    const value = values[i];
+    if (value > 0 && counts(i)) {
+      if (value < low) low = value;
+      if (value > high) high = value;
     }
   }
-  return low < high ? [low, high] : [0, 1];
+  return low < high ? [low, high] : [0, Math.max(high, 1)];
 }
 
-export function brightestOf(infrared) {
-  let brightest = 1;
-  for (let i = 0; i < infrared.length; i++) if (infrared[i] > brightest) brightest = infrared[i];
-  return brightest;
+// The values at the ends of the colours of all layers: {kind: [low, high]}. Depths reach from the nearest to
+// the farthest clean surface, disparities over the pixels that found the right one.
+export function endsOf(picture, differenceMm) {
+  const { clean, reason, infrared, infrared_right: right, disparity } = picture.layers;
+  const depths = rangeOf(clean),
+    light = [0, Math.max(rangeOf(infrared)[1], right ? rangeOf(right)[1] : 0)];
+  return {
+    clean: depths,
+    noisy: depths,
+    difference: [-differenceMm, differenceMm],
+    infrared: light,
+    infrared_right: light,
+    disparity: disparity && rangeOf(disparity, (i) => reason[i] === 0),
+  };
 }
 
-// One RGBA word per pixel of the window.
-export function paint(picture, kind, range, differenceMm, words) {
-  const { clean, noisy, infrared, reason } = picture.layers;
-  const [low, high] = range;
-  const depthScale = 255 / Math.max(high - low, 1);
-  const unit = picture.head.depth_unit_mm;
-  if (kind === "clean" || kind === "noisy") {
-    const depth = kind === "clean" ? clean : noisy;
-    for (let i = 0; i < depth.length; i++) {
-      const d = depth[i];
-      words[i] = d === 0 ? EMPTY : DEPTH[Math.max(0, Math.min(255, ((d - low) * depthScale) | 0))];
+// One RGBA word per pixel of the window. ends: of `endsOf`; reasons have none.
+export function paint(picture, kind, ends, words) {
+  const { clean, noisy, reason } = picture.layers;
+  const [low, high] = ends || [0, 1];
+  if (kind === "clean" || kind === "noisy" || kind === "disparity") {
+    const values = picture.layers[kind],
+      colours = kind === "disparity" ? DISPARITY : DEPTH,
+      scale = 255 / (high - low);
+    for (let i = 0; i < values.length; i++) {
+      const v = values[i];
+      words[i] = v === 0 ? EMPTY : colours[Math.max(0, Math.min(255, ((v - low) * scale) | 0))];
     }
   } else if (kind === "difference") {
-    const scale = (127.5 * unit) / differenceMm;
+    const scale = (127.5 * picture.head.depth_unit_mm) / high;
     for (let i = 0; i < clean.length; i++) {
       if (clean[i] === 0 || noisy[i] === 0) {
         words[i] = EMPTY;
@@ -53,16 +62,16 @@ export function paint(picture, kind, range, differenceMm, words) {
   } else if (kind === "reason") {
     for (let i = 0; i < reason.length; i++) words[i] = REASON_WORDS[reason[i]];
   } else {
-    const brightest = brightestOf(infrared);
+    const counts = picture.layers[kind];
     // A square root: the face and the dark background are both visible.
-    for (let i = 0; i < infrared.length; i++) {
-      words[i] = GREY[(255 * Math.sqrt(infrared[i] / brightest)) | 0];
+    for (let i = 0; i < counts.length; i++) {
+      words[i] = GREY[(255 * Math.sqrt(Math.min(counts[i] / high, 1))) | 0];
     }
   }
 }
 
 export class LayerImage {
-  // canvas: element to draw on; kind: clean, noisy, difference, reason or infrared.
+  // canvas: element to draw on; kind: a layer of the picture, or difference.
   constructor(canvas, kind) {
     this.canvas = canvas;
     this.kind = kind;
@@ -70,19 +79,21 @@ export class LayerImage {
     this.pixels = null;
   }
 
-  set(picture, range, differenceMm) {
-    const { width, height } = picture;
-    const scale = this.kind === "difference" ? differenceMm : String(range);
+  // Take a picture, or null. ends: of `endsOf`.
+  set(picture, ends) {
     const before = this.picture;
     this.picture = picture;
-    if (scale === this.scale && alike(before, picture, LAYERS_OF[this.kind] || [this.kind])) return;
+    if (!picture) return;
+    const { width, height } = picture,
+      scale = String(ends);
+    if (before && scale === this.scale && alike(before, picture, LAYERS_OF[this.kind] || [this.kind])) return;
     this.scale = scale;
     if (this.source.width !== width || this.source.height !== height || !this.pixels) {
       this.source.width = width;
       this.source.height = height;
       this.pixels = this.source.getContext("2d").createImageData(width, height);
     }
-    paint(picture, this.kind, range, differenceMm, new Uint32Array(this.pixels.data.buffer));
+    paint(picture, this.kind, ends, new Uint32Array(this.pixels.data.buffer));
     this.source.getContext("2d").putImageData(this.pixels, 0, 0);
   }
 

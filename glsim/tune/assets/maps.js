@@ -20,6 +20,8 @@ export const word = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 
 
 // Depth: viridis (van der Walt and Smith 2015), its ten stops; near is bright.
 export const DEPTH = table(["#fde725", "#b5de2b", "#6ece58", "#35b779", "#1f9e89", "#26828e", "#31688e", "#3e4989", "#482878", "#440154"]);
+// Disparity: the same colours, for it is large where a surface is near.
+export const DISPARITY = DEPTH.slice().reverse();
 // Difference: nearer blue, farther orange, grey where nothing differs.
 export const SIGNED = table(["#08519c", "#5a9bd4", "#e8e8e6", "#f0a04b", "#a63603"]);
 // A gradient of CSS through a table's colours, from low to high.

@@ -1,6 +1,6 @@
 // Unpack what glsim/tune/packet.py packs: {head, layers: {name: typed array of the window}}.
 
-const TYPES = { u1: Uint8Array, u2: Uint16Array };
+const TYPES = { u1: Uint8Array, u2: Uint16Array, f4: Float32Array };
 
 export function unpack(buffer) {
   const size = new DataView(buffer).getUint32(0, true);
@@ -28,6 +28,7 @@ export function valueAt(picture, name, x, y) {
 
 // Whether two pictures have equal values in these layers: what was made of them need not be made anew.
 export function alike(one, other, names) {
+  if (one === other) return true;
   if (!one || one.left !== other.left || one.top !== other.top) return false;
   if (one.width !== other.width || one.height !== other.height) return false;
   return names.every((name) => {

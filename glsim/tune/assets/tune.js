@@ -2,17 +2,20 @@
 
 import { chart, text } from "./charts.js";
 import { Figures } from "./figures.js";
-import { brightestOf, depthRange, LayerImage } from "./images.js";
-import { DEPTH, GREY, gradient, SIGNED } from "./maps.js";
+import { endsOf, LayerImage } from "./images.js";
+import { DEPTH, DISPARITY, GREY, gradient, SIGNED } from "./maps.js";
 import { unpack, valueAt } from "./packet.js";
 import { Surface } from "./surface.js";
 
+// The tiles in their order; a picture shows those of its layers.
 const KINDS = [
   ["clean", "clean"],
   ["noisy", "noisy"],
+  ["disparity", "disparity"],
   ["difference", "noisy − clean"],
   ["reason", "reason"],
   ["infrared", "infrared"],
+  ["infrared_right", "infrared, right"],
 ];
 const state = {
   picture: null,
@@ -29,7 +32,8 @@ const state = {
 };
 // Pause after a request that failed, as while the server restarts.
 const RETRY_MS = 1000;
-const MAPS = { clean: DEPTH, noisy: DEPTH, difference: SIGNED, infrared: GREY };
+const MAPS = { clean: DEPTH, noisy: DEPTH, disparity: DISPARITY, difference: SIGNED, infrared: GREY, infrared_right: GREY };
+const shows = (picture, kind) => kind === "difference" || kind in picture.layers;
 const images = {},
   others = {},
   keys = {};
@@ -53,7 +57,8 @@ function build(view, panel, reasonWords) {
   const tiles = make(root, "div", "tiles");
   for (const [kind, title] of KINDS) {
     const tile = make(tiles, "figure", "tile");
-    const caption = make(tile, "figcaption", "", title);
+    const caption = make(tile, "figcaption");
+    make(caption, "span", "", title);
     if (MAPS[kind]) {
       const key = make(caption, "span", "key");
       keys[kind] = [make(key, "span"), make(key, "i"), make(key, "span")];
@@ -70,7 +75,7 @@ function build(view, panel, reasonWords) {
     tile.addEventListener("dblclick", () => enlarge(tile));
   }
   const tile = make(tiles, "figure", "tile");
-  const caption = make(tile, "figcaption", "", "noisy surface");
+  const caption = make(tile, "figcaption", "", "surface");
   const ghost = make(make(caption, "label", "key"), "input");
   ghost.type = "checkbox";
   ghost.checked = true;
@@ -95,6 +100,20 @@ function build(view, panel, reasonWords) {
     figures.draw();
     drawProfile();
   }).observe(root);
+}
+
+// Show the tiles of the picture's layers, in two rows; the surface takes what is left of the second.
+function arrange() {
+  let tiles = 1;
+  for (const [kind] of KINDS) {
+    const shown = shows(state.picture, kind);
+    images[kind].canvas.parentElement.hidden = !shown;
+    tiles += shown;
+  }
+  root.querySelector(".tiles").style.setProperty("--columns", Math.ceil(tiles / 2));
+  surface.canvas.parentElement.classList.toggle("wide", tiles % 2 === 1);
+  const left = images.infrared.canvas.parentElement.querySelector("figcaption span");
+  left.textContent = shows(state.picture, "infrared_right") ? "infrared, left" : "infrared";
 }
 
 function enlarge(tile) {
@@ -189,7 +208,7 @@ function listen(canvas) {
 function redraw() {
   if (!state.picture || !state.view) return;
   for (const [kind] of KINDS) {
-    const other = state.other && kind !== "clean" ? others[kind] : null;
+    const other = state.other && kind !== "clean" && shows(state.other, kind) ? others[kind] : null;
     images[kind].draw(state.view, state.cursor, state.line, other, state.split);
   }
 }
@@ -200,12 +219,17 @@ function readout() {
   const [x, y] = state.cursor;
   if (x < 0 || y < 0 || x >= p.head.width || y >= p.head.height) return;
   const unit = p.head.depth_unit_mm;
-  const [clean, noisy, infrared, reason] = ["clean", "noisy", "infrared", "reason"].map((n) => valueAt(p, n, x, y));
+  const has = (name) => shows(p, name),
+    value = (name) => valueAt(p, name, x, y);
+  const [clean, noisy, reason] = ["clean", "noisy", "reason"].map(value);
   const depth = (d) => (d ? `${text(d * unit)} mm` : "none");
   const difference = clean && noisy ? `${((noisy - clean) * unit).toFixed(0)} mm` : "–";
+  const px = has("disparity") && value("disparity");
+  const disparity = has("disparity") ? `disparity ${px ? `${px.toFixed(2)} px` : "none"}  ` : "";
+  const infrared = ["infrared", "infrared_right"].filter(has).map(value).join(" and ");
   state.readout.textContent =
     `(${x}, ${y})  clean ${depth(clean)}  noisy ${depth(noisy)}  difference ${difference}  ` +
-    `infrared ${infrared} counts  reason: ${words[reason] ?? reason}`;
+    `${disparity}infrared ${infrared} counts  reason: ${words[reason] ?? reason}`;
 }
 
 // Depths of clean and noisy along the line; without a line, along the row of the middle.
@@ -255,23 +279,30 @@ async function fetchPicture(address) {
 // The ends of the colours.
 function showKeys() {
   const p = state.picture,
-    unit = p.head.depth_unit_mm,
-    brightest = brightestOf(p.layers.infrared);
-  const depths = state.range.map((d) => text(d * unit));
-  const ends = {
-    clean: [depths[0], `${depths[1]} mm`],
-    noisy: [depths[0], `${depths[1]} mm`],
-    difference: [`−${state.differenceMm}`, `${state.differenceMm} mm`],
-    infrared: ["0", text(brightest)],
+    unit = p.head.depth_unit_mm;
+  const written = {
+    clean: (d) => [text(d * unit), " mm"],
+    noisy: (d) => [text(d * unit), " mm"],
+    difference: (mm) => [String(mm).replace("-", "−"), " mm"],
+    disparity: (px) => [text(px), " px"],
+    infrared: (counts) => [text(counts), ""],
+    infrared_right: (counts) => [text(counts), ""],
   };
-  for (const [kind, [low, , high]] of Object.entries(keys)) [low.textContent, high.textContent] = ends[kind];
+  for (const [kind, [low, , high]] of Object.entries(keys)) {
+    if (!shows(p, kind)) continue;
+    const [first, last] = state.ends[kind].map(written[kind]);
+    low.textContent = first[0];
+    high.textContent = last.join("");
+  }
 }
 
 // Show a picture: {head, layers, left, top, width, height}, as packet.js unpacks it.
 function display(picture) {
   state.picture = picture;
-  state.range = depthRange(picture);
-  for (const [kind] of KINDS) images[kind].set(picture, state.range, state.differenceMm);
+  state.ends = endsOf(picture, state.differenceMm);
+  arrange();
+  for (const [kind] of KINDS) images[kind].set(shows(picture, kind) ? picture : null, state.ends[kind]);
+  if (state.other) paintOther();
   showKeys();
   if (state.fitted !== [picture.left, picture.top, picture.width, picture.height].join() && !state.keep) fit();
   redraw();
@@ -314,8 +345,13 @@ const onScreen = () => new Promise((done) => requestAnimationFrame(() => setTime
 
 async function showOther(address) {
   state.other = address ? await fetchPicture(address) : null;
-  if (state.other) for (const [kind] of KINDS) others[kind].set(state.other, state.range || depthRange(state.other), state.differenceMm);
+  if (state.other && state.picture) paintOther();
   redraw();
+}
+
+// Paint B in the colours of A.
+function paintOther() {
+  for (const [kind] of KINDS) others[kind].set(shows(state.other, kind) ? state.other : null, state.ends[kind]);
 }
 
 // The time from a key or a movement in the panel to the picture that it gives.
@@ -347,9 +383,10 @@ window.glsimTune = {
   scale: (mm) => {
     state.differenceMm = mm;
     if (!state.picture) return;
-    images.difference.set(state.picture, state.range, mm);
+    state.ends.difference = [-mm, mm];
+    images.difference.set(state.picture, state.ends.difference);
     showKeys();
-    if (state.other) others.difference.set(state.other, state.range, mm);
+    if (state.other) paintOther();
     redraw();
   },
   statistics: (now, other) => figures.show(now, other),

@@ -71,6 +71,7 @@ function parameter(match, at, patterns) {
     help: note.groups.help.trim(),
     slider: shown,
     log_scale: Boolean(slider?.groups.log),
+    step: slider?.groups.step === undefined ? 0 : number(slider.groups.step, at),
   };
 }
 

@@ -32,7 +32,7 @@ function numberControl(row, parameter, value, start, change) {
   slider.type = "range";
   slider.min = toSlider(least);
   slider.max = toSlider(most);
-  slider.step = whole ? 1 : "any";
+  slider.step = parameter.step || (whole ? 1 : "any");
   slider.value = toSlider(value);
   slider.title = parameter.help;
   slider.setAttribute("aria-label", `${parameter.name}, ${parameter.unit}`);
@@ -51,7 +51,7 @@ function numberControl(row, parameter, value, start, change) {
   slider.addEventListener("keydown", (e) => {
     // "any" has no step of its own
     const way = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[e.key];
-    if (!way || whole) return;
+    if (!way || slider.step !== "any") return;
     e.preventDefault();
     slider.value = Number(slider.value) + (way * (slider.max - slider.min)) / STEPS;
     slider.dispatchEvent(new Event("input"));

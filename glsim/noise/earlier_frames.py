@@ -1,0 +1,99 @@
+"""Depth of earlier frames of the same still scene, for filters over time.
+
+Any frame must be the same alone and in any order, so that the earlier ones are not those of its
+sequence. They are other draws of the noise of this frame: the images are exposed again, by the
+NumPy twin of the stage that exposes them, and matched again. What belongs to the device (dots,
+gains of pixels, its own error) is the same in all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.errors import ConfigError
+from glsim.noise.frame_context import FrameContext, Layers
+from glsim.noise.layer_names import EARLIER_LAYER, INFRARED
+from glsim.noise.registry import shipped_stages
+from glsim.noise.stage import ENABLED, ArrayFunction, Stage, StageValues
+from glsim.noise.triangulation import MATCHER
+from glsim.settings.seeds import stable_seed
+
+
+def twin_of(stage: Stage) -> ArrayFunction | None:
+    """Return the NumPy twin of a shader stage; None for one of a user's file, which has none.
+
+    A user's file may have the name of a shipped stage.
+    """
+    from glsim.noise.numpy_twins import TWINS
+
+    ours = shipped_stages().get(stage.spec.name) is stage.spec
+    return TWINS.get(stage.spec.name) if ours else None
+
+
+def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
+    """Return the shaders' layers that earlier frames are exposed from; none if no stage asks."""
+    may_run = {s.name: float(s.settings[ENABLED].bounds()[1] > 0) for s in stages}
+    asked = _asked_at(stages, {name: {ENABLED: on} for name, on in may_run.items()})
+    exposure = None if asked is None else _exposure(stages[:asked])
+    return () if exposure is None or exposure.spec.source is None else exposure.spec.source.reads
+
+
+def draws_earlier(stages: Sequence[Stage], number: int, values: StageValues) -> bool:
+    """Return whether the stage ``number`` matches images, and one after it asks for the layer."""
+    return _asked_at(stages, values) == number
+
+
+def earlier_depth(
+    stages: Sequence[Stage], number: int, layers: Layers, frame: FrameContext, values: StageValues
+) -> NDArray[np.float32]:
+    """Return the depth of earlier frames, (h, w, N) metres, oldest first.
+
+    Frame k before this one is exposed with a seed that is a function of (seed of this frame, k).
+
+    Args:
+        number: of the stage that matches.
+        layers: those of ``layers_for_earlier``, and what the matcher reads.
+
+    Raises:
+        ConfigError: no stage before exposes images, or it has no twin.
+    """
+    matcher, exposure = stages[number], _exposure(stages[:number])
+    twin = None if exposure is None else twin_of(exposure)
+    if exposure is None or twin is None or matcher.spec.function is None:
+        raise ConfigError(
+            f"earlier frames (for temporal_filter) are exposed by the NumPy twin of the stage that "
+            f"writes {INFRARED!r}, and {'it' if exposure is None else exposure.name!r} has none: "
+            "switch temporal_filter off, or use glsim.filter_sequence"
+        )
+    depths = []
+    for before in range(int(values[matcher.name]["earlier_frames"]), 0, -1):
+        at = replace(frame, seed=stable_seed("earlier frame", frame.seed, before))
+        exposed = twin(at.view(exposure.name), layers, values[exposure.name])
+        seen: Mapping[str, NDArray[np.float32]] = {**layers, **exposed}
+        written = matcher.spec.function(at.view(matcher.name), seen, values[matcher.name])
+        depths.append(written["depth"])
+    return np.stack(depths, axis=-1)
+
+
+def _asked_at(stages: Sequence[Stage], values: StageValues) -> int | None:
+    """Return the number of the matcher whose earlier frames a later stage reads, if any."""
+    runs = [bool(values[stage.name][ENABLED]) for stage in stages]
+    for number, stage in enumerate(stages):
+        if stage.spec.name == MATCHER and runs[number]:
+            later = zip(stages[number + 1 :], runs[number + 1 :], strict=True)
+            if any(on and EARLIER_LAYER in s.spec.array_reads for s, on in later):
+                return number
+    return None
+
+
+def _exposure(stages: Sequence[Stage]) -> Stage | None:
+    """Return the last stage that draws the infrared image."""
+    for stage in reversed(stages):
+        source = stage.spec.source
+        if source is not None and INFRARED in {layer.name for layer in source.writes}:
+            return stage
+    return None

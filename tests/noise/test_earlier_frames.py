@@ -1,0 +1,164 @@
+"""Earlier frames of a stereo camera: other draws of its noise, for its filter over time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+
+import glsim
+from glsim.errors import ConfigError
+from glsim.faces.one_mesh import OneMesh
+from glsim.frame import Frame
+from glsim.gl.includes import SHADER_ROOT
+from glsim.pipeline import Simulator
+from glsim.plan.tasks import Task, make_tasks
+from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
+from glsim.settings.schema import Settings, load_settings
+from glsim.settings.seeds import stable_seed
+from tests.support.scenes import face_mesh
+
+RIG = """
+[rig]
+width = 200
+height = 150
+focal_px = [140, 140]
+centre_px = [100, 75]
+"""
+ALPHA = 0.4
+
+
+def camera(folder: Path) -> str:
+    """A small D435."""
+    file = folder / "small.toml"
+    file.write_text(f'extends = "realsense-d435"\ntitle = "small"\n{RIG}')
+    return str(file)
+
+
+def settings_of(sensor: str, **stages: dict[str, Any]) -> Settings:
+    return load_settings(
+        overrides={
+            "sensor": sensor,
+            "stage": stages,
+            "pose": {"distance_mm": 600, "motion": 0},
+            "scene": {"wall_mm": 900},
+            "output": {"depth_unit_mm": 0.05},
+        },
+        source={"subjects": 1, "frames_per_subject": 3},
+    )
+
+
+def draw(context: moderngl.Context, settings: Settings, *seeds: int) -> list[Frame]:
+    """Frames of the plate before a wall, each with its own seed (default: those of the plan)."""
+    source = OneMesh(face_mesh(40))
+    tasks = list(make_tasks(settings, [source]))
+    if seeds:
+        tasks = [with_seed(tasks[0], seed) for seed in seeds]
+    simulator = Simulator(settings, [source], context, ("earlier_depth", "disparity"))
+    frames = list(simulator.frames(tasks))
+    assert all(isinstance(frame, Frame) for frame in frames)
+    return [frame for frame in frames if isinstance(frame, Frame)]
+
+
+def with_seed(task: Task, seed: int) -> Task:
+    return replace(task, seeds=task.seeds._replace(frame=seed))
+
+
+def filtered(**p: float) -> dict[str, dict[str, float]]:
+    return {
+        "temporal_filter": {"enabled": True, "alpha": ALPHA, "unit_mm": 0} | p,
+        "match_stereo": {"depth_unit_mm": 0.05, "subpixel_steps": 256},
+    }
+
+
+def test_a_frame_before_is_the_frame_of_its_own_seed(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    """The twin exposes as the shader does, but for counts on the edge of a rounding."""
+    settings = settings_of(camera(tmp_path), **filtered())
+    (now,) = draw(context, settings, 1234)
+    earlier = now.extra["earlier_depth"]
+    assert earlier.shape == (*now.clean_m.shape, 8)
+    off = settings_of(camera(tmp_path), match_stereo=filtered()["match_stereo"])
+    seeds = [stable_seed("earlier frame", 1234, before) for before in (8, 1)]
+    for number, frame in zip((0, 7), draw(context, off, *seeds), strict=True):
+        assert (earlier[..., number] == frame.noisy_m).mean() > 0.99
+        assert (earlier[..., number] != now.noisy_m).mean() > 0.5
+        assert "earlier_depth" not in frame.extra, "without the filter there are none"
+
+
+def test_the_stage_filters_as_filter_sequence_does(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    settings = settings_of(camera(tmp_path), **filtered(persistence=3))
+    off = settings_of(camera(tmp_path), match_stereo=filtered()["match_stereo"])
+    (frame,), (alone,) = (draw(context, s, 99) for s in (settings, off))
+    before = np.moveaxis(frame.extra["earlier_depth"], -1, 0)
+    recording = np.concatenate([before, alone.noisy_m[None]])
+    rig = load_sensor(camera(tmp_path)).rig
+    fb = rig.intrinsics.fx * rig.baseline_m
+    wanted = glsim.filter_sequence(recording, fb, ALPHA, persistence=3, unit_mm=0)
+    np.testing.assert_array_equal(frame.noisy_m, wanted[-1])
+    assert (frame.noisy_m > 0).sum() > (alone.noisy_m > 0).sum(), "holes take their last depth"
+
+
+@pytest.mark.parametrize("count", [8, 2])
+def test_noise_in_time_falls_as_alpha_says(
+    context: moderngl.Context, tmp_path: Path, count: int
+) -> None:
+    """N frames before: variance a^2 (1 + q + ... + q^(N-1)) + q^N with q = (1 - a)^2."""
+    deviation = []
+    for enabled in (False, True):
+        stages = filtered(enabled=enabled)
+        stages["match_stereo"]["earlier_frames"] = count
+        frames = draw(context, settings_of(camera(tmp_path), **stages), *range(12))
+        depth_m = np.stack([frame.noisy_m for frame in frames])
+        found = (depth_m > 0).all(axis=0)
+        px = 140 * 0.05017 / np.where(found, depth_m, 1.0)
+        deviation.append(np.where(found, px.std(axis=0, ddof=1), np.inf))
+    q = (1 - ALPHA) ** 2
+    wanted = np.sqrt(ALPHA**2 * sum(q**n for n in range(count)) + q**count)
+    calm = np.maximum(*deviation) < 0.15  # a pixel that jumps between surfaces starts anew
+    assert calm.mean() > 0.5
+    falls = np.sqrt((deviation[1][calm] ** 2).mean() / (deviation[0][calm] ** 2).mean())
+    assert falls == pytest.approx(wanted, rel=0.1)
+
+
+def test_the_same_bytes_alone_and_in_any_order(context: moderngl.Context, tmp_path: Path) -> None:
+    settings = settings_of(camera(tmp_path), **filtered())
+    first, second, third = draw(context, settings)
+    again = draw(context, settings, third.seed, first.seed)
+    assert np.array_equal(again[1].noisy_m, first.noisy_m)
+    assert not np.array_equal(second.noisy_m, first.noisy_m)
+
+
+def test_structured_light_and_spatial_filter_have_earlier_frames_too(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    stages = (SENSOR_FOLDER / "kinect-v1-pattern.toml").read_text().split("[[rig.imager]]")[1]
+    file = tmp_path / "filtered.toml"
+    file.write_text(
+        f'title = "small"\n{RIG}\n[[rig.imager]]{stages}'
+        '[[stage]]\nuse = "spatial_filter"\n[[stage]]\nuse = "temporal_filter"\n'
+    )
+    (frame,) = draw(context, settings_of(str(file)), 5)
+    earlier = frame.extra["earlier_depth"]
+    off = settings_of(str(file), temporal_filter={"enabled": False})
+    (alone,) = draw(context, off, stable_seed("earlier frame", 5, 8))
+    assert (earlier[..., 0] == alone.noisy_m).mean() > 0.98, "filtered along rows and columns"
+
+
+def test_code_of_ones_own_that_exposes_has_no_twin(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    settings = settings_of(camera(tmp_path), **filtered())
+    source = OneMesh(face_mesh(40))
+    simulator = Simulator(settings, [source], context)
+    code = (SHADER_ROOT / "stereo/stereo_exposure.glsl").read_text() + "// mine\n"
+    own = simulator.with_stage("stereo_exposure", code)
+    with pytest.raises(ConfigError, match=r"'stereo_exposure' has none: switch temporal_filter"):
+        list(own.frames(make_tasks(settings, [source])))
