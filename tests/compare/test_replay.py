@@ -76,7 +76,8 @@ def test_the_mesh_is_seen_where_the_depth_was() -> None:
     found = find_surfaces(step(), 3.0, 12)
     albedo = np.full((HEIGHT, WIDTH), 0.5)
     mesh = mesh_of(found, camera, albedo)
-    assert mesh.albedo is not None and (mesh.albedo == np.float32(0.5)).all()
+    assert mesh.albedo is not None
+    assert (mesh.albedo == np.float32(0.5)).all()
     x, y, z = mesh.vertices_mm.T.astype(np.float64)
     column = np.floor(x / z * 180 + WIDTH / 2).astype(int)
     row = np.floor(y / z * 180 + HEIGHT / 2).astype(int)
@@ -110,7 +111,8 @@ def test_a_sensor_is_not_told_from_its_own_replay(recorded: FrameSet) -> None:
         both = np.isfinite(first.depth_mm) & np.isfinite(second.depth_mm)
         assert both.mean() > 0.9
         assert np.median(np.abs(first.depth_mm - second.depth_mm)[both]) < 3.0
-        assert first.infrared is not None and second.infrared is not None
+        assert first.infrared is not None
+        assert second.infrared is not None
         ratio = second.infrared[both] / np.maximum(first.infrared[both], 1)
         assert np.median(ratio) == pytest.approx(1.0, abs=0.05)
     other = replay(recorded, "kinect-v2", seed=1, assignments=["tof_floor.sigma_mm=4"])
