@@ -27,6 +27,9 @@ _STEP_MM, _STEP_MM_PER_M, _STEP_NOISE = 8.0, 10.0, 8.0
 _BINS_MM = np.geomspace(200.0, 8000.0, 17)
 #: Least pixels of a surface; smaller ones are flying pixels and speckle. Chosen.
 _LEAST_PX = 40
+#: Step from slab to slab of the smoothing, share of the depth; a plane is fitted to three steps. And
+#: least share of a window that has depth in its slab. Chosen: a rail of 5 px has half.
+_SLAB, _LEAST_NEIGHBOURS = 0.06, 0.2
 #: The rim of a near surface is its last measured pixel plus this many; chosen: half of the gap of
 #: two to three pixels that all cameras leave on the side without shadow.
 _RIM_PX = 1
@@ -70,6 +73,7 @@ def find_surfaces(
     """
     label = _connected(depth_mm)
     smooth = _smoothed(depth_mm, label, smooth_px)
+    label = np.where(np.isfinite(smooth), label, -1)
     front, filled, source = _filled_rows(smooth, label, widest_hole_px)
     front, filled, source = _filled_columns(front, filled, source, widest_hole_px)
     return ReplaySurfaces(front, _behind(front), filled, source)
@@ -144,35 +148,43 @@ def _connected(depth_mm: NDArray[np.float32]) -> Labels:
 
 
 def _smoothed(depth_mm: NDArray[np.float32], label: Labels, sigma_px: float) -> Array:
-    """Return the surfaces by local planes in inverse depth, in which real planes are planes."""
-    out = np.full(depth_mm.shape, np.nan)
-    boxes = _boxes(label)
+    """Return the surfaces by local planes in inverse depth, in which real planes are planes.
+
+    A plane is fitted to the pixels of a slab of depths alone, so that a near and a far surface that
+    touch elsewhere are not mixed. Pixels with few neighbours in their slab are flying: NaN.
+    """
+    known = label >= 0
+    level = np.where(known, np.log(np.where(known, depth_mm, 1.0)) / _SLAB, -10.0)
+    lower = np.floor(level)
+    above = level - lower  # share of the slab above, for a smooth change from slab to slab
+    total, weight = np.zeros(depth_mm.shape), np.zeros(depth_mm.shape)
     pad = int(np.ceil(3 * sigma_px))
-    for number, (top, bottom, left, right) in boxes.items():
-        part = np.s_[top:bottom, left:right]
-        mask = label[part] == number
-        d = np.where(mask, 1000.0 / np.nan_to_num(depth_mm[part].astype(np.float64), nan=1.0), 0.0)
-        fitted = _local_planes(np.pad(d, pad), np.pad(mask, pad).astype(np.float64), sigma_px)
-        inner = fitted[pad : pad + mask.shape[0], pad : pad + mask.shape[1]]
-        out[part][mask] = 1000.0 / inner[mask]
-    return out
+    for centre in (
+        range(int(lower[known].min()), int(lower[known].max()) + 2) if known.any() else ()
+    ):
+        share = np.where(lower == centre, 1.0 - above, np.where(lower == centre - 1, above, 0.0))
+        mask = np.abs(level - centre) < 1.5
+        if not share.any():
+            continue
+        rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        inside = mask[part]
+        d = np.where(inside, 1000.0 / np.where(inside, depth_mm[part], 1.0), 0.0)
+        fitted, near = _local_planes(np.pad(d, pad), np.pad(inside, pad) * 1.0, sigma_px)
+        inner = np.s_[pad : pad + inside.shape[0], pad : pad + inside.shape[1]]
+        dense = share[part] * (near[inner] > _LEAST_NEIGHBOURS)
+        total[part] += dense * fitted[inner]
+        weight[part] += dense
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(weight > 0.5, 1000.0 * weight / total, np.nan)
 
 
-def _boxes(label: Labels) -> dict[int, tuple[int, int, int, int]]:
-    """Return the bounds (top, bottom, left, right; ends exclusive) of each surface."""
-    from scipy.ndimage import find_objects
+def _local_planes(values: Array, mask: Array, sigma_px: float) -> tuple[Array, Array]:
+    """Fit a plane around every pixel, weighted by a Gaussian and a mask.
 
-    numbers, place = np.unique(label, return_inverse=True)
-    found = find_objects(place.reshape(label.shape) + 1)
-    return {
-        int(number): (box[0].start, box[0].stop, box[1].start, box[1].stop)
-        for number, box in zip(numbers, found, strict=True)
-        if number >= 0 and box is not None
-    }
-
-
-def _local_planes(values: Array, mask: Array, sigma_px: float) -> Array:
-    """Fit a plane around every pixel, weighted by a Gaussian and a mask; its value there."""
+    Returns:
+        Its value at the pixel, and the share of the window that the mask has.
+    """
     y, x = np.mgrid[: values.shape[0], : values.shape[1]].astype(np.float64)
     known = mask > 0
     offset = float(values[known].mean())
@@ -190,7 +202,8 @@ def _local_planes(values: Array, mask: Array, sigma_px: float) -> Array:
     yd = blur(mask * y * d) / weight - mean_y * mean
     scale = np.maximum(xx * yy - xy * xy, 1e-9)
     slope_x, slope_y = (xd * yy - yd * xy) / scale, (yd * xx - xd * xy) / scale
-    return np.asarray(offset + mean + slope_x * (x - mean_x) + slope_y * (y - mean_y))
+    value = offset + mean + slope_x * (x - mean_x) + slope_y * (y - mean_y)
+    return np.asarray(value), weight
 
 
 def _apart(near: float, far: float) -> bool:

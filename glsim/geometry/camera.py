@@ -186,11 +186,14 @@ class Emitter:
         position_m: its centre, camera frame, metres.
         spread_m: half its length, along the baseline, metres; 0 for a point.
         path_from_m: where the path of its light starts for the decoder; None: at position_m.
+        shares: of the light of a spread emitter: that of the end near the camera, of the centre,
+            and of the far end; they add up to 1.
     """
 
     position_m: Point
     spread_m: float = 0.0
     path_from_m: Point | None = None
+    shares: Point = (1 / 3, 1 / 3, 1 / 3)
 
     @property
     def end_m(self) -> tuple[float, float]:
@@ -199,10 +202,15 @@ class Emitter:
         length = math.hypot(x, y)
         return (self.spread_m * x / length, self.spread_m * y / length) if length else (0.0, 0.0)
 
-    def points_m(self) -> list[NDArray[np.float64]]:
-        """Points that emit, each (3,) metres: the centre, and both ends if it has a length."""
+    def shared_points_m(self) -> list[tuple[NDArray[np.float64], float]]:
+        """Points that emit and their shares of the light: near end, centre, far end.
+
+        Each is (3,) metres; a point has its centre alone.
+        """
         centre, end = np.array(self.position_m), np.array([*self.end_m, 0.0])
-        return [centre, centre + end, centre - end] if end.any() else [centre]
+        if not end.any():
+            return [(centre, 1.0)]
+        return list(zip((centre - end, centre, centre + end), self.shares, strict=True))
 
 
 @dataclass(frozen=True)

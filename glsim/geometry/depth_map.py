@@ -143,9 +143,9 @@ def lit_by_marching(depth_m: NDArray[np.float32], rig: SensorRig) -> NDArray[np.
         return lit
     nearest, farthest = float(depth_m[valid].min()), float(depth_m[valid].max())
     sources = [
-        (point, 1 / len(rig.emitters) / len(emitter.points_m()))
+        (point, share / len(rig.emitters))
         for emitter in rig.emitters
-        for point in emitter.points_m()
+        for point, share in emitter.shared_points_m()
     ]
     for source, weight in sources:
         hidden = np.zeros(depth_m.shape, dtype=bool)

@@ -22,7 +22,7 @@ from glsim.plan.mixture import mix_sources
 from glsim.plan.split import assign_splits
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
-from glsim.settings.seeds import stable_seed
+from glsim.settings.seeds import device_key, stable_seed
 
 
 @dataclass(frozen=True)
@@ -165,13 +165,14 @@ class Plan(Sequence[Task]):
         chosen = thinning.below(before) + index - int(self._first[person])
         key = self._keys(person)[thinning.position(chosen) - before]
         words = (self._settings.seed, self._sources[number].name, subject)
+        device = person % self._settings.devices
         seeds = DrawKeys(
             frame=stable_seed("frame", *words, key.sequence, key.frame),
             sequence=stable_seed("sequence", *words, key.sequence),
             subject=stable_seed("subject", *words),
+            device=device_key(self._settings.seed, device),
         )
         split = SPLIT_NAMES[self._split[person]]
-        device = person % self._settings.devices
         return Task(index, split, subject, number, key, seeds, device)
 
     def people(self) -> Iterator[PersonFrames]:

@@ -143,6 +143,7 @@ class ShadowMap:
         program = self._pass.program
         program["u_emitter_m"] = emitter.position_m
         program["u_spread_m"] = emitter.end_m
+        program["u_shares"] = emitter.shares
         program["u_map"] = (scale, scale, -left * scale, -top * scale)
         program["u_map_range"] = (near, far)
         program["u_texel"] = 1.0 / focal

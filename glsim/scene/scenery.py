@@ -199,7 +199,7 @@ def _room_scenery(
     return Scenery(props, drawn, tilt, places)
 
 
-_SCOPES = ("frame", "sequence", "subject")
+_SCOPES = ("frame", "sequence", "subject", "device")
 
 
 def _held(setting: Distribution, seeds: DrawKeys, settings: SceneSettings) -> DrawKeys:

@@ -20,6 +20,7 @@ border_px = [0, 0, 0, 0]  optional: left, top, right, bottom of what imagers see
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
 spread_m = 0.005          optional: three points instead of one, this far apart
+shares = [0.2, 0.4, 0.4]  optional: of the light, near end, centre, far end
 path_from_m = [0.04, 0, 0]   optional: where the decoder counts paths from, if elsewhere
 [[rig.imager]]            stereo: two; structured light: one, matched with the first emitter's dots
 position_m = [0, 0, 0]
@@ -75,6 +76,7 @@ _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 _Metres = Annotated[float, Field(ge=-100, le=100)]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Border = Annotated[int, Field(ge=0, le=1024)]
+_Share = Annotated[float, Field(ge=0, le=1)]
 _ViewDeg = Annotated[float, Field(ge=1, le=170)]
 
 
@@ -82,6 +84,13 @@ class _EmitterTable(TomlTable, allow_inf_nan=False):
     position_m: tuple[_Metres, _Metres, _Metres]
     spread_m: float = Field(0.0, ge=0, le=0.2)
     path_from_m: tuple[_Metres, _Metres, _Metres] | None = None
+    shares: tuple[_Share, _Share, _Share] = (1 / 3, 1 / 3, 1 / 3)
+
+    @model_validator(mode="after")
+    def _check(self) -> _EmitterTable:
+        if abs(sum(self.shares) - 1.0) > 1e-3:
+            raise ValueError(f"shares {list(self.shares)}: must add up to 1")
+        return self
 
 
 class _ImagerTable(TomlTable, allow_inf_nan=False):
@@ -154,7 +163,7 @@ class _RigTable(TomlTable, allow_inf_nan=False):
     def rig(self) -> SensorRig:
         return SensorRig(
             Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
-            tuple(Emitter(e.position_m, e.spread_m, e.path_from_m) for e in self.emitter),
+            tuple(Emitter(e.position_m, e.spread_m, e.path_from_m, e.shares) for e in self.emitter),
             Distortion(**self.distortion.model_dump()),
             self.deliver,
             self.near_m,
@@ -245,6 +254,7 @@ class Sensor:
             "deliver": self.rig.deliver,
             "emitters_m": [list(e.position_m) for e in self.rig.emitters],
             "emitter_spreads_m": [e.spread_m for e in self.rig.emitters],
+            "emitter_shares": [list(e.shares) for e in self.rig.emitters],
             "path_from_m": list(self.rig.emitter_m),
             **({"imagers_m": [list(i) for i in self.rig.imagers_m]} if self.rig.imagers_m else {}),
             "modulation_mhz": list(self.rig.modulation_mhz),

@@ -5,6 +5,9 @@
     yaw_deg = { normal = [0, 15], per = "sequence" } one draw per sequence
     octaves = { choice = [1, 2, 4] }
     sigma_px = { loguniform = [0.1, 1] }
+    sigma_mm = { uniform = [1.0, 1.3], per = "device" }
+
+The first device of a plan is the typical one: it has the middle of what is drawn per device.
 
 A draw is a function of its key and name only: adding a distribution changes no other draw.
 """
@@ -21,6 +24,8 @@ from glsim.settings.seeds import keyed_rng
 from glsim.settings.tables import TomlTable
 
 Scope = Literal["frame", "sequence", "subject"]
+#: Of a number: scenes and shapes belong to subjects, numbers of a sensor to devices too.
+DrawScope = Literal[Scope, "device"]
 
 
 class Distribution(TomlTable):
@@ -31,7 +36,7 @@ class Distribution(TomlTable):
     loguniform: tuple[float, float] | None = None
     normal: tuple[float, float] | None = None
     choice: tuple[float, ...] | None = None
-    per: Scope = "frame"
+    per: DrawScope = "frame"
 
     @model_validator(mode="after")
     def _check(self) -> Distribution:
@@ -71,11 +76,23 @@ class Distribution(TomlTable):
             return mean - 3 * sigma, mean + 3 * sigma
         return min(self._numbers()), max(self._numbers())
 
+    @property
+    def typical(self) -> float:
+        """The median of uniform, loguniform and normal, the first number of choice."""
+        if self.uniform is not None:
+            return 0.5 * (self.uniform[0] + self.uniform[1])
+        if self.loguniform is not None:
+            return math.sqrt(self.loguniform[0] * self.loguniform[1])
+        return self._numbers()[0]
+
     def draw(self, keys: DrawKeys, name: str) -> float:
         """Draw the number of the setting ``name`` for the frame that ``keys`` identify."""
         if self.constant is not None:
             return self.constant
-        rng = keyed_rng(getattr(keys, self.per), name)
+        key = getattr(keys, self.per)
+        if key is None:
+            return self.typical
+        rng = keyed_rng(key, name)
         if self.uniform is not None:
             return float(rng.uniform(*self.uniform))
         if self.loguniform is not None:
@@ -87,11 +104,15 @@ class Distribution(TomlTable):
 
 
 class DrawKeys(NamedTuple):
-    """64-bit seeds of a frame, of its sequence and of its subject."""
+    """64-bit seeds of a frame, of its sequence, of its subject and of its virtual device.
+
+    device: None for the first device of a plan, which is the typical one.
+    """
 
     frame: int
     sequence: int
     subject: int
+    device: int | None = None
 
     def held_in_sequence(self) -> DrawKeys:
         """Return the keys with which nothing is drawn anew within a sequence."""

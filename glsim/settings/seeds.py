@@ -41,3 +41,13 @@ def keyed_rng(seed: int, key: int | str) -> np.random.Generator:
 def pcg_rng(*words: object) -> np.random.Generator:
     """Return the generator of ``stable_seed(*words)`` (PCG64)."""
     return np.random.default_rng(stable_seed(*words))
+
+
+def device_key(seed: int, device: int) -> int | None:
+    """Return the key of what differs from device to device: None for the first, typical one.
+
+    Args:
+        seed: of the settings.
+        device: number of the virtual device.
+    """
+    return stable_seed("device", seed, device) if device else None

@@ -1,6 +1,7 @@
 #version 330 core
 // centres: the layers of a pixel from those of its samples: the sample at the pixel's centre, and
-// its largest difference from the others.
+// its largest difference from the others. The albedo is the mean of the samples on the surface at the
+// centre: a pixel sees an area, and the edge of a print is as wide as that.
 uniform sampler2D u_fine_seen; // depth, albedo
 uniform sampler2D u_rays;
 uniform vec2 u_focal_px;
@@ -34,11 +35,17 @@ void main() {
     vec2 seen = textureLod(u_fine_seen, middle * texel, 0.0).rg;
     clean = seen.r;
     float low = clean, high = clean, sum = 0.0;
+    float print = 0.0, same = 0.0; // sum of the albedos on the surface, and their number
     float left = clean, right = clean, above = clean, below = clean; // the samples beside the middle
     const int REACH = SIDE / 2;
     for (int y = -REACH; y <= REACH; y++) {
         for (int x = -REACH; x <= REACH; x++) {
-            float z = textureLod(u_fine_seen, (middle + vec2(x, y)) * texel, 0.0).r;
+            vec2 sample_seen = textureLod(u_fine_seen, (middle + vec2(x, y)) * texel, 0.0).rg;
+            float z = sample_seen.r;
+            if (z > 0.0 && abs(z - clean) < EDGE_SHARE * clean) {
+                print += sample_seen.g;
+                same += 1.0;
+            }
             low = min(low, z);
             high = max(high, z);
             sum += z;
@@ -57,6 +64,6 @@ void main() {
     vec3 along_y = tangent(above, clean, below, ray, vec3(0.0, step.y, 0.0));
     vec3 n = cross(along_y, along_x) * inversesqrt(
         max(dot(cross(along_y, along_x), cross(along_y, along_x)), 1e-30));
-    albedo = clean > 0.0 ? seen.g : 0.0;
+    albedo = clean > 0.0 ? print / same : 0.0;
     normal = clean > 0.0 ? vec4(dot(n, ray) > 0.0 ? -n : n, albedo) : vec4(0.0);
 }

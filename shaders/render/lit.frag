@@ -11,6 +11,7 @@ uniform sampler2DShadow u_projector; // linear filter: the share of 4 texels tha
 uniform sampler2D u_projector_depth; // the same z-buffer, unfiltered
 uniform vec3 u_emitter_m;
 uniform vec2 u_spread_m;   // from the centre of the emitter to its end; 0 for a point
+uniform vec3 u_shares;     // of the light: the near end's, the centre's, the far end's
 uniform vec4 u_map;        // tangents (x/z, y/z) to texture coordinates: scale.xy, offset.zw
 uniform vec2 u_map_range;  // near and far plane of the z-buffer, m
 uniform float u_texel;     // size of a texel of the z-buffer, tangent units
@@ -83,7 +84,7 @@ void main() {
     if (spread > 0.0) {
         vec2 direction = u_spread_m / spread;
         vec2 ends = reached(tangent, seen.z, spread, direction, bias);
-        share = (share + ends.x + ends.y) / 3.0;
+        share = dot(u_shares, vec3(ends.y, share, ends.x));
     }
     lit = u_weight * share;
 }

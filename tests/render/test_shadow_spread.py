@@ -52,5 +52,7 @@ def test_a_point_makes_a_hard_shadow(context: moderngl.Context) -> None:
 def test_ends_lie_along_the_baseline() -> None:
     along_y = Emitter((0.0, 0.05, 0.0), 0.01)
     assert along_y.end_m == pytest.approx((0.0, 0.01))
-    np.testing.assert_allclose(along_y.points_m(), [[0, 0.05, 0], [0, 0.06, 0], [0, 0.04, 0]])
-    assert len(Emitter((0.0, 0.05, 0.0)).points_m()) == 1
+    points, shares = zip(*along_y.shared_points_m(), strict=True)
+    np.testing.assert_allclose(points, [[0, 0.04, 0], [0, 0.05, 0], [0, 0.06, 0]])
+    assert sum(shares) == pytest.approx(1.0)
+    assert len(Emitter((0.0, 0.05, 0.0)).shared_points_m()) == 1

@@ -21,7 +21,7 @@ from glsim.plan.split import split_subjects
 from glsim.plan.tasks import Task
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
-from glsim.settings.seeds import pcg_rng, stable_seed
+from glsim.settings.seeds import device_key, pcg_rng, stable_seed
 
 #: Number of lanes; 1, 2, 3, 4, 6 and 12 workers share them evenly.
 LANES: Final = 12
@@ -126,12 +126,13 @@ class BatchStream:
         for number in chosen:
             key = keys[number]
             draw = int(rng.integers(2**63))
+            device = int(rng.integers(settings.devices)) if of_visit is None else of_visit
             seeds = DrawKeys(
                 frame=stable_seed("simulated", self.seed, lane, block, draw),
                 sequence=stable_seed("sequence", *identity, key.sequence),
                 subject=stable_seed("subject", *identity),
+                device=device_key(settings.seed, device),
             )
-            device = int(rng.integers(settings.devices)) if of_visit is None else of_visit
             tasks.append(Task(number, self.split, subject, source, key, seeds, device))
         return tasks
 

@@ -17,10 +17,14 @@ from glsim.noise.numpy_twins.random import (
     normal_pair,
     pcg_word,
     random_bits,
+    uniform01,
 )
 
 #: pi/2 - a is at least _FROM_POLE, rad: the angle term has a pole at 90 degrees.
 _HALF_PI, _FROM_POLE = np.float32(1.57079632679), np.float32(1e-3)
+
+#: Steps of the slow error of fixed_pattern down the image.
+_PROFILE_STEPS = np.float32(6.0)
 
 
 def angle_to_axis(normal: Image) -> Image:
@@ -65,12 +69,20 @@ def fixed_pattern(view: StageView, layers: Layers, p: Parameters) -> dict[str, I
     column = normal_pair(first, second)[0]
     first, second, _, _ = random_bits(0, y, view.device_seed, 2)
     row = normal_pair(first, second)[0]
-    plus_first = pcg_word(np.array([view.device_seed], np.uint32)) & np.uint32(1) == 1
-    half_sign = np.where((2 * y < view.height) == plus_first, np.float32(1.0), np.float32(-1.0))
+    half_sign = np.where(2 * y < view.height, np.float32(-1.0), np.float32(1.0))
+    place = _PROFILE_STEPS * (y.astype(np.float32) + np.float32(0.5)) / np.float32(view.height)
+    step = np.floor(place)
+    ends = [
+        normal_pair(*random_bits(1, step.astype(np.int64) + k, view.device_seed, 3)[:2])[0]
+        for k in (0, 1)
+    ]
+    share = uniform01(pcg_word(np.array([view.device_seed], np.uint32)))
+    profile = p["row_profile_mm"] * share * (ends[0] + (ends[1] - ends[0]) * (place - step))
     odd = np.where(y % 2 == 1, np.float32(1.0), np.float32(-1.0))
-    step = p["row_alternation_mm"] * half_sign + np.float32(0.5) * p["row_step_mm"]
+    alternation = p["row_alternation_mm"] * half_sign + profile
+    alternation = alternation + np.float32(0.5) * p["row_step_mm"]
     error = p["pixel_sigma_mm"] * own + p["column_sigma_mm"] * column
-    error = error + p["row_sigma_mm"] * row + odd * step
+    error = error + p["row_sigma_mm"] * row + odd * alternation
     if "pattern_map" in layers:  # of the whole frame, as on the GPU
         measured = layers["pattern_map"][view.window.slices]
         error = np.where(measured < np.float32(1e5), measured, error)
