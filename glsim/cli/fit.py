@@ -59,7 +59,10 @@ def fit(
     albedo: Annotated[
         float, typer.Option(min=0.01, max=2, help="Albedo of the scene relative to a white wall.")
     ] = 1.0,
-    depth_unit_mm: Annotated[float, typer.Option(help="Step of the depth files, mm.")] = 1.0,
+    depth_unit_mm: Annotated[
+        float | None,
+        typer.Option(help="Step of the depth files, mm. Default: as the recording says, or 1."),
+    ] = None,
     base: Annotated[
         str | None, typer.Option(help="Base sensor: kinect-v2-fast (default) or kinect-v2.")
     ] = None,
