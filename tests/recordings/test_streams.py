@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,7 +81,7 @@ def test_the_bags_of_glsim_export_are_read_again(tmp_path: Path, version: str) -
 def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
     file = tmp_path / "a.mkv"
     colour = [np.zeros((64, 64, 3), np.uint8)] * 4
-    tracks = {"COLOR": colour, "DEPTH": AZURE, "IR": AZURE_IR}
+    tracks: dict[str, list[Any]] = {"COLOR": colour, "DEPTH": AZURE, "IR": AZURE_IR}
     write_mkv(file, tracks, azure_calibration(), codec=codec)
     recording = open_recording(file)
     assert (recording.kind, len(recording.files)) == ("mkv", 4)
