@@ -44,6 +44,7 @@ ROOMS = (
     "glsim.dataset",
     "glsim.measures",
     "glsim.recordings",
+    "glsim.identify",
     "glsim.denoise.inputs",
     "glsim.exports",
     "glsim.train.models",

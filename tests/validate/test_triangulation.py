@@ -39,7 +39,7 @@ def test_the_sheet_passes(context: moderngl.Context, sensor: str) -> None:
         ("rim_px = 0\nborder_px = 0", {"7", "8"}),
         ("support_px = 1\nwindow_px = 3", {"1", "2"}),
         ("texture_counts = 6.0", {"10"}),
-        ("contrast_floor_counts = 1.0", {"11"}),
+        ("uniqueness_percent = 40", {"11"}),
         ("depth_unit_mm = 1\ndevice_sigma_px = 0.3\ndevice_grain_px = 2", {"3"}),
     ],
 )
