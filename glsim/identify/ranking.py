@@ -132,9 +132,15 @@ def _by_lattice(camera: Camera, evidence: Evidence, unit_mm: float) -> Iterator[
 
 
 def _nearest_mode(constants: dict[Size, float], evidence: Evidence) -> tuple[Size, float, float]:
-    """Return size, K and distance of the mode whose K is nearest; of the recording's size first."""
+    """Return size, K and distance of the mode whose K is nearest.
+
+    Of the recording's own size if it is a mode, else of the modes that it may be cut from.
+    """
+    width, height = evidence.size
+    whole = {s: k for s, k in constants.items() if s[0] >= width and s[1] >= height}
     if evidence.size in constants:
-        constants = {evidence.size: constants[evidence.size]}
+        whole = {evidence.size: constants[evidence.size]}
+    constants = whole or constants
     found = evidence.lattice
     if found is None or not found.accepted:
         size, constant = next(iter(constants.items()))
