@@ -31,6 +31,8 @@ glsim fit recording/
 glsim fit depth/ --infrared infrared/ -o my_kinect.toml --albedo 0.8
 
 glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --centre-px 320,240
+
+glsim fit recording.bag -o my_d435.toml             stereo: recognised by its depths
 """
 
 
@@ -64,7 +66,11 @@ def fit(
         typer.Option(help="Step of the depth files, mm. Default: as the recording says, or 1."),
     ] = None,
     base: Annotated[
-        str | None, typer.Option(help="Base sensor: kinect-v2-fast (default) or kinect-v2.")
+        str | None,
+        typer.Option(
+            help="Base sensor: kinect-v2-fast, kinect-v2, or one that matches images. Default: "
+            "what the recording's depths say."
+        ),
     ] = None,
 ) -> None:
     """Measure a camera's noise on a recording of a static scene and write a sensor file.
@@ -76,11 +82,16 @@ def fit(
     shows the fixed pattern, which is also written as a map: NAME_fixed_pattern.npy, float32 mm,
     (rows, columns), NaN where it is unknown. The sensor file names the map, and frames of that
     sensor have this pattern.
+
+    Recordings of stereo and structured light are told by their depths (the lattice of f B / n): the
+    fit finds focal length times baseline, the noise of disparity from frame to frame and what stays
+    of it, its correlation, holes, and writes a sensor that extends the nearest shipped one.
     """
     import io
 
     import numpy as np
 
+    from glsim.cli.fit_stereo import fit_stereo_recording, stereo_base
     from glsim.files.atomic import write_atomic
     from glsim.fit.noise_model import fit_infrared, fit_noise_model
     from glsim.fit.recording_statistics import measure_recording
@@ -99,8 +110,11 @@ def fit(
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
-    name, tree = base_sensor(base)
     recording = open_recording(frames, depth_unit_mm, infrared=infrared)
+    if (matching := stereo_base(recording, base)) is not None:
+        fit_stereo_recording(recording, matching, out, focal_px, centre_px)
+        return
+    name, tree = base_sensor(base)
     recorded = recording.read_static()
     image = _camera(tree["rig"], recording.camera, recorded.camera, focal_px, centre_px)
     recorded = recorded.with_camera(image)
