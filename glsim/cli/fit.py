@@ -20,6 +20,7 @@ from glsim.errors import ConfigError
 if TYPE_CHECKING:
     from glsim.fit.noise_model import InfraredLaw, NoiseModel
     from glsim.fit.recording_statistics import RecordingStatistics
+    from glsim.fit.smoothing import Smoothing
     from glsim.fit.wiggling import Wiggling
     from glsim.geometry.camera import Intrinsics
 
@@ -104,6 +105,7 @@ def fit(
         sensor_toml,
         unplaced_parameters,
     )
+    from glsim.fit.smoothing import find_smoothing, has_filter, smoothed_values, with_smoothing
     from glsim.fit.wiggling import fit_wiggling
     from glsim.recordings.recording import open_recording
     from glsim.sensors.sensor import load_sensor
@@ -119,6 +121,10 @@ def fit(
     image = _camera(tree["rig"], recording.camera, recorded.camera, focal_px, centre_px)
     recorded = recorded.with_camera(image)
     statistics = measure_recording(recorded)
+    smoothing = find_smoothing(statistics.correlation)
+    if smoothing is not None and base is None:
+        name, tree = base_sensor("kinect-v2")  # its filter can be exchanged
+    wide = smoothing is not None and has_filter(tree)
     emitter, taps = load_sensor(name).rig.emitter_m, base_taps(tree)
     unit_mm = recorded.frames[0].quantum_mm
     model = fit_noise_model(statistics, image, albedo, unit_mm, base_profile(tree), emitter, taps)
@@ -127,7 +133,14 @@ def fit(
         law = fit_infrared(statistics, recorded, albedo, taps)
     wiggling = fit_wiggling(statistics, image, emitter)
     values = fitted_values(statistics, model, law, taps, wiggling)
+    if smoothing is not None and wide:
+        own = {"read_lsb2": taps.read_lsb2, "shot_lsb": taps.shot_lsb}
+        sigma_mm = float(np.sqrt(np.nanmedian(statistics.variance_mm2[statistics.smooth])))
+        values = smoothed_values(values, smoothing, own, sigma_mm)
+        tree = with_smoothing(tree, smoothing)
     lines = _result_lines(statistics, model, law, wiggling)
+    if smoothing is not None:
+        lines.append(("filter of the correlated noise", _smoothing_text(smoothing, wide)))
     map_file = out.with_name(f"{out.stem}_fixed_pattern.npy")
     missing = unplaced_parameters(tree, values)
     usable_map = knows_pattern(statistics)
@@ -247,6 +260,16 @@ def _map_text(statistics: RecordingStatistics) -> str:
             "and the sensor does not name the map"
         )
     return text
+
+
+def _smoothing_text(smoothing: Smoothing, wide: bool) -> str:
+    if not wide:
+        return "beyond 3x3 px, which this base cannot have: give --base kinect-v2"
+    numbers = ", ".join(f"{c:.2f}" for c in smoothing.correlation[:3])
+    return (
+        f"Gaussian over 7x7 px, {smoothing.width_px:.1f} px (tof_smooth): {numbers} at 1 to 3 px "
+        "along rows"
+    )
 
 
 def _wiggling_text(wiggling: Wiggling | None) -> str:

@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.fit.sensor_file import BASES
@@ -131,7 +132,8 @@ class _Trials:
         file.write_text(stereo_toml(replace(trial, values=values), self.sensor, ("a trial",)))
         camera = VirtualCamera(str(file), self._context)
         product = 1000.0 * camera.rig.intrinsics.fx * camera.rig.baseline_m
-        disparity, pairs = [], []
+        disparity: list[NDArray[np.float64]] = []
+        pairs: list[tuple[int, int]] = []
         for z_mm in self._distances_mm:
             mesh = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm)
             shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm:.0f}")
