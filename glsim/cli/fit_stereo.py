@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from glsim.recordings.recording import Recording
     from glsim.sensors.sensor import Sensor
 
-#: Base of recordings on a lattice that no known camera has.
-_ANY_STEREO = "realsense-d435"
+#: Bases of recordings on a lattice that no known camera has: by size, and for other sizes.
+_VGA, _ANY_STEREO = {(640, 480): "realsense-d435-vga"}, "realsense-d435"
 
 
 def stereo_base(recording: Recording, base: str | None) -> str | None:
@@ -46,7 +46,7 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
     best = rank_cameras(evidence)[0].sensor
     if best and matches_images(best):
         return best
-    return _ANY_STEREO if evidence.has_lattice else None
+    return _VGA.get(evidence.size, _ANY_STEREO) if evidence.has_lattice else None
 
 
 def fit_stereo_recording(
