@@ -80,6 +80,7 @@ HOMES = {
         "glsim.render_cache",
         "glsim.pipeline",
         "glsim.validate",
+        "glsim.fit.stereo_sensor",
         "glsim.tune.bench",
         "glsim.cli",
     ),

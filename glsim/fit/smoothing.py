@@ -131,4 +131,4 @@ def _correlation(width_px: float) -> Array:
         (kernel[: size - down, : size - right] * kernel[down:, right:]).sum()
         for down, right in LAGS
     ]
-    return np.array(products) / (kernel**2).sum()
+    return np.asarray(np.array(products) / (kernel**2).sum())

@@ -4,8 +4,9 @@ What a parameter does to disparity is known only by running the matcher: the bas
 recording's focal length, baseline and unit captures tilted planes at the distances of the recording
 and is measured as the recording was. One parameter answers for one measure, in this order:
 
-    correlation between pixels   match_stereo.support_px, the side of the averaged region
     noise from frame to frame    stereo_exposure.speckle_sigma, the noise of the laser's light
+    correlation between pixels   match_stereo.support_px, the side of the averaged region; then the
+                                 noise from frame to frame again
     static share                 match_stereo.device_sigma_px, the device's own error
 """
 
@@ -38,8 +39,8 @@ _SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25
 _LAGS = slice(0, 6)
 #: Speckle that is tried first, and most, as a share of the signal; steps of refinement.
 _FIRST_SPECKLE, _MOST_SPECKLE, _REFINEMENTS = 0.1, 0.8, 3
-#: Frames of a plane, its tilt and albedo: those of the sheets of ``glsim validate``.
-_FRAMES, _TILT_DEG, _ALBEDO = 3, 10.0, 0.6
+#: Frames of a plane, its albedo (that of the sheets of ``glsim validate``), steepest tilt, degrees.
+_FRAMES, _ALBEDO, _MOST_TILT_DEG = 3, 0.6, 60.0
 #: Stages that expose: of two imagers, of one imager and a pattern.
 _EXPOSURES = ("stereo_exposure", "pattern_exposure")
 
@@ -102,9 +103,11 @@ def fit_stereo(
     trial = StereoFit(base, image, baseline_m, values, statistics.noise, ())
     with TemporaryDirectory() as folder:
         tried = _Trials(statistics, sensor, Path(folder), context)
-        trial = _fit_support(tried, trial)
-        if exposure is not None:
-            trial = _fit_speckle(tried, trial, f"{exposure}.speckle_sigma")
+        speckle = f"{exposure}.speckle_sigma"
+        first = trial if exposure is None else _fit_speckle(tried, trial, speckle)
+        trial = _fit_support(tried, first)
+        if exposure is not None and not _same_support(trial, sensor):
+            trial = _fit_speckle(tried, replace(trial, notes=()), speckle)
         trial = _fit_static(tried, trial)
         return replace(trial, noise=tried.noise(trial))
 
@@ -121,7 +124,7 @@ class _Trials:
     ) -> None:
         self.target = statistics.noise
         self.sensor = sensor
-        self._distances_mm = statistics.distances_mm
+        self._distances_mm, self._slopes = statistics.distances_mm, statistics.slopes
         self._folder, self._context, self._count = folder, context, 0
 
     def noise(self, trial: StereoFit, **changes: float) -> DisparityNoise:
@@ -134,8 +137,11 @@ class _Trials:
         product = 1000.0 * camera.rig.intrinsics.fx * camera.rig.baseline_m
         disparity: list[NDArray[np.float64]] = []
         pairs: list[tuple[int, int]] = []
-        for z_mm in self._distances_mm:
-            mesh = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm)
+        for z_mm, slope in zip(self._distances_mm, self._slopes, strict=True):
+            # Disparity changes by slope, so depth by z^2 slope / (f B), over z / f beside it.
+            steep = slope * z_mm * camera.rig.intrinsics.fx / product
+            tilt = min(float(np.degrees(np.arctan(steep))), _MOST_TILT_DEG)
+            mesh = scenes.tilted(z_mm, tilt, _ALBEDO, half_mm=z_mm)
             shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm:.0f}")
             first = len(disparity)
             disparity += list(to_disparity(np.nan_to_num(shot.fine_mm), product))
@@ -164,6 +170,10 @@ def _fit_support(tried: _Trials, trial: StereoFit) -> StereoFit:
         if best != start:
             break
     return _with(trial, f"{MATCHER}.support_px", best)
+
+
+def _same_support(trial: StereoFit, sensor: Sensor) -> bool:
+    return trial.values[f"{MATCHER}.support_px"] == int(matcher_value(sensor, "support_px")) | 1
 
 
 def _fit_speckle(tried: _Trials, trial: StereoFit, name: str) -> StereoFit:

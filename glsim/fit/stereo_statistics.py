@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from glsim.errors import DatasetError
 from glsim.measures.disparity import (
     LEAST_TILES,
+    TILE_PX,
     DisparityNoise,
     find_tiles,
     measure_disparity_noise,
@@ -27,8 +28,8 @@ FRAMES = 24
 #: Two frames show one view if half of the pixels change by less than this, px. Chosen: three times
 #: the median change of a D4xx's noise; a camera that moves by 1 px has more.
 _STILL_PX = 0.35
-#: Quantiles of the tiles' disparities at whose distances noise is reproduced.
-_QUANTILES = (0.15, 0.5, 0.85)
+#: Groups of tiles, by distance, at whose planes noise is reproduced.
+_GROUPS = 3
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,9 @@ class StereoStatistics:
         focal_baseline_px_mm: focal length times baseline.
         lattice: of the depths; None if it was not found, and f B is the base sensor's.
         noise: of disparity, px.
-        distances_mm: of the planes, nearest first.
+        distances_mm: of the planes of three groups of tiles, nearest first.
+        slopes: of these in the image, px of disparity per px: noise depends on it. Medians of a
+            group, because noise alone gives a tile a slope.
         holes: share of holes right of the left border's band.
         flips: share of pixels with depth in one of two frames only.
     """
@@ -54,6 +57,7 @@ class StereoStatistics:
     lattice: Lattice | None
     noise: DisparityNoise
     distances_mm: tuple[float, ...]
+    slopes: tuple[float, ...]
     holes: float
     flips: float
 
@@ -92,8 +96,8 @@ def measure_stereo(
             f"{frames.title}: only {noise.tiles} parts of 40x40 px are full of depth: record "
             "walls, a floor, a table, at several distances, and do not move"
         )
-    levels = find_tiles(disparity[0]).level
-    distances = product / np.quantile(levels, _QUANTILES)[::-1]
+    levels, slopes = _planes(disparity[0])
+    groups = np.array_split(np.argsort(-levels), _GROUPS)
     height, width = disparity[0].shape
     return StereoStatistics(
         len(disparity),
@@ -102,10 +106,24 @@ def measure_stereo(
         product,
         lattice,
         noise,
-        tuple(float(z) for z in distances),
+        tuple(product / float(np.median(levels[group])) for group in groups),
+        tuple(float(np.hypot(*np.median(slopes[group], axis=0))) for group in groups),
         hole_share_beside_band(disparity),
         flip_share(disparity, pairs),
     )
+
+
+def _planes(disparity: Array) -> tuple[Array, Array]:
+    """Return level, (N,) px, and slope along rows and columns, (N, 2) px per px, of tiles."""
+    tiles = find_tiles(disparity)
+    half = TILE_PX // 2
+    slopes = []
+    for top, left in zip(tiles.top, tiles.left, strict=True):
+        tile = disparity[top : top + TILE_PX, left : left + TILE_PX]
+        down = np.nanmean(tile[half:]) - np.nanmean(tile[:half])
+        right = np.nanmean(tile[:, half:]) - np.nanmean(tile[:, :half])
+        slopes.append((right / half, down / half))
+    return tiles.level, np.array(slopes)
 
 
 def _check_still(frames: FrameSet, disparity: list[Array]) -> None:

@@ -19,6 +19,8 @@ from glsim.files.png import encode_png
 from glsim.fit.stereo_statistics import find_lattice, measure_stereo
 from glsim.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
 from glsim.measures.frame import FrameSet, frame_set
+from glsim.measures.stacks import with_nan
+from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.recordings.recording import open_recording
 from glsim.sensors.sensor import load_sensor
 from glsim.validate import VirtualCamera
@@ -76,8 +78,8 @@ def test_recordings_that_cannot_serve_are_refused(frames: FrameSet, message: str
 
 
 def test_the_depths_choose_the_base(tmp_path: Path) -> None:
-    stereo = np.stack([np.nan_to_num(f.depth_mm) for f in planted(count=2).frames])
-    stereo = open_recording(write(tmp_path / "stereo", stereo.astype(np.uint16)))
+    depths = np.stack([np.nan_to_num(f.depth_mm) for f in planted(count=2).frames])
+    stereo = open_recording(write(tmp_path / "stereo", depths.astype(np.uint16)))
     assert stereo_base(stereo, None) == "realsense-d435-vga"
     assert stereo_base(stereo, "realsense-d455") == "realsense-d455"
     assert stereo_base(stereo, "kinect-v2") is None
@@ -104,6 +106,10 @@ def _noise(shot: NDArray[np.uint16], product: float) -> DisparityNoise:
     )
 
 
+def flips(frames: NDArray[np.float64]) -> float:
+    return flip_share(list(frames), list(pairwise(range(len(frames)))))
+
+
 @pytest.mark.long
 def test_a_changed_sensor_comes_back(context: moderngl.Context, tmp_path: Path) -> None:
     """Another baseline, more noise in time, a larger error of its own, a wider support."""
@@ -126,8 +132,11 @@ def test_a_changed_sensor_comes_back(context: moderngl.Context, tmp_path: Path) 
     assert 1000 * rig.baseline_m * rig.intrinsics.fx == pytest.approx(product, rel=1e-3)
     again = VirtualCamera(str(out), context, seed=5).capture(scene, 12, None, scene="corner")
     real, own = _noise(shot.encoded, product), _noise(again.encoded, product)
+    for share in (hole_share_beside_band, flips):
+        found, planted_share = share(with_nan(again.encoded)), share(with_nan(shot.encoded))
+        assert found == pytest.approx(planted_share, rel=0.5)
     assert own.frame == pytest.approx(real.frame, rel=0.2)
     assert own.static == pytest.approx(real.static, rel=0.25)
-    assert own.residual == pytest.approx(real.residual, rel=0.2)
+    assert own.residual == pytest.approx(real.residual, rel=0.25)
     np.testing.assert_allclose(own.frame_rows[:5], real.frame_rows[:5], atol=0.12)
     np.testing.assert_allclose(own.frame_columns[:5], real.frame_columns[:5], atol=0.12)
