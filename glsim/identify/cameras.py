@@ -67,26 +67,30 @@ def _d4xx_modes(focal_1280_px: float, vga_share: float) -> dict[Size, float]:
 #: Of planes that real D4xx cameras see, px, and their correlation at 4 px along rows.
 _D4XX_NOISE, _D4XX_CORRELATION = (0.03, 0.26), (0.45, 0.9)
 
+
+def _d4xx(
+    title: str,
+    sensors: Mapping[Size, str],
+    focal_px: Mapping[Size, float],
+    baseline_mm: float,
+    units_mm: tuple[float, ...] = (1.0, 0.1),
+) -> Camera:
+    """Return a RealSense D4xx: they differ in these alone."""
+    return Camera(
+        title, sensors, focal_px, baseline_mm, units_mm=units_mm, noise=_D4XX_NOISE,
+        correlation=_D4XX_CORRELATION, shadow="left", infrared_bits=8,
+    )  # fmt: skip
+
+
 CAMERAS = (
-    Camera(
+    _d4xx(
         "RealSense D435", {(848, 480): "realsense-d435", (640, 480): "realsense-d435-vga"},
-        _d4xx_modes(639.7, 0.6), 50.17, units_mm=(1.0, 0.1), noise=_D4XX_NOISE,
-        correlation=_D4XX_CORRELATION, shadow="left", infrared_bits=8,
+        _d4xx_modes(639.7, 0.6), 50.17,
     ),
-    Camera(
-        "RealSense D455", {(848, 480): "realsense-d455"},
-        _d4xx_modes(653.8, 0.6), 95.0, units_mm=(1.0, 0.1), noise=_D4XX_NOISE,
-        correlation=_D4XX_CORRELATION, shadow="left", infrared_bits=8,
-    ),
-    Camera(
-        "RealSense D415", {(1280, 720): "realsense-d415"},
-        _d4xx_modes(943.57, 2 / 3), 56.2, units_mm=(1.0, 0.1), noise=_D4XX_NOISE,
-        correlation=_D4XX_CORRELATION, shadow="left", infrared_bits=8,
-    ),
-    Camera(
-        "RealSense D405", {(1280, 720): "realsense-d405"},
-        _d4xx_modes(648.0, 0.6), 18.0, units_mm=(0.1, 1.0), noise=_D4XX_NOISE,
-        correlation=_D4XX_CORRELATION, shadow="left", infrared_bits=8,
+    _d4xx("RealSense D455", {(848, 480): "realsense-d455"}, _d4xx_modes(653.8, 0.6), 95.0),
+    _d4xx("RealSense D415", {(1280, 720): "realsense-d415"}, _d4xx_modes(943.57, 2 / 3), 56.2),
+    _d4xx(
+        "RealSense D405", {(1280, 720): "realsense-d405"}, _d4xx_modes(648.0, 0.6), 18.0, (0.1, 1.0),
     ),
     Camera(
         "OAK-D Pro", {(1280, 800): "oak-d-pro"}, {(1280, 800): 763.0, (640, 400): 381.5}, 75.0, 8,
