@@ -90,7 +90,8 @@ CAMERAS = (
     _d4xx("RealSense D455", {(848, 480): "realsense-d455"}, _d4xx_modes(653.8, 0.6), 95.0),
     _d4xx("RealSense D415", {(1280, 720): "realsense-d415"}, _d4xx_modes(943.57, 2 / 3), 56.2),
     _d4xx(
-        "RealSense D405", {(1280, 720): "realsense-d405"}, _d4xx_modes(648.0, 0.6), 18.0, (0.1, 1.0),
+        "RealSense D405", {(1280, 720): "realsense-d405"},
+        _d4xx_modes(648.0, 0.6), 18.0, (0.1, 1.0),
     ),
     Camera(
         "OAK-D Pro", {(1280, 800): "oak-d-pro"}, {(1280, 800): 763.0, (640, 400): 381.5}, 75.0, 8,
