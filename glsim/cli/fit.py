@@ -20,6 +20,7 @@ from glsim.errors import ConfigError
 if TYPE_CHECKING:
     from glsim.fit.noise_model import InfraredLaw, NoiseModel
     from glsim.fit.recording_statistics import RecordingStatistics
+    from glsim.fit.smoothing import Smoothing
     from glsim.fit.wiggling import Wiggling
     from glsim.geometry.camera import Intrinsics
 
@@ -31,6 +32,8 @@ glsim fit recording/
 glsim fit depth/ --infrared infrared/ -o my_kinect.toml --albedo 0.8
 
 glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --centre-px 320,240
+
+glsim fit recording.bag -o my_d435.toml             stereo: recognised by its depths
 """
 
 
@@ -59,9 +62,16 @@ def fit(
     albedo: Annotated[
         float, typer.Option(min=0.01, max=2, help="Albedo of the scene relative to a white wall.")
     ] = 1.0,
-    depth_unit_mm: Annotated[float, typer.Option(help="Step of the depth files, mm.")] = 1.0,
+    depth_unit_mm: Annotated[
+        float | None,
+        typer.Option(help="Step of the depth files, mm. Default: as the recording says, or 1."),
+    ] = None,
     base: Annotated[
-        str | None, typer.Option(help="Base sensor: kinect-v2-fast (default) or kinect-v2.")
+        str | None,
+        typer.Option(
+            help="Base sensor: kinect-v2-fast, kinect-v2, or one that matches images. Default: "
+            "what the recording's depths say."
+        ),
     ] = None,
 ) -> None:
     """Measure a camera's noise on a recording of a static scene and write a sensor file.
@@ -73,11 +83,16 @@ def fit(
     shows the fixed pattern, which is also written as a map: NAME_fixed_pattern.npy, float32 mm,
     (rows, columns), NaN where it is unknown. The sensor file names the map, and frames of that
     sensor have this pattern.
+
+    Recordings of stereo and structured light are told by their depths (the lattice of f B / n): the
+    fit finds focal length times baseline, the noise of disparity from frame to frame and what stays
+    of it, its correlation, holes, and writes a sensor that extends the nearest shipped one.
     """
     import io
 
     import numpy as np
 
+    from glsim.cli.fit_stereo import fit_stereo_recording, stereo_base
     from glsim.files.atomic import write_atomic
     from glsim.fit.noise_model import fit_infrared, fit_noise_model
     from glsim.fit.recording_statistics import measure_recording
@@ -90,18 +105,26 @@ def fit(
         sensor_toml,
         unplaced_parameters,
     )
+    from glsim.fit.smoothing import find_smoothing, has_filter, smoothed_values, with_smoothing
     from glsim.fit.wiggling import fit_wiggling
     from glsim.recordings.recording import open_recording
     from glsim.sensors.sensor import load_sensor
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
-    name, tree = base_sensor(base)
     recording = open_recording(frames, depth_unit_mm, infrared=infrared)
+    if (matching := stereo_base(recording, base)) is not None:
+        fit_stereo_recording(recording, matching, out, focal_px, centre_px)
+        return
+    name, tree = base_sensor(base)
     recorded = recording.read_static()
     image = _camera(tree["rig"], recording.camera, recorded.camera, focal_px, centre_px)
     recorded = recorded.with_camera(image)
     statistics = measure_recording(recorded)
+    smoothing = find_smoothing(statistics.correlation)
+    if smoothing is not None and base is None:
+        name, tree = base_sensor("kinect-v2")  # its filter can be exchanged
+    wide = smoothing is not None and has_filter(tree)
     emitter, taps = load_sensor(name).rig.emitter_m, base_taps(tree)
     unit_mm = recorded.frames[0].quantum_mm
     model = fit_noise_model(statistics, image, albedo, unit_mm, base_profile(tree), emitter, taps)
@@ -110,7 +133,14 @@ def fit(
         law = fit_infrared(statistics, recorded, albedo, taps)
     wiggling = fit_wiggling(statistics, image, emitter)
     values = fitted_values(statistics, model, law, taps, wiggling)
+    if smoothing is not None and wide:
+        own = {"read_lsb2": taps.read_lsb2, "shot_lsb": taps.shot_lsb}
+        sigma_mm = float(np.sqrt(np.nanmedian(statistics.variance_mm2[statistics.smooth])))
+        values = smoothed_values(values, smoothing, own, sigma_mm)
+        tree = with_smoothing(tree, smoothing)
     lines = _result_lines(statistics, model, law, wiggling)
+    if smoothing is not None:
+        lines.append(("filter of the correlated noise", _smoothing_text(smoothing, wide)))
     map_file = out.with_name(f"{out.stem}_fixed_pattern.npy")
     missing = unplaced_parameters(tree, values)
     usable_map = knows_pattern(statistics)
@@ -230,6 +260,16 @@ def _map_text(statistics: RecordingStatistics) -> str:
             "and the sensor does not name the map"
         )
     return text
+
+
+def _smoothing_text(smoothing: Smoothing, wide: bool) -> str:
+    if not wide:
+        return "beyond 3x3 px, which this base cannot have: give --base kinect-v2"
+    numbers = ", ".join(f"{c:.2f}" for c in smoothing.correlation[:3])
+    return (
+        f"Gaussian over 7x7 px, {smoothing.width_px:.1f} px (tof_smooth): {numbers} at 1 to 3 px "
+        "along rows"
+    )
 
 
 def _wiggling_text(wiggling: Wiggling | None) -> str:

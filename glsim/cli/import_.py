@@ -84,7 +84,10 @@ def kinect2(
         ),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the data set.")],
-    depth_unit_mm: Annotated[float, typer.Option(help="Step of integer depth files, mm.")] = 1.0,
+    depth_unit_mm: Annotated[
+        float | None,
+        typer.Option(help="Step of integer depth files, mm. Default: as the recording says, or 1."),
+    ] = None,
     mirror: Annotated[
         bool, typer.Option("--mirror", help="Flip left and right, as libfreenect2's dumps need.")
     ] = False,

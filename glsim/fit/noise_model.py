@@ -31,7 +31,7 @@ _LEAST_FACING = 0.5
 _LEAST_AMPLITUDE = 15.0
 
 #: Derived: noise reduction of libfreenect2's 3 x 3 filter, and variance of rounding a tap.
-_FILTER_GAIN = 2.99
+FILTER_GAIN = 2.99
 _TAP_ROUNDING_LSB2 = 1.0 / 12.0
 
 #: Bright surfaces: quantile of the light of smooth pixels.
@@ -131,8 +131,8 @@ def fit_infrared(
         return nothing
     variance = variance - frames.frames[0].quantum_mm ** 2 / 12.0
     amplitude = x / COUNTS_PER_AMPLITUDE
-    shape = white_sigma_mm(amplitude, _FILTER_GAIN, 0.0, taps.read_lsb2, taps.shot_lsb) ** 2
-    rounding = white_sigma_mm(amplitude, _FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
+    shape = white_sigma_mm(amplitude, FILTER_GAIN, 0.0, taps.read_lsb2, taps.shot_lsb) ** 2
+    rounding = white_sigma_mm(amplitude, FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
     floor2, scale, error = _line(cosine2 * shape, variance - cosine2 * rounding, weight)
     return InfraredLaw(
         gain,
@@ -240,7 +240,7 @@ def _search(
         white = (
             squared
             * white_sigma_mm(
-                amplitude * light, _FILTER_GAIN, _TAP_ROUNDING_LSB2, taps.read_lsb2, taps.shot_lsb
+                amplitude * light, FILTER_GAIN, _TAP_ROUNDING_LSB2, taps.read_lsb2, taps.shot_lsb
             )
             ** 2
         )

@@ -36,6 +36,25 @@ def hole_share(images: Sequence[NDArray[np.floating]]) -> float:
     return float(np.mean([np.isnan(image).mean() for image in images]))
 
 
+def hole_share_beside_band(images: Sequence[NDArray[np.floating]]) -> float:
+    """Return the share of holes to the right of the left border's band, of all images together.
+
+    The band of a stereo camera is as wide as the disparity there: what a room holds decides it, not
+    the matcher. It is what stands before the first pixel with depth of each row; a row without any
+    counts as holes.
+
+    Args:
+        images: (H, W) depth or disparity of each frame, NaN = none.
+    """
+    holes, pixels = 0, 0
+    for image in images:
+        known = np.isfinite(image)
+        right = np.maximum.accumulate(known, axis=1) | ~known.any(axis=1, keepdims=True)
+        holes += int((right & ~known).sum())
+        pixels += int(right.sum())
+    return holes / pixels
+
+
 def flip_share(images: Sequence[NDArray[np.floating]], pairs: Sequence[tuple[int, int]]) -> float:
     """Return the share of pixels that have depth (not NaN) in one frame of a pair only.
 

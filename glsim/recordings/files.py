@@ -54,17 +54,9 @@ class FrameFile:
     def depth_mm(self) -> Array:
         """Read (H, W) float32 depth, mm, 0 = no depth. Raises DatasetError."""
         image = read_image(self.depth_file, self.number)
-        if min(image.shape) < _LEAST_PX:
-            raise DatasetError(
-                f"{self.depth_file}: has {image.shape[1]} x {image.shape[0]} pixels: a depth frame "
-                f"has at least {_LEAST_PX} x {_LEAST_PX}"
-            )
-        if image.dtype.kind == "f":
-            scale = 1000.0 if _in_metres(self.depth_file) else 1.0
-            floats = np.nan_to_num(image.astype(np.float32), posinf=0.0)
-            depth = np.maximum(floats, 0.0) * np.float32(scale)
-        else:
-            depth = image.astype(np.float32) * np.float32(self.unit_mm)
+        check_least_size(image.shape, self.depth_file)
+        metres = image.dtype.kind == "f" and _in_metres(self.depth_file)
+        depth = depth_in_mm(image, self.unit_mm, in_metres=metres)
         return depth[:, ::-1].copy() if self.mirror else depth
 
     def infrared(self) -> Array | None:
@@ -74,7 +66,8 @@ class FrameFile:
         """
         if self.infrared_file is None:
             return None
-        image = np.nan_to_num(read_image(self.infrared_file, self.number).astype(np.float32))
+        counts = read_image(self.infrared_file, self.number, infrared=True)
+        image = np.nan_to_num(counts.astype(np.float32))
         return image[:, ::-1].copy() if self.mirror else image
 
     @property
@@ -86,8 +79,32 @@ class FrameFile:
         return 0.0 if read_image(self.depth_file, self.number).dtype.kind == "f" else self.unit_mm
 
 
-def read_image(file: Path, number: int = 0) -> NDArray[np.generic]:
-    """Read one (H, W) image of a file: uint16 or float. Raises DatasetError."""
+def check_least_size(shape: tuple[int, ...], where: Path) -> None:
+    """Raise DatasetError if an (H, W) depth frame has fewer than 8 x 8 pixels."""
+    if min(shape) < _LEAST_PX:
+        raise DatasetError(
+            f"{where}: has {shape[1]} x {shape[0]} pixels: a depth frame has at least {_LEAST_PX} "
+            f"x {_LEAST_PX}"
+        )
+
+
+def depth_in_mm(image: NDArray[np.generic], unit_mm: float, *, in_metres: bool) -> Array:
+    """Return (H, W) float32 depth, mm, 0 = no depth.
+
+    Args:
+        image: integers in steps of the unit, or floats, whose NaN, infinite and negative values are
+            no depth.
+        unit_mm: step of integers, mm.
+        in_metres: floats are metres, else millimetres.
+    """
+    if image.dtype.kind != "f":
+        return np.asarray(image.astype(np.float32) * np.float32(unit_mm))
+    floats = np.nan_to_num(image.astype(np.float32), posinf=0.0)
+    return np.maximum(floats, np.float32(0.0)) * np.float32(1000.0 if in_metres else 1.0)
+
+
+def read_image(file: Path, number: int = 0, *, infrared: bool = False) -> NDArray[np.generic]:
+    """Read one (H, W) image of a file: uint16 or float; infrared may have 8 bits. DatasetError."""
     suffix = file.suffix.lower()
     if suffix == ".npy":
         stack = open_stack(file)
@@ -108,7 +125,8 @@ def read_image(file: Path, number: int = 0) -> NDArray[np.generic]:
     image = decode_png(data, MAX_MAP_PX)
     if image is None:
         raise DatasetError(f"{file}: {size_problem(data, MAX_MAP_PX) or 'is no readable image'}")
-    if image.ndim != 2 or not (image.dtype == np.uint16 or image.dtype.kind == "f"):
+    known = image.dtype == np.uint16 or image.dtype.kind == "f"
+    if image.ndim != 2 or not (known or (infrared and image.dtype == np.uint8)):
         channels = 1 if image.ndim == 2 else image.shape[2]
         raise DatasetError(
             f"{file}: has {channels} channels of {image.dtype.itemsize * 8} bits; a frame of "

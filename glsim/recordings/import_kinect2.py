@@ -24,6 +24,7 @@ from glsim.plan.tasks import Task, make_tasks
 from glsim.reason import Reason
 from glsim.recordings.files import FrameFile
 from glsim.recordings.recording import Recording, open_recording
+from glsim.recordings.streams import StreamFrame, is_stream
 from glsim.settings.schema import DEFAULT_SENSOR, Settings, load_settings
 from glsim.worker_processes import Workers
 
@@ -43,12 +44,16 @@ class RecordingSource:
 
     name = "kinect2"
 
-    def __init__(self, root: Path, unit_mm: float = 1.0, mirror: bool = False, every: int = 1):
-        self.root = root
+    def __init__(
+        self, root: Path, unit_mm: float | None = None, mirror: bool = False, every: int = 1
+    ):
+        self.root, self.folder = root, root.parent if root.is_file() else root
         try:
             self.recordings = {_word(root.resolve().name): open_recording(root, unit_mm, mirror)}
         except DatasetError:
-            parts = sorted(path for path in root.iterdir() if path.is_dir())
+            if root.is_file():
+                raise
+            parts = sorted(path for path in root.iterdir() if path.is_dir() or is_stream(path))
             found = [(p, r) for p in parts if (r := _try(p, unit_mm, mirror)) is not None]
             if not found:
                 raise
@@ -76,14 +81,15 @@ class RecordingSource:
                 subject,
                 "main",
                 number,
-                path=files[number].depth_file.relative_to(self.root).as_posix(),
+                path=files[number].depth_file.relative_to(self.folder).as_posix(),
             )
             for number in range(0, len(files), self._every)[:count]
         ]
 
-    def files(self, subject: str) -> list[FrameFile]:
+    def files(self, subject: str) -> Sequence[FrameFile | StreamFrame]:
         """Return the frames of a recording."""
-        return [f for f in self.recordings[subject].files if isinstance(f, FrameFile)]
+        frames = self.recordings[subject].files
+        return [f for f in frames if isinstance(f, FrameFile | StreamFrame)]
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Raise: recordings hold images, not faces."""
@@ -93,11 +99,11 @@ class RecordingSource:
         """Hash the files of recordings, and what else decides their frames: name -> hash."""
         hashes = {"mirror": str(self._mirror)}
         for subject in subjects:
-            recording = self.recordings[subject]
-            paths = [recording.path / recording.calibration]
+            stated_by = self.recordings[subject].stated_by
+            paths = [] if stated_by is None else [stated_by]
             for frame in self.files(subject)[:: self._every]:
                 paths += [p for p in (frame.depth_file, frame.infrared_file) if p is not None]
-            hashes |= {os.path.relpath(path, self.root): content_hash(path) for path in paths}
+            hashes |= {os.path.relpath(path, self.folder): content_hash(path) for path in paths}
         return hashes
 
     @property
@@ -115,7 +121,7 @@ def import_recordings(
     root: Path,
     out: Path,
     *,
-    depth_unit_mm: float = 1.0,
+    depth_unit_mm: float | None = None,
     mirror: bool = False,
     every: int = 1,
     split: str | None = None,
@@ -130,7 +136,8 @@ def import_recordings(
     Args:
         root: a folder that ``open_recording`` reads, or a folder of such folders.
         out: folder of the data set.
-        depth_unit_mm: step of integer files, mm, kept in the data set.
+        depth_unit_mm: step of integer files, mm, kept in the data set; default: as the recording
+            says, else 1.
         mirror: flip left and right, as dumps of libfreenect2 need.
         every: use every n-th frame.
         split: shares of train, val and test; default: all test.
@@ -197,7 +204,8 @@ def _frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
     nothing = np.zeros_like(noisy_m)
     notes: dict[str, object] = {"real": f"{recording.kind}, frame {recorded.name}", "clean": "none"}
     own = recording.camera is not None and camera == recording.camera
-    notes["camera"] = recording.calibration if own else f"assumed: {DEFAULT_SENSOR}"
+    stated_by = recording.stated_by.name if own and recording.stated_by is not None else ""
+    notes["camera"] = stated_by or f"assumed: {DEFAULT_SENSOR}"
     if own and recording.distortion:
         notes["distortion_not_removed"] = [float(k) for k in recording.distortion]
     return Frame(
@@ -215,7 +223,7 @@ def _frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
     )
 
 
-def _try(path: Path, unit_mm: float, mirror: bool) -> Recording | None:
+def _try(path: Path, unit_mm: float | None, mirror: bool) -> Recording | None:
     try:
         return open_recording(path, unit_mm, mirror)
     except DatasetError:

@@ -28,6 +28,8 @@ _ENDINGS = (
     *("preview", "sigma", "figure"),
     *("color", "colour", "rgb", "amplitude", "confidence", "mask"),
 )
+#: Beginnings of the names of other images, such as rgb_0001.png.
+_BEGINNINGS = ("color", "colour", "rgb", "infrared", "ir")
 #: Pictures without such an ending.
 _PICTURES = ("contact_sheet.png", "preview.png")
 #: Ends of the names of a depth map and of its infrared image.
@@ -72,6 +74,9 @@ def other_kind(name: str, kind: DepthKind) -> str:
     ending = stem.lower().rpartition("_")[2]
     if name in _PICTURES or (ending == stem.lower() and ending in _ENDINGS and ending != kind):
         return name
+    beginning, underscore, _ = stem.lower().partition("_")
+    if underscore and beginning in _BEGINNINGS and ending not in ("depth", kind):
+        return f"{beginning}_*.{suffix}"
     return f"*_{ending}.{suffix}" if ending in _ENDINGS and ending != kind else ""
 
 
@@ -97,6 +102,10 @@ def infrared_beside(depth_file: Path) -> Path | None:
         for depth, infrared in _INFRARED_BESIDE
         if stem.endswith(depth)
     ]
+    if stem.startswith("depth"):
+        names += [
+            f"{infrared}{stem.removeprefix('depth')}{suffix}" for infrared in _INFRARED_FOLDERS
+        ]
     found = [depth_file.with_name(name) for name in names]
     if suffix == ".depth":
         found.append(depth_file.with_suffix(".ir"))

@@ -19,8 +19,8 @@ from glsim.cli.old_spellings import new_spelling
 
 #: Files in glsim/cli that are no commands.
 SHARED_FILES = {
-    "__init__", "common", "generate_parts", "generate_plan", "generation_summary", "old_spellings",
-    "progress", "streams"}  # fmt: skip
+    "__init__", "common", "fit_stereo", "generate_parts", "generate_plan", "generation_summary",
+    "old_spellings", "progress", "streams"}  # fmt: skip
 
 
 def commands(group: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any]]:

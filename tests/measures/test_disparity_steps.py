@@ -11,7 +11,7 @@ from glsim.measures.disparity_steps import (
     find_steps,
     measure_gaps,
 )
-from glsim.measures.validity import flip_share, hole_share
+from glsim.measures.validity import flip_share, hole_share, hole_share_beside_band
 from tests.support.real_cameras import (
     D435_ROBOT_PX_MM,
     D435_WALL_PX_MM,
@@ -93,6 +93,12 @@ def test_holes_and_flips() -> None:
     assert hole_share([first, second]) == pytest.approx(0.1)
     assert flip_share([first, second], [(0, 1)]) == pytest.approx(0.2)
     assert np.isnan(flip_share([first], []))
+    band = np.zeros((10, 10))
+    band[:, :4] = np.nan  # the band itself is left out
+    band[2, 7] = np.nan
+    assert hole_share_beside_band([band]) == pytest.approx(1 / 60)
+    band[3] = np.nan  # a row without any depth counts
+    assert hole_share_beside_band([band]) == pytest.approx(11 / 64)
 
 
 @needs_real_cameras
@@ -115,6 +121,7 @@ def test_the_holes_and_the_band_of_a_d435_before_a_wall() -> None:
     """Known: 6.7 % holes, 1.4 % flips, band 11 to 12 px wider than the disparity."""
     frames = real_disparities("d435_wall_2frames", D435_WALL_PX_MM)
     assert hole_share(frames) == pytest.approx(0.067, abs=0.001)
+    assert hole_share_beside_band(frames) == pytest.approx(0.033, abs=0.001)
     assert flip_share(frames, [(0, 1)]) == pytest.approx(0.014, abs=0.001)
     assert border_band(frames)[1] == pytest.approx(11.5, abs=0.7)
 

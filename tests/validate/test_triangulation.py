@@ -23,7 +23,10 @@ def failed(made: ValidationReport) -> set[str]:
     return {result.check.number for result in made.results if result.state == "FAIL"}
 
 
-@pytest.mark.parametrize("sensor", ["realsense-d435", "truedepth", "kinect-v1-pattern"])
+@pytest.mark.parametrize(
+    "sensor",
+    ["realsense-d435", "realsense-d435-vga", "realsense-d455", "truedepth", "kinect-v1-pattern"],
+)
 def test_the_sheet_passes(context: moderngl.Context, sensor: str) -> None:
     made = report(context, sensor)
     assert len(made.results) >= 5
@@ -35,6 +38,8 @@ def test_the_sheet_passes(context: moderngl.Context, sensor: str) -> None:
     [
         ("rim_px = 0\nborder_px = 0", {"7", "8"}),
         ("support_px = 1\nwindow_px = 3", {"1", "2"}),
+        ("texture_counts = 6.0", {"10"}),
+        ("uniqueness_percent = 40", {"11"}),
         ("depth_unit_mm = 1\ndevice_sigma_px = 0.3\ndevice_grain_px = 2", {"3"}),
     ],
 )

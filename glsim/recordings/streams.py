@@ -1,0 +1,125 @@
+"""Files that hold a whole recording: ROS bags and Matroska files, read frame by frame.
+
+Only one frame is in memory at a time, however long the recording is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.recordings.camera_file import StatedCamera
+from glsim.recordings.files import check_least_size, depth_in_mm
+
+#: Ends of the names of such files -> what they are called. A ROS 2 bag is a folder.
+STREAMS = {".bag": "bag", ".mkv": "mkv"}
+#: The file of a folder that makes it a ROS 2 bag.
+ROS2_FILE = "metadata.yaml"
+
+
+class FrameStream(Protocol):
+    """A file of many frames.
+
+    Attributes:
+        path: of the file.
+        stated: what it says about its camera.
+        notes: what it should say and does not, in lines for the user.
+        has_infrared: whether there is infrared beside the depth.
+    """
+
+    path: Path
+    stated: StatedCamera
+    notes: tuple[str, ...]
+    has_infrared: bool
+
+    def __len__(self) -> int: ...
+
+    def depth(self, number: int) -> NDArray[np.generic]:
+        """Read (H, W) depth: uint16 in steps of the unit, or float32 metres. DatasetError."""
+        ...
+
+    def infrared(self, number: int) -> NDArray[np.generic] | None:
+        """Read the (H, W) infrared counts of the same moment; None without. DatasetError."""
+        ...
+
+
+@dataclass(frozen=True)
+class StreamFrame:
+    """One frame of a stream, read as a ``FrameFile`` is.
+
+    Attributes:
+        name: unique in the recording, without slashes.
+        stream: it lies in.
+        number: position in the stream.
+        unit_mm: step of integer depths.
+        mirror: flip left and right when it is read.
+    """
+
+    name: str
+    stream: FrameStream
+    number: int
+    unit_mm: float = 1.0
+    mirror: bool = False
+
+    @property
+    def depth_file(self) -> Path:
+        """The file of the stream."""
+        return self.stream.path
+
+    @property
+    def infrared_file(self) -> Path | None:
+        """The file of the stream if it has infrared."""
+        return self.stream.path if self.stream.has_infrared else None
+
+    def depth_mm(self) -> NDArray[np.float32]:
+        """Read (H, W) float32 depth, mm, 0 = no depth. Raises DatasetError."""
+        image = self.stream.depth(self.number)
+        check_least_size(image.shape, self.stream.path)
+        depth = depth_in_mm(image, self.unit_mm, in_metres=True)
+        return depth[:, ::-1].copy() if self.mirror else depth
+
+    def infrared(self) -> NDArray[np.float32] | None:
+        """Read (H, W) float32 infrared counts; None without infrared. Raises DatasetError."""
+        image = self.stream.infrared(self.number)
+        if image is None:
+            return None
+        counts = image.astype(np.float32)
+        return counts[:, ::-1].copy() if self.mirror else counts
+
+    @property
+    def quantum_mm(self) -> float:
+        """The step of stored depths, mm; 0 for floats."""
+        return 0.0 if self.stream.depth(self.number).dtype.kind == "f" else self.unit_mm
+
+
+def is_stream(path: Path) -> bool:
+    """Whether a path is a file that holds a whole recording, or a folder that is a ROS 2 bag."""
+    return path.suffix.lower() in STREAMS or (path.is_dir() and (path / ROS2_FILE).is_file())
+
+
+def nearest(times: NDArray[np.int64], others: NDArray[np.int64]) -> list[int | None]:
+    """Return, for each time, the number of the other that is nearest.
+
+    None where none is closer than half the usual time between two frames.
+
+    Args:
+        times: (N,) of depth frames, rising.
+        others: (M,) of infrared frames, rising.
+    """
+    if len(others) == 0:
+        return [None] * len(times)
+    steps = np.diff(times if len(times) > 1 else others)
+    limit = float(np.median(steps)) / 2 if steps.size else np.inf
+    if len(times) == len(others) and (np.abs(times - others) <= limit).all():
+        return list(range(len(times)))  # as they follow each other: stamps may be alike
+    after = np.searchsorted(others, times).clip(1, max(len(others) - 1, 1))
+    before = after - 1
+    after = after.clip(0, len(others) - 1)
+    closer = np.abs(others[after] - times) < np.abs(others[before] - times)
+    chosen = np.where(closer, after, before)
+    far = np.abs(others[chosen] - times) > limit
+    return [None if away else int(number) for number, away in zip(chosen, far, strict=True)]

@@ -1,0 +1,171 @@
+"""Write small recordings as cameras do: a ROS bag of librealsense, a Matroska file of an Azure."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[Any]
+
+#: Where librealsense puts things.
+SENSOR = "/device_0/sensor_0"
+
+
+def write_bag(
+    file: Path,
+    depths: Sequence[Image],
+    lights: Sequence[Image] | None = None,
+    *,
+    topics: tuple[str, str] = (f"{SENSOR}/Depth_0/image/data", f"{SENSOR}/Infrared_1/image/data"),
+    options: Mapping[str, float] | None = None,
+    focal_px: float | None = 390.4315,
+    encoding: str = "mono16",
+    name: str = "Intel RealSense D435",
+    period_ns: int = 33_333_333,
+) -> None:
+    """Write a ROS 1 bag.
+
+    Args:
+        file: to write.
+        depths: (H, W) uint16, or float32 for 32FC1.
+        lights: (H, W) uint8 or uint16, of the same moments.
+        topics: of depth and of infrared.
+        options: name of an option of librealsense -> value.
+        focal_px: of the camera info; None: there is none.
+        encoding: of the depth.
+        name: of the device.
+        period_ns: time between two frames.
+    """
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC)
+    message = types.types
+    connections: dict[str, Any] = {}
+    stamp = message["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
+    header = message["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="0")
+
+    def write(topic: str, time: int, value: Any) -> None:
+        kind = value.__msgtype__
+        if topic not in connections:
+            connections[topic] = bag.add_connection(topic, kind, typestore=types)
+        bag.write(connections[topic], time, types.serialize_ros1(value, kind))
+
+    def image(pixels: Image, kind: str) -> Any:
+        height, width = pixels.shape
+        return message["sensor_msgs/msg/Image"](
+            header=header, height=height, width=width, encoding=kind, is_bigendian=0,
+            step=width * pixels.itemsize,
+            data=np.ascontiguousarray(pixels).view(np.uint8).ravel(),
+        )  # fmt: skip
+
+    bag = Writer(file)
+    bag.set_compression(Writer.CompressionFormat.LZ4)
+    with bag:
+        key_value = message["diagnostic_msgs/msg/KeyValue"]
+        write("/device_0/info", 1, key_value(key="Serial Number", value="1234"))
+        write("/device_0/info", 1, key_value(key="Name", value=name))
+        for option, value in (options or {}).items():
+            number = message["std_msgs/msg/Float32"](data=value)
+            write(f"{SENSOR}/option/{option}/value", 1, number)
+        if focal_px is not None:
+            base = topics[0].partition("/image")[0]
+            height, width = depths[0].shape
+            matrix = np.array([focal_px, 0, width / 2, 0, focal_px, height / 2, 0, 0, 1.0])
+            whole = message["sensor_msgs/msg/RegionOfInterest"](
+                x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+            )
+            info = message["sensor_msgs/msg/CameraInfo"](
+                header=header, height=height, width=width, distortion_model="Brown Conrady",
+                D=np.zeros(5), K=matrix, R=np.eye(3).ravel(), P=np.zeros(12), binning_x=0,
+                binning_y=0, roi=whole,
+            )  # fmt: skip
+            place = "info/camera_info" if "/image/data" in topics[0] else "camera_info"
+            write(f"{base}/{place}", 1, info)
+        for number, depth in enumerate(depths):
+            time = 1_000_000_000 + number * period_ns
+            if lights is not None:
+                light = lights[number]
+                kind = "8UC1" if light.dtype == np.uint8 else "16UC1"
+                write(topics[1], time + 50_000, image(light, kind))
+            write(topics[0], time, image(depth, encoding))
+
+
+def write_mkv(
+    file: Path,
+    tracks: Mapping[str, Sequence[Image]],
+    calibration: Any = None,
+    *,
+    codec: str = "rawvideo",
+) -> None:
+    """Write a Matroska file.
+
+    Args:
+        file: to write.
+        tracks: name -> (H, W) uint16 images, or (H, W, 3) uint8 for a colour track.
+        calibration: content of calibration.json, or bytes; None: no attachment.
+        codec: "rawvideo" for k4arecorder's b16g, or "ffv1".
+    """
+    import av
+
+    options = {"allow_raw_vfw": "1", "write_crc32": "0"}
+    with av.open(str(file), "w", format="matroska", options=options) as out:
+        streams = {}
+        for name, images in tracks.items():
+            colour = images[0].ndim == 3
+            stream = out.add_stream("mjpeg" if colour else codec, rate=30)
+            stream.height, stream.width = images[0].shape[:2]
+            grey = "gray16be" if codec == "rawvideo" else "gray16le"
+            stream.pix_fmt = "yuvj420p" if colour else grey
+            stream.metadata["title"] = name
+            streams[name] = stream
+        if calibration is not None:
+            text = calibration if isinstance(calibration, bytes) else json.dumps(calibration)
+            data = text if isinstance(text, bytes) else text.encode()
+            out.add_attachment("calibration.json", "application/octet-stream", data)
+        for number in range(max(len(images) for images in tracks.values())):
+            for name, images in tracks.items():
+                if number >= len(images):
+                    continue
+                image = images[number]
+                kind = "rgb24" if image.ndim == 3 else "gray16le"
+                frame = av.VideoFrame.from_ndarray(image, format=kind)
+                frame = frame.reformat(format=streams[name].pix_fmt)
+                frame.pts, frame.time_base = number, Fraction(1, 30)
+                out.mux(streams[name].encode(frame))
+        for stream in streams.values():
+            out.mux(stream.encode(None))
+    if codec == "rawvideo":
+        _name_b16g(file, [i[0].shape for i in tracks.values() if i[0].ndim == 2])
+
+
+def _name_b16g(file: Path, shapes: Sequence[tuple[int, ...]]) -> None:
+    """Name the format of grey tracks as k4arecorder does; FFmpeg writes 0 there."""
+    data = file.read_bytes()
+    for height, width in set(shapes):
+        kind = struct.pack("<HH", 1, 16)
+        written = struct.pack("<Iii", 40, width, -height) + kind + bytes(4)
+        assert written in data
+        named = struct.pack("<Iii", 40, width, height) + kind + b"b16g"
+        data = data.replace(written, named)
+    file.write_bytes(data)
+
+
+def azure_calibration(
+    cx: float = 0.513, cy: float = 0.517, focal: float = 0.4928, k1: float = 0.548
+) -> dict[str, Any]:
+    """Content of a factory calibration, normalised to 1024 x 1024."""
+    numbers = [cx, cy, focal, focal, k1, -0.021, -0.0027, 0.89, 0.086, -0.0139, 0, 0, -7e-5, 2e-5]
+    colour = {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Intrinsics": {}}
+    depth = {
+        "Purpose": "CALIBRATION_CameraPurposeDepth",
+        "Intrinsics": {"ModelParameterCount": 14, "ModelParameters": numbers},
+    }
+    return {"CalibrationInformation": {"Cameras": [colour, depth]}}
