@@ -60,8 +60,11 @@ def compare(
         int, typer.Option(min=1, max=2000, help="Frames of each set; larger sets are thinned.")
     ] = 60,
     depth_unit_mm: Annotated[
-        float, typer.Option(help="Step of integer depth files, mm; data sets state their own.")
-    ] = 1.0,
+        float | None,
+        typer.Option(
+            help="Step of integer depth files, mm. Default: what the recording says, or 1."
+        ),
+    ] = None,
     focal_px: Annotated[
         float | None,
         typer.Option(

@@ -27,7 +27,7 @@ _STEP_MM, _STEP_MM_PER_M, _STEP_NOISE = 8.0, 10.0, 8.0
 _BINS_MM = np.geomspace(200.0, 8000.0, 17)
 #: Least pixels of a surface; smaller ones are flying pixels and speckle. Chosen.
 _LEAST_PX = 40
-#: Step from slab to slab of the smoothing, share of the depth; a plane is fitted to three steps. And
+#: Step between slabs of the smoothing, share of the depth (a plane is fitted to three of them), and
 #: least share of a window that has depth in its slab. Chosen: a rail of 5 px has half.
 _SLAB, _LEAST_NEIGHBOURS = 0.06, 0.2
 #: The rim of a near surface is its last measured pixel plus this many; chosen: half of the gap of

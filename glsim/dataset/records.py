@@ -34,6 +34,10 @@ def _task_fields(task: Task, source: str) -> Record:
     }
 
 
+#: Seeds that a record names; the device's own follows from its number.
+_SEEDS = ("frame", "sequence", "subject")
+
+
 def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, object]]) -> Record:
     """Return the manifest's record of a frame.
 
@@ -44,7 +48,7 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
     """
     record = _task_fields(task, frame.source) | {
         "device": task.device,
-        "seeds": {name: f"{seed:016x}" for name, seed in task.seeds._asdict().items()},
+        "seeds": {name: f"{getattr(task.seeds, name):016x}" for name in _SEEDS},
         "pose": dict(frame.pose),
         "expression": dict(frame.expression),
         "parameters": dict(frame.parameters),

@@ -87,7 +87,8 @@ def test_records_hold_everything_drawn(made) -> None:
     record = json.loads((out / "manifest.jsonl").read_text().splitlines()[1])
     task = next(task for task in make_tasks() if task.index == record["index"])
     frame = fake_frame(task)
-    assert record["seeds"] == {name: f"{seed:016x}" for name, seed in task.seeds._asdict().items()}
+    names = ("frame", "sequence", "subject")
+    assert record["seeds"] == {name: f"{getattr(task.seeds, name):016x}" for name in names}
     assert record["pose"] == {"yaw_deg": frame.pose["yaw_deg"], "distance_mm": 900.0}
     assert record["parameters"] == dict(frame.parameters)
     assert record["expression"] == {"smile": 0.5}

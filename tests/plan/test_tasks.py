@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import tracemalloc
 from dataclasses import replace
 
@@ -110,7 +111,7 @@ def test_tasks_are_in_order_with_names_and_seeds_of_their_own() -> None:
     assert len({task.seeds.frame for task in tasks}) == 30
     assert len({task.seeds.sequence for task in tasks}) == 10
     assert len({task.seeds.subject for task in tasks}) == 5
-    assert len({seed for task in tasks for seed in task.seeds}) == 45
+    assert len({seed for task in tasks for seed in task.seeds[:3]}) == 45
 
 
 def test_the_plan_is_a_function_of_the_settings() -> None:
@@ -205,6 +206,7 @@ def test_tasks_are_those_of_the_plans_that_were_lists(
     """Data sets of the same settings are the same for ever. Hashes: of the plan as a list, 0.2."""
     given = load_settings(overrides=tree)
     text = "\n".join(map(repr, make_tasks(given, open_sources(given))))
+    text = re.sub(r", device=(None|\d+)\), device=", "), device=", text)  # a key that came later
     assert hashlib.blake2b(text.encode(), digest_size=8).hexdigest() == expected
 
 

@@ -41,6 +41,9 @@ _D4XX_ROWS = ((0.91, 0.98), (0.80, 0.94), (0.66, 0.88), (0.50, 0.81), (0.18, 0.6
 _D4XX_COLUMNS = (
     (0.88, 0.97), (0.73, 0.90), (0.58, 0.82), (0.44, 0.73), (0.19, 0.50), (0.05, 0.29),
 )  # fmt: skip
+#: Noise from frame to frame, px. The highest static pair has 0.13; rooms from a moving robot have a
+#: residual of 0.055 to 0.06 in all, of which 0.04 stay, so that 0.045 change. 20 % wider.
+_D4XX_FRAME = (0.036, 0.156)
 _TRUEDEPTH_ROWS = ((0.87, 0.90), (0.72, 0.80), (0.60, 0.72), (0.50, 0.64), (0.26, 0.50), (0.0, 0.4))
 _TRUEDEPTH_COLUMNS = (
     (0.71, 0.85), (0.45, 0.69), (0.29, 0.55), (0.23, 0.46), (0.09, 0.33), (-0.1, 0.2),
@@ -140,7 +143,7 @@ def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, floa
     Check("1", "residual of planes in disparity",
           tuple(Band(f"{z:g} m", 0.055, 0.144, "px") for z in (0.5, 0.9, 1.7)), D4XX, "measured"),
     Check("2", "noise from frame to frame in disparity",
-          tuple(Band(f"{z:g} m", 0.056, 0.156, "px") for z in (0.5, 0.9, 1.7)), D4XX, "measured"),
+          tuple(Band(f"{z:g} m", *_D4XX_FRAME, "px") for z in (0.5, 0.9, 1.7)), D4XX, "measured"),
     Check("3", "share that stays from frame to frame",
           tuple(Band(f"{z:g} m", 0.04, 0.102, "px") for z in (0.5, 0.9, 1.7)), D4XX, "measured"),
     Check("4", "correlation of the residual",
