@@ -110,7 +110,8 @@ def denoise(
 ) -> None:
     """Denoise 16-bit depth maps; 0 means no depth, in and out.
 
-    Maps keep their names; unreadable ones are reported and skipped. For denoisers that use
+    Maps keep their names, and their folders where two have the same name; unreadable ones are
+    reported and skipped. For denoisers that use
     neighbours in time, the maps of a folder are a sequence in the order of their names; --watch
     gives them earlier frames only. Of a folder that glsim wrote, only the noisy depth is used.
     Maps of a data set with an offset (--protocol paper) are denoised at their distance from the

@@ -8,6 +8,7 @@ import typer
 from rich.table import Table
 
 from glsim.cli.common import make_console, print_table
+from glsim.cli.completion import stage_words
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -22,7 +23,11 @@ glsim stages my_noise.glsl
 
 def stages(
     name: Annotated[
-        str | None, typer.Argument(help="The name of a stage, a .glsl file, or file.py:function.")
+        str | None,
+        typer.Argument(
+            help="The name of a stage, a .glsl file, or file.py:function.",
+            autocompletion=stage_words,
+        ),
     ] = None,
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file."""

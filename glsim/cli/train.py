@@ -19,6 +19,7 @@ from glsim.cli.common import (
     overrides,
     print_message,
 )
+from glsim.cli.completion import recipe_words
 from glsim.errors import ConfigError, TrainError
 
 if TYPE_CHECKING:
@@ -61,7 +62,12 @@ _METRICS = {
 
 def train(
     recipe: Annotated[
-        str | None, typer.Argument(metavar="RECIPE", help="A shipped recipe, or a .toml file.")
+        str | None,
+        typer.Argument(
+            metavar="RECIPE",
+            help="A shipped recipe, or a .toml file.",
+            autocompletion=recipe_words,
+        ),
     ] = None,
     data: Annotated[
         list[Path] | None,

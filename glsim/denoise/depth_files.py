@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -190,6 +192,24 @@ def _matching(pattern: Path) -> list[Path]:
     return sorted(Path(pattern.anchor or ".").glob(str(relative))) if relative.parts else []
 
 
+def _of_one(text: str, out: Path) -> list[tuple[Path, Path]]:
+    """Pair the files of one input. Raises ConfigError if there is none."""
+    path = Path(text)
+    if path.is_dir():
+        pairs = [(file, out / file.relative_to(path)) for file in depth_pngs(path, "noisy")[0]]
+    else:
+        files = [path] if path.is_file() else _matching(path)
+        pairs = [(file, out / file.name) for file in files]
+    if not pairs:
+        raise ConfigError(f"{text}: no such file, folder of .png files, or pattern")
+    return pairs
+
+
+def _shared(paths: Sequence[Path]) -> Path | None:
+    """Return a path that is there more than once; None without one."""
+    return next((path for path, count in Counter(paths).items() if count > 1), None)
+
+
 def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
     """Pair input files with output files.
 
@@ -198,32 +218,25 @@ def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
         out: folder, or file name for one map.
 
     Returns:
-        (input, output) of each map.
+        (input, output) of each map. Where two have the same name, all keep their folders below the
+        one that they share.
 
     Raises:
-        ConfigError: no file matches, two maps share an output, or one would be overwritten.
+        ConfigError: no file matches, one is given twice, or one would be overwritten.
 
     """
-    pairs: list[tuple[Path, Path]] = []
-    for text in inputs:
-        path = Path(text)
-        if path.is_dir():
-            files, _ = depth_pngs(path, "noisy")
-            pairs += [(file, out / file.relative_to(path)) for file in files]
-        else:
-            files = [path] if path.is_file() else _matching(path)
-            pairs += [(file, out / file.name) for file in files]
-        if not files:
-            raise ConfigError(f"{text}: no such file, folder of .png files, or pattern")
+    pairs = [pair for text in inputs for pair in _of_one(text, out)]
     if len(pairs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir():
         if out.suffix.lower() != ".png":
             raise ConfigError(f"-o {out}: give a name that ends in .png, or an existing folder")
         pairs = [(pairs[0][0], out)]
     elif out.is_file():
         raise ConfigError(f"-o {out}: is a file; for several maps give a folder")
-    targets = [target for _, target in pairs]
-    if len(set(targets)) != len(targets):
-        raise ConfigError(f"-o {out}: several maps have the same name: denoise folder by folder")
+    if _shared([target for _, target in pairs]):
+        shared = os.path.commonpath([source.absolute().parent for source, _ in pairs])
+        pairs = [(source, out / source.absolute().relative_to(shared)) for source, _ in pairs]
+        if twice := _shared([source for source, _ in pairs]):
+            raise ConfigError(f"{twice}: is given twice")
     for source, target in pairs:
         if target.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite {source}")
