@@ -22,7 +22,8 @@ from glsim.cli.old_spellings import new_spelling
 
 #: Files in glsim/cli that are no commands.
 SHARED_FILES = {
-    "__init__", "common", "completion", "generate_parts", "generate_plan", "generation_summary",
+    "__init__", "common", "completion", "figures", "generate_parts", "generate_plan",
+    "generation_summary",
     "old_spellings", "progress", "streams"}  # fmt: skip
 
 
