@@ -41,6 +41,7 @@ ROOMS = (
     "glsim.pipeline",
     "glsim.depth_arrays",
     "glsim.corrupt",
+    "glsim.transforms",
     "glsim.dataset",
     "glsim.measures",
     "glsim.recordings",
