@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ UNITS[:4] = 0
 METRES = (UNITS / 1000).astype(np.float32)
 
 
-def write(path: Path, values: NDArray[np.generic]) -> Path:
+def write(path: Path, values: NDArray[Any]) -> Path:
     if path.suffix == ".npy":
         np.save(path, values)
     elif path.suffix == ".exr":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,6 +19,9 @@ from glsim.cli.common import (
     two_numbers,
 )
 from glsim.errors import ConfigError, DatasetError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -91,7 +94,9 @@ def corrupt(
         for source, target, name in pairs:
             try:
                 whole = source.suffix.lower() == ".png" == target.suffix.lower()
-                depth = read_depth_png(source) if whole else read_map_mm(source, unit_mm)
+                depth: NDArray[Any] = (
+                    read_depth_png(source) if whole else read_map_mm(source, unit_mm)
+                )
             except DatasetError as error:
                 if source == clean:
                     raise

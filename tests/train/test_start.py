@@ -6,6 +6,7 @@ import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -76,7 +77,7 @@ class SlowToLoad(StoredBatches):
 
 def test_minutes_count_from_the_first_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SlowToLoad, "clock", 0.0)
-    monkeypatch.setattr(loop.time, "monotonic", lambda: SlowToLoad.clock)
+    monkeypatch.setattr("glsim.train.loop.time.monotonic", lambda: SlowToLoad.clock)
     settings = recipe(training={"max_epochs": None, "max_minutes": 61.0})
     held_out = batch_source(settings).validation
     source = SlowToLoad(Domes(8), held_out, {"name": "slow"}, settings)
@@ -94,11 +95,11 @@ def test_each_validation_takes_a_share_of_the_minutes(
 ) -> None:
     """The first one decides how many frames are validated; without a limit it is all of them."""
     clock = itertools.count()  # each look at it is a second later
-    monkeypatch.setattr(loop.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr("glsim.train.loop.time.monotonic", lambda: float(next(clock)))
     monkeypatch.setattr(loop, "VALIDATION_BATCH", 1)
     counted: list[int] = []
 
-    def figures(_network: object, batches: object, _loss: object) -> dict[str, float]:
+    def figures(_network: object, batches: Iterator[Any], _loss: object) -> dict[str, float]:
         counted.append(len(list(batches)))
         return {"loss": 1.0, "mse_mm2": 1.0, "interior_rmse_mm": 1.0, "flips": 1.0}
 
