@@ -98,6 +98,8 @@ class PoseSettings(TomlTable):
         if low < 0 or high > limit:
             wrong = low if low < 0 else high
             raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {limit:g}]")
+        if self.distance_mm.bounds()[1] <= 0:
+            raise ValueError("distance_mm is never above 0: faces are in front of the sensor")
         return self
 
 

@@ -60,7 +60,7 @@ def plain_log_axis(axis: Any) -> None:
     ticker = matplotlib("ticker")
     low, high = sorted(axis.get_view_interval())
     decades = math.log10(high / low) if low > 0 else 1.0
-    subs = (1.0, 2.0, 5.0) if decades < 2 else (1.0,)
+    subs: tuple[float, ...] = (1.0, 2.0, 5.0) if decades < 2 else (1.0,)
     if decades < 0.5:
         subs = tuple(float(n) for n in range(1, 10))
     axis.set_major_locator(ticker.LogLocator(subs=subs))
