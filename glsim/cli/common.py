@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import json
 import logging
 import re
 import shlex
@@ -316,6 +317,16 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
     except ValueError:
         raise ConfigError(f"{option} {text}: give two numbers, x,y") from None
     return x, y
+
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print JSON for other programs instead of a table.")
+]
+
+
+def print_json(content: object) -> None:
+    """Print a JSON value to stdout."""
+    sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 def print_table(table: Table) -> None:
