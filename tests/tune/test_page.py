@@ -177,42 +177,6 @@ def test_a_moved_slider_gives_other_pixels_and_undo_the_former(page: Any) -> Non
     assert pixels(page) == before
 
 
-def test_a_box_shows_the_value_that_counts(page: Any) -> None:
-    """What is out of the range, and an empty box, stayed on the page; 0 and 3 counted."""
-    box = page.locator('[aria-label="axial.base_sigma_mm value"]')
-    before = box.input_value()
-    number = shown(page)
-    box.fill("-5")
-    after(page, number)
-    box.blur()
-    playwright.expect(box).to_have_value("0", timeout=PATIENCE_MS)
-    box.fill("")
-    box.blur()
-    playwright.expect(box).to_have_value("0", timeout=PATIENCE_MS)
-    number = shown(page)
-    box.fill(before)
-    after(page, number)
-    box.blur()
-    playwright.expect(box).to_have_value(before, timeout=PATIENCE_MS)
-
-
-def test_home_and_end_move_a_slider_to_its_ends(page: Any) -> None:
-    box = page.locator('[aria-label="axial.base_sigma_mm value"]')
-    before = box.input_value()
-    track = page.locator('[data-name="axial.base_sigma_mm"] .q-slider__track-container')
-    seen = []
-    for key in ("End", "Home"):
-        number = shown(page)
-        track.press(key)
-        after(page, number)
-        seen.append(float(box.input_value()))
-    assert seen[0] > float(before) > seen[1] == 0.0
-    number = shown(page)
-    box.fill(before)
-    after(page, number)
-    box.blur()
-
-
 def test_what_has_not_changed_is_not_painted_anew_and_the_rest_is(page: Any) -> None:
     def canvases() -> dict[str, str]:
         script = "all => all.map(c => [c.dataset.kind, c.toDataURL()])"
