@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import pytest
 
@@ -12,7 +13,7 @@ from glsim.cli import main
 from glsim.noise.registry import stage_names
 
 
-def printed(capsys: pytest.CaptureFixture[str], *command: str) -> object:
+def printed(capsys: pytest.CaptureFixture[str], *command: str) -> Any:
     assert main([*command, "--json"]) == 0
     return json.loads(capsys.readouterr().out)
 

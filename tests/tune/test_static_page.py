@@ -243,3 +243,18 @@ def test_a_switched_off_stage_and_another_camera(opened: tuple[Any, list[str]]) 
     page.click("#camera")
     assert _depth(page) != first
     assert errors == []
+
+
+@pytest.mark.long
+def test_a_narrow_screen_shows_pictures_and_editor(opened: tuple[Any, list[str]]) -> None:
+    """390 px, a phone's: they had no width."""
+    page, _ = opened
+    whole = page.viewport_size
+    page.set_viewport_size({"width": 390, "height": 844})
+    try:
+        for place in (".left", ".view", ".figures", ".code", ".top"):
+            box = page.locator(f".tune {place}").bounding_box()
+            assert (box["x"], box["width"]) == (0, 390), place
+            assert box["height"] > 60, place
+    finally:
+        page.set_viewport_size(whole)
