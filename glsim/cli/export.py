@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import print_message, print_written, split_names
-from glsim.errors import ConfigError, DatasetError, TrainError
+from glsim.errors import CPU_TORCH, ConfigError, DatasetError, TrainError
 from glsim.files.cloud import cloud_url
 
 EXAMPLES = """
@@ -102,7 +102,9 @@ def _export_network(checkpoint: Path, out: Path) -> None:
         from glsim.denoise.checkpoint import export_safetensors
         from glsim.train.onnx_export import export_onnx
     except ImportError as error:
-        raise TrainError(f"export needs PyTorch: pip install 'glsim[export]' ({error})") from None
+        raise TrainError(
+            f"export needs PyTorch: pip install 'glsim[export]' ({CPU_TORCH}) ({error})"
+        ) from None
     if out.suffix != ONNX_SUFFIX:
         export_safetensors(checkpoint, out)
         print_written([out])

@@ -20,7 +20,7 @@ from glsim.cli.common import (
     print_message,
 )
 from glsim.cli.completion import recipe_words
-from glsim.errors import ConfigError, TrainError
+from glsim.errors import CPU_TORCH, ConfigError, TrainError
 
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
@@ -186,7 +186,8 @@ def train(
         from glsim.train.loop import fit
     except ImportError as error:
         raise TrainError(
-            f"training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' ({error})"
+            "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
+            f"({CPU_TORCH}) ({error})"
         ) from None
 
     pairs: batches.BatchSource

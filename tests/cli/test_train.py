@@ -195,7 +195,9 @@ def test_without_pytorch_it_says_what_to_install(
     data: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "glsim.train.loop", None)  # importing it now fails
-    assert "pip install 'glsim[train]'" in fails(capsys, 1, "tiny.toml", "--data", str(data))
+    line = fails(capsys, 1, "tiny.toml", "--data", str(data))
+    assert "pip install 'glsim[train]'" in line
+    assert "--index-url https://download.pytorch.org/whl/cpu" in line
 
 
 @pytest.mark.parametrize(
