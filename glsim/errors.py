@@ -85,6 +85,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"known: {', '.join(names)}" if names else "there are none"
 
 
+#: Advice where PyTorch is missing: its default wheel for Linux brings gigabytes of CUDA.
+CPU_TORCH = (
+    "without a GPU first: pip install torch --index-url https://download.pytorch.org/whl/cpu"
+)
+
+
 def require_package(name: str, what: str, extra: str) -> None:
     """Raise ConfigError if a package that ``what`` needs is not installed, before long work."""
     if find_spec(name) is None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import print_message, print_written, split_names
-from glsim.errors import ConfigError, DatasetError, TrainError
+from glsim.errors import CPU_TORCH, ConfigError, DatasetError, TrainError
 from glsim.files.cloud import cloud_url
 
 EXAMPLES = """
@@ -18,7 +18,7 @@ glsim export data -o clouds --to ply --split test        point clouds with norma
 
 glsim export data -o depth --to exr,open3d --layers noisy --frames 10
 
-glsim export data -o ros --to rosbag                     pip install 'glsim[formats]'
+glsim export data -o ros --to rosbag                     pip install 'glsim\\[formats]'
 
 glsim export run/best.pt -o face.onnx                    a network
 
@@ -102,7 +102,9 @@ def _export_network(checkpoint: Path, out: Path) -> None:
         from glsim.denoise.checkpoint import export_safetensors
         from glsim.train.onnx_export import export_onnx
     except ImportError as error:
-        raise TrainError(f"export needs PyTorch: pip install 'glsim[export]' ({error})") from None
+        raise TrainError(
+            f"export needs PyTorch: pip install 'glsim[export]' ({CPU_TORCH}) ({error})"
+        ) from None
     if out.suffix != ONNX_SUFFIX:
         export_safetensors(checkpoint, out)
         print_written([out])

@@ -17,7 +17,7 @@ from glsim.denoise import shipped
 from glsim.denoise.inputs import MAX_NEIGHBOURS
 from glsim.denoise.interface import Method, parameter
 from glsim.depth_protocol import check_protocol
-from glsim.errors import DenoiserError
+from glsim.errors import CPU_TORCH, DenoiserError
 from glsim.plugins import announce_code
 
 #: Package of the shipped networks, one file each; docs/model_card.md describes them.
@@ -92,8 +92,8 @@ def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()
             from glsim.denoise.inference import load_network
         except ImportError as error:
             raise DenoiserError(
-                f"{label}: checkpoints need PyTorch: pip install 'glsim[train]', or export it "
-                f"where PyTorch is (glsim export {path} -o network.onnx) ({error})"
+                f"{label}: checkpoints need PyTorch: pip install 'glsim[train]' ({CPU_TORCH}), or "
+                f"export it where PyTorch is (glsim export {path} -o network.onnx) ({error})"
             ) from None
         network = load_network(path, options.min_probability)
     from glsim.denoise.network import VideoDenoiser

@@ -82,7 +82,7 @@ class ControlRow:
             self._box = (
                 ui.number(value=value, format="%.6g", placeholder="off", on_change=self._typed)
                 .props("dense outlined debounce=300")
-                .on("blur", self._settle)
+                .on("blur", self._left)
             )
             self._box.props["aria-label"] = f"{control.name} value"
         if not isinstance(value, Mapping):
@@ -120,7 +120,9 @@ class ControlRow:
                     ui.number(
                         text, value=value["normal"][number],
                         on_change=lambda e, n=number: self._normal_typed(n, e.value),
-                    ).props("dense debounce=300")  # fmt: skip
+                    ).props("dense debounce=300").props["aria-label"] = (
+                        f"{text} of {control.name}"
+                    )  # fmt: skip
         elif not isinstance(value, Mapping):
             at = min(max(control.position(self._number()), least), most)
             self._slide = (
@@ -130,6 +132,8 @@ class ControlRow:
                 .on("change", self._settle)
             )
             self._slide.props["aria-label"] = control.name
+            for key, place in (("home", least), ("end", most)):
+                self._slide.on(f"keydown.{key}.prevent", lambda at=place: self._to_end(at))
 
     def _mark(self) -> None:
         start = own_value(self.control)
@@ -151,6 +155,22 @@ class ControlRow:
         if self._box is not None:
             self._box.set_value(value)
         self._moved(value)
+
+    def _to_end(self, position: float) -> None:
+        """Move the slider to one of its ends, as the keys Home and End do everywhere else."""
+        if self._slide is not None:
+            self._slide.set_value(position)
+        value = self.control.value(position)
+        if self._box is not None:
+            self._box.set_value(value)
+        self._moved(value)
+        self._settle()
+
+    def _left(self) -> None:
+        """Show the value that counts when the box is left: it may be empty, or out of the range."""
+        if self._box is not None and self._box.value != self.value:
+            self._box.set_value(self.value)
+        self._settle()
 
     def _typed(self, event: Any) -> None:
         if event.value is None or isinstance(self.value, Mapping):

@@ -120,3 +120,18 @@ def engine_layers(
         rendered = Rendered(targets, at.window, nearest, (nearest, nearest), silhouette, rays, pool)
         ShaderChain(context, sensor.stages).run(rendered, at, values, readback)
         return {name: array.copy() for name, array in readback.arrays().items()}
+
+
+def check_one_column(page: Any) -> None:
+    """Assert that a page of 390 px, a phone's, shows all of its parts below each other."""
+    whole = page.viewport_size
+    page.set_viewport_size({"width": 390, "height": 844})
+    try:
+        for place in (".left", ".view", ".figures", ".code", ".top"):
+            box = page.locator(f".tune {place}").bounding_box()
+            assert (box["x"], box["width"]) == (0, 390), place
+            assert box["height"] > 60, place
+        for tile in page.locator(".tile").all():
+            assert tile.bounding_box()["width"] > 150
+    finally:
+        page.set_viewport_size(whole)

@@ -27,7 +27,7 @@ from glsim.tune.static_captures import CAPTURED_LAYERS, frame_context, whole_num
 from glsim.tune.static_chains import describe_source
 from glsim.tune.static_page import join_script, page_sensors, write_static_page
 from glsim.tune.static_scenes import Scene, capture, default_scenes
-from tests.support.static_page import engine_layers, layers_of, open_page
+from tests.support.static_page import check_one_column, engine_layers, layers_of, open_page
 
 #: A head without hair before nothing: quick to make, with silhouettes, shadows and grazing angles.
 BARE = {
@@ -243,3 +243,9 @@ def test_a_switched_off_stage_and_another_camera(opened: tuple[Any, list[str]]) 
     page.click("#camera")
     assert _depth(page) != first
     assert errors == []
+
+
+@pytest.mark.long
+def test_a_narrow_screen_shows_pictures_and_editor(opened: tuple[Any, list[str]]) -> None:
+    """390 px, a phone's: they had no width."""
+    check_one_column(opened[0])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from glsim.cli.transfers.steps import Step, StudyNetwork, StudyRun
 from glsim.denoise import load
-from glsim.errors import ConfigError, TrainError
+from glsim.errors import CPU_TORCH, ConfigError, TrainError
 from glsim.eval.transfer.cases import TrainingSet
 from glsim.eval.transfer.study import TransferStudy
 
@@ -81,7 +81,8 @@ def _recipe(study: TransferStudy) -> Recipe:
         import glsim.train.loop  # noqa: F401 (is there PyTorch?)
     except ImportError as error:
         raise TrainError(
-            f"training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' ({error})"
+            "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
+            f"({CPU_TORCH}) ({error})"
         ) from None
     from glsim.train import load_recipe
 

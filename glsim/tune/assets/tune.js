@@ -50,7 +50,38 @@ const make = (parent, tag, cls, content) => {
   return made;
 };
 
+// Quasar names a slider, and focuses a part of it that has neither name nor role.
+const SPOKEN = ["aria-label", "aria-valuemin", "aria-valuemax", "aria-valuenow"];
+function nameSliders() {
+  for (const part of document.querySelectorAll(".q-slider[aria-label] .q-slider__track-container")) {
+    const slider = part.closest(".q-slider");
+    part.setAttribute("role", "slider");
+    for (const name of SPOKEN) {
+      const value = slider.getAttribute(name);
+      if (value !== null && part.getAttribute(name) !== value) part.setAttribute(name, value);
+    }
+  }
+}
+function keepSlidersNamed() {
+  let waiting = false;
+  const later = () => {
+    if (waiting) return;
+    waiting = true;
+    requestAnimationFrame(() => {
+      waiting = false;
+      nameSliders();
+    });
+  };
+  new MutationObserver(later).observe(document.body, {
+    childList: true,
+    subtree: true,
+    attributeFilter: ["aria-valuenow"],
+  });
+  later();
+}
+
 function build(view, panel, reasonWords) {
+  keepSlidersNamed();
   root = view;
   words = reasonWords;
   root.textContent = "";
