@@ -71,8 +71,8 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
     """Measure the share of valid pixels over the amplitude; None for a sensor without infrared.
 
     Returns (N,) amplitudes, the (N,) share at each, and the share at amplitudes of 11 and above.
-    The scene is one wall at 3 m whose albedo grows from left to right; the amplitude is that of a
-    white wall times the albedo.
+    The scene is one wall at 3 m whose albedo grows from left to right; the amplitude is a pixel's
+    measured infrared over 16, noise included, as that of the real frames.
     """
     z, half_px = 3000.0, 64
     half_mm = half_px * z / captures.camera.rig.intrinsics.fx
@@ -84,15 +84,15 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
         scenes.albedo_ramp(z, half_mm, low, high), crop=2 * half_px, at_mm=(0, 0, z),
         scene="albedo ramp", frames=captures.scene_frames,
     ).centre(2 * half_px - 4, 96)  # fmt: skip
-    reflects = low + (high - low) * (capture.rays[0, :, 0] * z / (2 * half_mm) + 0.5)
-    amplitude = bright * reflects
-    share = np.isfinite(capture.frames_mm).mean(axis=(0, 1))
+    amplitude = capture.infrared.ravel() / COUNTS_PER_AMPLITUDE
+    valid = np.isfinite(capture.frames_mm).ravel()
     bins = np.arange(1.0, 17.0, 0.5)
     which = np.digitize(amplitude, bins) - 1
     used = np.unique(which[(which >= 0) & (which < len(bins))])
     x = np.array([amplitude[which == b].mean() for b in used])
-    y = np.array([share[which == b].mean() for b in used])
-    return x, y, measure.mean_of(share[amplitude >= 11])
+    y = np.array([valid[which == b].mean() for b in used])
+    above = (amplitude >= 11) & (amplitude < 17)
+    return x, y, measure.mean_of(valid[above].astype(np.float64))
 
 
 @validation_check(
