@@ -49,7 +49,10 @@ CASES: list[tuple[str, dict[str, float]]] = [
 
 WINDOWS = [Rect(0, 0, 256, 212), Rect(31, 17, 150, 130), Rect(100, 50, 1, 1)]
 
-PATTERN = "pixel_sigma_mm", "column_sigma_mm", "row_sigma_mm", "row_alternation_mm", "row_step_mm"
+PATTERN = (
+    "pixel_sigma_mm", "column_sigma_mm", "row_sigma_mm", "row_alternation_mm", "row_profile_mm",
+    "row_step_mm",
+)  # fmt: skip
 #: Settings at which a stage does nothing.
 NEUTRAL: list[tuple[str, dict[str, float]]] = [
     ("axial", {"base_sigma_mm": 0, "linear_mm_per_m": 0, "quadratic_mm_per_m2": 0, "angle_mm": 0}),

@@ -93,7 +93,9 @@ def test_the_clean_depth_is_that_of_the_pixels_centre(context: moderngl.Context)
         cosine = (one["normal"] * other["normal"])[..., :3].sum(axis=-1)[both]
         assert np.median(np.degrees(np.arccos(np.clip(cosine, -1, 1)))) < 4
         off = np.abs(one["albedo"][both] - other["albedo"][both])
-        assert (off > 0.02).mean() < 5e-3  # the edges of lips and brows: a pixel has its area's mean
+        assert (
+            off > 0.02
+        ).mean() < 5e-3  # the edges of lips and brows: a pixel has its area's mean
 
 
 @pytest.mark.parametrize("samples", [1, 5])

@@ -177,8 +177,8 @@ def test_shadows_grow_in_the_three_steps_of_real_frames(
         assert (beyond < level).sum() == pytest.approx(0.001 * baseline_mm * shift, abs=1.1)
 
 
-#: Widths of gaps on the shadow side, px, over S, px per mm: lines through real frames of two devices
-#: that libfreenect2 decoded, and of two through Microsoft's SDK.
+#: Widths of gaps on the shadow side, px, over S, px per mm: slope and offset through real frames of
+#: two devices that libfreenect2 decoded, and of two through Microsoft's SDK.
 REAL_WIDTHS = {"kinect-v2": (26.8, 0.1), "kinect-v2-sdk": (35.8, 0.4)}
 
 

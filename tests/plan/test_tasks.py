@@ -260,3 +260,16 @@ def test_ten_million_frames_are_planned_in_the_memory_of_their_people() -> None:
     many = load_settings(overrides={"source": {"subjects": 600_000}})
     with pytest.raises(ConfigError, match="at most 50000000 of 500000 people: make several, with"):
         make_tasks(many, open_sources(given))
+
+
+def test_the_first_device_is_the_typical_one_and_others_have_keys_of_their_own() -> None:
+    given = load_settings(
+        overrides={"seed": 4, "devices": 3, "source": {"subjects": 7, "frames_per_subject": 2}}
+    )
+    tasks = list(make_tasks(given, open_sources(given)))
+    keys = {
+        task.device: {t.seeds.device for t in tasks if t.device == task.device} for task in tasks
+    }
+    assert keys[0] == {None}
+    assert all(len(keys[device]) == 1 for device in (1, 2))
+    assert keys[1] != keys[2]

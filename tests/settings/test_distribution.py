@@ -136,3 +136,21 @@ def test_keys_that_differ_in_their_last_bit_alone_draw_anew() -> None:
 def test_a_number_of_hundreds_of_digits_is_refused() -> None:
     with pytest.raises(ConfigError, match="the number is too large"):
         load_settings(assignments=["pose.distance_mm=" + "9" * 400])
+
+
+def test_numbers_of_a_device_are_the_middle_for_the_first_and_drawn_for_others() -> None:
+    spreads = {
+        "uniform": ((1.0, 1.3), 1.15),
+        "loguniform": ((1600.0, 2500.0), 2000.0),
+        "normal": ((4.0, 1.0), 4.0),
+        "choice": ((7.0, 8.0), 7.0),
+    }
+    for kind, (numbers, middle) in spreads.items():
+        given = Distribution.model_validate({kind: numbers, "per": "device"})
+        assert given.draw(DrawKeys(1, 2, 3), "x") == pytest.approx(middle)
+        assert given.draw(DrawKeys(9, 8, 7), "x") == pytest.approx(middle)
+    given = Distribution(uniform=(1.0, 1.3), per="device")
+    drawn = [given.draw(DrawKeys(1, 2, 3, device), "x") for device in range(200)]
+    assert len(set(drawn)) == 200
+    assert np.mean(drawn) == pytest.approx(1.15, abs=0.03)
+    assert given.draw(DrawKeys(5, 6, 7, 11), "x") == drawn[11], "of the device alone"
