@@ -111,7 +111,7 @@ HOMES = {
     "playwright": (),
     "skimage": ("glsim.eval.paper",),
     "sklearn": ("glsim.compare.classifier",),
-    "scipy": ("glsim.eval.scoring.statistics",),
+    "scipy": ("glsim.compare.replay_surfaces", "glsim.eval.scoring.statistics"),
     "h5py": ("glsim.exports",),
     "rosbags": ("glsim.exports", "glsim.recordings.bag"),
     "av": ("glsim.recordings.mkv",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,20 +42,20 @@ class DepthFrame:
     camera: Intrinsics
     quantum_mm: float = 1.0
 
-    @cached_property
+    @property
     def rays(self) -> Array:
         """(H, W, 2) x/z and y/z of the pixels."""
-        return self.camera.rays()
+        return _rays(self.camera)
 
-    @cached_property
+    @property
     def radius_px(self) -> Array:
         """(H, W) distance from the principal point, px of a Kinect V2, so that radii are angles."""
-        return np.asarray(_FOCAL_PX * np.hypot(self.rays[..., 0], self.rays[..., 1]), np.float32)
+        return _radius_px(self.camera)
 
-    @cached_property
+    @property
     def surfaces(self) -> Surfaces:
         """Quadrics in 7 x 7 pixels around every pixel."""
-        return fit_surfaces(self.depth_mm, self.rays, 7)
+        return _surfaces(self)
 
     @property
     def surface_mm(self) -> Array:
@@ -71,6 +71,23 @@ class DepthFrame:
         if self.infrared is None:
             return np.ones(self.depth_mm.shape, np.bool_)
         return (self.infrared > 0) & (self.infrared < SATURATED)
+
+
+@lru_cache(maxsize=2)
+def _rays(camera: Intrinsics) -> Array:
+    return camera.rays()
+
+
+@lru_cache(maxsize=2)
+def _radius_px(camera: Intrinsics) -> Array:
+    rays = camera.rays()
+    return np.asarray(_FOCAL_PX * np.hypot(rays[..., 0], rays[..., 1]), np.float32)
+
+
+#: Each takes 3.5 MB for a Kinect V2; all of a set of 200 frames would take most of a gigabyte.
+@lru_cache(maxsize=64)
+def _surfaces(frame: DepthFrame) -> Surfaces:
+    return fit_surfaces(frame.depth_mm, frame.rays, 7)
 
 
 @dataclass(frozen=True, eq=False)
