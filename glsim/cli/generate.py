@@ -114,8 +114,9 @@ def generate(
     layers: Annotated[
         str | None,
         typer.Option(
-            help="Layers to write, of clean,noisy,infrared,infrared_right (stereo),reason,regions,"
-            "expected (clean with the sensor's systematic error),normals. Default: clean,noisy.",
+            help="Layers to write, with commas: clean, noisy, infrared, infrared_right (stereo), "
+            "reason, regions, expected (clean with the sensor's systematic error), normals. "
+            "Default: clean,noisy.",
             rich_help_panel=MORE,
         ),
     ] = None,
