@@ -62,7 +62,21 @@ html_theme_options = {
 copyright = "the authors of glsim, MIT licence"
 html_sidebars = {"index": [], "start": []}
 
+#: First cell of the notebooks: a hosted notebook is a fresh Debian or Ubuntu without glsim.
+#: GLSIM_PIP names another source, such as a wheel file, as long as there is no release.
+NOTEBOOK_SETUP = """\
+# On a hosted notebook: Mesa's OpenGL, and glsim. Elsewhere this does nothing.
+import importlib.util
+import os
+
+if importlib.util.find_spec("glsim") is None:
+    !apt-get -qq update && apt-get -qq install -y libegl1 libgl1 libgl1-mesa-dri
+    source = os.environ.get("GLSIM_PIP", "glsim[eval,train]")
+    %pip install -q "{source}"
+%matplotlib inline"""
+
 sphinx_gallery_conf = {
+    "first_notebook_cell": NOTEBOOK_SETUP,
     "examples_dirs": "tutorials",
     "gallery_dirs": "generated/tutorials",
     "filename_pattern": r"/\d_",  # all are run

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from glsim.eval.metrics.metric import Metric
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.run import evaluate
-    from glsim.exports import export_dataset
+    from glsim.exports import export_dataset, push_dataset
     from glsim.exports.base import Export
     from glsim.faces.base import Face, FaceKey, FaceSettings
     from glsim.faces.one_mesh import OneMesh
@@ -77,6 +77,7 @@ _HOME = {
     "open_context": "glsim.gl.context",
     "open_dataset": "glsim.dataset",
     "open_sources": "glsim.pipeline",
+    "push_dataset": "glsim.exports",
     "remove_fixed_pattern": "glsim.sensors.pattern_map",
     "sensor_names": "glsim.sensors.sensor",
     "simulate": "glsim.pipeline",
@@ -121,6 +122,7 @@ __all__ = [
     "open_context",
     "open_dataset",
     "open_sources",
+    "push_dataset",
     "remove_fixed_pattern",
     "sensor_names",
     "simulate",

@@ -6,6 +6,7 @@ import re
 import tomllib
 
 import pytest
+import yaml
 
 from glsim.gl.context import INSTALL_HINT
 from tests.support.imports import ROOT
@@ -88,3 +89,26 @@ def test_the_demo_needs_no_make() -> None:
     for name in ("scripts/demo.sh", "scripts/setup.sh"):
         commands = [line for line in text(name).splitlines() if not line.lstrip().startswith("#")]
         assert not any(re.search(r"\bmake\b", line.split(" # ")[0]) for line in commands), name
+
+
+#: Name on PyPI -> name on conda-forge, where they differ.
+CONDA_NAMES = {"isal": "python-isal", "opencv-contrib-python-headless": "py-opencv"}
+
+
+def test_the_conda_recipe_says_what_the_project_says() -> None:
+    recipe = yaml.safe_load(text("conda/recipe.yaml"))
+    assert recipe["context"]["version"] == PROJECT["version"]
+    assert recipe["about"]["summary"] == PROJECT["description"]
+    assert recipe["about"]["license"] == PROJECT["license"]
+    assert (ROOT / recipe["about"]["license_file"]).is_file()
+    run = dict(entry.partition(" ")[::2] for entry in recipe["requirements"]["run"])
+    wanted = dict(re.findall(r"^([\w-]+)(.*)$", "\n".join(PROJECT["dependencies"]), re.MULTILINE))
+    expected = {CONDA_NAMES.get(name, name): version for name, version in wanted.items()}
+    expected["python"] = PROJECT["requires-python"]
+    assert {name: version for name, version in run.items() if name != "libegl"} == expected
+    (setuptools,) = tomllib.loads(text("pyproject.toml"))["build-system"]["requires"]
+    host = {entry.replace(" ", "") for entry in recipe["requirements"]["host"]}
+    assert {setuptools, f"python{PROJECT['requires-python']}", "pip"} == host
+    assert recipe["build"]["python"]["entry_points"] == [
+        f"{name} = {place}" for name, place in PROJECT["scripts"].items()
+    ]

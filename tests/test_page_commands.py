@@ -1,45 +1,34 @@
 """The shell blocks of pages run as they stand, from the text itself, in one folder per page.
 
-Commands that make much are made small by options behind theirs (the last one counts); the tuner,
-which serves until it is ended, and downloads print their help instead.
+``tests/support/page_command.py`` stands for the command glsim.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from glsim.cli import main
 from glsim.faces.people.files import FETCH, has_people
 from glsim.files.png import encode_png
+from tests.support import page_command
+from tests.support.eval_scenes import write_pairs
 from tests.support.imports import ROOT
 from tests.support.recordings import scene, write_static_pair
 from tests.support.scenes import face_mesh
 
-pytestmark = pytest.mark.long
-
-#: Stands for the command glsim: makes data sets and trainings small.
-_SMALL = """#!/bin/sh
-run() { exec PYTHON -m glsim "$@"; }
-case "$1" in
-    generate) case "$*" in
-        *--preset\\ office*) run "$@" --subjects 1 --frames-per-subject 1 --workers 1 -q ;;
-        *) run "$@" --subjects 10 --frames-per-subject 1 --workers 2 -q ;;
-        esac ;;
-    train) run "$@" --steps 1 --set training.batch=2 --set data.validation_frames=1 ;;
-    tune|fetch) run "$1" --help ;;
-    *) run "$@" ;;
-esac
-"""
-#: Blocks that set up a machine or a checkout.
-_SET_UP = re.compile(r"apt-get|make demo|pip install|docker |apptainer ")
-
-PAGES = ["README.md", "docs/start.md", "docs/howto/noise_stage.md"]
+#: Blocks that set up a machine or a checkout, or are a job of a cluster.
+_SET_UP = re.compile(r"apt-get|make demo|pip install|docker |apptainer |srun ")
+#: A denoiser of one's own, as docs/evaluation.md has it.
+_OWN = "def my_function(noisy_mm, valid):\n    return noisy_mm, valid\n"
 
 
 def blocks(page: str) -> list[str]:
@@ -49,34 +38,60 @@ def blocks(page: str) -> list[str]:
     return [block for block in plain if "glsim " in block and not _SET_UP.search(block)]
 
 
+PAGES = [
+    page
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    if not {"_build", "generated"} & {*path.parts}
+    and blocks(page := path.relative_to(ROOT).as_posix())
+]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The data set that pages take for granted."""
+    folder = tmp_path_factory.mktemp("made") / "data"
+    size = ["--subjects", "10", "--frames-per-subject", "1", "--crop", "96", "--workers", "1"]
+    layers = ["--layers", "clean,expected,noisy"]
+    assert main(["generate", "-o", str(folder), *size, *layers, "-q"]) == 0
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """What the pages take for granted: a mesh, a clean map, a noisy one, a recording, a stage."""
+def folder(tmp_path: Path, data: Path) -> Path:
+    """What pages take for granted: a mesh, maps, recordings, a data set, pairs, a stage."""
     (tmp_path / "bin").mkdir()
     command = tmp_path / "bin" / "glsim"
-    command.write_text(_SMALL.replace("PYTHON", sys.executable))
+    script = page_command.__file__
+    command.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} {script} "$@"\n')
     command.chmod(0o755)
     work = tmp_path / "work"
     work.mkdir()
+    shutil.copytree(data, work / "data")
     mesh = face_mesh()
     lines = ["v {} {} {}".format(*vertex) for vertex in mesh.vertices_mm]
     lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
     (work / "face.obj").write_text("\n".join(lines))
     flat = np.full((424, 512), 900, np.uint16)
-    for name in ("clean.png", "noisy.png"):
+    for name in ("clean.png", "noisy.png", "infrared.png"):
         (work / name).write_bytes(encode_png(flat))
-    write_static_pair(work / "recording", scene(), 1.6)
+    np.save(work / "noisy.npy", flat)
+    cv2.imwrite(str(work / "clean.tif"), flat)
+    for name in ("recording", "walls"):
+        write_static_pair(work / name, scene(), 1.6)
+    write_pairs(work / "pairs", 2)
+    (work / "my_module.py").write_text(_OWN)
     page = (ROOT / "docs/howto/noise_stage.md").read_text(encoding="utf-8")
     (work / "ripple.glsl").write_text(re.findall(r"```glsl\n(.*?)```", page, re.DOTALL)[0])
     return tmp_path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", PAGES)
 def test_the_commands_of_a_page_run(folder: Path, page: str) -> None:
     script = "\n".join(["set -e", *blocks(page)])
     if not has_people():
         script = "\n".join(line for line in script.splitlines() if "--preset office" not in line)
-    assert script.count("glsim ") >= 4, FETCH
+    assert "glsim " in script, FETCH
     done = subprocess.run(
         ["bash", "-c", script],
         cwd=folder / "work",
@@ -88,3 +103,17 @@ def test_the_commands_of_a_page_run(folder: Path, page: str) -> None:
     )
     assert done.returncode == 0, done.stderr[-3000:]
     assert "Traceback" not in done.stderr
+
+
+def test_the_pages_are_found() -> None:
+    assert {"README.md", "docs/start.md", "docs/export.md", "docs/howto/commands.md"} <= {*PAGES}
+
+
+def test_a_wrong_line_that_is_only_read_is_noticed(folder: Path) -> None:
+    for line in ("glsim paper tabels data", "glsim tune kinect-v2 --prot 80", "glsim fetch"):
+        done = subprocess.run(
+            ["bash", "-c", line],
+            env=os.environ | {"PATH": f"{folder / 'bin'}:{os.environ['PATH']}"},
+            capture_output=True, check=False, cwd=folder / "work",
+        )  # fmt: skip
+        assert done.returncode != 0, line

@@ -113,6 +113,7 @@ HOMES = {
     "sklearn": ("glsim.compare.classifier",),
     "scipy": ("glsim.compare.replay_surfaces", "glsim.eval.scoring.statistics"),
     "h5py": ("glsim.exports",),
+    "huggingface_hub": ("glsim.exports.hub",),
     "rosbags": ("glsim.exports", "glsim.recordings.bag"),
     "av": ("glsim.recordings.mkv",),
     "OpenEXR": ("glsim.map_files",),

@@ -80,7 +80,7 @@ def write_report(
         pictures.append(CaptionedPng("bias_by_distance", caption, to_png(over_distance)))
     frame = example_frame(job)
     if frame is not None:
-        names = list(frame.predictions)
+        names = [name for name in frame.predictions if name in summary.methods]
         sheets = -(-len(names) // _COLUMNS)
         for sheet in range(sheets):
             # Methods are spread evenly, so that no figure has a single column.

@@ -55,17 +55,18 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
             "interval is over the boards.",
             _table(scores, distances, lambda m: m.paper_rmse_mm, lambda m: m.paper_change),
             Heading("Chessboard, paper: shift against the raw frames [mm]"),
-            _table(scores, distances, lambda m: m.board_shift_mm, zero_is_best=True),
+            _table(scores, distances, lambda m: m.board_shift_mm, bold=False),
         ]
     page.parts += [
         Heading("Smooth surfaces: shift against the raw frames [mm]"),
-        "A denoiser removes noise and keeps surfaces in place: 0 is best. Last: the 100 mm with "
-        "the largest shift.",
+        "A denoiser removes noise and keeps surfaces in place: 0 is best. No best is marked: what "
+        "changes nothing, such as a network of one step, has no shift. Last: the 100 mm with the "
+        "largest shift.",
         _table(
             scores,
             [*distances, "largest"],
             lambda m: (*m.shift_mm, m.largest_shift_mm),
-            zero_is_best=True,
+            bold=False,
         ),
         Heading("Edges"),
         _own_losses(scores),
@@ -103,14 +104,12 @@ def _table(
     values: Callable[[RealMeasures], tuple[float, ...]],
     change: Callable[[RealMeasures], Interval] | None = None,
     *,
-    zero_is_best: bool = False,
     bold: bool = True,
 ) -> TextTable:
     """Return a table with a row per method. Columns without any number are left out."""
     rows = {name: values(method) for name, method in scores.methods.items()}
     used = [k for k in range(len(heads)) if any(not math.isnan(row[k]) for row in rows.values())]
-    raw = next(iter(rows))
-    best = {k: _best(rows, k, raw if zero_is_best else None) for k in used} if bold else {}
+    best = {k: _best(rows, k) for k in used} if bold else {}
     lines = []
     for name, method in scores.methods.items():
         texts = [format_number(rows[name][k]) for k in used]
@@ -124,12 +123,12 @@ def _table(
     return TextTable(titles if change is None else [*titles, "change [%]"], lines)
 
 
-def _best(rows: Mapping[str, tuple[float, ...]], column: int, leave_out: str | None) -> set[str]:
+def _best(rows: Mapping[str, tuple[float, ...]], column: int) -> set[str]:
     """Return the methods whose absolute value, rounded as in the table, is the smallest."""
     sizes = {
         name: format_number(abs(row[column]))
         for name, row in rows.items()
-        if name != leave_out and not math.isnan(row[column])
+        if not math.isnan(row[column])
     }
     if not sizes:
         return set()

@@ -9,6 +9,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.prediction import psnr_db
 from glsim.eval.metrics.score import METRICS
@@ -124,11 +125,16 @@ class ScoreSummary:
 
     def only(self, denoisers: Collection[str]) -> ScoreSummary:
         """Return the summary of denoisers with these labels, all composites included."""
+        return self._of({name for name in self.methods if name.split(" [")[0] in denoisers})
 
+    def one_composite(self) -> ScoreSummary:
+        """Return the summary with one row per denoiser: of a network's composites the default."""
+        others = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
+        return self._of({name for name in self.methods if not name.endswith(others)})
+
+    def _of(self, methods: Collection[str]) -> ScoreSummary:
         def chosen(values: dict[str, _T]) -> dict[str, _T]:
-            return {
-                name: value for name, value in values.items() if name.split(" [")[0] in denoisers
-            }
+            return {name: value for name, value in values.items() if name in methods}
 
         parts = (self.sampled, self.histograms, self.bias_sums, self._totals, self._rows)
         return ScoreSummary(self.total_frames, self.metrics, *(chosen(part) for part in parts))

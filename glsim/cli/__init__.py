@@ -32,6 +32,7 @@ from glsim.cli import (
 )
 from glsim.cli import eval as evaluate
 from glsim.cli.common import run_command_line, with_messages
+from glsim.cli.narrow_help import Command, Group
 
 app = typer.Typer(
     name="glsim",
@@ -77,6 +78,10 @@ for _heading, _commands in _GROUPS.items():
     if _heading == "Make data":
         app.add_typer(import_.app, name="import", rich_help_panel=_heading)
 app.add_typer(paper.app, name="paper", rich_help_panel="Paper")
+for _group in (app, import_.app, paper.app):
+    _group.info.cls = Group
+    for _info in _group.registered_commands:
+        _info.cls = Command
 
 
 def _print_version(asked: bool) -> None:

@@ -29,6 +29,7 @@ from glsim.cli.completion import preset_words, sensor_words
 from glsim.cli.old_spellings import new_spelling
 from glsim.cli.streams import open_closed_streams, printable, replace_what_a_stream_lacks
 from glsim.errors import ConfigError, GlsimError
+from glsim.files.atomic import without_nan, write_atomic
 from glsim.settings.presets import preset_names, preset_title
 
 
@@ -324,9 +325,37 @@ JsonOption = Annotated[
 ]
 
 
+JsonFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Write all numbers as JSON; - prints them instead of a table.",
+    ),
+]
+#: The FILE of JsonFileOption that means stdout.
+STDOUT = Path("-")
+
+
 def print_json(content: object) -> None:
-    """Print a JSON value to stdout."""
-    sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
+    """Print a JSON value to stdout, NaN as null."""
+    sys.stdout.write(_json(content))
+
+
+def write_json(content: object, file: Path) -> list[Path]:
+    """Write a JSON value to the file of JsonFileOption; returns it, or nothing for stdout.
+
+    Raises DatasetError if writing fails.
+    """
+    if file == STDOUT:
+        print_json(content)
+        return []
+    write_atomic(_json(content).encode(), file)
+    return [file]
+
+
+def _json(content: object) -> str:
+    return json.dumps(without_nan(content), indent=1, allow_nan=False) + "\n"
 
 
 def print_table(table: Table) -> None:

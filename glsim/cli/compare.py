@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from glsim.cli.common import options, print_message, print_written
+from glsim.cli.common import (
+    STDOUT,
+    JsonFileOption,
+    options,
+    print_message,
+    print_written,
+    write_json,
+)
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -53,9 +59,7 @@ def compare(
     figure_file: Annotated[
         Path | None, typer.Option("--figure", metavar="FILE.png", help="Draw nine panels.")
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write all numbers as JSON.")
-    ] = None,
+    json_file: JsonFileOption = None,
     frames: Annotated[
         int, typer.Option(min=1, max=2000, help="Frames of each set; larger sets are thinned.")
     ] = 60,
@@ -108,14 +112,13 @@ def compare(
     table = comparison.as_markdown()
     written = []
     if json_file is not None:
-        write_atomic((json.dumps(comparison.as_json(), indent=1) + "\n").encode(), json_file)
-        written.append(json_file)
+        written += write_json(comparison.as_json(), json_file)
     if figure_file is not None:
         write_atomic(draw_comparison(comparison), figure_file)
         written.append(figure_file)
     if out is not None:
         write_atomic(table.encode(), out)
         written.append(out)
-    elif not options.quiet:
+    elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
     print_written(written)

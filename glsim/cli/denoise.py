@@ -70,7 +70,7 @@ def denoise(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Denoise the depth PNGs of a folder and those that appear there, until Ctrl-C.",
+            help="Denoise the depth maps of a folder and those that appear there, until Ctrl-C.",
         ),
     ] = None,
     infrared: Annotated[

@@ -85,6 +85,19 @@ TuneFiltersOption = Annotated[
         "--tune-filters", help="Add the classical filters, tuned on the validation split."
     ),
 ]
+InputOption = Annotated[
+    bool,
+    typer.Option(help="Score the noisy input too, as the first row.", rich_help_panel=MORE),
+]
+CompositesOption = Annotated[
+    bool,
+    typer.Option(
+        "--composites",
+        help="Show every composite of a network in tables and figures, not 'measured' alone; "
+        "rows.csv and table.csv have all.",
+        rich_help_panel=MORE,
+    ),
+]
 BaselinesOption = Annotated[
     bool, typer.Option(help="Score trivial baselines too.", rich_help_panel=MORE)
 ]
@@ -130,6 +143,8 @@ def evaluate(
     protocol: ProtocolOption = None,
     runs: RunsOption = None,
     tune_filters: TuneFiltersOption = False,
+    noisy_input: InputOption = True,
+    composites: CompositesOption = False,
     baselines: BaselinesOption = True,
     figures: FiguresOption = True,
     workers: WorkersOption = "auto",
@@ -153,7 +168,7 @@ def evaluate(
     score_denoisers(
         dataset, denoiser or [], out, split=split, truth=truth, protocol=protocol, runs=runs,
         tune_filters=tune_filters, baselines=baselines, figures=figures, workers=workers,
-        focal_px=focal_px, device=device,
+        focal_px=focal_px, device=device, noisy_input=noisy_input, composites=composites,
     )  # fmt: skip
 
 
@@ -172,6 +187,8 @@ def score_denoisers(
     workers: str,
     focal_px: float | None = None,
     device: Path | None = None,
+    noisy_input: bool = True,
+    composites: bool = False,
     tables: Sequence[int] = (),
 ) -> None:
     """Score denoisers and write the results; the options of ``glsim eval`` say what each means.
@@ -197,6 +214,9 @@ def score_denoisers(
     if tables or not specs:
         specs = [*PAPER_FILTERS, *(spec for spec in specs if spec not in PAPER_FILTERS)]
     specs += [network.spec for network in networks.trained]
+    unfiltered = PAPER_FILTERS[0]
+    if noisy_input and unfiltered not in specs:
+        specs = [unfiltered, *specs]
     count = worker_count(workers)
     if truth not in get_args(TruthLayer):
         raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
@@ -214,7 +234,7 @@ def score_denoisers(
         job = _add_tuned_filters(job, out, count)
     with scoring_progress("scoring") as progress:
         evaluation = run(job, out, workers=count, baselines=baselines, progress=progress)
-    _write_results(evaluation, job, out, tables, networks, figures)
+    _write_results(evaluation, job, out, tables, networks, figures, composites)
     for text in evaluation.first_bad:
         console.print(f"bad {text}", style="yellow")
     if evaluation.bad:
@@ -286,8 +306,11 @@ def _write_results(
     tables: Sequence[int],
     networks: _Networks,
     figures: bool,
+    composites: bool,
 ) -> None:
     """Write the tables and, if wanted, the figures and report.html into a folder."""
+    from dataclasses import replace
+
     from glsim.dataset import open_dataset
     from glsim.dataset.disk_format import HEADER
     from glsim.eval.paper.data_note import data_note
@@ -317,9 +340,12 @@ def _write_results(
         note = data_note(open_dataset(job.dataset))
         for page in pages.values():
             page.parts.insert(1, note)
+    summary = evaluation.summary if composites else evaluation.summary.one_composite()
+    shown = replace(evaluation, summary=summary)
+    shown_table = {method: table[method] for method in summary.methods}
     texts = {
-        "table.md": table_markdown(evaluation, table, heading),
-        "table.tex": table_latex(table),
+        "table.md": table_markdown(shown, shown_table, heading),
+        "table.tex": table_latex(shown_table),
     }
     texts |= {f"paper_table_{which}.md": page.markdown() for which, page in pages.items()}
     for name, text in texts.items():
@@ -336,6 +362,6 @@ def _write_results(
             one.spec for group in group_by_network(networks.trained) for one in group.members[1:]
         }
         drawn = [spec for spec in job.denoisers if spec not in others]
-        report = write_report(evaluation, table, job, out, heading, list(pages.values()), drawn)
+        report = write_report(shown, shown_table, job, out, heading, list(pages.values()), drawn)
         paths.append(report)
     print_written(paths)

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glsim.cli.common import WorkersOption, print_message, print_table, print_written
+from glsim.cli.common import (
+    JsonOption,
+    WorkersOption,
+    print_json,
+    print_message,
+    print_table,
+    print_written,
+)
 from glsim.cli.eval import DenoisersOption, FiguresOption, FocalOption, OutOption
 from glsim.cli.figures import figures_wanted
 from glsim.cli.progress import scoring_progress
@@ -47,6 +54,7 @@ def evaluate_real(
     figures: FiguresOption = True,
     workers: WorkersOption = "auto",
     focal_px: FocalOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Score denoisers on real frames, which have no clean truth.
 
@@ -97,7 +105,10 @@ def evaluate_real(
                 to_png(crops_figure(opened, specs)),
             ),
         ]
-    _print_summary(scores)
+    if as_json:
+        print_json(scores.as_json())
+    else:
+        _print_summary(scores)
     paths = write_real_frames(scores, out, pictures, remarks)
     if markdown is not None:
         command = f"glsim eval-real {shlex.quote(opened.source.path.name)}"

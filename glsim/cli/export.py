@@ -20,6 +20,8 @@ glsim export data -o depth --to exr,open3d --layers noisy --frames 10
 
 glsim export data -o ros --to rosbag                     pip install 'glsim\\[formats]'
 
+glsim export data --hf me/faces                          to the Hugging Face Hub, as it is
+
 glsim export run/best.pt -o face.onnx                    a network
 
 glsim denoise noisy.png -o clean.png -d face.onnx        runs it without PyTorch
@@ -34,11 +36,11 @@ def export(
         typer.Argument(help="A data set, or best.pt or last.pt of a run of glsim train."),
     ],
     out: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "-o", "--out", help="Folder for the files; an .onnx or .safetensors file of a network."
         ),
-    ],
+    ] = None,
     to: Annotated[
         str | None,
         typer.Option(
@@ -53,6 +55,17 @@ def export(
         str | None, typer.Option(help="Only train, val or test. Default: all.")
     ] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Only the first N frames.")] = None,
+    hf: Annotated[
+        str | None,
+        typer.Option(
+            metavar="OWNER/NAME",
+            help="Push the data set as it is to this repository of the Hugging Face Hub, with the "
+            "token of hf auth login or HF_TOKEN.",
+        ),
+    ] = None,
+    public: Annotated[
+        bool, typer.Option("--public", help="Everybody can see a new repository of --hf.")
+    ] = False,
 ) -> None:
     """Export a data set's frames to other programs, or a trained network.
 
@@ -61,16 +74,34 @@ def export(
     PyTorch and are written if they give its depths within 0.01 mm, or safetensors files, which hold
     the weights and the recipe and can hold no code.
     """
+    chosen = any(option is not None for option in (to, layers, split, frames))
+    if hf is not None:
+        if out is not None or chosen:
+            raise ConfigError("--hf pushes the whole data set as it is: give no other option")
+        _push(source, hf, public)
+        return
+    if public:
+        raise ConfigError("--public: is of a repository: give --hf OWNER/NAME")
+    if out is None:
+        raise ConfigError("give -o, a folder or file, or --hf OWNER/NAME")
     if source.is_dir() or cloud_url(source) is not None:
         _export_frames(source, out, to, layers, split, frames)
         return
     if not source.exists():
         raise ConfigError(f"{source}: no such data set or checkpoint")
-    if any(option is not None for option in (to, layers, split, frames)):
+    if chosen:
         raise ConfigError(
             f"{source}: is no data set: --to, --layers, --split and --frames need one"
         )
     _export_network(source, out)
+
+
+def _push(source: Path, repository: str, public: bool) -> None:
+    from glsim.exports import push_dataset
+
+    if not source.is_dir():
+        raise ConfigError(f"{source}: no such folder: --hf pushes a data set on this machine")
+    print_message(f"pushed {source} to {push_dataset(source, repository, public=public)}")
 
 
 def _export_frames(

@@ -10,8 +10,10 @@ import typer
 from rich.table import Table
 
 from glsim.cli.common import (
+    JsonOption,
     make_console,
     options,
+    print_json,
     print_message,
     print_written,
 )
@@ -73,6 +75,7 @@ def fit(
             "what the recording's depths say."
         ),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Measure a camera's noise on a recording of a static scene and write a sensor file.
 
@@ -114,7 +117,7 @@ def fit(
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
     recording = open_recording(frames, depth_unit_mm, infrared=infrared)
     if (matching := stereo_base(recording, base)) is not None:
-        fit_stereo_recording(recording, matching, out, focal_px, centre_px)
+        fit_stereo_recording(recording, matching, out, focal_px, centre_px, as_json=as_json)
         return
     name, tree = base_sensor(base)
     recorded = recording.read_static()
@@ -159,7 +162,9 @@ def fit(
     text = sensor_toml(name, tree, values, image, comments, named, waves)
     write_atomic(picture.getvalue(), map_file)
     write_atomic(text.encode(), out)
-    if not options.quiet:
+    if as_json:
+        print_json({"sensor": str(out), "results": dict(lines), "sigma_mm": _cells(statistics)})
+    elif not options.quiet:
         _print(statistics, lines)
     if missing:
         print_message(f"{name} has no parameter for {', '.join(missing)}: not written")
@@ -283,6 +288,15 @@ def _wiggling_text(wiggling: Wiggling | None) -> str:
             + (f"{phases} deg at 80 and 120 MHz" if wiggling.known(harmonic) else "not significant")
         )
     return "; ".join(parts)
+
+
+def _cells(statistics: RecordingStatistics) -> list[dict[str, Any]]:
+    """Return the table of sigma as JSON values."""
+    return [
+        {"distance_m": list(cell.distance_m), "radius_px": list(cell.radius_px),
+         "sigma_mm": float(cell.value), "pixels": int(cell.pixels)}
+        for cell in statistics.table
+    ]  # fmt: skip
 
 
 def _print(statistics: RecordingStatistics, lines: list[tuple[str, str]]) -> None:

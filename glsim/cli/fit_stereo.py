@@ -5,7 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glsim.cli.common import make_console, options, print_message, print_written, two_numbers
+from glsim.cli.common import (
+    make_console,
+    options,
+    print_json,
+    print_message,
+    print_written,
+    two_numbers,
+)
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -50,7 +57,13 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
 
 
 def fit_stereo_recording(
-    recording: Recording, base: str, out: Path, focal_px: float | None, centre_px: str | None
+    recording: Recording,
+    base: str,
+    out: Path,
+    focal_px: float | None,
+    centre_px: str | None,
+    *,
+    as_json: bool = False,
 ) -> None:
     """Fit a sensor that matches images to a static recording, print what was measured, write it.
 
@@ -60,6 +73,7 @@ def fit_stereo_recording(
         out: the sensor file.
         focal_px: of the recording; None: as stated, the base's, or by its baseline.
         centre_px: "x,y", principal point; None: as stated, the base's, or the middle.
+        as_json: print JSON.
 
     Raises:
         ConfigError: an option is wrong.
@@ -90,7 +104,9 @@ def fit_stereo_recording(
         f"All other values are those of {sensor.name}.",
     ]
     write_atomic(stereo_toml(fitted, sensor, comments).encode(), out)
-    if not options.quiet:
+    if as_json:
+        print_json({"sensor": str(out), "results": dict(lines)})
+    elif not options.quiet:
         console = make_console()
         for name, text in lines:
             console.print(f"{name}: {text}", soft_wrap=True)

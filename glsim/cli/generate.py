@@ -114,8 +114,9 @@ def generate(
     layers: Annotated[
         str | None,
         typer.Option(
-            help="Layers to write, of clean,noisy,infrared,infrared_right (stereo),reason,regions,"
-            "expected (clean with the sensor's systematic error),normals. Default: clean,noisy.",
+            help="Layers to write, with commas: clean, noisy, infrared, infrared_right (stereo), "
+            "reason, regions, expected (clean with the sensor's systematic error), normals. "
+            "Default: clean,noisy.",
             rich_help_panel=MORE,
         ),
     ] = None,
@@ -147,6 +148,12 @@ def generate(
         typer.Option(
             "--plan",
             help="Print the number of images, and estimates of size and time; render nothing.",
+        ),
+    ] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json", help="With --plan: print JSON for other programs.", rich_help_panel=MORE
         ),
     ] = False,
     price_per_core_hour: Annotated[
@@ -266,8 +273,10 @@ def generate(
     if plan:
         from glsim.cli.generate_plan import print_plan
 
-        print_plan(settings, worker_count(workers), price_per_core_hour, frames_per_second)
+        print_plan(settings, worker_count(workers), price_per_core_hour, frames_per_second, as_json)
         return
+    if as_json:
+        raise ConfigError("--json is of the plan: add --plan")
     if out is None:
         raise ConfigError("give -o DIR, the folder of the data set (or --plan to print the plan)")
     _refuse_together(part=part, merge=merge, slurm=slurm, ray=ray)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from glsim.cli.common import make_console, options
+from glsim.cli.common import make_console, options, print_json
 from glsim.errors import ConfigError
 
 if TYPE_CHECKING:
+    from glsim.dataset.estimate import DatasetEstimate
     from glsim.settings.distribution import Distribution
     from glsim.settings.scene_settings import SceneSettings
     from glsim.settings.schema import Settings
@@ -21,6 +22,7 @@ def print_plan(
     workers: int,
     price_per_core_hour: float | None = None,
     frames_per_second: float | None = None,
+    as_json: bool = False,
 ) -> None:
     """Print the number of images by source and split, their size, the time and the price.
 
@@ -29,6 +31,7 @@ def print_plan(
         workers: number of processes that share the work.
         price_per_core_hour: None prints no price.
         frames_per_second: speed of one core; default: a typical one.
+        as_json: print JSON.
     """
     from glsim.dataset.estimate import estimate_dataset
     from glsim.pipeline import open_sources
@@ -45,6 +48,9 @@ def print_plan(
     sources = open_sources(settings)
     plan = make_tasks(settings, sources)
     estimate = estimate_dataset(settings, sources, plan, frames_per_second)
+    if as_json:
+        print_json(_described(estimate, workers, price_per_core_hour))
+        return
     out = make_console(width=120)
     if options.verbose:
         for person in plan.people():
@@ -76,6 +82,29 @@ def print_plan(
             f"{hours:.3g} core-hours: {hours * price_per_core_hour:.2f} at {price_per_core_hour:g} "
             "per core-hour; storage and traffic are not in it"
         )
+
+
+def _described(
+    estimate: DatasetEstimate, workers: int, price_per_core_hour: float | None
+) -> dict[str, Any]:
+    """Return the plan as JSON values."""
+    hours = estimate.core_seconds / 3600
+    return {
+        "sources": [
+            {"source": name, "people": people, "frames": frames}
+            for name, (people, frames) in estimate.by_source.items()
+        ],
+        "splits": {
+            name: {"people": people, "frames": frames}
+            for name, (people, frames) in estimate.by_split.items()
+        },
+        "frames": estimate.frames,
+        "bytes": estimate.bytes,
+        "core_hours": hours,
+        "workers": workers,
+        "seconds": estimate.core_seconds / workers,
+        "price": None if price_per_core_hour is None else hours * price_per_core_hour,
+    }
 
 
 def scene_line(scene: SceneSettings) -> str:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from glsim.cli.common import BackendOption, make_console, print_message, print_written
+from glsim.cli.common import (
+    BackendOption,
+    JsonOption,
+    make_console,
+    print_json,
+    print_message,
+    print_written,
+)
 from glsim.errors import ConfigError, MeshError
 
 if TYPE_CHECKING:
@@ -53,6 +60,7 @@ def inspect(
         str, typer.Option(help="Axes of the mesh files; overrides detection.")
     ] = "auto",
     backend: BackendOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Detect the kind of a face set, print people, frames, units, axes, problems; draw faces.
 
@@ -67,7 +75,7 @@ def inspect(
     if not path.exists():
         raise ConfigError(f"{path}: no such file or folder")
     if recordings := inspection.find_recordings(path):
-        _print_cameras(recordings)
+        _print_cameras(recordings, as_json)
         return
     if out.is_dir() or not out.suffix:
         out /= "inspect.png"
@@ -75,7 +83,10 @@ def inspect(
         raise ConfigError(f"-o {out}: give a folder, or a name that ends in .png")
     kind, source = inspection.open_faces(path, unit, axes)
     report = inspection.inspect(path, kind, source, frames)
-    _print(report)
+    if as_json:
+        print_json(_described(report))
+    else:
+        _print(report)
     if not report.usable:
         raise MeshError(f"{path}: none of the {report.checked} frames that were read can be used")
     if shown:
@@ -85,17 +96,62 @@ def inspect(
         print_written([out])
 
 
-def _print_cameras(recordings: list[Path]) -> None:
+def _print_cameras(recordings: list[Path], as_json: bool) -> None:
     """Print the camera of each recording; of several, those that cannot be read are named."""
     from glsim.errors import DatasetError
 
+    described = []
     for recording in recordings:
         try:
-            _print_camera(recording)
+            if as_json:
+                described.append(_described_camera(recording))
+            else:
+                _print_camera(recording)
         except DatasetError as error:
             if len(recordings) == 1:
                 raise
             print_message(str(error))
+    if as_json:
+        print_json(described)
+
+
+def _described_camera(path: Path) -> dict[str, Any]:
+    """Return what tells the camera of a recording as JSON values."""
+    from glsim.identify.evidence import gather_evidence
+    from glsim.identify.ranking import rank_cameras
+    from glsim.recordings.recording import open_recording
+
+    evidence = gather_evidence(open_recording(path))
+    return {
+        "recording": str(path),
+        "frames": evidence.frames,
+        "size_px": list(evidence.size),
+        "unit_mm": evidence.unit_mm,
+        "stated": evidence.stated,
+        "cameras": [
+            {"title": g.title, "sensor": g.sensor, "share": float(g.share),
+             "reasons": list(g.reasons)}
+            for g in rank_cameras(evidence)
+        ],
+    }  # fmt: skip
+
+
+def _described(report: FaceSetReport) -> dict[str, Any]:
+    """Return the contents of a face set as JSON values."""
+    return {
+        "path": str(report.root),
+        "kind": report.kind,
+        "people": {
+            name: {"sequences": sequences, "frames": frames}
+            for name, (sequences, frames) in report.people.items()
+        },
+        "frames": report.frames,
+        "frames_read": report.checked,
+        "vertices": list(report.vertices),
+        "triangles": list(report.triangles),
+        "placements": dict(report.placements),
+        "problems": dict(report.problems),
+    }
 
 
 def _print_camera(path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,11 +10,14 @@ from rich.table import Table
 from rich.text import Text
 
 from glsim.cli.common import (
+    STDOUT,
     BackendOption,
+    JsonFileOption,
     options,
     print_message,
     print_table,
     print_written,
+    write_json,
 )
 from glsim.cli.completion import sensor_words
 
@@ -42,9 +44,7 @@ def validate(
             help="A shipped sensor (glsim sensors) or a .toml file.", autocompletion=sensor_words
         ),
     ],
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write the table as JSON.")
-    ] = None,
+    json_file: JsonFileOption = None,
     figure_file: Annotated[
         Path | None,
         typer.Option("--figure", metavar="FILE.png", help="Draw figures of noise and edges."),
@@ -83,12 +83,11 @@ def validate(
         picture = draw_figure(captures) if figure_file is not None else None
     finally:
         context.release()
-    if not options.quiet:
+    if not options.quiet and json_file != STDOUT:
         _print(report)
     written = []
     if json_file is not None:
-        write_atomic((json.dumps(report.as_json(), indent=1) + "\n").encode(), json_file)
-        written.append(json_file)
+        written += write_json(report.as_json(), json_file)
     if markdown_file is not None:
         write_atomic(report.as_markdown().encode(), markdown_file)
         written.append(markdown_file)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from glsim.cli.common import make_console, print_message
+from glsim.cli.common import JsonOption, make_console, print_json, print_message
 from glsim.cli.streams import printable
 from glsim.errors import DatasetError, GlsimError
 
@@ -41,6 +41,7 @@ def verify(
     repair: Annotated[
         bool, typer.Option("--repair", help="Print the command that makes the damaged files again.")
     ] = False,
+    as_json: JsonOption = False,
 ) -> int:
     """Check a data set: header, counts, checksums, splits, files without a record.
 
@@ -50,6 +51,11 @@ def verify(
     from glsim.dataset import verify as find_problems
 
     problems = find_problems(dataset, deep=deep)
+    if as_json:
+        command = repair_command(dataset) if repair else None
+        frames = {} if problems else open_dataset(dataset).header["frames"]
+        print_json({"problems": problems, "frames": frames, "repair": command})
+        return 1 if problems else 0
     out = make_console(soft_wrap=True)
     for problem in problems[:_SHOWN]:
         out.print(printable(problem))

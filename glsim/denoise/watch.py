@@ -15,8 +15,7 @@ from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.arrivals import FolderArrivals
 from glsim.files.atomic import write_atomic
-from glsim.files.png import encode_png
-from glsim.frame import encode_depth
+from glsim.map_files import encode_map, is_map
 from glsim.recordings.names import other_kind
 
 
@@ -51,7 +50,7 @@ def watch_folder(
 
     Args:
         folder: to watch.
-        out: folder of the denoised maps, which keep their names.
+        out: folder of the denoised maps, which keep their names and formats.
         denoiser: of the maps.
         depth_unit_mm: step of the files, in and out.
         protocol: see ``MapFrames``.
@@ -73,7 +72,9 @@ def watch_folder(
             "single frames, or --protocol depth"
         )
     stream = denoiser.stream()
-    arrivals = FolderArrivals(folder, lambda name: not other_kind(name, "noisy"))
+    arrivals = FolderArrivals(
+        folder, lambda name: is_map(Path(name)) and not other_kind(name, "noisy")
+    )
     for path, appeared_s, complete in arrivals:
         target = out / path.name
         if appeared_s is None and complete and _is_current(target, path):
@@ -90,7 +91,7 @@ def watch_folder(
         except DatasetError as error:
             problem = str(error)
         else:
-            write_atomic(encode_png(encode_depth(depth_m, depth_unit_mm)), target, sync=False)
+            write_atomic(encode_map(depth_m, path.suffix, depth_unit_mm), target, sync=False)
         end_s = time.monotonic()
         latency_s = None if appeared_s is None or problem else end_s - appeared_s
         yield Watched(path, problem, latency_s, end_s - start_s)

@@ -1,12 +1,14 @@
-"""Notice PNG files as they appear in a folder, each once it is complete, in the order of names.
+"""Notice images and arrays as they appear in a folder, each once it is complete, in name order.
 
 The folder is listed again and again, which works on every file system; nothing has to be installed.
-A file is complete if it ends as PNG files end, so that a file that is being written is never read
-in half, whether its writer renames it or not.
+A PNG file is complete if it ends as PNG files end, a .npy file if it has the bytes that its header
+tells of, so that a file that is being written is never read in half, whether its writer renames it
+or not. Other files do not tell: they are complete if they have not changed for SETTLED_S.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import time
@@ -15,12 +17,16 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from glsim.errors import DatasetError
+from glsim.files.npy import map_npy
 
 #: Seconds between two looks at the folder: less than a frame of a camera with 30 Hz.
 POLL_S: Final = 0.01
 #: A file that is not complete and has not grown for this long, seconds, is not waited for: chosen;
 #: a camera of 30 Hz writes 60 files in that time.
 STALLED_S: Final = 2.0
+#: A file of a format without an end (TIFF, OpenEXR) that has not changed for this long, seconds, is
+#: taken as complete. Chosen: several frames of a camera, and the longest pause of a slow disk.
+SETTLED_S: Final = 0.3
 
 #: The last chunk of every PNG file, which holds no data: length, type, CRC32 (W3C, PNG 3rd ed.).
 _END: Final = b"\0\0\0\0IEND\xaeB`\x82"
@@ -57,7 +63,7 @@ def natural_order(name: str) -> tuple[tuple[str, int], ...]:
 
 
 class FolderArrivals:
-    """The PNG files that appear in a folder, sub-folders left out; a replaced file appears again.
+    """The files that appear in a folder, sub-folders left out; a replaced file appears again.
 
     A file that is not complete holds up those after it, until it stalls.
     """
@@ -92,7 +98,7 @@ class FolderArrivals:
         for name in sorted(new, key=natural_order):
             path = self._folder / name
             try:
-                status, complete = path.stat(), _is_complete(path)
+                status, complete = path.stat(), self._is_complete(path)
             except OSError:  # removed since, or not ours to read: reading it says why
                 if path.exists():
                     return self._given(name, new[name], Arrival(path, None, False))
@@ -123,8 +129,7 @@ class FolderArrivals:
                 there = {
                     entry.name: entry.inode()
                     for entry in entries
-                    if entry.name.endswith(".png")
-                    and not entry.name.startswith(".")
+                    if not entry.name.startswith(".")
                     and self._wanted(entry.name)
                     and entry.is_file()
                 }
@@ -150,6 +155,20 @@ class FolderArrivals:
         except OSError:
             return False
 
+    def _is_complete(self, path: Path) -> bool:
+        """Return whether a file is whole. Raises OSError if it cannot be read."""
+        suffix = path.suffix.lower()
+        if suffix == ".png":
+            return _ends_as_png(path)
+        if suffix == ".npy":
+            return _has_all_numbers(path)
+        status, waiting = path.stat(), self._waiting.get(path.name)
+        if time.time() - status.st_mtime > SETTLED_S:
+            return True
+        # The clock of the file system may be ahead of ours: then its size must stay for so long.
+        same = waiting is not None and waiting.size == status.st_size
+        return same and time.monotonic() - waiting.grown_s > SETTLED_S
+
     def _given(self, name: str, inode: int, arrival: Arrival) -> Arrival:
         self._known[name] = inode
         self._waiting.pop(name, None)
@@ -159,7 +178,18 @@ class FolderArrivals:
         return arrival
 
 
-def _is_complete(path: Path) -> bool:
+def _has_all_numbers(path: Path) -> bool:
+    """Return whether a .npy file has the size of its header. Raises OSError: it cannot be read."""
+    try:
+        map_npy(path)
+    except OSError as error:
+        if error.errno == errno.EINVAL:  # what is there is no whole file, or none of NumPy
+            return False
+        raise
+    return True
+
+
+def _ends_as_png(path: Path) -> bool:
     """Return whether a file ends as PNG files do. Raises OSError if it cannot be read."""
     with path.open("rb") as file:
         size = file.seek(0, os.SEEK_END)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import importlib.util
+import re
 import sys
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.denoise import COMPOSITES
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
 from tests.support.dataset_fakes import make, make_settings, make_tasks
@@ -260,3 +263,28 @@ def test_scores_without_matplotlib_are_tables_and_say_so_first(
     assert not (tmp_path / "s" / "report.html").exists()
     assert main([*command, "--no-figures"]) == 0
     assert "no figures" not in capsys.readouterr().err
+
+
+def test_tables_have_the_input_first_and_one_row_per_network(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_pairs(tmp_path / "pairs", 2)
+    (tmp_path / "soft_net.py").write_text("def net(noisy, valid): return noisy, valid * 0.8\n")
+    command = ["eval", "pairs", "-d", "net@soft_net:net", "--workers", "1", "--no-baselines"]
+
+    def methods(*more: str) -> tuple[list[str], list[str]]:
+        assert main([*command, "-o", "s", "--no-figures", "-q", *more]) == 0
+        first_table = (tmp_path / "s" / "table.md").read_text().split("### ")[1]
+        with (tmp_path / "s" / "table.csv").open(newline="") as file:
+            in_csv = list(dict.fromkeys(row["method"] for row in csv.DictReader(file)))
+        return re.findall(r"(?m)^\| `([^`]+)`", first_table), in_csv
+
+    every = [f"net [{composite}]" for composite in COMPOSITES]
+    assert methods() == (["noisy", "net [measured]"], ["noisy", *every])
+    assert methods("--composites") == (["noisy", *every], ["noisy", *every])
+    assert methods("--no-noisy-input") == (["net [measured]"], every)
+    assert main([*command, "-o", "f", "-q"]) == 0
+    report = (tmp_path / "f" / "report.html").read_text()
+    assert "net [measured]" in report
+    assert "net [hard]" not in report

@@ -18,13 +18,14 @@ from rich.text import Text
 
 from glsim.cli import app, main
 from glsim.cli.common import MORE
+from glsim.cli.narrow_help import ENOUGH_COLUMNS
 from glsim.cli.old_spellings import new_spelling
 
 #: Files in glsim/cli that are no commands.
 SHARED_FILES = {
     "__init__", "common", "completion", "figures", "fit_stereo", "generate_parts", "generate_plan",
     "generation_summary",
-    "old_spellings", "progress", "streams"}  # fmt: skip
+    "narrow_help", "old_spellings", "progress", "streams"}  # fmt: skip
 
 
 def commands(group: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -148,6 +149,25 @@ def test_no_help_loses_words_in_brackets() -> None:
         texts += [getattr(parameter, "help", None) or "" for parameter in command.params]
         for text in texts:
             assert Text.from_markup(text).plain == text.replace("\\[", "["), path
+
+
+@pytest.mark.parametrize("columns", [40, 60, ENOUGH_COLUMNS - 1, ENOUGH_COLUMNS, 120])
+def test_no_help_cuts_words(
+    columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At 40 columns 512 words ended in an ellipsis, such as that of --denoiser."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    for path, command in [((), ROOT), *COMMANDS.items()]:
+        assert main([*path, "--help"]) == 0
+        text = capsys.readouterr().out
+        assert "\N{HORIZONTAL ELLIPSIS}" not in text, path
+        assert "\\[" not in text, path
+        assert "[bold]" not in text, path
+        # The names of an option are one line: a terminal wraps them, and cuts nothing.
+        texts = [line for line in text.splitlines() if not line.startswith(("  -", "Usage"))]
+        assert max(map(len, texts)) <= columns, path
+        for parameter in command.params:
+            assert all(name in text for name in parameter.opts if name.startswith("-")), path
 
 
 #: Where a help text may be read: without UTF-8, without colour, in a narrow terminal.

@@ -1,16 +1,23 @@
-"""Commands that print a table print JSON, too; the others that make tables write it to files."""
+"""Commands that print a table print JSON, too."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 
-from glsim import load_sensor, sensor_names
+from glsim import cli, load_sensor, sensor_names
 from glsim.cli import main
 from glsim.noise.registry import stage_names
+from tests.support.dataset_fakes import make, make_settings, make_tasks
+from tests.support.planted_frames import SHAPE
+from tests.support.recordings import scene, write_static_pair
+from tests.support.scenes import face_mesh
 
 
 def printed(capsys: pytest.CaptureFixture[str], *command: str) -> Any:
@@ -44,3 +51,85 @@ def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     found = printed(capsys, "info")
     assert found["versions"].keys() >= {"glsim", "numpy"}
     assert "used" in {entry["state"] for entry in found["backends"]}
+
+
+def test_every_command_that_prints_a_table_has_json() -> None:
+    folder = Path(cli.__file__).parent
+    printing = {f.stem for f in folder.glob("*.py") if re.search(r"\bTable\(", f.read_text())}
+    parts = {"generate_plan": "generate"}  # a file of that command
+    asked = {parts.get(name, name).replace("_", "-") for name in printing}
+    commands = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    assert asked >= {"generate", "fit", "eval-real", "sensors", "stages", "info", "validate"}
+    for name in {*asked, "compare", "inspect", "verify"}:
+        options = [option for parameter in commands[name].params for option in parameter.opts]
+        assert "--json" in options, name
+
+
+def test_the_plan_of_a_data_set(capsys: pytest.CaptureFixture[str]) -> None:
+    few = ("--subjects", "10", "--frames-per-subject", "3", "--price-per-core-hour", "2")
+    found = printed(capsys, "generate", "--plan", *few)
+    assert found["frames"] == 30 == sum(split["frames"] for split in found["splits"].values())
+    assert found["sources"][0]["people"] == 10
+    assert math.isclose(found["price"], 2 * found["core_hours"])
+    assert main(["generate", "-o", "x", "--json"]) == 2
+    assert "add --plan" in capsys.readouterr().err
+
+
+def test_a_data_set_that_is_sound_and_one_that_is_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = tmp_path / "data"
+    make(data, make_settings(), make_tasks(2, 2))
+    found = printed(capsys, "verify", str(data))
+    assert found["problems"] == []
+    assert sum(found["frames"].values()) == 4
+    next(data.rglob("*_noisy.png")).unlink()
+    assert main(["verify", str(data), "--json", "--repair"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert "_noisy.png" in found["problems"][0]
+    assert found["repair"].startswith("glsim generate")
+
+
+def test_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_static_pair(tmp_path / "recording", scene(), 1.6)
+    (found,) = printed(capsys, "inspect", str(tmp_path / "recording"))
+    assert math.isclose(sum(camera["share"] for camera in found["cameras"]), 1, abs_tol=1e-6)
+    assert found["size_px"] == [SHAPE[1], SHAPE[0]]
+
+    place = ["compare", str(tmp_path / "recording"), str(tmp_path / "recording"), "-q"]
+    assert main([*place, "--json", "-"]) == 0
+    on_screen = capsys.readouterr().out
+    assert main([*place, "--json", str(tmp_path / "found.json")]) == 0
+    assert json.loads(on_screen) == json.loads((tmp_path / "found.json").read_text())
+
+
+def test_face_sets(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = face_mesh()
+    lines = ["v {} {} {}".format(*vertex) for vertex in mesh.vertices_mm]
+    lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
+    (tmp_path / "face.obj").write_text("\n".join(lines))
+    found = printed(capsys, "inspect", str(tmp_path / "face.obj"), "--shown", "0")
+    assert found["frames_read"] == 1
+    assert found["vertices"] == [len(mesh.vertices_mm)] * 2
+
+
+@pytest.mark.long
+def test_a_fit_and_a_validation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_static_pair(tmp_path / "recording", scene(), 1.6)
+    found = printed(capsys, "fit", "recording", "-o", "mine.toml")
+    assert found["sensor"] == "mine.toml"
+    assert {"distance_m", "radius_px", "sigma_mm", "pixels"} == set(found["sigma_mm"][0])
+    assert main(["validate", "led3d", "--frames", "8", "--json", "-"]) in (0, 1)
+    assert isinstance(json.loads(capsys.readouterr().out), dict)
+
+
+def test_scores_of_real_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_static_pair(tmp_path / "recording", scene(), 1.6)
+    found = printed(capsys, "eval-real", "recording", "-d", "median", "--no-figures", "-q")
+    assert found == json.loads((tmp_path / "scores" / "scores.json").read_text())

@@ -19,6 +19,7 @@ from glsim.denoise.watch import Watched, watch_folder
 from glsim.errors import ConfigError
 from glsim.files import arrivals
 from glsim.files.png import encode_png, read_depth_png
+from glsim.map_files import encode_map, read_map_mm
 from tests.support.eval_scenes import dome, noisy
 
 FRAMES = [np.rint(noisy(dome(), seed)).astype(np.uint16) for seed in range(6)]
@@ -50,6 +51,25 @@ def test_maps_that_appear_are_denoised_in_order_with_those_before(tmp_path: Path
     for number in range(5):
         expected = stream.push(FRAMES[number]).depth_mm
         np.testing.assert_allclose(read_depth_png(out / f"{number}.png"), expected, atol=0.501)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".tif", ".exr"])
+def test_maps_of_other_formats_keep_them(tmp_path: Path, suffix: str) -> None:
+    if suffix == ".exr":
+        pytest.importorskip("OpenEXR")
+    folder, out = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    for number in (0, 1):
+        depth_m = FRAMES[number].astype(np.float32) / 1000
+        (folder / f"{number}{suffix}").write_bytes(encode_map(depth_m, suffix, 1.0))
+    (folder / "notes.txt").write_text("no map")
+    done = some(folder, out, 2)
+    assert [(item.source.name, item.problem) for item in done] == [
+        (f"{number}{suffix}", "") for number in (0, 1)
+    ]
+    for number in (0, 1):
+        found_mm = read_map_mm(out / f"{number}{suffix}", 1.0)
+        np.testing.assert_allclose(found_mm, FRAMES[number], atol=0.01)
 
 
 def test_a_broken_map_is_reported_and_the_others_are_denoised(

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from glsim.eval.report.figures.bias_curves import _leave_out_far_curves
+from glsim.eval.report.figures.curves import cumulative_shares
 from glsim.eval.report.figures.style import new_figure, plain_log_axis
 from glsim.eval.report.tables import few_subjects, format_number
+from glsim.eval.scoring.blocks import BIN_MM, BINS
 
 
 @pytest.mark.parametrize(
@@ -59,3 +62,28 @@ def test_one_far_curve_does_not_flatten_the_others() -> None:
 def test_few_subjects_are_said() -> None:
     assert "intervals are of 2 subjects, too few" in few_subjects(2)
     assert "no intervals" in few_subjects(1)
+
+
+def test_whole_millimetres_make_no_stairs() -> None:
+    """The same errors, rounded and not, give curves that agree at every half millimetre."""
+    errors_mm = np.abs(np.random.default_rng(3).normal(0, 2.5, 200_000))
+    fine, whole = (
+        cumulative_shares(
+            np.bincount((e / BIN_MM + 1e-9).astype(int).clip(max=BINS), minlength=BINS + 1)
+        )
+        for e in (errors_mm, np.round(errors_mm))
+    )
+    assert np.allclose(np.diff(fine[0])[1:], BIN_MM)
+    assert np.allclose(np.diff(whole[0])[1:], 1.0)
+    np.testing.assert_allclose(np.interp(whole[0], *fine), whole[1], atol=1e-9)
+    between = np.arange(0, 20, BIN_MM)
+    np.testing.assert_allclose(np.interp(between, *fine), np.interp(between, *whole), atol=0.03)
+
+
+def test_errors_of_nothing_have_a_curve() -> None:
+    for only in (0, BINS):
+        counts = np.zeros(BINS + 1, np.int64)
+        counts[only] = 5
+        errors_mm, share = cumulative_shares(counts)
+        assert len(errors_mm) == len(share)
+        assert share[-1] == (only == 0)

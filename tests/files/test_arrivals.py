@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import time
 from pathlib import Path
@@ -19,7 +20,7 @@ PNG = encode_png(np.full((8, 9), 900, np.uint16))
 
 
 def watcher(folder: Path) -> FolderArrivals:
-    return FolderArrivals(folder, lambda name: not name.endswith("_clean.png"))
+    return FolderArrivals(folder, lambda name: not name.endswith(("_clean.png", ".txt")))
 
 
 def names(found: FolderArrivals) -> list[str]:
@@ -118,3 +119,35 @@ def test_a_folder_that_goes_away_is_an_error(tmp_path: Path) -> None:
     folder.rmdir()
     with pytest.raises(DatasetError, match="cannot be watched any more"):
         next(iter(found))
+
+
+def test_an_array_is_taken_when_it_has_the_bytes_of_its_header(tmp_path: Path) -> None:
+    found = watcher(tmp_path)
+    whole = io.BytesIO()
+    np.save(whole, np.full((8, 9), 0.9, np.float32))
+    data = whole.getvalue()
+    for end in (0, 5, 60, 128, len(data) - 1):
+        (tmp_path / "1.npy").write_bytes(data[:end])
+        assert found.look() is None
+    (tmp_path / "1.npy").write_bytes(data)
+    assert names(found) == ["1.npy"]
+
+
+def test_a_file_without_an_end_is_taken_when_it_has_settled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = watcher(tmp_path)
+    file = tmp_path / "1.tif"
+    file.write_bytes(b"half")
+    os.utime(file, (time.time() + 100, time.time() + 100))  # a file server whose clock is ahead
+    assert found.look() is None
+    file.write_bytes(b"half and half")
+    os.utime(file, (time.time() + 100, time.time() + 100))
+    assert found.look() is None, "it has grown"
+    monkeypatch.setattr(arrivals, "SETTLED_S", -1.0)
+    assert names(found) == ["1.tif"]
+    assert found.look() is None
+    monkeypatch.setattr(arrivals, "SETTLED_S", 10.0)
+    (tmp_path / "2.tif").write_bytes(b"old")
+    os.utime(tmp_path / "2.tif", (1.0, 1.0))
+    assert names(found) == ["2.tif"], "what was there long ago is not waited for"

@@ -20,16 +20,33 @@ def error_curves(summary: ScoreSummary) -> Any:
     """Draw the cumulative distribution of |error| over pixels with depth in input and truth."""
     figure = new_figure(6.4, 3.4)
     axis = figure.subplots()
-    edges = BIN_MM * np.arange(1, BINS + 1)
     for number, method in enumerate(summary.methods):
-        counts = summary.histograms[method]
-        share = np.cumsum(counts[:BINS]) / max(1, counts.sum())
-        axis.plot(edges, share, linewidth=1.2, label=method, **method_style(number))
+        errors_mm, share = cumulative_shares(summary.histograms[method])
+        axis.plot(errors_mm, share, linewidth=1.2, label=method, **method_style(number))
     axis.set_xlim(0, _END_MM)
     axis.set_ylim(0, 1)
     _finish(axis, "absolute error [mm], pixels with depth in input and truth", "share of pixels")
     figure.legend(loc="outside right center", fontsize=_TEXT_SIZE - 1, frameon=False)
     return figure
+
+
+def cumulative_shares(
+    counts: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the points of a method's error curve: |error| in mm, and the share of pixels below.
+
+    Depth in whole millimetres has errors of whole millimetres: in bins of BIN_MM its curve would be
+    a stair beside the lines of other methods. A rounded error k stands for errors of k - 1/2 to
+    k + 1/2 steps, so such a curve has its points there. The step is the largest that all errors
+    are multiples of.
+
+    Args:
+        counts: (BINS + 1,) pixels per BIN_MM of |error|; the last: larger errors.
+    """
+    step = max(1, int(np.gcd.reduce(np.flatnonzero(counts[:BINS]))))
+    share = np.cumsum(counts[:BINS])[::step] / max(1, counts.sum())
+    ends_mm = BIN_MM * (step * np.arange(len(share)) + (1 if step == 1 else step / 2))
+    return np.concatenate([[0.0], ends_mm]), np.concatenate([[0.0], share])
 
 
 def disagreement(summary: ScoreSummary) -> Any:
