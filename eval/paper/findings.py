@@ -11,17 +11,19 @@ from typing import Final
 
 from glsim.dataset import open_dataset
 from glsim.depth_protocol import MEANING, DepthProtocol
+from glsim.eval.paper.cases import case_folder, read_filter_cases, read_means
 from glsim.eval.paper.data_note import data_note
 from glsim.eval.paper.figures.write import FOLDER as FIGURES_FOLDER
 from glsim.eval.paper.filter_table import yes_or_no
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
-from glsim.eval.paper.protocol_page import (
-    conclusions,
-    protocol_folder,
-    read_filter_cases,
-    relation_table,
+from glsim.eval.paper.protocol_page import conclusions, relation_table
+from glsim.eval.paper.runs import (
+    ARTEFACT_REMOVAL,
+    SeedGroup,
+    find_trained_runs,
+    group_by_network,
+    with_twins,
 )
-from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network
 from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable
 from glsim.eval.report.page import html_page
 from glsim.eval.report.tables import format_number
@@ -30,7 +32,6 @@ from glsim.files.atomic import wrap_read_errors, write_atomic
 #: Names of the page's files in the folder of a reproduction.
 FINDINGS: Final = ("findings.md", "findings.html")
 _BASELINE, _MEDIAN = PRINTED_FILTERS["noisy"].title, PRINTED_FILTERS["median"].title
-_AR: Final = "AR "
 
 #: MSE by row of tables 1 to 3, mm^2.
 Mse = Mapping[str, float]
@@ -106,10 +107,10 @@ def _document(folder: Path) -> Document:
     protocols = {
         name: place
         for name in MEANING
-        if ((place := protocol_folder(folder, name)) / "table.csv").is_file()
+        if ((place := case_folder(folder, name)) / "table.csv").is_file()
     }
     groups = {
-        name: group_by_network(find_trained_runs(place / "runs")[0])
+        name: with_twins(group_by_network(find_trained_runs(place / "runs")[0]))
         for name, place in protocols.items()
     }
     mse = {name: _mse_by_row(place, groups[name]) for name, place in protocols.items()}
@@ -151,10 +152,8 @@ def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
 
     A row with artefact removal is its partner's plus their difference in common seeds.
     """
-    path = folder / "table.csv"
-    with wrap_read_errors(path):
-        rows = list(csv.DictReader(path.read_text().splitlines()))
-    by_label = {row["method"]: float(row["mean"]) for row in rows if row["metric"] == "mse_mm2"}
+    means = read_means(folder / "table.csv")
+    by_label = {method: values["mse_mm2"] for method, values in means.items()}
     mse = {
         printed.title: by_label[name]
         for name, printed in PRINTED_FILTERS.items()
@@ -168,9 +167,9 @@ def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
         if group.row is not None
     }
     for row, of_seeds in seeds.items():
-        plain = seeds.get(row.removeprefix(_AR), {})
+        plain = seeds.get(row.removeprefix(ARTEFACT_REMOVAL), {})
         both = of_seeds.keys() & plain.keys()
-        if row.startswith(_AR) and both:
+        if row.startswith(ARTEFACT_REMOVAL) and both:
             difference = statistics.fmean(of_seeds[seed] - plain[seed] for seed in both)
             mse[row] = statistics.fmean(plain.values()) + difference
         elif of_seeds:

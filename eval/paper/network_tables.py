@@ -11,7 +11,7 @@ from glsim.denoise import COMPOSITES, PAPER_FILTERS
 from glsim.depth_protocol import MEANING
 from glsim.eval.paper.filter_table import trivial_rows, yes_or_no
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
-from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network
+from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network, with_twins
 from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.report.tables import TABLE_METRICS, ResultTable, format_number
 from glsim.eval.scoring.aggregate import MetricMean
@@ -103,7 +103,7 @@ def network_table(
         trained: the scored networks.
         refused: reasons why other networks are left out.
     """
-    groups = group_by_network(trained)
+    groups = with_twins(group_by_network(trained))
     of_paper = [group for row in PAPER_ROWS[which] for group in groups if group.row == row]
     of_others = [group for group in groups if group.row is None]
     scored, own = _scored(of_paper, table), _scored(of_others, table)
@@ -230,7 +230,9 @@ def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
             both = plain.seeds & other.seeds
             ours = [values.values(metric, both) for values in (plain, other)]
             t, p = student_t_test(other.values(metric), plain.values(metric))
-            if both and ours[0] == ours[1]:
+            if other.group.twin:
+                verdict = "the same network, not trained again"
+            elif both and ours[0] == ours[1]:
                 verdict = "equal, seed by seed"
             else:
                 verdict = "one seed: unknown" if math.isnan(t) else yes_or_no(p > 0.01)

@@ -9,11 +9,11 @@ import pytest
 
 from glsim.denoise import PAPER_FILTERS
 from glsim.errors import DatasetError
+from glsim.eval.paper.cases import read_filter_cases
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.paper.protocol_page import (
     largest_ratio_difference,
     protocol_document,
-    read_filter_cases,
     relations,
 )
 

@@ -31,7 +31,8 @@ def figures(folder: FolderArgument) -> None:
 
 def protocols(folder: FolderArgument) -> None:
     """Write protocols.md: table 1 under each depth protocol and mask of the clean maps."""
-    from glsim.eval.paper.protocol_page import protocol_document, read_filter_cases
+    from glsim.eval.paper.cases import read_filter_cases
+    from glsim.eval.paper.protocol_page import protocol_document
     from glsim.files.atomic import write_atomic
 
     path = folder / "protocols.md"
