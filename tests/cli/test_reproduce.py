@@ -98,8 +98,7 @@ def _check_protocols(out: Path) -> None:
     assert "| relation | printed | protocol depth | protocol paper |" in findings
     assert (
         "| deeper DnCNNs have a smaller MSE: D64 < D20 < D7 | yes "
-        "| not scored: D20, D64 not trained | not scored: D64 not trained |"
-        in findings
+        "| not scored: D20, D64 not trained | not scored: D64 not trained |" in findings
     )
     assert "3 of 3 rows were trained smaller than printed" in findings
     assert (out / "findings.html").is_file()
