@@ -75,7 +75,7 @@ def verdict_document(cases: Sequence[PaperCase], folder: Path) -> Document:
             'in Facial Depth Imaging", tables 1 to 3. Ours is the mean over seeds ± their standard '
             "deviation, under the case that comes nearest: depth as measured or with the nearest "
             "point at 1 mm, dense clean maps or BlenSor's mask. The case is chosen for each value "
-            "alone, which favours the paper; no case fits all values.",
+            "alone, which favours the paper.",
             TextTable(
                 ["verdict", "values", "it says"],
                 [[name, str(counts[name]), text] for name, text in VERDICTS.items()],
@@ -141,16 +141,16 @@ def _table(found: Sequence[Verdict]) -> TextTable:
                 format_number(verdict.printed, _UNITS[verdict.metric]),
                 ours,
                 f"**{verdict.name}**",
-                "-" if verdict.case is None else verdict.case.title,
             ]
         )
-    return TextTable(["value", "printed", "ours", "verdict", "nearest case"], rows)
+    return TextTable(["value", "printed", "ours", "verdict"], rows)
 
 
 def _line(verdict: Verdict, folder: Path) -> str:
     """Return the reason of a verdict, what would decide it, and the command that shows it."""
+    case = "" if verdict.case is None else f" (nearest: {verdict.case.title})"
     return (
-        f"**{verdict.row}, {verdict.metric}**: {verdict.name}. {verdict.reason} To decide: "
+        f"**{verdict.row}, {verdict.metric}**: {verdict.name}{case}. {verdict.reason} To decide: "
         f"{verdict.decides} `{_command(verdict, folder)}`"
     )
 

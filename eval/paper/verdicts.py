@@ -167,8 +167,8 @@ def _reason(
     off = abs(nearest.mean - printed)
     if nearest.spread is not None and off <= _SPREADS * nearest.spread + _ROUNDING:
         return "reproduced", (
-            f"Ours differs by {off:.4g}, two standard deviations over {len(nearest.values)} seeds "
-            f"are {_SPREADS * nearest.spread:.4g}."
+            f"Ours differs by {off:.2g}, two standard deviations over {len(nearest.values)} seeds "
+            f"are {_SPREADS * nearest.spread:.2g}."
         )
     if (table, name) == (1, "noisy"):
         return "not comparable", (

@@ -14,6 +14,8 @@ import pytest
 from glsim.cli import main
 from glsim.cli.paper.plan import load_plan
 from glsim.cli.paper.plan_hours import _Training
+from glsim.eval.paper.cases import read_cases
+from glsim.eval.paper.printed_values import PRINTED_NETWORKS
 from glsim.plan.paper_split import PAPER_IMAGES, split_as_paper
 from glsim.settings.schema import load_settings
 from glsim.train.recipe import load_recipe
@@ -81,6 +83,29 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main([*command, "-q"]) == 0
     again = json.loads((runs / "mask-aware-small-4" / "run.json").read_text())
     assert (again["state"], again["steps"]) == ("finished", 1)
+
+
+@pytest.mark.long
+def test_the_tiny_plan_from_nothing_to_the_verdicts(tmp_path: Path) -> None:
+    """Every step of a reproduction: no value is left without scores, in any of the four cases."""
+    out = tmp_path / "o"
+    assert main(["paper", "reproduce", "-o", str(out), "--size", "tiny", "-q"]) == 0
+    page = (out / "verdicts.md").read_text()
+    assert "| not trained yet | 0 |" in page
+    assert page.count(" | **") == 39
+    assert (out / "verdicts.html").is_file()
+    cases = {case.title: case for case in read_cases(out)}
+    assert len(cases) == 4
+    for case in cases.values():
+        assert {*case.networks} == {*PRINTED_NETWORKS}
+        assert case.networks["AR D20"].values == case.networks["D20"].values
+        zeros, noisy = (case.values[name]["mse_mm2"] for name in ("zero image", "noisy"))
+        assert all(zero > 0 for zero in zeros)
+        assert len(zeros) == len(noisy) == 2
+    for name in ("findings.html", "photographs.md", "protocols.md", "paper_figures.html"):
+        assert list(out.rglob(name)), name
+    # Nothing was trained for the rows with artefact removal.
+    assert not list(out.rglob("paper-ar-*"))
 
 
 def _check_protocols(out: Path) -> None:
