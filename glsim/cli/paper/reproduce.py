@@ -21,7 +21,7 @@ from glsim.errors import DatasetError, GlsimError
 EXAMPLES = """
 [bold]Examples[/bold]
 
-glsim paper reproduce -o reproduced               small: about an hour on two cores
+glsim paper reproduce -o reproduced               small, for a CPU
 
 glsim paper reproduce -o tiny --size tiny         every step once, as a check: five minutes
 
