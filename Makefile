@@ -4,7 +4,7 @@
 # make test-all   the same, all other tests (stress, browser, S3, Ray, cards, plug-ins), lint of JavaScript
 # make docs   the documentation, in docs/_build/html; warnings are errors
 # make bench  pairs per second, against Open3D and pyrender
-# make reproduce         the paper's tables 1 to 3, small, on two cores in 45 minutes, in ./reproduced
+# make reproduce         the paper's tables 1 to 3, small, on two cores, in ./reproduced
 # make reproduce-paper   the same at the paper's size, for a GPU, in ./reproduced-paper
 # Each sets up .venv first (Debian packages included) and continues if it was interrupted.
 .PHONY: demo test test-all check docs bench reproduce reproduce-paper clean

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Final
 
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
 from glsim.depth_protocol import MEANING
-from glsim.eval.paper.filter_table import yes_or_no
+from glsim.eval.paper.filter_table import trivial_rows, yes_or_no
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
-from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network
+from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network, with_twins
 from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.report.tables import TABLE_METRICS, ResultTable, format_number
+from glsim.eval.scoring.aggregate import MetricMean
 from glsim.eval.scoring.run import Evaluation
 from glsim.eval.scoring.statistics import student_t_test
 
@@ -22,12 +23,15 @@ PAPER_ROWS: Final = {
     2: ("Restormer", "UNet", "D7", "D20", "D64"),
     3: ("D7", "AR D7", "D20", "AR D20", "D64", "AR D64"),
 }
-#: Metrics of every network: metric -> heading in these tables.
+#: Metrics beside a printed column: metric -> heading in these tables. Of the readings of SSIM the
+#: one with L of 16-bit maps has values like the printed ones; that with the printed constants is
+#: the column after them, without a printed one beside it.
 _PAPER_BLOCK: Final = {
     "mse_mm2": "MSE [mm²]",
     "psnr_db": "PSNR per image [dB]",
-    "ssim_paper": "SSIM, printed constants",
+    "ssim_16bit": "SSIM (ours: L = 65535)",
 }
+_PRINTED_CONSTANTS: Final = {"ssim_paper": "SSIM with the printed constants, ours"}
 _SURFACE_BLOCK: Final = {
     "both_interior_rmse_mm": "interior RMSE [mm]",
     "both_rmse_mm": "RMSE, valid in both [mm]",
@@ -99,7 +103,7 @@ def network_table(
         trained: the scored networks.
         refused: reasons why other networks are left out.
     """
-    groups = group_by_network(trained)
+    groups = with_twins(group_by_network(trained))
     of_paper = [group for row in PAPER_ROWS[which] for group in groups if group.row == row]
     of_others = [group for group in groups if group.row is None]
     scored, own = _scored(of_paper, table), _scored(of_others, table)
@@ -111,7 +115,7 @@ def network_table(
         f"{evaluation.protocol}: {MEANING[evaluation.protocol]}. Ours are "
         "means over seeds ± their standard deviation; one seed has none. Nothing is extrapolated: "
         "a row that was trained smaller says so, and its numbers stand for that size only.",
-        _paper_table(which, scored, own, table),
+        _paper_table(which, scored, own, table, trivial_rows(evaluation)),
         "The paper's SSIM is not comparable between rows of other types: see the study of its "
         "readings (glsim paper ssim DATA).",
         Heading("What all-pixel metrics hide"),
@@ -121,8 +125,9 @@ def network_table(
     if which == 3:
         document.parts += [
             "AR, artefact removal, maps the input back through the adjoint of the measurement "
-            "operator before the network. For denoising that operator is the identity: AR and no "
-            "AR are the same network, and differ as two seeds do. The difference is that of the "
+            "operator before the network. In deepinv's class that operator is the identity for "
+            "denoising: AR and no AR are the same network, and differ as two seeds do. That the "
+            "paper used it so is an inference. The difference is that of the "
             "seeds that both have; t is that of the means of all seeds over its standard error "
             "(pooled over seeds); the last column asks whether |t| stays below what chance exceeds "
             "in 1 % of cases, unless the same seeds give the same.",
@@ -144,29 +149,39 @@ def network_table(
 
 
 def _paper_table(
-    which: int, scored: list[_Scores], own: list[_Scores], table: ResultTable
+    which: int,
+    scored: list[_Scores],
+    own: list[_Scores],
+    table: ResultTable,
+    trivial: ResultTable,
 ) -> TextTable:
     head = ["row", "network", "size", "seeds", "minutes of training"]
     for heading in _PAPER_BLOCK.values():
         head += [f"{heading}, printed", f"{heading}, ours"]
+    head += _PRINTED_CONSTANTS.values()
     rows: list[list[str]] = []
     for row in PAPER_ROWS[which]:
         printed = _printed_cells(PRINTED_NETWORKS[row])
         of_row = [scores for scores in scored if scores.group.row == row]
         for scores in of_row:
-            rows.append([row, *_run_cells(scores, of_row), *_interleaved(printed, scores)])
+            rows.append([row, *_run_cells(scores, of_row), *_interleaved(printed, scores.cell)])
         if not of_row:
-            rows.append([row, "**missing**", "", "", "", *_interleaved(printed, None)])
-    rows += [["-", *_run_cells(scores, []), *_interleaved(["-"] * 3, scores)] for scores in own]
+            rows.append([row, "**missing**", "", "", "", *_interleaved(printed, lambda _: "")])
+    rows += [
+        ["-", *_run_cells(scores, []), *_interleaved(["-"] * 3, scores.cell)] for scores in own
+    ]
     for name in (name for name in PAPER_FILTERS if name in table and name != "adaptive"):
         printed = _printed_cells(PRINTED_FILTERS[name])
-        ours = [
-            format_number(table[name][metric].mean, TABLE_METRICS[metric].unit)
-            for metric in _PAPER_BLOCK
-        ]
-        cells = [cell for pair in zip(printed, ours, strict=True) for cell in pair]
+        cells = _interleaved(printed, lambda metric, name=name: _number(table[name], metric))
         rows.append([PRINTED_FILTERS[name].title, "filter", "", "", "", *cells])
+    for name, entries in trivial.items():
+        cells = _interleaved(["-"] * 3, lambda metric, entries=entries: _number(entries, metric))
+        rows.append([f"**{name}**", "no method may lose to it", "", "", "", *cells])
     return TextTable(head, rows)
+
+
+def _number(entries: Mapping[str, MetricMean], metric: str) -> str:
+    return format_number(entries[metric].mean, TABLE_METRICS[metric].unit)
 
 
 def _printed_cells(row: PrintedRow) -> list[str]:
@@ -183,9 +198,10 @@ def _run_cells(scores: _Scores, of_row: Sequence[_Scores]) -> list[str]:
     return [scores.name, size, str(len(scores.values("mse_mm2"))), f"{minutes:.1f}"]
 
 
-def _interleaved(printed: list[str], scores: _Scores | None) -> list[str]:
-    ours = [scores.cell(metric) if scores else "" for metric in _PAPER_BLOCK]
-    return [cell for pair in zip(printed, ours, strict=True) for cell in pair]
+def _interleaved(printed: list[str], ours: Callable[[str], str]) -> list[str]:
+    """Return the cells of a row: printed and ours by turns, then what has no printed column."""
+    pairs = zip(printed, map(ours, _PAPER_BLOCK), strict=True)
+    return [*(cell for pair in pairs for cell in pair), *map(ours, _PRINTED_CONSTANTS)]
 
 
 def _surface_table(networks: list[_Scores], filters: list[str], table: ResultTable) -> TextTable:
@@ -214,7 +230,9 @@ def _artefact_removal_table(scored: list[_Scores]) -> TextTable:
             both = plain.seeds & other.seeds
             ours = [values.values(metric, both) for values in (plain, other)]
             t, p = student_t_test(other.values(metric), plain.values(metric))
-            if both and ours[0] == ours[1]:
+            if other.group.twin:
+                verdict = "the same network, not trained again"
+            elif both and ours[0] == ours[1]:
                 verdict = "equal, seed by seed"
             else:
                 verdict = "one seed: unknown" if math.isnan(t) else yes_or_no(p > 0.01)

@@ -1,106 +1,28 @@
-"""Table 1 under both protocols and both masks, over seeds, with the relations that hold.
-
-A case is a protocol (see ``glsim.depth_protocol``) and a clean mask: dense, or BlenSor's, which has
-no surface where the noisy map has no depth. Each seed is a data set of other people and noise,
-scored into FOLDER/filters/MASK/SEED/PROTOCOL/table.csv.
-"""
+"""Table 1 under both protocols and both masks, over seeds, with the relations that hold."""
 
 from __future__ import annotations
 
-import csv
 import math
 import statistics
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
 from glsim.denoise import PAPER_FILTERS
-from glsim.depth_protocol import MEANING, DepthProtocol
-from glsim.errors import DatasetError
+from glsim.depth_protocol import MEANING
 from glsim.eval.metrics.score import METRICS
-from glsim.eval.paper.filter_table import yes_or_no
+from glsim.eval.paper.cases import CASE_METRICS, PaperCase
+from glsim.eval.paper.filter_table import NOTHING_LOSES_TO, yes_or_no
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PrintedRow
 from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.report.tables import format_number
-from glsim.files.atomic import wrap_read_errors
 
-#: Folder of the filters' data sets and scores in that of a reproduction.
-FILTERS_FOLDER: Final = "filters"
-#: ``output.clean_mask`` -> what it is, in the page.
-MASKS: Final = {"dense": "dense clean maps", "as-noisy": "BlenSor's mask"}
-#: Metrics of the page, and the paper's column of each, if it has one.
+#: The paper's column of each metric that it has.
 _PRINTED: Final = {"mse_mm2": 1, "psnr_db": 2, "ssim_paper": 3}
-_METRICS: Final = (*_PRINTED, "ssim_16bit", "mse_flips_pct", "flips_px", "both_interior_rmse_mm")
 #: The filters that change single frames.
 _CHANGING: Final = ("median", "nlm", "bilateral")
 
 
-@dataclass
-class FilterCase:
-    """Scores of a protocol and a mask; ``values``: filter -> metric -> mean of each seed."""
-
-    protocol: DepthProtocol
-    mask: str
-    values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    frames: int = 0
-
-    @property
-    def title(self) -> str:
-        """Its name in tables."""
-        return f"protocol {self.protocol}, {MASKS.get(self.mask, self.mask)}"
-
-    def mean(self, name: str, metric: str) -> float:
-        """Return the mean over seeds."""
-        return statistics.fmean(self.values[name][metric])
-
-    def ratios(self, name: str) -> list[float]:
-        """Return the MSE over the baseline's of each seed; none where that is 0."""
-        pairs = zip(self.values[name]["mse_mm2"], self.values["noisy"]["mse_mm2"], strict=True)
-        return [value / base for value, base in pairs if base > 0]
-
-
-def protocol_folder(out: Path, protocol: DepthProtocol) -> Path:
-    """Return the folder of a protocol's networks and tables: depth is the folder itself."""
-    return out if protocol == "depth" else out / f"protocol_{protocol}"
-
-
-def read_filter_cases(folder: Path) -> list[FilterCase]:
-    """Read the scored cases in the folder of a reproduction, in the order of names.
-
-    Raises:
-        DatasetError: if there is none, or for a table that cannot be read.
-    """
-    cases: dict[tuple[str, str], FilterCase] = {}
-    for path in sorted((folder / FILTERS_FOLDER).glob("*/*/*/table.csv")):
-        mask, protocol = path.parts[-4], path.parts[-2]
-        if protocol not in MEANING:
-            continue
-        case = cases.setdefault((protocol, mask), FilterCase(protocol, mask))
-        with wrap_read_errors(path):
-            rows = list(csv.DictReader(path.read_text().splitlines()))
-        try:
-            _add(case, rows)
-        except (KeyError, ValueError) as error:
-            raise DatasetError(f"{path}: is no table of glsim eval: {error!r}") from None
-    if not cases:
-        raise DatasetError(
-            f"{folder / FILTERS_FOLDER}: holds no scores: run glsim paper reproduce -o {folder} "
-            "first"
-        )
-    return list(cases.values())
-
-
-def _add(case: FilterCase, rows: list[dict[str, str]]) -> None:
-    """Add the table of a seed to a case."""
-    for row in rows:
-        if row["method"] in PAPER_FILTERS and row["metric"] in _METRICS:
-            of_filter = case.values.setdefault(row["method"], {})
-            of_filter.setdefault(row["metric"], []).append(float(row["mean"]))
-    case.frames += max(int(row["frames"]) for row in rows)
-
-
-def protocol_document(cases: list[FilterCase]) -> Document:
+def protocol_document(cases: list[PaperCase]) -> Document:
     """Return the page."""
     frames = ", ".join(
         f"{case.frames} of {len(case.values['noisy']['mse_mm2'])} seeds ({case.title})"
@@ -115,7 +37,7 @@ def protocol_document(cases: list[FilterCase]) -> Document:
         ],
     )
     document.parts += [Heading("MSE over the baseline's"), _ratio_table(cases)]
-    for metric in _METRICS:
+    for metric in CASE_METRICS:
         document.parts += [Heading(METRICS[metric].heading), _metric_table(cases, metric)]
     document.parts += [
         Heading("(1 - SSIM) / MSE, 1e-7 per mm²"),
@@ -143,14 +65,14 @@ def dissimilarity_per_mse(ssim: float, mse_mm2: float) -> float:
     return 1e7 * (1 - ssim) / mse_mm2
 
 
-def _dissimilarities(case: FilterCase, name: str) -> list[float]:
+def _dissimilarities(case: PaperCase, name: str) -> list[float]:
     """Return ``dissimilarity_per_mse`` of each seed."""
     values = case.values[name]
     pairs = zip(values["ssim_16bit"], values["mse_mm2"], strict=True)
     return [dissimilarity_per_mse(ssim, mse) for ssim, mse in pairs if mse > 0]
 
 
-def _dissimilarity_table(cases: list[FilterCase]) -> TextTable:
+def _dissimilarity_table(cases: list[PaperCase]) -> TextTable:
     """Tabulate the ratio of each case, and the printed one with its rounding error."""
     printed = []
     for name in _OF_16_BIT:
@@ -165,42 +87,50 @@ def _dissimilarity_table(cases: list[FilterCase]) -> TextTable:
     return TextTable(["case", *(PRINTED_FILTERS[name].title for name in _OF_16_BIT)], rows)
 
 
-def _head() -> list[str]:
-    return ["case", *(PRINTED_FILTERS[name].title for name in PAPER_FILTERS)]
+def _head(trivial: Sequence[str]) -> list[str]:
+    return ["case", *(PRINTED_FILTERS[name].title for name in PAPER_FILTERS), *trivial]
+
+
+def _trivial(cases: Sequence[PaperCase]) -> list[str]:
+    """Return the trivial predictions that were scored in some case."""
+    return [name for name in NOTHING_LOSES_TO if any(name in case.values for case in cases)]
 
 
 def _cell(values: list[float], unit: str) -> str:
     text = format_number(statistics.fmean(values), unit)
-    if len(values) < 2:
+    if len(values) < 2 or not all(map(math.isfinite, values)):  # zeros have no interior
         return text
     return f"{text} ± {format_number(statistics.stdev(values), unit)}"
 
 
-def _ratio_table(cases: list[FilterCase]) -> TextTable:
+def _ratio_table(cases: list[PaperCase]) -> TextTable:
     base = PRINTED_FILTERS["noisy"].mse_mm2
+    trivial = _trivial(cases)
     printed = [f"{PRINTED_FILTERS[name].mse_mm2 / base:.3f}" for name in PAPER_FILTERS]
-    rows = [["printed", *printed]]
+    rows = [["printed", *printed, *("-" for _ in trivial)]]
     for case in cases:
         cells = []
-        for name in PAPER_FILTERS:
-            ratios = case.ratios(name)
+        for name in (*PAPER_FILTERS, *trivial):
+            ratios = case.ratios(name) if name in case.values else []
             spread = f" ± {statistics.stdev(ratios):.3f}" if len(ratios) > 1 else ""
             cells.append(f"{statistics.fmean(ratios):.3f}{spread}" if ratios else "n/a")
         rows.append([case.title, *cells])
-    return TextTable(_head(), rows)
+    return TextTable(_head(trivial), rows)
 
 
-def _metric_table(cases: list[FilterCase], metric: str) -> TextTable:
-    unit = METRICS[metric].unit
+def _metric_table(cases: list[PaperCase], metric: str) -> TextTable:
+    unit, trivial = METRICS[metric].unit, _trivial(cases)
     rows = []
     if metric in _PRINTED:
         place = _PRINTED[metric]
-        rows.append(
-            ["printed", *(format_number(PRINTED_FILTERS[n][place], unit) for n in PAPER_FILTERS)]  # type: ignore[arg-type]
-        )
+        printed = [float(PRINTED_FILTERS[n][place]) for n in PAPER_FILTERS]
+        cells = [format_number(value, unit) for value in printed]
+        rows.append(["printed", *cells, *("-" for _ in trivial)])
     for case in cases:
-        rows.append([case.title, *(_cell(case.values[n][metric], unit) for n in PAPER_FILTERS)])
-    return TextTable(_head(), rows)
+        values = [case.values.get(name) for name in (*PAPER_FILTERS, *trivial)]
+        cells = [_cell(of_name[metric], unit) if of_name else "n/a" for of_name in values]
+        rows.append([case.title, *cells])
+    return TextTable(_head(trivial), rows)
 
 
 #: Relation of the printed table -> whether it holds for MSEs by filter.
@@ -217,7 +147,7 @@ def relations(mse: Mapping[str, float]) -> dict[str, bool]:
     return {name: holds(mse) for name, holds in _RELATIONS.items()}
 
 
-def relation_table(cases: list[FilterCase]) -> TextTable:
+def relation_table(cases: list[PaperCase]) -> TextTable:
     """Tabulate the number of seeds of each case in which a relation holds."""
     printed = relations({n: row.mse_mm2 for n, row in PRINTED_FILTERS.items()})
     rows = [["printed", *map(yes_or_no, printed.values())]]
@@ -231,7 +161,7 @@ def relation_table(cases: list[FilterCase]) -> TextTable:
     return TextTable(["case", *_RELATIONS], rows)
 
 
-def largest_ratio_difference(case: FilterCase) -> float:
+def largest_ratio_difference(case: PaperCase) -> float:
     """Return the largest difference of a filter's MSE ratio from the printed one."""
     return max(
         abs(statistics.fmean(case.ratios(name)) - _printed_ratio(PRINTED_FILTERS[name]))
@@ -243,7 +173,7 @@ def _printed_ratio(row: PrintedRow) -> float:
     return row.mse_mm2 / PRINTED_FILTERS["noisy"].mse_mm2
 
 
-def conclusions(cases: list[FilterCase]) -> Iterator[str]:
+def conclusions(cases: list[PaperCase]) -> Iterator[str]:
     """Compare each case with the MSE and the SSIM that table 1 prints."""
     printed = PRINTED_FILTERS["noisy"].mse_mm2
     for case in cases:
@@ -267,7 +197,7 @@ def conclusions(cases: list[FilterCase]) -> Iterator[str]:
     )
 
 
-def _factor(case: FilterCase) -> float:
+def _factor(case: PaperCase) -> float:
     """Return the ratio of the baseline and the printed one, at least 1; infinite for 0."""
     ratio = case.mean("noisy", "mse_mm2") / PRINTED_FILTERS["noisy"].mse_mm2
     return max(ratio, 1 / ratio) if ratio else float("inf")

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
-from glsim.denoise import load
+from glsim.denoise import Method, load
 from glsim.errors import ConfigError, DatasetError, DenoiserError
 from glsim.files.atomic import read_json
 
@@ -119,21 +120,30 @@ def _read(checkpoint: Path) -> TrainedRun:
         ) from None
 
 
+#: Prefix of the rows with artefact removal.
+ARTEFACT_REMOVAL: Final = "AR "
+
+
 @dataclass(frozen=True)
 class SeedGroup:
     """The runs of one network at one size with different seeds: a row of a table."""
 
     members: Sequence[TrainedRun]
+    #: Whether it stands for the row with artefact removal of a network that was trained without:
+    #: the same network, seed by seed, so that nothing is trained for it.
+    twin: bool = False
 
     @property
     def title(self) -> str:
         """Title of the recipe."""
-        return self.members[0].title
+        title = self.members[0].title
+        return f"{title} again, as {self.row}" if self.twin else title
 
     @property
     def row(self) -> str | None:
         """Row in the paper's tables, or None."""
-        return self.members[0].row
+        row = self.members[0].row
+        return f"{ARTEFACT_REMOVAL}{row}" if self.twin else row
 
     @property
     def size(self) -> str:
@@ -147,3 +157,29 @@ def group_by_network(trained: Sequence[TrainedRun]) -> list[SeedGroup]:
     for run in sorted(trained, key=lambda run: run.seed):
         groups.setdefault(run.network, []).append(run)
     return [SeedGroup(members) for members in groups.values()]
+
+
+def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
+    """Add the rows with artefact removal that were not trained: each is its partner's network.
+
+    The measurement operator of denoising is the identity, so that a network with and one without
+    artefact removal are equal, bit for bit (``glsim.train.models.artifact_removal``).
+    """
+    trained = {(group.row, group.size) for group in groups}
+    twins = [SeedGroup(group.members, twin=True) for group in groups if group.row in _TWINNED]
+    return [*groups, *(twin for twin in twins if (twin.row, twin.size) not in trained)]
+
+
+def row_networks(runs: Path) -> dict[str, Method]:
+    """Return row of the paper's tables -> its network with the first seed; twins included.
+
+    Raises:
+        ConfigError: if there is no such folder or no checkpoint in it.
+    """
+    groups = with_twins(group_by_network(find_trained_runs(runs)[0]))
+    groups = sorted(groups, key=lambda group: group.size == "full")  # the largest comes last
+    return {str(g.row): load(g.members[0].spec) for g in groups if g.row is not None}
+
+
+#: The rows that the paper prints with and without artefact removal.
+_TWINNED: Final = ("D7", "D20", "D64")

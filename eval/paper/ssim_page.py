@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from glsim.eval.paper.printed_values import PRINTED_FILTERS
+from glsim.eval.metrics.prediction import psnr_db
+from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
 from glsim.eval.paper.ssim_readings import (
     COLUMNS,
     NLM_8_BIT,
@@ -60,11 +61,42 @@ def ssim_document(cases: Mapping[str, ReadingScores]) -> Document:
             TextTable(["reading", *titles, "largest difference"], rows),
             _conclusion(scores),
         ]
+        document.parts += _network_parts(scores)
     document.parts += [
         Heading("What this says"),
         _verdict(cases),
     ]
     return document
+
+
+def _network_parts(scores: ReadingScores) -> list[str | list[str] | Heading | TextTable]:
+    """Return the readings of the rows of tables 2 and 3 that were measured, the nearest first."""
+    measured = [row for row in PRINTED_NETWORKS if row in scores.mse_mm2]
+    if not measured:
+        return []
+    off = {
+        name: max(abs(values[row] - PRINTED_NETWORKS[row].ssim) for row in measured)
+        for name, values in scores.ssim.items()
+    }
+    rows = [
+        [name, *(f"{scores.ssim[name][row]:.4f}" for row in measured), f"{off[name]:.4f}"]
+        for name in sorted(off, key=lambda name: off[name])
+    ]
+    printed = ["printed", *(f"{PRINTED_NETWORKS[row].ssim:.4f}" for row in measured), ""]
+    psnr = [
+        "PSNR of the mean MSE [dB]",
+        *(f"{psnr_db(scores.mse_mm2[row]):.2f}" for row in measured),
+        "",
+    ]
+    head = ["reading", *measured, "largest difference"]
+    return [
+        f"Rows of tables 2 and 3: printed PSNR {_listed(measured)} dB.",
+        TextTable(head, [printed, *rows, psnr]),
+    ]
+
+
+def _listed(rows: Sequence[str]) -> str:
+    return ", ".join(f"{row} {PRINTED_NETWORKS[row].psnr_db:.2f}" for row in rows)
 
 
 def _off(values: Mapping[str, float]) -> str:

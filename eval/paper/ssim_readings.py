@@ -11,7 +11,7 @@ uint16, and, before version 0.20, 2 for floats (-1 to 1); since then it refuses 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise import load
+from glsim.denoise import Method, compose, load
 from glsim.denoise.frames import Frames
 from glsim.denoise.interface import Depth
 from glsim.errors import ConfigError
@@ -237,16 +237,32 @@ class ReadingScores:
         }
 
 
-def measure_readings(frames: Frames, limit: int = 20) -> ReadingScores:
-    """Compute every reading on at most ``limit`` frames, evenly spread. Raises as the frames do."""
+def measure_readings(
+    frames: Frames, limit: int = 20, networks: Mapping[str, Method] | None = None
+) -> ReadingScores:
+    """Compute every reading on at most ``limit`` frames, evenly spread.
+
+    Args:
+        frames: the pairs.
+        limit: largest number of frames.
+        networks: row of tables 2 and 3 -> its network, whose validity is a mask; columns of their
+            own beside the filters.
+
+    Raises:
+        DatasetError: for an unreadable frame.
+        DenoiserError: for a network that returns no depth map.
+    """
     numbers = np.unique(np.linspace(0, len(frames) - 1, min(limit, len(frames))).round())
-    methods = {column: load(column) for column in COLUMNS}
+    methods = {column: load(column) for column in COLUMNS} | dict(networks or {})
     ssim: dict[str, dict[str, list[float]]] = {reading.name: {} for reading in READINGS}
     mse: dict[str, list[float]] = {}
     off = 0.0
     for number in numbers.astype(int):
         sample = frames.load(int(number))
-        maps = {name: method(sample.noisy_mm[None]).depth_mm for name, method in methods.items()}
+        maps = {
+            name: compose(method(sample.noisy_mm[None]), sample.noisy_mm)[""]
+            for name, method in methods.items()
+        }
         if frames.protocol == "paper":
             maps[NLM_8_BIT] = cv2.fastNlMeansDenoising(
                 saturated(sample.noisy_mm), None, *_NLM

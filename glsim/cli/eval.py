@@ -351,6 +351,8 @@ def _write_results(
     for name, text in texts.items():
         write_atomic(text.encode(), out / name)
     write_table_csv(out / "table.csv", table)
+    if evaluation.baselines.methods:
+        write_table_csv(out / "baselines.csv", evaluation.baselines.compared())
     write_bias_csv(out / "bias_by_distance.csv", evaluation.summary)
     paths = [out / name for name in ("rows.csv", "table.csv", "bias_by_distance.csv")]
     paths += [out / name for name in texts]

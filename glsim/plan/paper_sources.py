@@ -22,11 +22,11 @@ class PaperSource(NamedTuple):
 
 
 #: Kind of the source -> the set. The paper prints people, and for FaceWarehouse 19 expressions
-#: beside the neutral face of each; it does not print how its 45,938 images divide. Biwi: all images
+#: of each, no neutral face; it does not print how its 45,938 images divide. Biwi: all images
 #: of the set as published. D3DFACS, sequences at 60 frames per second: the rest.
 PAPER_SOURCES: Final = {
-    "d3dfacs": PaperSource("D3DFACS", 10, sum(PAPER_IMAGES) - 150 * 20 - 15_678),
-    "facewarehouse": PaperSource("FaceWarehouse", 150, 150 * 20),
+    "d3dfacs": PaperSource("D3DFACS", 10, sum(PAPER_IMAGES) - 150 * 19 - 15_678),
+    "facewarehouse": PaperSource("FaceWarehouse", 150, 150 * 19),
     "biwi": PaperSource("Biwi", 20, 15_678),
 }
 #: The source that stands in.

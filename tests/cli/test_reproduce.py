@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from itertools import product
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,10 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.cli.paper.reproduce import load_plan
+from glsim.cli.paper.plan import load_plan
+from glsim.cli.paper.plan_hours import _Training
+from glsim.eval.paper.cases import read_cases
+from glsim.eval.paper.printed_values import PRINTED_NETWORKS
 from glsim.plan.paper_split import PAPER_IMAGES, split_as_paper
 from glsim.settings.schema import load_settings
 from glsim.train.recipe import load_recipe
@@ -53,14 +57,14 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main([*tiny(tmp_path, "no-such-recipe"), "-q"]) == 1
     error = capsys.readouterr().err
     assert "no such recipe 'no-such-recipe'" in error
-    assert "stopped in command 12 of 18: glsim train no-such-recipe" in error
+    assert "stopped in command 12 of 19: glsim train no-such-recipe" in error
     first = runs / "paper-d7-small-4" / "last.pt"
     before = first.stat().st_mtime_ns
 
     command = tiny(tmp_path)
     assert main(command) == 0
     said = capsys.readouterr().err
-    assert "11/18, " in said
+    assert "11/19, " in said
     assert "finished before: glsim train paper-d7-small --steps 1" in said
     assert "3 of them were complete already" in said
     assert first.stat().st_mtime_ns == before
@@ -81,6 +85,29 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert (again["state"], again["steps"]) == ("finished", 1)
 
 
+@pytest.mark.long
+def test_the_tiny_plan_from_nothing_to_the_verdicts(tmp_path: Path) -> None:
+    """Every step of a reproduction: no value is left without scores, in any of the four cases."""
+    out = tmp_path / "o"
+    assert main(["paper", "reproduce", "-o", str(out), "--size", "tiny", "-q"]) == 0
+    page = (out / "verdicts.md").read_text()
+    assert "| not trained yet | 0 |" in page
+    assert page.count(" | **") == 39
+    assert (out / "verdicts.html").is_file()
+    cases = {case.title: case for case in read_cases(out)}
+    assert len(cases) == 4
+    for case in cases.values():
+        assert {*case.networks} == {*PRINTED_NETWORKS}
+        assert case.networks["AR D20"].values == case.networks["D20"].values
+        zeros, noisy = (case.values[name]["mse_mm2"] for name in ("zero image", "noisy"))
+        assert all(zero > 0 for zero in zeros)
+        assert len(zeros) == len(noisy) == 2
+    for name in ("findings.html", "photographs.md", "protocols.md", "paper_figures.html"):
+        assert list(out.rglob(name)), name
+    # Nothing was trained for the rows with artefact removal.
+    assert not list(out.rglob("paper-ar-*"))
+
+
 def _check_protocols(out: Path) -> None:
     """The paper's protocol has networks and tables of its own; table 1 is under all cases."""
     two = (out / "protocol_paper" / "paper_table_2.md").read_text()
@@ -97,8 +124,8 @@ def _check_protocols(out: Path) -> None:
     findings = (out / "findings.md").read_text()
     assert "| relation | printed | protocol depth | protocol paper |" in findings
     assert (
-        "| deeper DnCNNs have a smaller MSE: D64 < D20 < D7 | yes | no D20, D64 | no D64 |"
-        in findings
+        "| deeper DnCNNs have a smaller MSE: D64 < D20 < D7 | yes "
+        "| not scored: D20, D64 not trained | not scored: D64 not trained |" in findings
     )
     assert "3 of 3 rows were trained smaller than printed" in findings
     assert (out / "findings.html").is_file()
@@ -108,7 +135,7 @@ def _check_protocols(out: Path) -> None:
 
 
 def test_one_protocol_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*tiny(tmp_path), "--protocol", "paper", "--plan"]) == 0
+    assert main([*tiny(tmp_path), "--protocol", "paper", "--plan", "--no-hours"]) == 0
     lines = [shlex.split(line)[1:] for line in capsys.readouterr().out.splitlines()]
     given = [line[line.index("--protocol") + 1] for line in lines if "--protocol" in line]
     assert set(given) == {"paper"}
@@ -117,38 +144,50 @@ def test_one_protocol_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert "--protocol both" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("size", ["small", "full"])
+@pytest.mark.parametrize("size", ["tiny", "small", "full"])
 def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Every row of tables 2 and 3 under both protocols, and options that the commands know."""
-    assert main(["paper", "reproduce", "-o", "x", "--size", size, "--plan"]) == 0
+    """Every row that is trained in all four cases, and options that the commands know."""
+    assert main(["paper", "reproduce", "-o", "x", "--size", size, "--plan", "--no-hours"]) == 0
     lines = [shlex.split(line)[1:] for line in capsys.readouterr().out.splitlines()]
-    scored = {"small": 17 + 9, "full": 27 + 27}[size]
-    kinds = [line[0] for line in lines]
-    assert kinds[-3:] == ["paper", "paper", "paper"]
-    assert lines[-3][-4:] == ["--photo-runs", "x/photo_runs", "-o", "x"]
-    assert lines[-2] == ["paper", "figures", "x"]
-    assert lines[-1] == ["paper", "findings", "x"]
+    scored = {"tiny": 4 * 6, "small": 14 + 3 * 6, "full": 4 * 18}[size]
+    assert lines[-4][-4:] == ["--photo-runs", "x/photo_runs", "-o", "x"]
+    assert [line[1:] for line in lines[-3:]] == [
+        ["figures", "x"],
+        ["findings", "x"],
+        ["page", "x"],
+    ]
     photographs = [line for line in lines if "--photos" in line]
     lines = [line for line in lines if line not in photographs]
     assert [line[0] for line in lines].count("train") == scored
-    check_photographs([line for line in lines if line[0] == "train"], photographs)
+    seeds = {"0"} if size == "tiny" else {"0", "1", "2"}
+    check_photographs([line for line in lines if line[0] == "train"], photographs, seeds)
     recipes = [load_recipe(line[1]) for line in lines if line[0] == "train"]
-    rows = {"D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"}
+    rows = {"D7", "D20", "D64", "UNet", "Restormer"}  # AR rows are their partners' networks
     assert {recipe.row for recipe in recipes} == rows | {None}
-    for protocol in ("depth", "paper"):
+    for protocol, place in product(("depth", "paper"), ("x/data", "x/mask_as-noisy/data")):
         under = [
-            load_recipe(line[1]).row for line in lines if line[2:4] == ["--protocol", protocol]
+            load_recipe(line[1]).row
+            for line in lines
+            if line[0] == "train" and {protocol, place} <= {*line}
         ]
-        assert {*under} == rows | {None}, protocol
-    assert {recipe.size for recipe in recipes if recipe.row} == {size}
+        assert {*under} == rows | {None}, (protocol, place)
+    assert {recipe.size for recipe in recipes if recipe.row} == {size.replace("tiny", "small")}
     folders = [line[-1] for line in lines if line[0] == "train"]
     assert len(set(folders)) == scored
     generated = [line for line in lines if line[0] == "generate"]
-    for line in generated[:2]:  # the data of networks, and one set of table 1
+    assert all(seen == {"dense", "as-noisy"} for seen in [{*map(mask_of, generated)}])
+    for line in generated[:3]:  # the data of networks, and one set of table 1
         assert main([*line, "--plan"]) == 0
 
 
-def check_photographs(on_pairs: list[list[str]], on_photographs: list[list[str]]) -> None:
+def mask_of(line: list[str]) -> str:
+    """The clean mask of a command that generates."""
+    return "as-noisy" if "output.clean_mask=as-noisy" in line else "dense"
+
+
+def check_photographs(
+    on_pairs: list[list[str]], on_photographs: list[list[str]], wanted: set[str]
+) -> None:
     """Each is the training of a recipe and seed on our pairs, but for the photographs."""
     for line in on_photographs:
         at = line.index("--photos")
@@ -157,7 +196,7 @@ def check_photographs(on_pairs: list[list[str]], on_photographs: list[list[str]]
         same = [word for word in line if word not in line[at : at + 4]]
         assert same[:-1] in [other[:-1] for other in on_pairs]
     seeds = [line[line.index("--seed") + 1] for line in on_photographs]
-    assert set(seeds) == {"0", "1", "2"}
+    assert set(seeds) == wanted
 
 
 def test_face_sets_and_photographs_enter_the_plan(
@@ -173,6 +212,7 @@ def test_face_sets_and_photographs_enter_the_plan(
         "-o",
         "x",
         "--plan",
+        "--no-hours",
         "--d3dfacs",
         str(root),
         "--photos",
@@ -202,6 +242,40 @@ def test_a_plan_without_a_number_of_images_takes_no_face_sets(
     root = write_tree("hpdb", tmp_path)
     assert main([*tiny(tmp_path), "--biwi", str(root), "--plan"]) == 2
     assert "needs images = N" in capsys.readouterr().err
+
+
+def test_a_plan_prints_the_hours_of_its_rows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps times the measured time of one; limits are those of the options and of the recipe."""
+    seconds = {"D7": 36.0, "D20": 720.0, None: 3600.0}
+    step_time = pytest.importorskip("glsim.train.step_time")
+    monkeypatch.setattr(step_time, "seconds_per_step", lambda recipe: seconds[recipe.row])
+    command = tiny(tmp_path)
+    plan = tmp_path / "tiny.toml"
+    text = plan.read_text().replace("--steps 1", "--steps 50", 1)
+    plan.write_text(text.replace("seeds = [4]", "seeds = [4, 5]", 1))
+    assert main([*command, "--plan"]) == 0
+    printed = capsys.readouterr()
+    assert all(line.startswith("glsim ") for line in printed.out.splitlines())
+    said = printed.err
+    # D7: 2 seeds under 2 protocols of 50 steps of 36 s; D20 once, one step of 720 s.
+    assert "D7 (paper-d7-small): 4 trainings, 0.0278 steps a second, at most 50 steps" in said
+    assert "50 steps each: 2.0 h" in said
+    assert "D20 (paper-d20-small): 1 trainings" in said
+    assert "at most 1 steps each: 12 min" in said
+    assert "all trainings: at most 202.2 h" in said
+
+
+def test_epochs_are_capped_by_the_images_of_the_plan() -> None:
+    """8,008 batches of 4 in an epoch of the full plan's 32,029 images, at most 50 epochs."""
+    plan = load_plan("full")
+    assert plan.training_images() == PAPER_IMAGES[0]
+    recipe = load_recipe("paper-d7")
+    assert (recipe.training.patience, recipe.training.max_epochs) == (10, 50)
+    assert _Training(recipe, "D7").steps(plan.training_images()) == 50 * 8008
+    assert _Training(recipe, "D7").steps(None) is None
+    assert _Training(load_recipe("paper-d7-small"), "").steps(400) == 500
 
 
 def test_the_full_plan_has_the_papers_numbers() -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 import statistics
 import sys
 from pathlib import Path
 
+import cv2
 import pytest
 
 from glsim.cli import main
@@ -97,6 +99,18 @@ def test_both_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
     for part in COMPOSITES:
         assert row_of(three, "-", f"ours [{part}]")[2] == "own"
     assert float(row_of(two, "Baseline", "filter")[5]) == round(PRINTED_FILTERS["noisy"][1])
+    trivial = {
+        line["method"]: float(line["mean"])
+        for line in csv.DictReader((out / "baselines.csv").read_text().splitlines())
+        if line["metric"] == "mse_mm2"
+    }
+    for name in ("zero image", "mean face"):  # rows of their own, with nothing printed beside them
+        zeros = row_of(two, f"**{name}**", "no method may lose to it")
+        assert zeros[5::2] == ["-", "-", "-", zeros[11]]
+        assert float(zeros[6]) == pytest.approx(trivial[name], rel=1e-3)
+    cleans = [cv2.imread(str(p), -1).astype(float) for p in sorted(pairs.rglob("*_clean.png"))]
+    mean_square = statistics.fmean(float((clean**2).mean()) for clean in cleans)
+    assert trivial["zero image"] == pytest.approx(mean_square)
 
     assert row_of(two, "`masked_gaussian`", "filter")
     best = row_of(two, "ours [hard]", "interior RMSE [mm]")

@@ -2,43 +2,19 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import pytest
 
-from glsim.denoise import PAPER_FILTERS
 from glsim.errors import DatasetError
+from glsim.eval.paper.cases import read_filter_cases
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.paper.protocol_page import (
     largest_ratio_difference,
     protocol_document,
-    read_filter_cases,
     relations,
 )
-
-METRICS = (
-    *("mse_mm2", "psnr_db", "ssim_paper", "ssim_16bit", "mse_flips_pct", "flips_px"),
-    "both_interior_rmse_mm",
-)
-#: 1 - SSIM of the fakes, per mm² of MSE, 1e-7.
-DISSIMILARITY = {"paper": 9.0, "depth": 4.8}
-
-
-def write_scores(root: Path, mask: str, seed: int, protocol: str, mse: dict[str, float]) -> Path:
-    """Write the lines of a table.csv of glsim eval; all metrics but MSE and SSIM are 10."""
-    path = root / "filters" / mask / str(seed) / protocol / "table.csv"
-    path.parent.mkdir(parents=True)
-    with path.open("w") as file:
-        writer = csv.writer(file)
-        writer.writerow(["method", "metric", "mean", "frames"])
-        for name in (*PAPER_FILTERS, "face"):
-            for metric in METRICS:
-                value = mse.get(name, 1.0) if metric == "mse_mm2" else 10.0
-                if metric == "ssim_16bit":
-                    value = 1 - 1e-7 * DISSIMILARITY[protocol] * mse.get(name, 1.0)
-                writer.writerow([name, metric, value, 50])
-    return path
+from tests.support.paper_scores import write_scores
 
 
 def mse(base: float, **ratios: float) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from pathlib import Path
 
@@ -10,13 +11,16 @@ import pytest
 from skimage.metrics import structural_similarity
 
 from glsim.cli import main
+from glsim.denoise.frames import Frames
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
+from glsim.eval.paper.runs import row_networks
 from glsim.eval.paper.ssim_page import largest_difference, ssim_document
 from glsim.eval.paper.ssim_readings import (
     AS_PRINTED,
     COLUMNS,
     NLM_8_BIT,
     READINGS,
+    Reading,
     ReadingScores,
     found_range,
     measure_readings,
@@ -28,7 +32,9 @@ from glsim.eval.paper.ssim_readings import (
     wrapped,
 )
 from glsim.eval.scoring.pairs import open_frames
-from tests.support.eval_scenes import dome, noisy
+from tests.support import checkpoint_stand_in
+from tests.support.checkpoint_stand_in import write_run
+from tests.support.eval_scenes import dome, noisy, write_pairs
 from tests.support.moved_sets import write_domes
 
 
@@ -127,3 +133,41 @@ def test_the_study_of_a_data_set(tmp_path: Path) -> None:
     assert "Protocol paper" in text
     assert "Protocol depth" in text
     assert "in 8 bits" in text
+
+
+def test_networks_have_columns_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each value is that of its reading; nearest first; no row is invented."""
+    monkeypatch.setitem(sys.modules, "glsim.denoise.inference", checkpoint_stand_in)
+    pairs = write_pairs(tmp_path / "pairs", 2, 1)
+    write_run(tmp_path / "runs/d7", 0.5, row="D7")
+    write_run(tmp_path / "runs/ours", 0.2, row=None, title="ours", soft=True)
+    out = tmp_path / "o"
+    command = ["paper", "ssim", str(pairs), "--runs", str(tmp_path / "runs"), "-o", str(out)]
+    assert main([*command, "-q"]) == 0
+    page = (out / "ssim_readings.md").read_text()
+    assert "| reading | D7 | AR D7 | largest difference |" in page
+    assert "printed PSNR D7 32.97, AR D7 33.39 dB" in page
+    networks = row_networks(tmp_path / "runs")
+    assert {*networks} == {"D7", "AR D7"}
+    frames = open_frames(pairs, "test", protocol="depth")
+    scores = measure_readings(frames, networks=networks)
+    sample = frames.load(0)
+    reading = reading_of_type("uint16 mm")
+    moved = np.where(sample.noisy_mm > 0, 0.5 * (sample.noisy_mm + 900), 0).astype(np.float32)
+    first = reading.of(moved, sample.clean_mm)
+    wanted = (first + _second(frames, reading)) / 2 if len(frames) == 2 else first
+    assert scores.ssim[reading.name]["D7"] == pytest.approx(wanted)
+    off = [
+        float(line.split("|")[-2])
+        for line in page[page.index("| reading | D7 |") :].splitlines()[3 : 3 + len(READINGS)]
+    ]
+    assert off == sorted(off)
+    assert len(off) == len(READINGS)
+
+
+def _second(frames: Frames, reading: Reading) -> float:
+    sample = frames.load(1)
+    moved = np.where(sample.noisy_mm > 0, 0.5 * (sample.noisy_mm + 900), 0).astype(np.float32)
+    return reading.of(moved, sample.clean_mm)

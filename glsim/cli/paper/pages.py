@@ -1,4 +1,4 @@
-"""``glsim paper figures``, ``protocols`` and ``findings``: pages from a reproduction's folder."""
+"""``glsim paper figures``, ``protocols``, ``findings``, ``page``: from a reproduction's folder."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ glsim paper figures reproduced
 glsim paper protocols reproduced
 
 glsim paper findings reproduced
+
+glsim paper page reproduced                   a verdict on each printed value
 """
 
 FolderArgument = Annotated[Path, typer.Argument(help="Folder of glsim paper reproduce.")]
@@ -31,7 +33,8 @@ def figures(folder: FolderArgument) -> None:
 
 def protocols(folder: FolderArgument) -> None:
     """Write protocols.md: table 1 under each depth protocol and mask of the clean maps."""
-    from glsim.eval.paper.protocol_page import protocol_document, read_filter_cases
+    from glsim.eval.paper.cases import read_filter_cases
+    from glsim.eval.paper.protocol_page import protocol_document
     from glsim.files.atomic import write_atomic
 
     path = folder / "protocols.md"
@@ -44,3 +47,16 @@ def findings(folder: FolderArgument) -> None:
     from glsim.eval.paper.findings import write_findings
 
     print_written(write_findings(folder))
+
+
+def page(folder: FolderArgument) -> None:
+    """Write verdicts.html: a verdict on each value that the paper prints, from the scores.
+
+    Values whose rows were not scored are listed as not trained yet.
+    """
+    from glsim.errors import ConfigError
+    from glsim.eval.paper.verdict_page import write_verdicts
+
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: no such folder: run glsim paper reproduce -o {folder} first")
+    print_written(write_verdicts(folder))

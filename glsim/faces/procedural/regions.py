@@ -58,14 +58,19 @@ def hair_weight(points: Array, soft_mm: float = 6.0) -> Array:
     return np.asarray(smoothstep(-2.0, soft_mm, points[:, 1] - line))
 
 
+def brow_arch(x: Array) -> Array:
+    """Return the height (N,) of the brows' middle line at distances from the midline, mm."""
+    s = np.clip((x - 9.0) / 44.0, 0.0, 1.0)
+    return np.asarray(30.5 + 7.0 * np.sin(np.pi * np.minimum(0.78 * s, 1.0)) - 4.5 * s**3)
+
+
 def brow_weight(points: Array) -> Array:
     """Return (V,) weights of the brows: arches of about 45 x 7 mm, thinner outwards."""
     x, y = np.abs(points[:, 0]), points[:, 1]
     s = np.clip((x - 9.0) / 44.0, 0.0, 1.0)
-    arch = 30.5 + 7.0 * np.sin(np.pi * np.minimum(0.78 * s, 1.0)) - 4.5 * s**3
     half = 4.4 - 2.9 * s
     inside = smoothstep(7.0, 12.0, x) * smoothstep(54.0, 47.0, x) * (points[:, 2] > -45)
-    return np.asarray(inside * np.exp(-(((y - arch) / half) ** 4)))
+    return np.asarray(inside * np.exp(-(((y - brow_arch(x)) / half) ** 4)))
 
 
 def make_regions(template: Template) -> NDArray[np.uint8]:

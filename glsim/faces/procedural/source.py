@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.neck import Neck
+from glsim.faces.procedural.landmarks import landmark_vertices
 from glsim.faces.procedural.neck import head_share
 from glsim.faces.procedural.parameters import sample_identity
 from glsim.faces.procedural.regions import REGIONS
@@ -62,6 +63,11 @@ class ProceduralFaces:
     def region_names(self) -> tuple[str, ...]:
         """Names of the regions that ``regions`` refers to."""
         return REGIONS
+
+    @property
+    def landmarks(self) -> NDArray[np.int64]:
+        """(68,) vertices of the landmarks in the order of Multi-PIE, the same for all subjects."""
+        return landmark_vertices(head_model().template)
 
     def subjects(self, count: int | None) -> list[str]:
         """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
