@@ -13,10 +13,7 @@ VENV := .venv/bin
 PYTEST := GLSIM_EXPECT_RENDERER=$(GLSIM_EXPECT_RENDERER) $(VENV)/python -m pytest -n auto --dist loadfile
 
 demo:
-	@scripts/setup.sh demo
-	@$(VENV)/glsim generate -o demo/data --subjects 12 --frames-per-subject 30 --crop 160 \
-	    --layers clean,noisy,infrared,reason --set pose.yaw_deg='{ uniform = [-25, 25], per = "sequence" }'
-	@$(VENV)/glsim preview demo/data -o demo --frames 8
+	@scripts/demo.sh
 
 # Tests of a file share what they make (exported networks, pages, recordings): one process runs them.
 test: check

@@ -60,7 +60,7 @@ def main() -> None:
     """Measure the error and the gain of occluders, and print a table of each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--ict-root", type=Path, help="FaceXModel folder; default: left out")
-    parser.add_argument("--people", action="store_true", help="people too; needs glsim[people]")
+    parser.add_argument("--people", action="store_true", help="people too (glsim fetch people)")
     parser.add_argument("--frames", type=int, default=100, help="frames per source")
     arguments = parser.parse_args()
     sources: list[FaceSource] = [source_for(None)]

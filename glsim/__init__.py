@@ -1,6 +1,6 @@
 """glsim: simulate paired clean and noisy 16-bit depth frames of 3D faces, without a display.
 
-    for frame in simulate(load_settings(overrides={"sensor": "kinect-v2", ...})):
+    for frame in frames(load_settings(overrides={"sensor": "kinect-v2", ...})):
         frame.clean, frame.noisy, frame.infrared, frame.reason
 
 The names below are the public API, with those of ``glsim.train``. Each is imported when it is first
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from glsim.meshio import load_mesh
     from glsim.noise.realsense_filters import filter_sequence
     from glsim.noise.stage import array_stage
-    from glsim.pipeline import Simulator, open_sources, simulate
+    from glsim.pipeline import Simulator, frames, open_sources, simulate
     from glsim.plan.tasks import make_tasks
     from glsim.reason import Reason
     from glsim.sensors.pattern_map import remove_fixed_pattern
@@ -67,6 +67,7 @@ _HOME = {
     "evaluate": "glsim.eval.scoring.run",
     "export_dataset": "glsim.exports",
     "filter_sequence": "glsim.noise.realsense_filters",
+    "frames": "glsim.pipeline",
     "generate": "glsim.dataset",
     "load_denoiser": "glsim.denoise",
     "load_mesh": "glsim.meshio",
@@ -110,6 +111,7 @@ __all__ = [
     "evaluate",
     "export_dataset",
     "filter_sequence",
+    "frames",
     "generate",
     "load_denoiser",
     "load_mesh",

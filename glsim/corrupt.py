@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.depth_arrays import depth_batch, surface_depth
+from glsim.depth_arrays import depth_batch, refuse_millimetres, surface_depth
 from glsim.errors import ConfigError
 from glsim.faces.base import FaceKey
 from glsim.frame import Frame, decode_depth
@@ -29,6 +29,9 @@ from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import OutputSettings, Settings, load_settings
 from glsim.settings.seeds import stable_seed
+
+#: An array of NumPy or a tensor of PyTorch.
+_Depths = TypeVar("_Depths")
 
 
 class _Graphics:
@@ -156,7 +159,7 @@ class Corrupter:
         key = FaceKey(name or "map", "main", 0)
         return self._corrupt(depth_m, key, DrawKeys(seed, seed, seed))
 
-    def __call__(self, depth_m: Any, *, frame: int = 0, sequence: str = "") -> Any:
+    def __call__(self, depth_m: _Depths, *, frame: int = 0, sequence: str = "") -> _Depths:
         """Return noisy depth for clean depth: arrays or tensors of float metres, 0 = no return.
 
         depth_m: (H, W), (B, H, W) or more leading axes, float16, float32 or float64, NumPy or
@@ -164,15 +167,18 @@ class Corrupter:
             sensor's far plane are no surface. The input is not changed, and not copied on the CPU.
         frame: number of the first map; map b of a batch has the noise of frame + b, alone or not.
         sequence: a name; what a stage draws per sequence or per subject is drawn once for it.
-        Returns a new array or tensor of the same type and shape. Raises ConfigError.
+        Returns a new array or tensor of the same type and shape. Raises ConfigError, also for
+        depth that is in millimetres by its range.
         """
         image = self.rig.intrinsics
         batch = depth_batch(depth_m, (image.height, image.width))
+        refuse_millimetres(batch.maps, self.rig.near_m, self.rig.far_m)
         for number, clean in enumerate(batch.maps):
             batch.results[number] = self.corrupt_depth(
                 clean, frame=frame + number, sequence=sequence
             ).noisy_m
-        return batch.answer()
+        answer: _Depths = batch.answer()
+        return answer
 
     def corrupt_depth(
         self, depth_m: NDArray[np.floating[Any]], *, frame: int = 0, sequence: str = ""

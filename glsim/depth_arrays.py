@@ -68,6 +68,28 @@ def depth_batch(depth: Any, shape: tuple[int, int]) -> DepthBatch:
     return DepthBatch(host.numpy().reshape(stack), answer.numpy().reshape(stack), answer, device)
 
 
+def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: float) -> None:
+    """Raise ConfigError if all surfaces of some maps have a depth that makes sense in millimetres.
+
+    In metres they would be beyond the sensor's far plane, and the result empty without a word. A
+    background at one distance is none: simulators put their far plane there.
+
+    Args:
+        depth: of any shape.
+        near_m, far_m: the sensor's clip planes.
+    """
+    seen = depth[(depth > 0) & (depth < np.inf)]
+    if not seen.size:
+        return
+    nearest, farthest = float(seen.min()), float(seen.max())
+    in_mm = 1000.0 * near_m <= nearest and float(np.median(seen)) <= 1000.0 * far_m
+    if far_m < nearest < farthest and in_mm:
+        raise ConfigError(
+            f"depth is {nearest:g} to {farthest:g}: this is millimetres, and metres are wanted: "
+            "give depth / 1000"
+        )
+
+
 def surface_depth(depth: NDArray[np.floating[Any]], far_m: float) -> NDArray[np.float32]:
     """Return depth as float32 metres with 0 where there is no surface.
 

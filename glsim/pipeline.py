@@ -103,6 +103,37 @@ def simulate(
         yield from Simulator(settings, opened, drawn_in, extra_layers, layers).frames(planned)
 
 
+def frames(
+    settings: Settings,
+    tasks: Iterable[Task] | None = None,
+    *,
+    sources: Sequence[FaceSource] | None = None,
+    backend: str | None = None,
+    context: moderngl.Context | None = None,
+    layers: Collection[str] = LAYERS,
+    extra_layers: Sequence[str] = (),
+) -> Iterator[Frame]:
+    """Make the frames of ``tasks`` as ``simulate`` does, with the same arguments and bytes.
+
+    Raises:
+        MeshError: a face cannot be rendered, whatever ``settings.strict`` says.
+        ConfigError, ShaderError, DeviceError: as ``simulate``.
+    """
+    strict = settings.model_copy(update={"strict": True})
+    made = simulate(
+        strict,
+        tasks,
+        sources=sources,
+        backend=backend,
+        context=context,
+        layers=layers,
+        extra_layers=extra_layers,
+    )
+    for frame in made:
+        assert isinstance(frame, Frame), "a bad face raises, because strict is set"
+        yield frame
+
+
 def open_sources(settings: Settings) -> list[FaceSource]:
     """Open the face sources that the settings name. Raises ConfigError."""
     return [

@@ -157,13 +157,23 @@ def brightness(infrared: NDArray[np.uint16] | None, shape: tuple[int, ...]) -> P
     return np.repeat(grey[..., None], 3, axis=2)
 
 
+#: Frames that stand below each other, and columns of them, before the columns grow longer.
+_SHEET_ROWS, _SHEET_COLUMNS = 4, 3
+#: Side of a cell where there are several columns, pixels: three columns fit a wide screen.
+_NARROW_PX = 200
+
+
 def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -> Picture:
     """Draw one ``frame_row`` per frame under headings, with a legend of colours and reasons.
 
-    All frames have a clean map, or none has.
+    More than four frames stand in up to three columns, with smaller cells. All frames have a clean
+    map, or none has.
     """
     recorded = not frames[0].has_clean
-    width = (2 if recorded else 4) * side
+    columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
+    side = side if columns == 1 else min(side, _NARROW_PX)
+    block = (2 if recorded else 4) * side
+    width = columns * block
     head = np.full((66, width, 3), _BACKGROUND, np.uint8)
     _write(head, title, (10, 26), 0.62)
     headings: tuple[str, ...] = (
@@ -174,12 +184,15 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
     )
     if recorded:
         headings = ("noisy, shaded", "infrared")
-    for column, text in enumerate(headings):
-        _write(head, text, (column * side + 10, 56), 0.5)
+    for column, text in enumerate(headings * columns):
+        _write(head, text, (column * side + 10, 56), 0.5 if columns == 1 else 0.45)
+    cells = [frame_row(frame, side) for frame in frames]
+    cells += [np.full((side, block, 3), _BACKGROUND, np.uint8)] * (-len(cells) % columns)
+    height = len(cells) // columns  # down, then to the right, as the frames follow each other
+    rows = [np.hstack(cells[row::height]) for row in range(height)]
     if recorded:
-        return np.vstack([head, *(frame_row(frame, side) for frame in frames)])
+        return np.vstack([head, *rows])
     used = sorted({Reason(int(code)) for frame in frames for code in np.unique(frame.reason)})
-    rows = [frame_row(frame, side) for frame in frames]
     known = all(frame.has_reasons for frame in frames)
     return np.vstack(
         [head, *rows, _legend(width, [(code, legend_text(code, known)) for code in used])]

@@ -1,7 +1,7 @@
 """Draw docs/figures/rooms.png: python scripts/rooms_figure.py.
 
 Ten people of the presets office and living-room: shaded clean depth, noisy depth, infrared. Takes
-under a minute and needs glsim[people].
+under a minute and needs glsim fetch people.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Draw docs/figures/sensors.png: python scripts/sensor_gallery.py.
 
 One person seen by all kinds of sensors: infrared above, shaded noisy depth below. Takes under a
-minute and needs glsim[people].
+minute and needs glsim fetch people.
 """
 
 from __future__ import annotations

@@ -29,6 +29,7 @@ far_wall=(--set 'scene.wall_mm={ uniform = [2550, 4500] }')
 # Cameras that nobody built at four resolutions, and any Kinect V2; a third stands before a wall.
 for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
     config=(--config "train/data/$camera.toml")
+    [ $camera != randomised ] || config=(--preset randomised)
     wall=("${near_wall[@]}")
     [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
     for source in procedural ict-facekit people; do

@@ -254,3 +254,20 @@ def test_a_forked_process_opens_a_context_of_its_own() -> None:
         with multiprocessing.get_context("fork").Pool(1) as pool:
             assert pool.map(_through_a_parent, [depth_m]) == [here]
         assert _noisy_bytes((corrupter, depth_m)) == here
+
+
+def test_float_millimetres_are_refused_and_empty_maps_are_not() -> None:
+    """They were beyond the far plane, and gave zeros without a word."""
+    with corrupter() as corrupt:
+        for given in (maps(2) * 1000, (maps(2)[1] * 1000).astype(np.float64)):
+            with pytest.raises(ConfigError, match=r"this is millimetres, .* give depth / 1000"):
+                corrupt(given)
+        far = np.full((72, 96), 1000.0, np.float32)  # a simulator's far plane, 1 km
+        assert not corrupt(far).any()
+        half = far.copy()
+        half[:20] = 0.9
+        assert corrupt(half)[:20].any()
+        nothing = np.full((72, 96), np.inf, np.float32)
+        assert not corrupt(nothing).any()
+        hills = np.linspace(40, 90, 72 * 96, dtype=np.float32).reshape(72, 96)
+        assert not corrupt(hills).any()  # metres: 40 mm would be nearer than any sensor sees

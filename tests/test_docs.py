@@ -23,7 +23,7 @@ PAGES = [
 ]
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
 #: Where a user imports from; nothing deeper.
-PUBLIC = ("glsim", "glsim.train")
+PUBLIC = ("glsim", "glsim.train", "glsim.transforms")
 _BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
 

@@ -56,3 +56,35 @@ def test_the_workflow_runs_what_the_readme_promises() -> None:
     workflow = text(".github/workflows/checks.yml")
     for command in (*promised[:2], "make docs", "scripts/check_wheel.sh"):
         assert f"- run: {command}\n" in workflow
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/start.md", "docs/howto/install.md"])
+def test_the_installation_as_written_works_on_a_bare_debian(name: str) -> None:
+    """Debian has neither pip nor make, and refuses pip outside of a venv."""
+    lines = re.findall(r"```sh\n(.*?)```", text(name), re.DOTALL)[0].splitlines()
+    words = [line.split("#")[0].split() for line in lines]
+    assert words[0][:3] == ["sudo", "apt-get", "install"]
+    assert {"python3-venv", *EGL} <= {*words[0]}
+    assert words[1] == ["python3", "-m", "venv", ".venv"]
+    assert words[2] == [".venv/bin/pip", "install", "."]
+    assert words[3] == [".", ".venv/bin/activate"]
+
+
+def test_no_page_names_the_package_as_pip_would_look_for_it_on_an_index() -> None:
+    """Nothing is there before a release: an extra is that of the checkout, '.[people]'."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    wrong = [
+        f"{page.name}: {line}"
+        for page in pages
+        for line in page.read_text(encoding="utf-8").splitlines()
+        if re.search(r"pip install .?glsim\b", line) and page != INSTALL_PAGE
+    ]
+    assert wrong == []
+
+
+def test_the_demo_needs_no_make() -> None:
+    """``make demo`` is the script, and the scripts call neither make nor what it brings."""
+    assert "demo:\n\t@scripts/demo.sh\n" in text("Makefile")
+    for name in ("scripts/demo.sh", "scripts/setup.sh"):
+        commands = [line for line in text(name).splitlines() if not line.lstrip().startswith("#")]
+        assert not any(re.search(r"\bmake\b", line.split(" # ")[0]) for line in commands), name

@@ -18,7 +18,7 @@ from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame, Skipped
 from glsim.geometry.mesh import Mesh
-from glsim.pipeline import Simulator, simulate
+from glsim.pipeline import Simulator, frames, simulate
 from glsim.plan.tasks import Task, make_tasks
 from glsim.settings.schema import Settings, load_settings
 from tests.support.scenes import (
@@ -211,6 +211,10 @@ def test_bad_faces_are_skipped_in_order_or_stop(
     strict = settings.model_copy(update={"strict": True})
     with pytest.raises(MeshError, match="cannot be read"):
         list(simulate(strict, sources=[Mixed(COARSE)], context=context))
+    several = frames(settings, sources=[Mixed(COARSE)], context=context)
+    assert fingerprint(next(several)) == fingerprint(results[0])
+    with pytest.raises(MeshError, match="cannot be read"):
+        next(several)
 
 
 @pytest.mark.parametrize("crop", [None, 64])

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from glsim import preview
+from glsim import open_dataset, preview
 from glsim.cli import main
+from glsim.geometry.camera import Intrinsics
 from glsim.reason import Reason
+from tests.support.imports import ROOT
 
 
 @pytest.mark.parametrize("layers", ["clean,noisy", "clean,noisy,reason"])
@@ -32,3 +36,38 @@ def test_a_lost_pixel_of_a_set_without_reasons_is_unknown(
     at_random = f"{int(Reason.DROPPED)} dropped: {Reason.DROPPED.help}"
     assert (unknown in written) == ("reason" not in layers)
     assert at_random not in written or "reason" in layers
+
+
+@pytest.mark.parametrize(
+    ("frames", "rows", "columns", "side"), [(4, 4, 1, 300), (5, 3, 2, 200), (12, 4, 3, 200)]
+)
+def test_more_than_four_frames_stand_in_columns(
+    frames: int, rows: int, columns: int, side: int
+) -> None:
+    """Down, then to the right; the numbers of the captions tell the order."""
+    depth_m = np.full((20, 20), 0.9, np.float32)
+    camera = Intrinsics(20, 20, 30.0, 30.0, 10.0, 10.0)
+    codes = np.zeros((20, 20), np.uint8)
+    shown = [preview.PreviewFrame(depth_m, depth_m, codes, camera, f"{n}") for n in range(frames)]
+    sheet = preview.contact_sheet(shown, "title")
+    assert sheet.shape[1] == columns * 4 * side
+    assert sheet.shape[0] > 66 + rows * side
+    whole = preview.frame_row(shown[rows % frames], side)
+    top, left = (66, 4 * side) if columns > 1 else (66, 0)
+    expected = whole if columns > 1 else preview.frame_row(shown[0], side)
+    np.testing.assert_array_equal(sheet[top : top + side, left : left + 4 * side], expected)
+
+
+def test_people_of_the_demo_are_dressed(tmp_path: Path) -> None:
+    """At least two thirds of them have hair and clothes; the script's own command, fewer frames."""
+    script = (ROOT / "scripts" / "demo.sh").read_text(encoding="utf-8").replace("\\\n", " ")
+    line = next(line for line in script.splitlines() if " generate " in line)
+    words = shlex.split(line)[1:]
+    fewer = {"--frames-per-subject": "1", "--crop": "32", "-o": str(tmp_path / "d")}
+    for option, value in fewer.items():
+        words[words.index(option) + 1] = value
+    assert main([*words, "--workers", "1", "-q"]) == 0
+    notes = [pair.record["notes"] for pair in open_dataset(tmp_path / "d")]
+    hairy = [n for n in notes if n.get("appearance.hair", "shaven") not in ("shaven", "bald")]
+    assert len(notes) == 12
+    assert len([n for n in hairy if n.get("appearance.cloth")]) >= 8

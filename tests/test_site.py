@@ -11,6 +11,7 @@ import pytest
 
 import glsim
 import glsim.train
+import glsim.transforms
 from glsim.exports import FORMATS
 from glsim.noise.registry import shipped_stages
 from glsim.reason import Reason
@@ -90,7 +91,7 @@ def test_the_reference_names_all_that_there_is(generated: dict[str, str]) -> Non
         assert f"## `glsim {name}`" in generated["commands"]
         for option in options_of(command) - {"-h", "--help"}:
             assert f"`{option}`" in generated["commands"]
-    for module in (glsim, glsim.train):
+    for module in (glsim, glsim.train, glsim.transforms):
         page = generated[f"python_{module.__name__.replace('.', '_')}"]
         for name in module.__all__:
             assert f":: {module.__name__}.{name}\n" in page

@@ -72,6 +72,12 @@ def on_device(fabric: Fabric, loader: DataLoader[Batch]) -> DataLoader[Batch]:
     return cast(DataLoader[Batch], fabric.setup_dataloaders(loader, use_distributed_sampler=False))
 
 
+def spread(frames: Subset[Batch]) -> Subset[Batch]:
+    """Return the same frames in an order whose beginning is spread over all of them."""
+    order = np.random.default_rng(0).permutation(len(frames))
+    return Subset(frames.dataset, [frames.indices[number] for number in order])
+
+
 class StoredBatches:
     """Batches of pairs with random access; see ``BatchSource``."""
 

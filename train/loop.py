@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple, NoReturn
 
@@ -18,11 +19,13 @@ from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
 from glsim.settings.seeds import stable_seed
 from glsim.train.arithmetic import arithmetic, continue_arithmetic
-from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device
+from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device, spread
+from glsim.train.data.pairs import Batch
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import parameter_count
 from glsim.train.models.sigma_scale import calibrate
+from glsim.train.precision import with_precision
 from glsim.train.recipe import Recipe
 from glsim.train.run_setup import (
     RECIPE_FILE,
@@ -39,6 +42,8 @@ from glsim.train.validation import validation_figures
 NAN_BATCH_FILE: Final = "nan_batch.pt"
 #: Number of frames in each picture in samples/.
 _SAMPLES: Final = 4
+#: Share of a limit in minutes that one validation may take. Chosen.
+_VALIDATION_SHARE: Final = 0.1
 
 
 class StepStatus(NamedTuple):
@@ -71,6 +76,7 @@ def fit(
     resume: bool = False,
     on_step: Callable[[StepStatus], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
+    announce: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Train a network until a limit, early stopping or ``should_stop`` ends the training.
 
@@ -84,6 +90,7 @@ def fit(
         resume: continue from the last checkpoint in ``folder``, if there is one.
         on_step: called after each step.
         should_stop: called after each step; True interrupts the training.
+        announce: called with what takes long, before it: the first step and the first validation.
 
     Returns:
         The content of FOLDER/run.json; its ``state`` is "finished" or "interrupted".
@@ -94,10 +101,12 @@ def fit(
         ConfigError: for a recipe that cannot be trained.
         DatasetError: for an unreadable frame.
     """
+    recipe = with_precision(recipe, folder / RECIPE_FILE if resume else None)
     fabric = make_fabric(recipe.training)
     fabric.launch()
     with locked_run(folder) if fabric.is_global_zero else nullcontext():
-        return _fit(TrainingRun(recipe, source, folder, resume, fabric), on_step, should_stop)
+        run = TrainingRun(recipe, source, folder, resume, fabric, announce)
+        return _fit(run, on_step, should_stop)
 
 
 def _fit(
@@ -131,9 +140,16 @@ class TrainingRun:
     """One call of ``fit``: devices, state, data and run folder."""
 
     def __init__(
-        self, recipe: Recipe, source: BatchSource, folder: Path, resume: bool, fabric: Fabric
+        self,
+        recipe: Recipe,
+        source: BatchSource,
+        folder: Path,
+        resume: bool,
+        fabric: Fabric,
+        announce: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.recipe, self.source, self.folder, self.fabric = recipe, source, folder, fabric
+        self._announce = announce
         if not resume and self.fabric.is_global_zero:
             check_unused(folder)
         last = last_checkpoint(folder, recipe, source.fingerprint) if resume else None
@@ -149,9 +165,10 @@ class TrainingRun:
         self.progress = self.state.progress
         self.model, self.optimiser = self.state.set_up()
         self.epoch_steps = source.prepare(self.fabric)
-        held_out = DataLoader(source.validation, VALIDATION_BATCH, generator=torch.Generator())
-        self.held_out = on_device(self.fabric, held_out)
         limits = recipe.training
+        frames = spread(source.validation) if limits.max_minutes else source.validation
+        held_out = DataLoader(frames, VALIDATION_BATCH, generator=torch.Generator())
+        self.held_out = on_device(self.fabric, held_out)
         steps = [limits.max_steps, limits.max_epochs and limits.max_epochs * self.epoch_steps]
         self.total_steps = min((count for count in steps if count), default=None)
         if recipe.schedule.kind != "constant" and not (self.total_steps or limits.max_minutes):
@@ -159,10 +176,16 @@ class TrainingRun:
                 f"schedule.kind = {recipe.schedule.kind!r} must know the end: set "
                 "training.max_epochs, or give --epochs, --steps or --minutes"
             )
-        self._since = time.monotonic()
+        self._since: float | None = None  # the time of set-up and of the first batch is not counted
+        announce(
+            f"{self.epoch_steps} batches of {limits.batch} in an epoch, {len(frames)} frames to "
+            f"validate, {limits.precision} on {self.arithmetic['device']}"
+        )
 
     def step(self, noisy_mm: Tensor, clean_mm: Tensor) -> float:
         """Make one step of the optimiser; return the loss before it."""
+        if self._since is None:
+            self._since = time.monotonic()
         progress, settings = self.progress, self.recipe.optimiser
         for group in self.optimiser.param_groups:
             factor = self.recipe.schedule.factor(progress.steps, self._fraction_done())
@@ -210,10 +233,12 @@ class TrainingRun:
             TrainError: if the monitored metric is not finite.
         """
         progress, network = self.progress, self.state.evaluated
+        if progress.best is None:
+            self._announce(f"step {progress.steps}: first validation")
         network.eval()
         with self.fabric.autocast():
             self.figures = self.fabric.broadcast(
-                validation_figures(network, self.held_out, self.state.loss)
+                validation_figures(network, self._validation_batches(), self.state.loss)
             )
         value = self.figures[self.recipe.training.monitor]
         if not math.isfinite(value):
@@ -236,6 +261,21 @@ class TrainingRun:
             logs.write(row | figures, progress.steps)
             self._draw_samples()
 
+    def _validation_batches(self) -> Iterator[Batch]:
+        """Yield the batches of a validation: always the same.
+
+        With a limit in minutes they are as many as the first validation can do in a share of it.
+        """
+        progress, minutes = self.progress, self.recipe.training.max_minutes
+        until = time.monotonic() + _VALIDATION_SHARE * 60 * minutes if minutes else math.inf
+        wanted = progress.validation_batches
+        for done, batch in enumerate(islice(self.held_out, wanted), 1):
+            yield batch
+            if wanted is None and (time.monotonic() > until or done == len(self.held_out)):
+                if minutes:
+                    progress.validation_batches = done
+                return
+
     def ended_by(self) -> str | None:
         """Name the limit that has ended the training, if any: patience, steps, epochs, minutes."""
         limits, progress = self.recipe.training, self.progress
@@ -252,7 +292,8 @@ class TrainingRun:
     def save(self, state: str, ended_by: str | None = None) -> dict[str, Any]:
         """Write last.pt and run.json; return the content of run.json."""
         progress = self.progress
-        progress.seconds, self._since = self._seconds(), time.monotonic()
+        progress.seconds = self._seconds()
+        self._since = None if self._since is None else time.monotonic()
         report = {
             "state": state,
             "ended": ended_by,
@@ -296,7 +337,8 @@ class TrainingRun:
 
     def _seconds(self) -> float:
         """Training time over all resumes."""
-        return float(self.progress.seconds + time.monotonic() - self._since)
+        running = 0.0 if self._since is None else time.monotonic() - self._since
+        return float(self.progress.seconds + running)
 
     def _header(self) -> dict[str, Any]:
         """Content that best.pt and last.pt share."""
@@ -313,7 +355,7 @@ class TrainingRun:
         network = self.state.evaluated
         if isinstance(network, MaskAware) and network.uncertainty:
             with suppress(ConfigError):  # early in training no pixel may have predicted depth
-                calibrate(network, self.held_out, "median")
+                calibrate(network, self._validation_batches(), "median")
         content = self._header() | {
             "model": self.state.weights(),
             "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},

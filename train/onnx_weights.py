@@ -69,8 +69,9 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
 
 
 def _tensors(data: bytes) -> list[Tensor]:
-    """Return the constant tensors of an ONNX graph, in the order of the file."""
+    """Return the constant float tensors of an ONNX graph, in the order of the file."""
     import onnx
 
     tensors = onnx.load_from_string(data).graph.initializer
-    return [torch.from_numpy(onnx.numpy_helper.to_array(tensor).copy()) for tensor in tensors]
+    arrays = [onnx.numpy_helper.to_array(tensor) for tensor in tensors]
+    return [torch.from_numpy(array.copy()) for array in arrays if array.dtype.kind == "f"]

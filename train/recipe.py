@@ -33,6 +33,7 @@ from glsim.settings.tables import TomlTable, assign, parse_table, read_toml, spl
 
 RECIPE_FOLDER: Final = Path(__file__).parent / "recipes"
 PaperRow = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]
+Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed"]
 MonitoredFigure = Literal["loss", "mse_mm2", "interior_rmse_mm", "flips"]
 #: The warm-up takes at most this share of the training.
 _WARMUP_SHARE: Final = 0.1
@@ -98,8 +99,10 @@ class TrainingSettings(TomlTable):
     ema_decay: float | None = Field(
         None, gt=0, lt=1, description="validate and keep an exponential average of the weights"
     )
-    precision: Literal["32-true", "bf16-mixed", "16-mixed"] = Field(
-        "32-true", description="number format of the training"
+    precision: Precision = Field(
+        "32-true",
+        description="number format of the training; auto: bf16-mixed where the GPU or the "
+        "processor computes in bfloat16, else 32-true",
     )
     compile: bool = Field(False, description="whether torch.compile is used")
     devices: Annotated[int, Field(ge=1, le=1024)] | Literal["auto"] = Field(

@@ -31,6 +31,8 @@ logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # its messages 
 def make_fabric(settings: TrainingSettings) -> Fabric:
     """Make the Fabric of devices and precision. Raises ConfigError if this machine lacks them."""
     on_gpu = torch.cuda.is_available()
+    if settings.precision == "auto":
+        raise ValueError("auto is no precision: see glsim.train.precision")
     if settings.precision == "16-mixed" and not on_gpu:
         raise ConfigError("training.precision = '16-mixed' needs a GPU: set bf16-mixed or 32-true")
     # 32-true excludes TF32, cuDNN's default: ten bits, steps of half a millimetre at 900 mm.

@@ -45,6 +45,7 @@ class TrainingProgress:
         stale: validations since the best one.
         loss_sum: sum of the losses since the last validation.
         loss_count: number of steps since the last validation.
+        validation_batches: batches of each validation, if a limit in minutes bounds them.
     """
 
     epoch: int = 0
@@ -56,6 +57,7 @@ class TrainingProgress:
     stale: int = 0
     loss_sum: float = 0.0
     loss_count: int = 0
+    validation_batches: int | None = None
 
 
 class TrainingState:

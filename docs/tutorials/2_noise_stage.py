@@ -19,7 +19,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from glsim import Frame, load_sensor, load_settings, simulate
+from glsim import frames, load_sensor, load_settings
 
 folder = Path(tempfile.mkdtemp())
 (folder / "bands.glsl").write_text("""\
@@ -61,13 +61,13 @@ settings = load_settings(
         "output": {"crop": 160},
     }
 )
-frames = [frame for frame in simulate(settings) if isinstance(frame, Frame)]
-for frame in frames:
+seen = list(frames(settings))
+for frame in seen:
     print({name: round(value, 2) for name, value in frame.parameters.items()})
 
 # %%
 figure, axes = plt.subplots(1, 3, figsize=(9, 3.4), layout="constrained")
-for axis, frame in zip(axes, frames, strict=True):
+for axis, frame in zip(axes, seen, strict=True):
     both = (frame.clean > 0) & (frame.noisy > 0)
     error = np.where(both, frame.noisy.astype(float) - frame.clean, np.nan)
     image = axis.imshow(error, vmin=-8, vmax=8, cmap="RdBu")

@@ -27,14 +27,28 @@ TABLE_SECTIONS: Final[dict[str, list[str]]] = {
 }
 
 
+#: Fewer subjects than this are too few for a bootstrap: 3^3 = 27 draws of 3 differ. Chosen.
+FEW_SUBJECTS: Final = 5
+
+
+def few_subjects(count: int) -> str:
+    """Return the warning that goes with intervals of so few subjects."""
+    if count < 2:
+        return "There is one subject: nothing is known of others, and there are no intervals."
+    return (
+        f"The intervals are of {count} subjects, too few to trust them: score "
+        f"{FEW_SUBJECTS} or more."
+    )
+
+
 def format_number(value: float, unit: str = "mm") -> str:
     """Format a value with about four digits; shares (unit "1") with four decimals."""
     if math.isnan(value):
         return "n/a"
-    if unit == "1":
-        return f"{value:.4f}"
     digits = max(0, min(2, 3 - math.floor(math.log10(abs(value))))) if value else 0
-    return f"{value:.{digits}f}"
+    digits = 4 if unit == "1" else digits
+    text = f"{value:.{digits}f}"
+    return text if float(text) else text.removeprefix("-")  # not -0
 
 
 def best_methods(table: ResultTable, metric: Metric) -> set[str]:
@@ -161,6 +175,9 @@ def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
                 remark = f"{name} is undefined in {missing} frames, which its mean leaves out"
                 undefined.setdefault(remark, []).append(f"`{method}`")
     lines = [f"{remark}: {', '.join(methods)}." for remark, methods in undefined.items()]
+    subjects = len(evaluation.summary.subjects)
+    if subjects < FEW_SUBJECTS:
+        lines.insert(0, few_subjects(subjects))
     if evaluation.bad:
         lines.append(f"{evaluation.bad} frames could not be scored (bad.csv), the first of them:")
         lines += list(evaluation.first_bad)

@@ -13,6 +13,7 @@ from glsim.cli import (
     denoise,
     eval_real,
     export,
+    fetch,
     fit,
     generate,
     import_,
@@ -51,6 +52,7 @@ _GROUPS: dict[str, tuple[tuple[str, Callable[..., int | None], str], ...]] = {
         ("preview", preview.preview, preview.EXAMPLES),
         ("inspect", inspect.inspect, inspect.EXAMPLES),
         ("export", export.export, export.EXAMPLES),
+        ("fetch", fetch.fetch, fetch.EXAMPLES),
     ),
     "Sensors": (
         ("sensors", sensors.sensors, sensors.EXAMPLES),

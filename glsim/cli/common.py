@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import functools
 import inspect
+import json
 import logging
+import re
 import shlex
 import signal
 import sys
@@ -23,8 +25,9 @@ from rich.logging import RichHandler
 from rich.markup import escape
 from rich.table import Table
 
+from glsim.cli.completion import preset_words, sensor_words
 from glsim.cli.old_spellings import new_spelling
-from glsim.cli.streams import open_closed_streams, printable
+from glsim.cli.streams import open_closed_streams, printable, replace_what_a_stream_lacks
 from glsim.errors import ConfigError, GlsimError
 from glsim.settings.presets import preset_names, preset_title
 
@@ -125,7 +128,12 @@ def with_messages(command: Callable[..., int | None]) -> Callable[..., int | Non
 
 SensorOption = Annotated[
     str | None,
-    typer.Option("--sensor", "-s", help="A shipped sensor (glsim sensors) or a .toml file."),
+    typer.Option(
+        "--sensor",
+        "-s",
+        help="A shipped sensor (glsim sensors) or a .toml file.",
+        autocompletion=sensor_words,
+    ),
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -150,6 +158,7 @@ PresetOption = Annotated[
         help="Start from shipped settings: "
         + escape("; ".join(f"{name}: {preset_title(name)}" for name in preset_names()))
         + ". --config, --set and options change them.",
+        autocompletion=preset_words,
     ),
 ]
 WorkersOption = Annotated[
@@ -183,6 +192,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         raise KeyboardInterrupt  # ends workers and removes temporary files as Ctrl-C does
 
     open_closed_streams()
+    replace_what_a_stream_lacks()
     try:
         _check_working_folder()
         arguments = _in_new_spelling(sys.argv[1:] if arguments is None else arguments)
@@ -234,8 +244,13 @@ def _on_sigterm(handler: Callable[[int, FrameType | None], None]) -> Iterator[No
 def _report_error(error: Exception, status: int) -> int:
     if options.debug:
         traceback.print_exception(error)
-    sys.stderr.write(f"glsim: error: {printable(_error_text(error))}\n")
+    sys.stderr.write(f"glsim: error: {printable(_with_urls(_error_text(error)))}\n")
     return status
+
+
+def _with_urls(text: str) -> str:
+    """Return a message with URLs as they were given: pathlib makes s3:/bucket of s3://bucket."""
+    return re.sub(r"\b(s3a?|gs|gcs|az|abfss?):/(?=[^/\s])", r"\1://", text)
 
 
 def _error_text(error: Exception) -> str:
@@ -276,7 +291,7 @@ def overrides(**values: Any) -> dict[str, Any]:
 def print_message(text: str) -> None:
     """Print a message on stderr, unless --quiet; without line breaks, however long."""
     if not options.quiet:
-        console.print(text, soft_wrap=True)
+        console.print(_with_urls(text), soft_wrap=True)
 
 
 def print_written(paths: Sequence[Path]) -> None:
@@ -302,6 +317,16 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
     except ValueError:
         raise ConfigError(f"{option} {text}: give two numbers, x,y") from None
     return x, y
+
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print JSON for other programs instead of a table.")
+]
+
+
+def print_json(content: object) -> None:
+    """Print a JSON value to stdout."""
+    sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 def print_table(table: Table) -> None:

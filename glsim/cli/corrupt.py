@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,6 +20,9 @@ from glsim.cli.common import (
 )
 from glsim.errors import ConfigError, DatasetError
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 EXAMPLES = """
 [bold]Examples[/bold]
 
@@ -32,8 +35,13 @@ glsim corrupt clean.png -o noisy.png --backend numpy --focal-px 575.8 --centre-p
 
 
 def corrupt(
-    clean: Annotated[Path, typer.Argument(help="A clean 16-bit depth PNG, or a folder of them.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="The noisy PNG, or a folder for them.")],
+    clean: Annotated[
+        Path,
+        typer.Argument(
+            help="A clean depth map (16-bit PNG or TIFF, .npy, .exr), or a folder of them."
+        ),
+    ],
+    out: Annotated[Path, typer.Option("-o", "--out", help="The noisy map, or a folder for them.")],
     sensor: SensorOption = None,
     assignments: SetOption = None,
     seed: SeedOption = None,
@@ -56,14 +64,19 @@ def corrupt(
 ) -> None:
     """Add the noise of a sensor to clean depth maps; 0 means no depth, in and out.
 
+    Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres.
     A folder is read with its sub-folders; every .png keeps its name. The noise of a map depends on
     the seed and on its name. Maps that cannot be read are reported and skipped. Of a folder that
     glsim wrote, only the clean depth is taken.
     """
+    import numpy as np
+
     from glsim.corrupt import Corrupter
+    from glsim.denoise.depth_files import left_out_of
     from glsim.files.atomic import flush_outputs, write_atomic
     from glsim.files.png import encode_png, read_depth_png
-    from glsim.recordings.names import left_out, left_out_text
+    from glsim.map_files import encode_map, read_map_mm
+    from glsim.recordings.names import left_out_text
     from glsim.settings.schema import load_settings
 
     settings = load_settings(
@@ -72,6 +85,7 @@ def corrupt(
         overrides(sensor=sensor, seed=seed, output__depth_unit_mm=depth_unit_mm),
     )
     pairs = _pairs(clean, out)
+    unit_mm = settings.output.depth_unit_mm
     focal = None if focal_px is None else (focal_px, focal_px)
     centre = None if centre_px is None else two_numbers("--centre-px", centre_px)
     failures = 0
@@ -79,7 +93,10 @@ def corrupt(
         by_shape: dict[tuple[int, int], Corrupter] = {}
         for source, target, name in pairs:
             try:
-                depth = read_depth_png(source)
+                whole = source.suffix.lower() == ".png" == target.suffix.lower()
+                depth: NDArray[Any] = (
+                    read_depth_png(source) if whole else read_map_mm(source, unit_mm)
+                )
             except DatasetError as error:
                 if source == clean:
                     raise
@@ -90,11 +107,15 @@ def corrupt(
             if shape not in by_shape:
                 corrupter = Corrupter(settings, shape, backend, focal, centre)
                 by_shape[shape] = stack.enter_context(corrupter)
-            noisy = encode_png(by_shape[shape].corrupt(depth, name).noisy)
-            write_atomic(noisy, target, sync=len(pairs) == 1)
+            if depth.dtype == np.uint16:
+                data = encode_png(by_shape[shape].corrupt(depth, name).noisy)
+            else:
+                frame = by_shape[shape].corrupt_depth(depth / np.float32(1000), sequence=name)
+                data = encode_map(frame.noisy_m, target.suffix, unit_mm)
+            write_atomic(data, target, sync=len(pairs) == 1)
     if len(pairs) > 1:
         flush_outputs([target for _, target, _ in pairs], out)
-    if others := left_out([clean], "clean"):
+    if others := left_out_of([clean], "clean"):
         print_message(f"left out {left_out_text(others)}: no clean depth")
     print_message(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")
     if failures:
@@ -103,19 +124,18 @@ def corrupt(
 
 def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path, str]]:
     """List (input, output, name that decides the noise) of a file or of a folder's clean maps."""
-    from glsim.recordings.names import depth_pngs
+    from glsim.denoise.depth_files import check_name, maps_in
 
     if not clean.exists():
         raise ConfigError(f"{clean}: no such file or folder")
     if clean.is_file():
         target = out / clean.name if out.is_dir() else out
-        if target.suffix.lower() != ".png":
-            raise ConfigError(f"-o {out}: give a name that ends in .png, or an existing folder")
+        check_name(target)
         pairs = [(clean, target, clean.stem)]
     else:
         if out.is_file():
             raise ConfigError(f"-o {out}: is a file; {clean} is a folder, so give a folder")
-        names = [path.relative_to(clean) for path in depth_pngs(clean, "clean")[0]]
+        names = [path.relative_to(clean) for path in maps_in(clean, "clean")]
         pairs = [(clean / name, out / name, name.with_suffix("").as_posix()) for name in names]
     for source, target, _ in pairs:
         if target.exists() and target.samefile(source):

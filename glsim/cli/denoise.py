@@ -43,11 +43,13 @@ glsim denoise 'maps/*_noisy.png' -o denoised/ -d run/best.pt
 def denoise(
     noisy: Annotated[
         list[str] | None,
-        typer.Argument(help="16-bit depth PNGs, folders of them, or a glob pattern."),
+        typer.Argument(
+            help="Depth maps (16-bit PNG or TIFF, .npy, .exr), folders, or a glob pattern."
+        ),
     ] = None,
     *,
     out: Annotated[
-        Path, typer.Option("-o", "--out", help="The denoised PNG, or a folder for them.")
+        Path, typer.Option("-o", "--out", help="The denoised map, or a folder for them.")
     ],
     denoiser: Annotated[
         str,
@@ -108,9 +110,13 @@ def denoise(
         ),
     ] = None,
 ) -> None:
-    """Denoise 16-bit depth maps; 0 means no depth, in and out.
+    """Denoise depth maps; 0 means no depth, in and out.
 
-    Maps keep their names; unreadable ones are reported and skipped. For denoisers that use
+    Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres; .npy and
+    .exr are written as float32 metres, PNG and TIFF with 16 bits.
+
+    Maps keep their names, and their folders where two have the same name; unreadable ones are
+    reported and skipped. For denoisers that use
     neighbours in time, the maps of a folder are a sequence in the order of their names; --watch
     gives them earlier frames only. Of a folder that glsim wrote, only the noisy depth is used.
     Maps of a data set with an offset (--protocol paper) are denoised at their distance from the
@@ -148,12 +154,12 @@ def _denoise_files(
 ) -> None:
     import numpy as np
 
-    from glsim.denoise.depth_files import MapFrames, find_maps, unit_mm
+    from glsim.denoise.depth_files import MapFrames, find_maps, left_out_of, unit_mm
     from glsim.denoise.frames import Stacks
     from glsim.files.atomic import flush_outputs, write_atomic
     from glsim.files.png import encode_png
-    from glsim.frame import encode_depth
-    from glsim.recordings.names import left_out, left_out_text
+    from glsim.map_files import encode_map
+    from glsim.recordings.names import left_out_text
 
     method = denoiser.method
     pairs = find_maps(noisy, out)
@@ -181,7 +187,8 @@ def _denoise_files(
         depth_mm = denoiser.finished(denoised, stack[now]).depth_mm
         depth_mm = frames.as_stored(number, depth_mm, stacks.sample(number).offset_mm)
         depth_m = depth_mm * np.float32(0.001)
-        write_atomic(encode_png(encode_depth(depth_m, step_mm)), target, sync=len(pairs) == 1)
+        data = encode_map(depth_m, target.suffix, step_mm)
+        write_atomic(data, target, sync=len(pairs) == 1)
         if sigma_targets:
             sigma = encode_png(_encode_sigma(sigma_mm, depth_m > 0))
             write_atomic(sigma, sigma_targets[number], sync=len(pairs) == 1)
@@ -189,7 +196,7 @@ def _denoise_files(
         flush_outputs([target for _, target in pairs], out)
         if uncertainty is not None:
             flush_outputs(sigma_targets, uncertainty)
-    if others := left_out([Path(text) for text in noisy], "noisy"):
+    if others := left_out_of([Path(text) for text in noisy], "noisy"):
         print_message(f"left out {left_out_text(others)}: no noisy depth")
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}")
     if failures:

@@ -14,6 +14,7 @@ from glsim.cli.common import (
     print_message,
     print_written,
 )
+from glsim.cli.figures import figures_wanted
 from glsim.cli.progress import scoring_progress
 from glsim.errors import ConfigError, DatasetError, DenoiserError, did_you_mean
 
@@ -199,6 +200,7 @@ def score_denoisers(
     count = worker_count(workers)
     if truth not in get_args(TruthLayer):
         raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
+    figures = figures_wanted(figures)
     job = ScoringJob(
         dataset,
         split,

@@ -10,6 +10,7 @@ import typer
 
 from glsim.cli.common import WorkersOption, print_message, print_table, print_written
 from glsim.cli.eval import DenoisersOption, FiguresOption, FocalOption, OutOption
+from glsim.cli.figures import figures_wanted
 from glsim.cli.progress import scoring_progress
 from glsim.errors import ConfigError
 
@@ -60,6 +61,7 @@ def evaluate_real(
 
     opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
     specs = list(denoiser or _DEFAULT)
+    figures = figures_wanted(figures)
     count = worker_count(workers)
     remarks: list[str] = []
     if tune_filters:

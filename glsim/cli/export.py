@@ -18,7 +18,7 @@ glsim export data -o clouds --to ply --split test        point clouds with norma
 
 glsim export data -o depth --to exr,open3d --layers noisy --frames 10
 
-glsim export data -o ros --to rosbag                     pip install 'glsim[formats]'
+glsim export data -o ros --to rosbag                     pip install 'glsim\\[formats]'
 
 glsim export run/best.pt -o face.onnx                    a network
 

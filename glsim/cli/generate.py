@@ -202,7 +202,8 @@ def generate(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Render on a cluster of Ray: auto, HOST:6379, or local. pip install 'glsim[ray]'",
+            help="Render on a cluster of Ray: auto, HOST:6379, or local. "
+            "pip install 'glsim\\[ray]'",
             rich_help_panel=MORE,
         ),
     ] = None,

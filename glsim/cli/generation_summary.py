@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glsim.cli.common import console, print_message
+from glsim.cli.progress import rate_text
 from glsim.errors import DatasetError
 from glsim.files.store import open_store
 
@@ -27,7 +28,7 @@ def print_summary(summary: GenerateSummary, out: Path) -> None:
         milliseconds = 1000 * summary.cpu_seconds / summary.rendered
         print_message(
             f"{summary.rendered} rendered in {summary.seconds:.1f} s: "
-            f"{summary.rendered / summary.seconds:.0f}/s, {milliseconds:.1f} ms of CPU each, "
+            f"{rate_text(summary.rendered / summary.seconds)}, {milliseconds:.1f} ms of CPU each, "
             f"{summary.bytes / 1e6:.1f} MB"
         )
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:

@@ -26,7 +26,7 @@ def preview(
     dataset: Annotated[Path, typer.Argument(help="Folder of a data set.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the two files.")] = Path(),
     frames: Annotated[
-        int, typer.Option(min=1, max=40, help="Number of frames (rows) on the contact sheet.")
+        int, typer.Option(min=1, max=40, help="Number of frames on the contact sheet.")
     ] = 6,
     split: Annotated[str | None, typer.Option(help="train, val or test. Default: all.")] = None,
 ) -> None:

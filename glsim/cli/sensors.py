@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
-from glsim.cli.common import print_table
+from glsim.cli.common import JsonOption, print_json, print_table
+from glsim.cli.completion import sensor_words
 from glsim.errors import ConfigError
 from glsim.files.atomic import write_atomic
+
+if TYPE_CHECKING:
+    from glsim.sensors.sensor import Sensor
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -19,6 +23,8 @@ EXAMPLES = """
 glsim sensors
 
 glsim sensors kinect-v2
+
+glsim sensors --json
 
 glsim sensors kinect-v2 -o my_sensor.toml
 
@@ -28,11 +34,15 @@ glsim render face.obj --sensor my_sensor.toml
 
 def sensors(
     name: Annotated[
-        str | None, typer.Argument(help="Print the file of this sensor, or copy it with -o.")
+        str | None,
+        typer.Argument(
+            help="Print the file of this sensor, or copy it with -o.", autocompletion=sensor_words
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="New .toml file for the copy.")
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """List the sensors, shipped and of installed packages, with their noise stages.
 
@@ -41,16 +51,21 @@ def sensors(
     from glsim.sensors.sensor import load_sensor, sensor_file, sensor_names
 
     if name is not None:
+        if as_json:
+            raise ConfigError(f"--json lists the sensors; the file of {name} is TOML")
         _copy(sensor_file(name), out)
         return
     if out is not None:
         raise ConfigError(f"-o {out}: name the sensor to copy, as in glsim sensors kinect-v2 -o")
 
+    if as_json:
+        print_json([_described(load_sensor(name)) for name in sensor_names()])
+        return
     table = Table("sensor", "image", "focal px", "baseline", "description", "stages", box=None)
     for name in sensor_names():
         sensor = load_sensor(name)
         image = sensor.rig.intrinsics
-        off = {s.name for s in sensor.stages if s.settings["enabled"].bounds() == (0.0, 0.0)}
+        off = _switched_off(sensor)
         table.add_row(
             name,
             f"{image.width}x{image.height}",
@@ -60,6 +75,25 @@ def sensors(
             ", ".join(f"({s.name})" if s.name in off else s.name for s in sensor.stages),
         )
     print_table(table)
+
+
+def _switched_off(sensor: Sensor) -> set[str]:
+    return {s.name for s in sensor.stages if s.settings["enabled"].bounds() == (0.0, 0.0)}
+
+
+def _described(sensor: Sensor) -> dict[str, Any]:
+    """Return what the table shows, as JSON values with units in their names."""
+    image, off = sensor.rig.intrinsics, _switched_off(sensor)
+    return {
+        "name": sensor.name,
+        "title": sensor.title,
+        "width_px": image.width,
+        "height_px": image.height,
+        "fx_px": image.fx,
+        "fy_px": image.fy,
+        "baseline_mm": sensor.rig.baseline_m * 1000 if sensor.rig.emitters else None,
+        "stages": [{"name": s.name, "enabled": s.name not in off} for s in sensor.stages],
+    }
 
 
 def _copy(source: Path, out: Path | None) -> None:

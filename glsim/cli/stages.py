@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
-from glsim.cli.common import make_console, print_table
+from glsim.cli.common import JsonOption, make_console, print_json, print_table
+from glsim.cli.completion import stage_words
+
+if TYPE_CHECKING:
+    from glsim.noise.stage import StageSpec
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -17,17 +21,28 @@ glsim stages
 glsim stages axial
 
 glsim stages my_noise.glsl
+
+glsim stages tof_light --json
 """
 
 
 def stages(
     name: Annotated[
-        str | None, typer.Argument(help="The name of a stage, a .glsl file, or file.py:function.")
+        str | None,
+        typer.Argument(
+            help="The name of a stage, a .glsl file, or file.py:function.",
+            autocompletion=stage_words,
+        ),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file."""
     from glsim.noise.registry import describe_stage, find_stage, stage_names
 
+    if as_json:
+        names = stage_names() if name is None else [name]
+        print_json([_described(describe_stage(each)) for each in names])
+        return
     if name is None:
         table = Table("stage", "parameter", "type", "default", "range", "unit", box=None)
         for spec in map(find_stage, stage_names()):
@@ -53,6 +68,22 @@ def stages(
         table.add_row(p.name, p.type, f"{p.default:g}", bounds, _unit(p.unit), p.help, where)
     table.add_row("enabled", "bool", "1", "", "", "0 switches the stage off", "every stage")
     print_table(table)
+
+
+def _described(spec: StageSpec) -> dict[str, Any]:
+    """Return a stage and its parameters as JSON values."""
+    return {
+        "name": spec.name,
+        "title": spec.title,
+        "file": str(spec.file),
+        "reads": [] if spec.source is None else list(spec.source.reads),
+        "writes": [] if spec.source is None else [layer.name for layer in spec.source.writes],
+        "parameters": [
+            {"name": p.name, "type": p.type, "default": p.default, "low": p.low, "high": p.high,
+             "unit": p.unit, "help": p.help}
+            for p in spec.parameters.values()
+        ],
+    }  # fmt: skip
 
 
 def _unit(unit: str) -> str:

@@ -19,6 +19,7 @@ from glsim.cli.common import (
     overrides,
     print_message,
 )
+from glsim.cli.completion import recipe_words
 from glsim.errors import ConfigError, TrainError
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ glsim train --list
 Ctrl-C stops after the current step and saves the training; --resume continues it.
 """
 
+#: Seconds between the first lines in a log; they grow to 10 minutes within an hour. Chosen.
+_LINE_S = 10.0
 #: Printed metrics of a validation, by name in metrics.csv.
 _METRICS = {
     "loss": "loss {:.4g}",
@@ -59,7 +62,12 @@ _METRICS = {
 
 def train(
     recipe: Annotated[
-        str | None, typer.Argument(metavar="RECIPE", help="A shipped recipe, or a .toml file.")
+        str | None,
+        typer.Argument(
+            metavar="RECIPE",
+            help="A shipped recipe, or a .toml file.",
+            autocompletion=recipe_words,
+        ),
     ] = None,
     data: Annotated[
         list[Path] | None,
@@ -171,6 +179,7 @@ def train(
     )
     chosen = load_recipe(recipe, assignment or (), given)
     folder = out if out is not None else Path("runs") / Path(recipe).stem
+    print_message(f"{chosen.title}: trains in {folder}; loading PyTorch and the data")
 
     try:
         from glsim.train import batches
@@ -191,7 +200,10 @@ def train(
             batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen, ray)
         )
     with stopping() as stop, training_progress(chosen.title) as show:
-        report = fit(chosen, pairs, folder, resume=resume, on_step=show, should_stop=stop)
+        report = fit(
+            chosen, pairs, folder, resume=resume, on_step=show, should_stop=stop,
+            announce=print_message,
+        )  # fmt: skip
     _print_result(report, folder)
     if report["state"] == "interrupted":
         raise typer.Exit(1)
@@ -217,7 +229,10 @@ def stopping() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | None]:
-    """Print a line per validation and, on a terminal, a bar below them; None if --quiet."""
+    """Print a line per validation and a bar, or where there is no terminal a line now and then.
+
+    None if --quiet.
+    """
     if options.quiet:
         yield None
         return
@@ -233,16 +248,21 @@ def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | Non
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as shown:
         task = shown.add_task(title, total=None, text="", visible=False)
+        next_line_s = 0.0
 
         def update(now: StepStatus) -> None:
+            nonlocal next_line_s
             place = (
                 f"step {now.steps}/{now.total_steps}" if now.total_steps else f"step {now.steps}"
             )
             place += f", epoch {now.epoch}"
+            minutes = f"{now.seconds / 60:.1f} min"
             if now.validation is not None:
                 metrics = (label.format(now.validation[name]) for name, label in _METRICS.items())
-                minutes = f"{now.seconds / 60:.1f} min"
                 print_message(f"{place}, {minutes}: validation {', '.join(metrics)}")
+            elif not console.is_terminal and now.seconds >= next_line_s:
+                print_message(f"{place}, {minutes}: loss {now.loss:.3g}")
+                next_line_s = now.seconds + _LINE_S * (1 + now.seconds / 60)
             text = f"{place}, loss {now.loss:.3g}"
             total = 1.0 if now.fraction_done else None
             shown.update(task, total=total, completed=now.fraction_done, text=text, visible=True)

@@ -15,6 +15,7 @@ from glsim.cli.common import (
     print_message,
     print_written,
 )
+from glsim.cli.figures import figures_wanted
 from glsim.errors import ConfigError, GlsimError
 
 if TYPE_CHECKING:
@@ -137,6 +138,7 @@ def transfer(
         work = steps_of_trainings(run, composite)
     work.notes.append(f"A soft validity becomes a map by the composite `{composite}`")
     todo = [step for group in work.groups for step in group]
+    figures = figures_wanted(figures)
     pace = Pace(run.workers)
     if plan:
         _print_plan(todo, pace)

@@ -21,6 +21,7 @@ from glsim.cli.common import (
     overrides,
     print_written,
 )
+from glsim.cli.completion import sensor_words
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -37,7 +38,10 @@ glsim tune --static site
 
 def tune(
     sensor: Annotated[
-        str | None, typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file.")
+        str | None,
+        typer.Argument(
+            help="A shipped sensor (glsim sensors) or a .toml file.", autocompletion=sensor_words
+        ),
     ] = None,
     face: Annotated[
         Path | None, typer.Option("--face", help="A mesh file: OBJ, PLY, STL, GLB or OFF.")
@@ -93,7 +97,7 @@ def tune(
 ) -> None:
     """Change a sensor's noise in a browser and see the frame, its figures and its code at once.
 
-    Needs the extra glsim[tune]. The printed address lets one browser in, once; only you on this
+    Needs the extra tune. The printed address lets one browser in, once; only you on this
     machine can open it, unless --host is given. A page that is opened again has its last settings.
     With --static nothing is served and no extra is needed: a folder is written with all sensors (or
     SENSOR alone) and captured faces, for any static host.

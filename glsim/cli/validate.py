@@ -17,6 +17,7 @@ from glsim.cli.common import (
     print_table,
     print_written,
 )
+from glsim.cli.completion import sensor_words
 
 if TYPE_CHECKING:
     from glsim.validate import ValidationReport
@@ -36,7 +37,10 @@ _COLOURS = {"pass": "green", "FAIL": "bold red", "exception": "yellow", "n/a": "
 
 def validate(
     sensor: Annotated[
-        str, typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file.")
+        str,
+        typer.Argument(
+            help="A shipped sensor (glsim sensors) or a .toml file.", autocompletion=sensor_words
+        ),
     ],
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the table as JSON.")

@@ -26,6 +26,15 @@ _SIZES: Final = (
     (10**7, "1M<n<10M"),
 )
 _LARGEST: Final = "10M<n<100M"
+#: Source of faces -> licence of frames of them, as the Hub names it (docs/licence.md). Nobody
+#: claims rights in what glsim computes by itself, nor in results of MakeHuman's body model (CC0);
+#: of other faces the owners decide.
+_LICENCES: Final = {"procedural": "cc0-1.0", "people": "cc0-1.0", "ict-facekit": "mit"}
+#: Licence -> its page. A frame of several sources is under the last one of them.
+_LICENCE_PAGES: Final = {
+    "cc0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
+    "mit": "https://opensource.org/license/mit",
+}
 #: Column of the manifest -> its type in Croissant and what it is.
 _COLUMNS: Final = {
     "index": ("sc:Integer", "position in the plan of the data set"),
@@ -46,6 +55,8 @@ def hub_card(header: Mapping[str, Any]) -> bytes:
     tree = header["settings"]["output"]["format"] == "png"
     yaml = [
         "---",
+        f"license: {_licence(header) or 'other'}",
+        *([] if _licence(header) else [f"license_name: {_UNKNOWN_LICENCE}"]),
         f"pretty_name: {json.dumps(_title(header))}",
         "task_categories:",
         "- image-to-image",
@@ -93,10 +104,51 @@ def hub_card(header: Mapping[str, Any]) -> bytes:
         "",
         f"`{HEADER}` holds all settings and the checksum of every listed file, `{MANIFEST}` one "
         f"record per frame, `{CROISSANT}` the same description for machines. `glsim verify` "
-        f"compares this file too: change a copy of `{README}` when you publish the data, and add "
-        "the licence there.",
+        f"compares this file too: change a copy of `{README}` when you publish the data.",
+        "",
+        "## Licence and citation",
+        "",
+        _licence_text(header),
+        "",
+        "```bibtex",
+        *_bibtex(header),
+        "```",
     ]
     return "\n".join([*yaml, "---", "", *text]).encode() + b"\n"
+
+
+_UNKNOWN_LICENCE: Final = "that-of-the-faces"
+
+
+def _licence(header: Mapping[str, Any]) -> str:
+    """Return the licence of the frames as the Hub names it; "" if the owners of faces decide."""
+    kinds = {str(source["kind"]) for source in header["settings"].get("source", [])}
+    if not kinds or not _simulated(header) or kinds - _LICENCES.keys():
+        return ""
+    found = {_LICENCES[kind] for kind in kinds}
+    return next(name for name in reversed(_LICENCE_PAGES) if name in found)
+
+
+def _licence_text(header: Mapping[str, Any]) -> str:
+    licence = _licence(header)
+    if licence == "cc0-1.0":
+        return f"CC0 1.0 ({_LICENCE_PAGES[licence]}): these faces were computed, of nobody."
+    if licence:
+        return (
+            f"MIT ({_LICENCE_PAGES[licence]}), that of the face model: keep its copyright notice."
+        )
+    return "The licence is that of the faces, which glsim does not know: ask their owners."
+
+
+def _bibtex(header: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return how to cite the program that made the data: as CITATION.cff."""
+    return (
+        "@software{glsim,",
+        "  title = {glsim}, author = {{The glsim authors}},",
+        f"  version = {{{header['glsim_version']}}},",
+        "  note = {Simulator of depth cameras that makes pairs of clean and noisy depth frames}",
+        "}",
+    )
 
 
 def _moved(header: Mapping[str, Any]) -> list[str]:
@@ -167,6 +219,8 @@ def croissant(header: Mapping[str, Any], manifest_sha256: str) -> bytes:
         "description": f"{_title(header)}: {sum(header['frames'].values())} {_kind(header)} frames",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "version": "1.0.0",
+        "license": _LICENCE_PAGES.get(_licence(header), _licence_text(header)),
+        "citeAs": " ".join(_bibtex(header)),
         "distribution": files,
         "recordSet": [
             {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -24,8 +24,17 @@ from glsim.reason import Reason
 _TAR_BYTES = 1024
 
 
-class Pair:
+#: Layer -> the key and attribute of its array.
+_ARRAYS = {"clean": "clean_mm", "expected": "expected_mm", "noisy": "noisy_mm"}
+#: What identifies a frame.
+_NAMES = ("index", "subject", "sequence", "frame")
+
+
+class Pair(Mapping[str, Any]):
     """One frame of a data set. Images are read and checked when they are first used.
+
+    It is also a mapping of its layers (clean_mm, noisy_mm, infrared, ...) and of index, subject,
+    sequence and frame, so that a DataLoader of PyTorch makes batches of a split as it stands.
 
     Args:
         record: its record in the manifest, see ``glsim.dataset.records.frame_record``.
@@ -44,6 +53,26 @@ class Pair:
 
     def __repr__(self) -> str:
         return f"Pair({self.split}/{self.subject}/{self.sequence}_{self.frame:05d})"
+
+    def __getitem__(self, name: str) -> Any:
+        """Return an array or a name. Raises KeyError for what ``keys`` does not list."""
+        if name not in self._keys():
+            raise KeyError(name)
+        return getattr(self, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._keys())
+
+    def __len__(self) -> int:
+        return len(self._keys())
+
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def _keys(self) -> tuple[str, ...]:
+        return (*(_ARRAYS.get(layer, layer) for layer in self.record["files"]), *_NAMES)
 
     @property
     def index(self) -> int:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import NDArray
 
@@ -20,9 +22,9 @@ from glsim.denoise.interface import Depth
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, stored_protocol, subtract_offset
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import read_depth_png
-from glsim.frame import to_mm
 from glsim.geometry.camera import Intrinsics
-from glsim.recordings.names import depth_pngs, infrared_beside
+from glsim.map_files import SUFFIXES, is_map, read_map_mm
+from glsim.recordings.names import depth_pngs, infrared_beside, left_out
 from glsim.recordings.names import infrared_files as named_infrared_files
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -74,7 +76,7 @@ class MapFrames:
         file = self._files[number]
         inside = _dataset_root(file.parent)
         stored_mm = self._stored_offset_mm(number)
-        depth = to_mm(read_depth_png(file, inside=inside), self._unit_mm, stored_mm)
+        depth = read_map_mm(file, self._unit_mm, stored_mm, inside=inside)
         check_millimetres(depth, str(file), self.protocol)
         if self._device is not None:
             pair = self._pairs.get(file.absolute())
@@ -190,6 +192,52 @@ def _matching(pattern: Path) -> list[Path]:
     return sorted(Path(pattern.anchor or ".").glob(str(relative))) if relative.parts else []
 
 
+def _of_one(text: str, out: Path) -> list[tuple[Path, Path]]:
+    """Pair the files of one input. Raises ConfigError if there is none."""
+    path = Path(text)
+    if path.is_dir():
+        pairs = [(file, out / file.relative_to(path)) for file in maps_in(path, "noisy")]
+    else:
+        files = [path] if path.is_file() else _matching(path)
+        pairs = [(file, out / file.name) for file in files]
+    if not pairs:
+        raise ConfigError(f"{text}: no such file, folder of depth maps, or pattern")
+    return pairs
+
+
+def maps_in(folder: Path, kind: Literal["clean", "noisy"]) -> list[Path]:
+    """Return the depth maps in a folder and below it: PNG files of a kind, else files of others.
+
+    Raises ConfigError without any, see ``depth_pngs``.
+    """
+    others = _without_png(folder)
+    return others or depth_pngs(folder, kind)[0]
+
+
+def left_out_of(inputs: Sequence[Path], kind: Literal["clean", "noisy"]) -> Counter[str]:
+    """Count what ``maps_in`` leaves out of those inputs that are folders."""
+    return left_out([path for path in inputs if path.is_dir() and not _without_png(path)], kind)
+
+
+def _without_png(folder: Path) -> list[Path]:
+    """Return the depth maps of a folder that holds no PNG files, sorted; else an empty list."""
+    files = sorted(file for file in folder.rglob("*") if is_map(file))
+    return [] if any(file.suffix.lower() == ".png" for file in files) else files
+
+
+def check_name(out: Path) -> None:
+    """Raise ConfigError for the name of an output that is no depth map."""
+    if not is_map(out):
+        raise ConfigError(
+            f"-o {out}: give a name that ends in {', '.join(SUFFIXES)}, or an existing folder"
+        )
+
+
+def _shared(paths: Sequence[Path]) -> Path | None:
+    """Return a path that is there more than once; None without one."""
+    return next((path for path, count in Counter(paths).items() if count > 1), None)
+
+
 def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
     """Pair input files with output files.
 
@@ -198,32 +246,24 @@ def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
         out: folder, or file name for one map.
 
     Returns:
-        (input, output) of each map.
+        (input, output) of each map. Where two have the same name, all keep their folders below the
+        one that they share.
 
     Raises:
-        ConfigError: no file matches, two maps share an output, or one would be overwritten.
+        ConfigError: no file matches, one is given twice, or one would be overwritten.
 
     """
-    pairs: list[tuple[Path, Path]] = []
-    for text in inputs:
-        path = Path(text)
-        if path.is_dir():
-            files, _ = depth_pngs(path, "noisy")
-            pairs += [(file, out / file.relative_to(path)) for file in files]
-        else:
-            files = [path] if path.is_file() else _matching(path)
-            pairs += [(file, out / file.name) for file in files]
-        if not files:
-            raise ConfigError(f"{text}: no such file, folder of .png files, or pattern")
+    pairs = [pair for text in inputs for pair in _of_one(text, out)]
     if len(pairs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir():
-        if out.suffix.lower() != ".png":
-            raise ConfigError(f"-o {out}: give a name that ends in .png, or an existing folder")
+        check_name(out)
         pairs = [(pairs[0][0], out)]
     elif out.is_file():
         raise ConfigError(f"-o {out}: is a file; for several maps give a folder")
-    targets = [target for _, target in pairs]
-    if len(set(targets)) != len(targets):
-        raise ConfigError(f"-o {out}: several maps have the same name: denoise folder by folder")
+    if _shared([target for _, target in pairs]):
+        shared = os.path.commonpath([source.absolute().parent for source, _ in pairs])
+        pairs = [(source, out / source.absolute().relative_to(shared)) for source, _ in pairs]
+        if twice := _shared([source for source, _ in pairs]):
+            raise ConfigError(f"{twice}: is given twice")
     for source, target in pairs:
         if target.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite {source}")

@@ -326,7 +326,8 @@ class SensorRig:
         """The rig for a depth map of shape (height, width) without a calibration.
 
         By default the map has the rig's focal length. Its principal point is the rig's if the sizes
-        are equal, otherwise (a crop) the map's centre.
+        are equal, otherwise (a crop) the map's centre. Raises ConfigError for a focal length that
+        is not above 0.
         """
         height, width = shape
         own = self.intrinsics
@@ -334,6 +335,8 @@ class SensorRig:
             whole = (width, height) == (own.width, own.height)
             centre_px = (own.cx, own.cy) if whole else (width / 2, height / 2)
         focal = focal_px or (own.fx, own.fy)
+        if not all(0 < length < np.inf for length in focal):
+            raise ConfigError(f"focal length {focal}: must be above 0 px")
         return replace(self, intrinsics=Intrinsics(width, height, *focal, *centre_px))
 
     def pinhole(self) -> Intrinsics:

@@ -98,6 +98,8 @@ class PoseSettings(TomlTable):
         if low < 0 or high > limit:
             wrong = low if low < 0 else high
             raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {limit:g}]")
+        if self.distance_mm.bounds()[1] <= 0:
+            raise ValueError("distance_mm is never above 0: faces are in front of the sensor")
         return self
 
 
@@ -281,7 +283,8 @@ def load_settings(
     A source that generates faces has 10 subjects and 30 frames of each by default.
 
     Args:
-        preset: name of a shipped preset. Its [source] counts only for sources of its kind.
+        preset: name of a shipped preset. Of its [source] only numbers of subjects and frames
+            count for sources of another kind.
         source: overrides of the single [source] table.
 
     Raises:
@@ -327,12 +330,17 @@ def _settings_path(path: list[str]) -> list[str]:
     return ["stage", *path] if len(path) == 2 and path[0] not in Settings.model_fields else path
 
 
+#: What every kind of source has.
+_COUNTS = ("subjects", "frames_per_subject")
+
+
 def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     """Return the preset's settings with the ``given`` ones over them."""
     preset_source, source = tree.get("source", {}), given.get("source", {})
     kinds = {s.get("kind") for s in (source if isinstance(source, list) else [source])}
     if kinds - {None, preset_source.get("kind")}:
-        tree.pop("source", None)
+        counts = {name: preset_source[name] for name in _COUNTS if name in preset_source}
+        tree["source"] = {} if isinstance(source, list) else counts
     if "wall_mm" in given.get("scene", {}):
         tree.get("scene", {}).pop("room", None)
     merge_tables(tree, given)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from typing import Any
 
 from glsim.errors import MeshError
+from glsim.faces.people.files import has_people
 from glsim.frame import Frame
 from glsim.gl.context import borrowed_context
 from glsim.pipeline import Simulator, open_sources
@@ -45,7 +45,7 @@ class Scene:
 def default_scenes() -> list[Scene]:
     """Return ten heads before nothing, a head before a wall, and a living room.
 
-    In the room are people if the extra glsim[people] is installed, otherwise a head.
+    In the room are people if this machine has their data, otherwise a head.
     """
     heads = {
         "seed": _SEED,
@@ -68,7 +68,7 @@ def default_scenes() -> list[Scene]:
     wall = {**_pose(900, -20, 0, 0), "scene.wall_mm": 1500}
     scenes.append(Scene("wall", "head before a wall", heads, wall, 0))
     room = {"seed": _SEED, "source": {"subjects": 1, "frames_per_subject": 1}}
-    if find_spec("anny") is not None:
+    if has_people():
         scene = Scene("room", "living room", {**room, "preset": "living-room"})
     else:
         furnished = {"scene": {"room": "living-room"}, "pose": {"distance_mm": 1100, "motion": 0}}

@@ -67,6 +67,7 @@ def _section(name: str, command: Any) -> str:
     parts += [plain(part) + "\n\n" for part in str(command.help or "").strip().split("\n\n")]
     parts.append(block(f"glsim {name} [OPTIONS] {usage}".strip(), "text"))
     examples = re.sub(r"\[/?bold\](Examples)?", "", command.epilog or "").strip()
+    examples = _without_markup(examples)
     if examples:
         parts.append(block(re.sub(r"\n\n+", "\n", examples), "text"))
     rows = [_row(p) for p in command.params]

@@ -12,9 +12,10 @@ from glsim.appearance.binding import skull_motion
 from glsim.appearance.cloth import GARMENTS, fit_cloth, make_cloth, make_cloth_grid, make_trousers
 from glsim.appearance.dress import Dresser
 from glsim.faces.base import Face
+from tests.support.people import needs_anny
 from tests.support.wardrobe import ALL, appearance, keys
 
-pytest.importorskip("anny", reason="needs glsim[people]")
+pytestmark = needs_anny
 
 
 @lru_cache(maxsize=1)

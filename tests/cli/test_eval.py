@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from pathlib import Path
 
@@ -238,3 +239,24 @@ def test_a_small_study(tmp_path: Path) -> None:
     assert "| `led3d` |" in text
     assert "## Who wins" in text
     assert (tmp_path / "led3d" / "scores" / "paper_table_1.md").is_file()
+
+
+def test_scores_without_matplotlib_are_tables_and_say_so_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They failed after the scoring, with status 1."""
+    monkeypatch.chdir(tmp_path)
+    write_pairs(tmp_path / "pairs", 4)
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        "glsim.cli.figures.find_spec", lambda name: None if name == "matplotlib" else found(name)
+    )
+    command = ["eval", "pairs", "-d", "median", "-o", "s", "--workers", "1", "--no-baselines"]
+    assert main(command) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("no figures and no report.html, tables alone: they need Matplotlib:")
+    assert "pip install 'glsim[eval]'" in lines[0]
+    assert (tmp_path / "s" / "table.md").is_file()
+    assert not (tmp_path / "s" / "report.html").exists()
+    assert main([*command, "--no-figures"]) == 0
+    assert "no figures" not in capsys.readouterr().err

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any
 
 import pytest
 import typer
+from rich.text import Text
 
 from glsim.cli import app, main
 from glsim.cli.common import MORE
@@ -19,8 +22,9 @@ from glsim.cli.old_spellings import new_spelling
 
 #: Files in glsim/cli that are no commands.
 SHARED_FILES = {
-    "__init__", "common", "generate_parts", "generate_plan", "generation_summary", "old_spellings",
-    "progress", "streams"}  # fmt: skip
+    "__init__", "common", "completion", "figures", "generate_parts", "generate_plan",
+    "generation_summary",
+    "old_spellings", "progress", "streams"}  # fmt: skip
 
 
 def commands(group: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -135,6 +139,51 @@ def test_cheap_examples_run(
 def test_wrong_examples_would_be_noticed(words: list[str]) -> None:
     with pytest.raises((LookupError, typer.TyperException)):
         parse(words)
+
+
+def test_no_help_loses_words_in_brackets() -> None:
+    """Rich takes [ray] for a style: 'glsim[ray]' was printed as 'glsim'."""
+    for path, command in COMMANDS.items():
+        texts = [command.help or "", re.sub(r"\[/?bold\]", "", command.epilog or "")]
+        texts += [getattr(parameter, "help", None) or "" for parameter in command.params]
+        for text in texts:
+            assert Text.from_markup(text).plain == text.replace("\\[", "["), path
+
+
+#: Where a help text may be read: without UTF-8, without colour, in a narrow terminal.
+PLACES: dict[str, dict[str, str]] = {
+    "C": {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    "ASCII": {"PYTHONIOENCODING": "ascii"},
+    "Latin 1, 40 columns": {"PYTHONIOENCODING": "latin-1", "COLUMNS": "40"},
+    "no colour": {"NO_COLOR": "1", "TERM": "dumb"},
+    "terminal of 40 columns": {"FORCE_COLOR": "1", "COLUMNS": "40"},
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("place", PLACES)
+def test_every_help_is_printed_everywhere(place: str) -> None:
+    script = "import sys\nfrom glsim.cli import main\n" + "\n".join(
+        f"assert main({[*path, '--help']!r}) == 0" for path in COMMANDS
+    )
+    script += "\nassert main(['sensors']) == main(['stages']) == main(['eval', '--list']) == 0"
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=os.environ | PLACES[place],
+        capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == b""
+    assert (b"\x1b[" in done.stdout) == (place == "terminal of 40 columns")
+
+
+def test_a_stream_of_ascii_prints_what_is_nearest() -> None:
+    name = "d\u00e9j\u00e0 \u2026 \u9762"
+    script = f"from glsim.cli import main; main(['corrupt', {name!a}, '-o', 'x.png'])"
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=os.environ | PLACES["ASCII"],
+        capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.stderr.decode("ascii") == "glsim: error: deja . ?: no such file or folder\n"
 
 
 def test_every_option_has_a_help_text() -> None:

@@ -82,6 +82,29 @@ def test_bash_completes_commands_and_options() -> None:
     assert {"--watch", "--quiet", "--debug"} <= set(words)
 
 
+def test_bash_completes_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of sensors, stages, recipes and presets; of files, where a file may stand, too."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "kinect-mine.toml").write_text("")
+    (tmp_path / "kinect.png").write_text("")
+    (tmp_path / "kin").mkdir()
+    (tmp_path / "kin" / "b.toml").write_text("")
+    for words in ("generate --sensor", "validate", "sensors", "tune"):
+        line = f"glsim {words} kin"
+        found = completed("bash", COMP_WORDS=line, COMP_CWORD=str(line.count(" "))).split()
+        assert {"kinect-v2", "kinect-v1", "kinect-mine.toml", "kin/"} <= {*found}
+        assert "kinect.png" not in found
+        assert "azure-kinect" not in found
+    found = completed("bash", COMP_WORDS="glsim sensors kin/", COMP_CWORD="2").split()
+    assert found == ["kin/b.toml"]
+    for line, word in (
+        ("glsim stages tof_l", "tof_light"),
+        ("glsim train paper-d7", "paper-d7-small"),
+        ("glsim render --preset off", "office"),
+    ):
+        assert word in completed("bash", COMP_WORDS=line, COMP_CWORD=str(line.count(" "))).split()
+
+
 def test_zsh_and_fish_complete_commands() -> None:
     assert '"render"' in completed("zsh", _TYPER_COMPLETE_ARGS="glsim ren")
     assert "transfer" in completed(

@@ -70,6 +70,19 @@ def fails(capsys: pytest.CaptureFixture[str], status: int, *arguments: str) -> s
     return lines[0]
 
 
+def test_the_first_lines_come_before_the_first_validation(
+    here: Path, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without a terminal, too: a log file shows that something happens."""
+    assert main(["train", "tiny.toml", "--data", str(data), "-o", "run"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "tiny: trains in run; loading PyTorch and the data"
+    assert "batches of 4 in an epoch" in lines[1]
+    assert re.fullmatch(r"step 1/\d+, epoch 0, 0.0 min: loss [\d.]+", lines[2])
+    assert "first validation" in lines[3]
+    assert "validation loss" in lines[4]
+
+
 def test_the_list_and_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "--list"]) == 0
     listing = capsys.readouterr().out
@@ -88,7 +101,7 @@ def test_train_denoise_and_score(
     data: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["train", "tiny.toml", "--data", str(data)]) == 0
-    first, second, end = capsys.readouterr().err.splitlines()
+    *_, first, second, end = capsys.readouterr().err.splitlines()
     figures = r", 0\.\d min: validation loss \S+, interior \S+ mm, flips \d+, mse \d+ mm2"
     assert re.fullmatch(r"step 4/8, epoch 1" + figures, first)
     assert re.fullmatch(r"step 8/8, epoch 2" + figures, second)

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from glsim.dataset import open_dataset, verify
+from glsim.dataset.cards import croissant, hub_card
 from tests.support.dataset_fakes import contents, make, make_settings, make_tasks
 
 
@@ -36,6 +37,34 @@ def test_the_card_tells_the_hub_where_the_splits_are(tree: Path) -> None:
     assert "| train | 6 | 2 |" in text
     assert "12 simulated frames" in text
     assert "No subject is in two splits." in text
+
+
+@pytest.mark.parametrize(
+    ("kinds", "licence", "page"),
+    [
+        (["procedural"], "cc0-1.0", "https://creativecommons.org/publicdomain/zero/1.0/"),
+        (["people", "procedural"], "cc0-1.0", "publicdomain/zero"),
+        (["ict-facekit", "procedural"], "mit", "https://opensource.org/license/mit"),
+        (["procedural", "folder"], "other", "ask their owners"),
+        (["a-plug-in"], "other", "ask their owners"),
+    ],
+)
+def test_cards_state_licence_and_citation(
+    tree: Path, kinds: list[str], licence: str, page: str
+) -> None:
+    header = json.loads((tree / "dataset.json").read_text())
+    header["settings"]["source"] = [{"kind": kind} for kind in kinds]
+    card = hub_card(header).decode()
+    front = yaml.safe_load(card.split("---\n")[1])
+    assert front["license"] == licence
+    assert ("license_name" in front) == (licence == "other")
+    described = json.loads(croissant(header, "0" * 64))
+    assert page in described["license"]
+    for text in (card, described["citeAs"]):
+        assert f"version = {{{header['glsim_version']}}}" in text
+    recorded = {**header["settings"]["output"], "layers": ["noisy"]}
+    header["settings"]["output"] = recorded  # of a real camera: there is no clean depth
+    assert yaml.safe_load(hub_card(header).decode().split("---\n")[1])["license"] == "other"
 
 
 def test_shards_and_empty_splits_are_named_as_they_are(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from glsim.dataset.record_schema import read_object
 from glsim.denoise import depth_files
+from glsim.errors import ConfigError
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
 
@@ -42,3 +43,24 @@ def test_a_header_that_changes_is_read_again(tmp_path: Path) -> None:
     make(tmp_path / "other", make_settings(depth_unit_mm=0.5), make_tasks(1, 1))
     header.write_bytes((tmp_path / "other" / "dataset.json").read_bytes())
     assert depth_files.unit_mm([file], None) == 0.5
+
+
+def test_maps_of_the_same_name_keep_their_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("day/a/x.png", "day/b/x.png", "day/b/c/y.png"):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(name, np.full((4, 4), 900, np.uint16))
+    out = Path("out")
+    different = depth_files.find_maps(["day/a", "day/b/c"], out)
+    assert [target for _, target in different] == [out / "x.png", out / "y.png"]
+    for inputs in (["day/a", "day/b"], ["day/*/x.png", "day/b/c/y.png"]):
+        pairs = depth_files.find_maps(inputs, out)
+        assert {str(source): target for source, target in pairs} == {
+            "day/a/x.png": out / "a/x.png",
+            "day/b/x.png": out / "b/x.png",
+            "day/b/c/y.png": out / "b/c/y.png",
+        }
+    with pytest.raises(ConfigError, match=r"day/a/x.png: is given twice"):
+        depth_files.find_maps(["day/a", "day/a/x.png"], out)

@@ -84,6 +84,8 @@ def test_open3d_reads_the_clouds(encode: object, tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.point.positions.numpy(), expected)
     normals = np.stack([cloud[f"n{name}"] for name in "xyz"], -1)
     np.testing.assert_array_equal(read.point.normals.numpy(), normals)
+    for name in ("infrared", "region"):
+        np.testing.assert_array_equal(read.point[name].numpy()[:, 0], cloud[name])
 
 
 def test_open3d_projects_our_camera_file_to_our_points(tmp_path: Path) -> None:

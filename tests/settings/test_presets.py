@@ -13,7 +13,7 @@ from glsim.settings.schema import load_settings
 
 
 def test_the_shipped_presets_load_and_have_a_title() -> None:
-    assert preset_names() == ["living-room", "office", "paper"]
+    assert preset_names() == ["living-room", "office", "paper", "randomised"]
     for name in preset_names():
         load_settings(preset=name)
         assert 20 < len(preset_title(name)) < 90
@@ -53,6 +53,18 @@ def test_another_source_or_a_wall_takes_the_place_of_the_presets() -> None:
     assert heads.scene.room == "office"
     wall = load_settings(None, ["scene.wall_mm=4000"], {}, None, "office")
     assert wall.scene.room == "none"
+
+
+def test_counts_hold_for_sources_of_every_kind(tmp_path: Path) -> None:
+    """As a settings file's do; other keys of [source] mean nothing to another kind."""
+    faces = {"kind": "ict-facekit", "root": str(tmp_path)}
+    drawn = load_settings(None, [], {}, faces, "randomised").source[0]
+    assert (drawn.kind, drawn.subjects, drawn.frames_per_subject) == ("ict-facekit", 20000, 90)
+    fewer = load_settings(None, ["source.subjects=3"], {}, faces, "randomised")
+    assert fewer.source[0].subjects == 3
+    several = [{"kind": "procedural"}, {"kind": "people", "framing": "bust"}]
+    both = load_settings(None, [], {"source": several}, None, "randomised")
+    assert [source.subjects for source in both.source] == [10, 10]
 
 
 def test_an_unknown_preset_names_the_nearest() -> None:

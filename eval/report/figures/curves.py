@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.eval.report.figures.style import method_style, new_figure
+from glsim.eval.report.figures.style import method_style, new_figure, plain_log_axis
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.blocks import BIN_MM, BINS
 
@@ -108,6 +108,9 @@ def frame_boxes(summary: ScoreSummary) -> Any:
 
 
 def _finish(axis: Any, x: str, y: str) -> None:
+    for one, scale in ((axis.xaxis, axis.get_xscale()), (axis.yaxis, axis.get_yscale())):
+        if scale == "log":
+            plain_log_axis(one)
     axis.set_xlabel(x, fontsize=_TEXT_SIZE)
     axis.set_ylabel(y, fontsize=_TEXT_SIZE)
     axis.tick_params(labelsize=_TEXT_SIZE, which="both")

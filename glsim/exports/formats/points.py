@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from glsim.exports.base import Export
 from glsim.exports.frames import ExportFrame
 
-#: NumPy's kind and size of a field -> its name in PLY, and its type letter in PCD.
-_PLY = {"f4": "float", "u1": "uchar", "u2": "ushort"}
+#: NumPy's kind and size of a field -> its name in PLY, and its type letter in PCD. Open3D reads
+#: "uint16" and leaves out what is called "ushort", PLY's older name of the same type.
+_PLY = {"f4": "float", "u1": "uchar", "u2": "uint16"}
 _PCD = {"f": "F", "u": "U"}
 #: The names of the normal in PCD; both have x, y, z.
 _PCD_NAMES = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}

