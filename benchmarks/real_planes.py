@@ -1,4 +1,4 @@
-"""Denoisers on planes before real cameras: python -m scripts.real_planes RECORDINGS [-d SPEC ...].
+"""Denoisers on planes before real cameras: python -m benchmarks.real_planes RECORDINGS [-d SPEC ...].
 
 RECORDINGS holds the folders truedepth_zeiss and d435_wall_2frames of 16-bit PNG files. Prints a
 Markdown table; the settings of each filter are those with the least residual on these very frames.
@@ -46,7 +46,7 @@ _PLANES: Final = (
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the residual from planes and the shift of each denoiser, mm."""
-    parser = argparse.ArgumentParser(prog="python -m scripts.real_planes", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.real_planes", description=__doc__)
     parser.add_argument("recordings", type=Path)
     parser.add_argument("-d", "--denoiser", action="append", default=["face"])
     options = parser.parse_args(arguments)
