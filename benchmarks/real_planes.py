@@ -1,4 +1,4 @@
-"""Denoisers on planes before real cameras: python -m benchmarks.real_planes RECORDINGS [-d SPEC ...].
+"""Denoisers on planes before real cameras: python -m benchmarks.real_planes RECORDINGS [-d SPEC].
 
 RECORDINGS holds the folders truedepth_zeiss and d435_wall_2frames of 16-bit PNG files. Prints a
 Markdown table; the settings of each filter are those with the least residual on these very frames.
