@@ -113,6 +113,7 @@ HOMES = {
     "h5py": ("glsim.exports",),
     "rosbags": ("glsim.exports",),
     "OpenEXR": ("glsim.map_files",),
+    "bm3d": ("glsim.denoise.filters.block_matching",),
     "fsspec": ("glsim.files.cloud",),
     "ray": ("glsim.ray_cluster", "glsim.dataset.ray_renderer", "glsim.train.data.ray_blocks"),
     "s3fs": (),

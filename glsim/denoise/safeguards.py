@@ -7,7 +7,7 @@ pixels.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -47,6 +47,8 @@ _MEAN_ROOT: Final = 2**0.25 * math.gamma(0.75) / math.sqrt(math.pi)
 #: Windows whose depths span more than this, mm per pixel of step, contain an edge; least number of
 #: windows without an edge.
 _EDGE_MM, _LEAST_WINDOWS = 30.0, 50
+#: Least local noise, mm: rounding makes windows without any difference.
+_LEAST_MM: Final = 0.01
 
 
 def clean_noise_mm(depth_mm: Depth) -> float | None:
@@ -90,6 +92,42 @@ def estimate_noise_mm(depth_mm: Depth, step_px: int = 1) -> float | None:
     Returns:
         Millimetres; None if too few pixels have depth without an edge.
     """
+    size, inner = _second_differences(depth_mm, step_px)
+    if np.count_nonzero(inner) < _LEAST_WINDOWS:
+        return None
+    return float(_noise_of(np.sqrt(size[inner]).mean()))
+
+
+def noise_share(spectrum: NDArray[np.float64]) -> float:
+    """Return the share of correlated noise that ``estimate_noise_mm`` sees between adjacent pixels.
+
+    Args:
+        spectrum: (H, W) power spectrum of the noise, of mean 1, as ``numpy.fft.fft2`` orders it.
+    """
+    seen = np.abs(np.fft.fft2(_KERNEL, spectrum.shape)) ** 2
+    return float(np.sqrt((seen * spectrum).mean()) / _GAIN)
+
+
+def local_noise_mm(depth_mm: Depth, otherwise_mm: float, window_px: int = 15) -> Depth:
+    """Estimate the noise around each pixel of a depth map, (H, W) float32 mm.
+
+    Args:
+        depth_mm: (H, W) millimetres, 0 = no return.
+        otherwise_mm: where a third of the window has no surface.
+        window_px: side of the window.
+    """
+    size, inner = _second_differences(depth_mm, 1)
+    window = (window_px, window_px)
+    share = cv2.blur(inner.astype(np.float32), window)
+    roots = cv2.blur(np.where(inner, np.sqrt(size), np.float32(0)), window)
+    known = share > 1 / 3
+    mean = np.divide(roots, share, out=np.zeros_like(roots), where=known)
+    local: Depth = np.where(known, np.maximum(_noise_of(mean), _LEAST_MM), otherwise_mm)
+    return local.astype(np.float32)
+
+
+def _second_differences(depth_mm: Depth, step_px: int) -> tuple[Depth, Mask]:
+    """Return the size of the second differences, (H, W) mm, and the mask of windows on surfaces."""
     side = 2 * step_px + 1
     square = np.ones((side, side), np.uint8)
     # Holes are 0 and so make edges.
@@ -97,12 +135,14 @@ def estimate_noise_mm(depth_mm: Depth, step_px: int = 1) -> float | None:
     inner = (depth_mm > 0) & (span < _EDGE_MM * step_px)
     inner[:step_px] = inner[-step_px:] = False
     inner[:, :step_px] = inner[:, -step_px:] = False
-    if np.count_nonzero(inner) < _LEAST_WINDOWS:
-        return None
     kernel = np.zeros((side, side), np.float32)
     kernel[::step_px, ::step_px] = _KERNEL
-    size = np.abs(cv2.filter2D(depth_mm, cv2.CV_32F, kernel)[inner])
-    return float((np.sqrt(size).mean() / _MEAN_ROOT) ** 2 / _GAIN)
+    return np.abs(cv2.filter2D(depth_mm, cv2.CV_32F, kernel)), inner
+
+
+def _noise_of(mean_root: Any) -> Any:
+    """Return the noise, mm, of a mean of the square roots of second differences."""
+    return (mean_root / _MEAN_ROOT) ** 2 / _GAIN
 
 
 def trusted_mask(depth_mm: Depth, risk_mm: Depth | None) -> Mask:
