@@ -32,6 +32,8 @@ glsim denoise recording/ -o denoised/ -d temporal_median
 
 glsim denoise recording/ -o denoised/ --device my_kinect.toml    calibrated by glsim fit
 
+glsim denoise --watch recording/ -o denoised/ --around face      the nearest head alone
+
 glsim denoise --watch recording/ -o denoised/            maps as they appear, until Ctrl-C
 
 glsim denoise noisy.png -o clean.png -d face-ir --infrared infrared.png
@@ -98,6 +100,13 @@ def denoise(
             "flying ones, small holes closed), soft, hard or 'input mask'."
         ),
     ] = "measured",
+    around: Annotated[
+        str | None,
+        typer.Option(
+            help="face: denoise only around the nearest head, found by its depth; the rest stays "
+            "as measured. For live streams."
+        ),
+    ] = None,
     depth_unit_mm: Annotated[
         float | None,
         typer.Option(
@@ -153,7 +162,7 @@ def denoise(
         raise ConfigError(f"--format {form}: {did_you_mean(form, FORMATS)}")
     if bool(noisy) == (watch is not None):
         raise ConfigError("give either depth maps to denoise, or a folder with --watch")
-    mapped = MapDenoiser(load(denoiser), device, composite)
+    mapped = MapDenoiser(load(denoiser), device, composite, around)
     chosen = check_protocol(protocol) or mapped.method.protocol or "depth"
     mapped.method.check_protocol(chosen)
     if mapped.device is not None:
