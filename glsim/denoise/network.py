@@ -130,7 +130,7 @@ class NetworkDenoiser:
 
         They are 0 farther from any depth than ``trusted_mask`` reaches.
         """
-        box = box_around((stack > 0).any(axis=0)) if self._only_near_depth else None
+        box = box_around(np.any(stack > 0, axis=0)) if self._only_near_depth else None
         if box is None:
             return self._run_padded(stack)
         outputs = {}

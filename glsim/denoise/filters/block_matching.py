@@ -88,7 +88,7 @@ def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> 
 FILTERS = {"bm3d": BlockMatching}
 #: Values that tuning tries, where the package is installed: it takes 0.7 s for 128 x 128 px.
 GRIDS = (
-    {"bm3d": {"correlation_px": (0.5, 0.8), "strength": (1.0, 1.5, 2.0)}}
+    {"bm3d": {"correlation_px": (0.5, 0.65, 0.8), "strength": (1.5, 2.2, 3.2)}}
     if find_spec("bm3d") is not None
     else {}
 )

@@ -219,4 +219,4 @@ def _both(links: _Array, axis: int) -> _Array:
 #: Name on the command line -> filter.
 FILTERS = {"tgv": TotalGeneralisedVariation}
 #: Values that tuning tries.
-GRIDS = {"tgv": {"alpha": (0.7, 1.0, 1.4, 2.0, 3.0, 4.5), "ratio": (0.5, 1.0, 2.0)}}
+GRIDS = {"tgv": {"alpha": (1.0, 1.4, 2.0, 3.0, 4.5, 6.5), "ratio": (0.5, 1.0, 2.0)}}
