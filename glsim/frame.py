@@ -29,16 +29,18 @@ LAYERS = ("clean", "noisy", "infrared", "reason")
 WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right")
 
 
-def encode_depth(depth_m: NDArray[np.floating], unit_mm: float = 1.0) -> NDArray[np.uint16]:
+def encode_depth(
+    depth_m: NDArray[np.floating], unit_mm: float = 1.0, option: str = "--depth-unit-mm"
+) -> NDArray[np.uint16]:
     """Round depth in metres to uint16 units; 0 stays 0, and nothing else becomes 0.
 
-    Raises DepthRangeError if a depth exceeds 65535 units.
+    Raises DepthRangeError if a depth exceeds 65535 units; it names ``option``.
     """
     units = np.rint(depth_m * np.float32(1000.0 / unit_mm))
     if units.max(initial=0.0) > _UINT16_MAX:
         raise DepthRangeError(
             f"a depth of {units.max() * unit_mm:.0f} mm does not fit 16 bits in units of "
-            f"{unit_mm} mm: choose a larger --depth-unit-mm"
+            f"{unit_mm} mm: choose a larger {option}"
         )
     np.maximum(units, 1.0, out=units, where=depth_m > 0)
     encoded: NDArray[np.uint16] = units.astype(np.uint16)

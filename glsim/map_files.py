@@ -2,7 +2,7 @@
 
 Whole numbers are steps of a unit (millimetres by default), as in PNG; floating numbers are metres.
 0, NaN and infinity are no depth. TIFF and NPY may hold either. Maps are written as 16-bit PNG and
-TIFF, and as float32 metres in NPY and OpenEXR.
+TIFF, and as float32 metres in NPY, OpenEXR and, if asked, TIFF. PNG files may state their step.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from glsim.files.png import (
     encode_png,
     read_depth_png,
     size_problem,
+    stated_unit_mm,
 )
 from glsim.files.regular import read_regular
 from glsim.frame import encode_depth, to_mm
@@ -31,6 +32,16 @@ from glsim.frame import encode_depth, to_mm
 #: Suffixes of the files that are read and written.
 SUFFIXES: Final = (".png", ".tif", ".tiff", ".npy", ".exr")
 _TIFF: Final = (".tif", ".tiff")
+#: Formats of ``encode_map`` -> their suffixes, the usual one first. TIFF: of 16 bits.
+FORMATS: Final = {
+    "png": (".png",),
+    "tiff": (".tiff", ".tif"),
+    "tiff-float": (".tiff", ".tif"),
+    "npy": (".npy",),
+    "exr": (".exr",),
+}
+#: Formats that are written as float32 metres.
+FLOAT_FORMATS: Final = ("tiff-float", "npy", "exr")
 #: Channels of an OpenEXR file that hold depth, the first that there is: of glsim and grey images,
 #: of Blender and of other renderers.
 _EXR_CHANNELS: Final = ("Y", "Z", "depth.Z", "V", "depth.V", "R")
@@ -41,6 +52,22 @@ _NEAR_M, _FAR_M = 0.01, 65.535
 def is_map(path: Path) -> bool:
     """Return whether a file has the suffix of a depth map."""
     return path.suffix.lower() in SUFFIXES
+
+
+def format_of(path: Path) -> str:
+    """Return the format of a name's suffix, with 16 bits for TIFF; "png" for other names."""
+    suffix = path.suffix.lower()
+    return next((name for name, suffixes in FORMATS.items() if suffix in suffixes), "png")
+
+
+def check_stated_unit(path: Path, unit_mm: float) -> None:
+    """Raise DatasetError if a PNG file states another step than ``unit_mm``."""
+    stated_mm = stated_unit_mm(path)
+    if stated_mm is not None and stated_mm != unit_mm:
+        raise DatasetError(
+            f"{path}: states steps of {stated_mm:g} mm, not {unit_mm:g}: give --depth-unit-mm "
+            f"{stated_mm:g}"
+        )
 
 
 def read_map_mm(
@@ -55,11 +82,13 @@ def read_map_mm(
         inside: a folder that no link may lead out of.
 
     Raises:
-        DatasetError: no such file, no depth map, too many pixels, and float millimetres.
+        DatasetError: no such file, no depth map, too many pixels, float millimetres, and a PNG
+            file that states another step than ``unit_mm``.
         ConfigError: OpenEXR files without the package OpenEXR.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES[1:]:
+        check_stated_unit(path, unit_mm)
         return to_mm(read_depth_png(path, inside=inside), unit_mm, offset_mm)
     values = _read_exr(path) if suffix == ".exr" else _read_array(path, suffix)
     if values.dtype == np.uint16:
@@ -80,22 +109,42 @@ def read_map_mm(
     return depth_m * np.float32(1000)
 
 
-def encode_map(depth_m: NDArray[np.float32], suffix: str, unit_mm: float) -> bytes:
-    """Return the file of a depth map, (H, W) metres with 0 = no depth, by its suffix.
+def encode_map(
+    depth_m: NDArray[np.float32],
+    form: str,
+    unit_mm: float,
+    option: str = "--depth-unit-mm",
+    *,
+    state_unit: bool = False,
+) -> bytes:
+    """Return the file of a depth map, (H, W) metres with 0 = no depth.
 
-    Raises DepthRangeError for a depth beyond 16 bits of the unit, in PNG and TIFF.
+    Args:
+        depth_m: the map.
+        form: one of FORMATS.
+        unit_mm: step of whole numbers.
+        option: what ``DepthRangeError`` tells to change.
+        state_unit: PNG files state their step.
+
+    Raises:
+        DepthRangeError: a depth is beyond 16 bits of the unit.
     """
-    kind = suffix.lower()
-    if kind == ".npy":
+    if form == "npy":
         return encode_npy(depth_m)
-    if kind == ".exr":
+    if form == "exr":
         return encode_exr(depth_m)
-    units = encode_depth(depth_m, unit_mm)
-    if kind in _TIFF:
-        import cv2
+    if form == "tiff-float":
+        return _encode_tiff(depth_m)
+    units = encode_depth(depth_m, unit_mm, option)
+    if form == "tiff":
+        return _encode_tiff(units)
+    return encode_png(units, unit_mm if state_unit else None)
 
-        return bytes(cv2.imencode(".tiff", units)[1].tobytes())
-    return encode_png(units)
+
+def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:
+    import cv2
+
+    return bytes(cv2.imencode(".tiff", image)[1].tobytes())
 
 
 def _read_array(path: Path, suffix: str) -> NDArray[Any]:

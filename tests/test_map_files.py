@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from glsim.cli import main
 from glsim.errors import ConfigError, DatasetError
 from glsim.exports.formats.arrays import encode_exr
-from glsim.map_files import SUFFIXES, encode_map, read_map_mm
+from glsim.map_files import SUFFIXES, encode_map, format_of, read_map_mm
 
 UNITS = (900 + np.random.default_rng(0).normal(0, 3, (24, 32))).astype(np.uint16)
 UNITS[:4] = 0
@@ -56,8 +56,8 @@ def test_each_format_is_read_as_millimetres(
 def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
     if suffix == ".exr":
         pytest.importorskip("OpenEXR")
-    data = encode_map(METRES, suffix, 0.5)
-    assert data == encode_map(METRES, suffix, 0.5)
+    data = encode_map(METRES, format_of(Path(f"x{suffix}")), 0.5)
+    assert data == encode_map(METRES, format_of(Path(f"x{suffix}")), 0.5)
     (tmp_path / f"x{suffix}").write_bytes(data)
     np.testing.assert_allclose(read_map_mm(tmp_path / f"x{suffix}", 0.5), UNITS, atol=1e-4)
 
@@ -90,7 +90,9 @@ def test_other_arrays_are_refused(
 def test_damaged_files_are_one_line(tmp_path: Path, suffix: str) -> None:
     if suffix == ".exr":
         pytest.importorskip("OpenEXR")
-    (tmp_path / f"bad{suffix}").write_bytes(encode_map(METRES, suffix, 1.0)[:90])
+    (tmp_path / f"bad{suffix}").write_bytes(
+        encode_map(METRES, format_of(Path(f"x{suffix}")), 1.0)[:90]
+    )
     for name in (f"bad{suffix}", f"missing{suffix}"):
         with pytest.raises(DatasetError, match=name):
             read_map_mm(tmp_path / name, 1.0)

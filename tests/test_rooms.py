@@ -117,6 +117,7 @@ HOMES = {
     "rosbags": ("glsim.exports", "glsim.recordings.bag"),
     "av": ("glsim.recordings.mkv",),
     "OpenEXR": ("glsim.map_files",),
+    "bm3d": ("glsim.denoise.filters.block_matching",),
     "fsspec": ("glsim.files.cloud",),
     "ray": ("glsim.ray_cluster", "glsim.dataset.ray_renderer", "glsim.train.data.ray_blocks"),
     "s3fs": (),

@@ -80,7 +80,8 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
         [
             f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. In "
             "brackets the 95 % interval over subjects (bootstrap). Bold: the best mean. Arrows: "
-            "which way is better."
+            "which way is better. Maps are scored as denoisers return them, unrounded; rows that "
+            "name a step are rounded to it, as files are."
         ],
     )
     for title, names in TABLE_SECTIONS.items():

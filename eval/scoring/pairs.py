@@ -24,7 +24,7 @@ from glsim.denoise.frames import Frames, Key, MovedFrames, Sample, check_millime
 from glsim.denoise.interface import Depth
 from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX
+from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, stated_unit_mm
 from glsim.files.regular import read_regular
 from glsim.geometry.camera import Intrinsics
 from glsim.sensors.sensor import load_sensor
@@ -72,7 +72,9 @@ class DatasetFrames:
 
 
 class FolderFrames:
-    """Pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits, mm.
+    """Pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits.
+
+    They are in mm, or in the step that they state (``stated_unit_mm``).
 
     The folder of a file is the subject, a number at the end of its name the frame. The camera is a
     Kinect V2, or one with focal length ``focal_px`` and its axis through the image centre. The
@@ -159,7 +161,8 @@ def _read(path: Path, layer: str) -> Depth:
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
     depth: Depth = decode_layer(data, layer, str(path), MAX_MAP_PX).astype(np.float32)
-    return depth
+    unit_mm = stated_unit_mm(path)
+    return depth if unit_mm is None else depth * np.float32(unit_mm)
 
 
 def _checked(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> Sample:

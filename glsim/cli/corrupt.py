@@ -75,7 +75,7 @@ def corrupt(
     from glsim.denoise.depth_files import left_out_of
     from glsim.files.atomic import flush_outputs, write_atomic
     from glsim.files.png import encode_png, read_depth_png
-    from glsim.map_files import encode_map, read_map_mm
+    from glsim.map_files import check_stated_unit, encode_map, format_of, read_map_mm
     from glsim.recordings.names import left_out_text
     from glsim.settings.schema import load_settings
 
@@ -93,6 +93,7 @@ def corrupt(
         by_shape: dict[tuple[int, int], Corrupter] = {}
         for source, target, name in pairs:
             try:
+                check_stated_unit(source, unit_mm)
                 whole = source.suffix.lower() == ".png" == target.suffix.lower()
                 depth: NDArray[Any] = (
                     read_depth_png(source) if whole else read_map_mm(source, unit_mm)
@@ -111,7 +112,7 @@ def corrupt(
                 data = encode_png(by_shape[shape].corrupt(depth, name).noisy)
             else:
                 frame = by_shape[shape].corrupt_depth(depth / np.float32(1000), sequence=name)
-                data = encode_map(frame.noisy_m, target.suffix, unit_mm)
+                data = encode_map(frame.noisy_m, format_of(target), unit_mm)
             write_atomic(data, target, sync=len(pairs) == 1)
     if len(pairs) > 1:
         flush_outputs([target for _, target, _ in pairs], out)

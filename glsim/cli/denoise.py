@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glsim.cli.common import console, print_message
-from glsim.errors import ConfigError, DatasetError
+from glsim.errors import ConfigError, DatasetError, did_you_mean
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,9 +32,15 @@ glsim denoise recording/ -o denoised/ -d temporal_median
 
 glsim denoise recording/ -o denoised/ --device my_kinect.toml    calibrated by glsim fit
 
+glsim denoise --watch recording/ -o denoised/ --around face      the nearest head alone
+
 glsim denoise --watch recording/ -o denoised/            maps as they appear, until Ctrl-C
 
 glsim denoise noisy.png -o clean.png -d face-ir --infrared infrared.png
+
+glsim denoise noisy.png -o clean.png --out-unit-mm 0.1   whole millimetres cost accuracy
+
+glsim denoise recording/ -o denoised/ --format npy       float32 metres
 
 glsim denoise 'maps/*_noisy.png' -o denoised/ -d run/best.pt
 """
@@ -94,12 +100,36 @@ def denoise(
             "flying ones, small holes closed), soft, hard or 'input mask'."
         ),
     ] = "measured",
+    around: Annotated[
+        str | None,
+        typer.Option(
+            help="face: denoise only around the nearest head, found by its depth; the rest stays "
+            "as measured. For live streams."
+        ),
+    ] = None,
     depth_unit_mm: Annotated[
         float | None,
         typer.Option(
             min=0.01,
             max=10,
-            help="Step of the depth files, mm. Default: that of their data set, else 1.",
+            help="Step of the depth files, mm. Default: what their data set or they state, else 1.",
+        ),
+    ] = None,
+    out_unit_mm: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=10,
+            help="Step of the denoised maps, mm; 0.1 holds 6.5 m. Default: 0.1 for PNG of inputs "
+            "that state their step (data sets, maps of this command), else that of the input.",
+        ),
+    ] = None,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help="Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float "
+            "(float32 metres). Default: by the suffix.",
         ),
     ] = None,
     protocol: Annotated[
@@ -113,7 +143,8 @@ def denoise(
     """Denoise depth maps; 0 means no depth, in and out.
 
     Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres; .npy and
-    .exr are written as float32 metres, PNG and TIFF with 16 bits.
+    .exr are written as float32 metres, PNG and TIFF with 16 bits in steps of --out-unit-mm. PNG
+    files state their step.
 
     Maps keep their names, and their folders where two have the same name; unreadable ones are
     reported and skipped. For denoisers that use
@@ -124,11 +155,14 @@ def denoise(
     """
     from glsim.denoise import MapDenoiser, check_composite, load
     from glsim.depth_protocol import check_protocol
+    from glsim.map_files import FORMATS
 
     check_composite(composite, "--composite")
+    if form is not None and form not in FORMATS:
+        raise ConfigError(f"--format {form}: {did_you_mean(form, FORMATS)}")
     if bool(noisy) == (watch is not None):
         raise ConfigError("give either depth maps to denoise, or a folder with --watch")
-    mapped = MapDenoiser(load(denoiser), device, composite)
+    mapped = MapDenoiser(load(denoiser), device, composite, around)
     chosen = check_protocol(protocol) or mapped.method.protocol or "depth"
     mapped.method.check_protocol(chosen)
     if mapped.device is not None:
@@ -138,9 +172,14 @@ def denoise(
             raise ConfigError("--uncertainty does not go with --watch: denoise the files after it")
         if infrared is not None:
             raise ConfigError("--infrared does not go with --watch, which finds the images itself")
-        _watch(watch, out, mapped, depth_unit_mm, chosen)
+        if form not in (None, "png"):
+            raise ConfigError("--format does not go with --watch, which writes PNG")
+        _watch(watch, out, mapped, depth_unit_mm, out_unit_mm, chosen)
     else:
-        _denoise_files(noisy or [], out, mapped, infrared, uncertainty, depth_unit_mm, chosen)
+        _denoise_files(
+            noisy or [], out, mapped, infrared, uncertainty, depth_unit_mm, out_unit_mm, form,
+            chosen,
+        )  # fmt: skip
 
 
 def _denoise_files(
@@ -150,22 +189,25 @@ def _denoise_files(
     infrared: Path | None,
     uncertainty: Path | None,
     depth_unit_mm: float | None,
+    out_unit_mm: float | None,
+    form: str | None,
     protocol: DepthProtocol,
 ) -> None:
     import numpy as np
 
-    from glsim.denoise.depth_files import MapFrames, find_maps, left_out_of, unit_mm
+    from glsim.denoise.depth_files import MapFrames, find_maps, left_out_of
     from glsim.denoise.frames import Stacks
+    from glsim.denoise.map_steps import map_writer, unit_mm
     from glsim.files.atomic import flush_outputs, write_atomic
     from glsim.files.png import encode_png
-    from glsim.map_files import encode_map
     from glsim.recordings.names import left_out_text
 
     method = denoiser.method
-    pairs = find_maps(noisy, out)
-    sigma_targets = _sigma_targets(noisy, out, uncertainty, method)
+    pairs = find_maps(noisy, out, form)
+    sigma_targets = _sigma_targets(noisy, [target for _, target in pairs], uncertainty, method)
     sources = [source for source, _ in pairs]
     step_mm = unit_mm(sources, depth_unit_mm)
+    writer = map_writer(pairs, step_mm, form, out_unit_mm)
     images = _infrared_images(sources, infrared, method)
     frames = MapFrames(sources, step_mm, denoiser.device, images, protocol)
     stacks = Stacks(frames, method.before, method.after)
@@ -187,7 +229,7 @@ def _denoise_files(
         depth_mm = denoiser.finished(denoised, stack[now]).depth_mm
         depth_mm = frames.as_stored(number, depth_mm, stacks.sample(number).offset_mm)
         depth_m = depth_mm * np.float32(0.001)
-        data = encode_map(depth_m, target.suffix, step_mm)
+        data = writer.encode(number, source, depth_m)
         write_atomic(data, target, sync=len(pairs) == 1)
         if sigma_targets:
             sigma = encode_png(_encode_sigma(sigma_mm, depth_m > 0))
@@ -198,7 +240,8 @@ def _denoise_files(
             flush_outputs(sigma_targets, uncertainty)
     if others := left_out_of([Path(text) for text in noisy], "noisy"):
         print_message(f"left out {left_out_text(others)}: no noisy depth")
-    print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}")
+    count = len(pairs) - failures
+    print_message(f"wrote {count} denoised depth map(s) to {out}, in {writer.unit()}")
     if failures:
         raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
 
@@ -208,19 +251,20 @@ def _watch(
     out: Path,
     denoiser: MapDenoiser,
     depth_unit_mm: float | None,
+    out_unit_mm: float | None,
     protocol: DepthProtocol,
 ) -> None:
     """Denoise the maps that appear in a folder until Ctrl-C; then print their number and times."""
     from array import array
 
-    from glsim.denoise.depth_files import unit_mm
+    from glsim.denoise.map_steps import unit_mm
     from glsim.denoise.watch import watch_folder
 
-    step_mm = unit_mm([folder / "*.png"], depth_unit_mm)
+    step_mm = unit_mm(sorted(folder.glob("*.png")) or [folder / "*.png"], depth_unit_mm)
     latency_s, busy_s, failures = array("d"), array("d"), 0
     print_message(f"watching {folder}; Ctrl-C ends")
     try:
-        for done in watch_folder(folder, out, denoiser, step_mm, protocol):
+        for done in watch_folder(folder, out, denoiser, step_mm, out_unit_mm, protocol):
             if done.problem:
                 failures += 1
                 message = f"skipped {done.source}: {done.problem}"
@@ -232,7 +276,10 @@ def _watch(
     except KeyboardInterrupt:  # the way to end it; an unfinished file was removed
         pass
     finally:
-        print_message(f"wrote {len(busy_s)} denoised depth map(s) to {out}")
+        out_step_mm = out_unit_mm or step_mm
+        print_message(
+            f"wrote {len(busy_s)} denoised depth map(s) to {out}, in steps of {out_step_mm:g} mm"
+        )
         if busy_s:
             print_message(f"time of a map: {_spread_ms(busy_s)}")
         if latency_s:
@@ -257,7 +304,7 @@ def _infrared_images(sources: list[Path], infrared: Path | None, method: Method)
 
 
 def _sigma_targets(
-    noisy: list[str], out: Path, uncertainty: Path | None, method: Method
+    noisy: list[str], maps: list[Path], uncertainty: Path | None, method: Method
 ) -> list[Path]:
     """List one file per map; empty without --uncertainty.
 
@@ -272,8 +319,8 @@ def _sigma_targets(
             f"--uncertainty: {method.label} does not estimate its uncertainty; networks trained "
             "with uncertainty = true do"
         )
-    targets = [target for _, target in find_maps(noisy, uncertainty)]
-    if {*targets} & {target for _, target in find_maps(noisy, out)}:
+    targets = [target for _, target in find_maps(noisy, uncertainty, "png")]
+    if {*targets} & {*maps}:
         raise ConfigError(
             f"--uncertainty {uncertainty}: is also the output of the depth: give another name"
         )

@@ -111,6 +111,16 @@ FocalOption = Annotated[
         rich_help_panel=MORE,
     ),
 ]
+RoundedOption = Annotated[
+    float | None,
+    typer.Option(
+        "--rounded-mm",
+        min=0.01,
+        max=10,
+        help="Also score each map rounded to this step, mm, as files of glsim denoise are.",
+        rich_help_panel=MORE,
+    ),
+]
 DeviceOption = Annotated[
     Path | None,
     typer.Option(
@@ -150,6 +160,7 @@ def evaluate(
     workers: WorkersOption = "auto",
     focal_px: FocalOption = None,
     device: DeviceOption = None,
+    rounded_mm: RoundedOption = None,
     _list_denoisers: Annotated[
         bool,
         typer.Option(
@@ -162,6 +173,8 @@ def evaluate(
 ) -> None:
     """Score denoisers; write rows.csv, table.md, table.csv, table.tex and report.html with figures.
 
+    Maps are scored unrounded, as denoisers return them.
+
     Frames that cannot be scored are reported and skipped; the exit status is then 1. Without
     --denoiser the paper's filters are scored. Nothing is trained.
     """
@@ -169,6 +182,7 @@ def evaluate(
         dataset, denoiser or [], out, split=split, truth=truth, protocol=protocol, runs=runs,
         tune_filters=tune_filters, baselines=baselines, figures=figures, workers=workers,
         focal_px=focal_px, device=device, noisy_input=noisy_input, composites=composites,
+        rounded_mm=rounded_mm,
     )  # fmt: skip
 
 
@@ -189,6 +203,7 @@ def score_denoisers(
     device: Path | None = None,
     noisy_input: bool = True,
     composites: bool = False,
+    rounded_mm: float | None = None,
     tables: Sequence[int] = (),
 ) -> None:
     """Score denoisers and write the results; the options of ``glsim eval`` say what each means.
@@ -229,6 +244,7 @@ def score_denoisers(
         truth=cast(TruthLayer, truth),
         device=device,
         protocol=check_protocol(protocol),
+        rounded_mm=rounded_mm or 0.0,
     )
     if tune_filters:
         job = _add_tuned_filters(job, out, count)
@@ -286,7 +302,7 @@ def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
 
     if job.split == "val":
         raise ConfigError("--tune-filters: settings tuned on val must be scored on another split")
-    held_out = replace(job, split="val")
+    held_out = replace(job, split="val", rounded_mm=0.0)
     if held_out.frames().identity == job.frames().identity:
         raise ConfigError(
             f"--tune-filters: {job.dataset} has no splits: there is no validation split"

@@ -23,7 +23,7 @@ from glsim.depth_protocol import DepthProtocol, offset_to_nearest, stored_protoc
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
-from glsim.map_files import SUFFIXES, is_map, read_map_mm
+from glsim.map_files import FORMATS, SUFFIXES, is_map, read_map_mm
 from glsim.recordings.names import depth_pngs, infrared_beside, left_out
 from glsim.recordings.names import infrared_files as named_infrared_files
 from glsim.settings.schema import SPLIT_NAMES
@@ -57,7 +57,7 @@ class MapFrames:
         self.protocol: DepthProtocol = protocol
         self._files, self._unit_mm, self._device = files, depth_unit_mm, device
         self._infrared = infrared
-        roots = {_dataset_root(folder) for folder in {file.parent for file in files}}
+        roots = {dataset_root(folder) for folder in {file.parent for file in files}}
         moved = any(root is not None and _stored_nearest_mm(root) is not None for root in roots)
         self._pairs = _dataset_pairs(files) if device is not None or moved else {}
 
@@ -74,7 +74,7 @@ class MapFrames:
         Raises DatasetError if it is no 16-bit depth map, ConfigError if it is none of the device.
         """
         file = self._files[number]
-        inside = _dataset_root(file.parent)
+        inside = dataset_root(file.parent)
         stored_mm = self._stored_offset_mm(number)
         depth = read_map_mm(file, self._unit_mm, stored_mm, inside=inside)
         check_millimetres(depth, str(file), self.protocol)
@@ -126,27 +126,7 @@ def infrared_files(maps: Sequence[Path], given: Path | None) -> list[Path]:
     return files
 
 
-def unit_mm(files: Sequence[Path], given: float | None) -> float:
-    """Return the step of depth files, mm: that of their data set, else ``given``, else 1.
-
-    Raises ConfigError if these differ, since a wrong step moves every face without looking wrong;
-    DatasetError if the data set's header is damaged.
-    """
-    roots = {_dataset_root(folder) for folder in {file.parent for file in files}}
-    stated = {float(read_header(root)["depth_unit_mm"]) for root in roots if root is not None}
-    if len(stated) > 1:
-        raise ConfigError(
-            "the maps are of data sets with different steps: denoise one data set at a time"
-        )
-    if stated and given is not None and {given} != stated:
-        raise ConfigError(
-            f"--depth-unit-mm {given:g}: the data set of these maps has steps of "
-            f"{min(stated):g} mm: leave the option out"
-        )
-    return stated.pop() if stated else given or 1.0
-
-
-def _dataset_root(folder: Path) -> Path | None:
+def dataset_root(folder: Path) -> Path | None:
     """Return the data set of a folder <split>/<subject>/, where one writes maps; else None."""
     split = folder.absolute().parent
     root = split.parent
@@ -176,7 +156,7 @@ def _stored_nearest_mm(root: Path) -> float | None:
 def _dataset_pairs(files: Sequence[Path]) -> dict[Path, Pair]:
     """Return the frames of those maps that belong to data sets, by absolute path."""
     wanted = {file.absolute() for file in files}
-    roots = {root for folder in {f.parent for f in wanted} if (root := _dataset_root(folder))}
+    roots = {root for folder in {f.parent for f in wanted} if (root := dataset_root(folder))}
     return {
         path: pair
         for root in sorted(roots)
@@ -225,11 +205,12 @@ def _without_png(folder: Path) -> list[Path]:
     return [] if any(file.suffix.lower() == ".png" for file in files) else files
 
 
-def check_name(out: Path) -> None:
-    """Raise ConfigError for the name of an output that is no depth map."""
-    if not is_map(out):
+def check_name(out: Path, form: str | None = None) -> None:
+    """Raise ConfigError for the name of an output that is no depth map, or not of the format."""
+    suffixes = SUFFIXES if form is None else FORMATS[form]
+    if out.suffix.lower() not in suffixes:
         raise ConfigError(
-            f"-o {out}: give a name that ends in {', '.join(SUFFIXES)}, or an existing folder"
+            f"-o {out}: give a name that ends in {', '.join(suffixes)}, or an existing folder"
         )
 
 
@@ -238,12 +219,13 @@ def _shared(paths: Sequence[Path]) -> Path | None:
     return next((path for path, count in Counter(paths).items() if count > 1), None)
 
 
-def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
+def find_maps(inputs: Sequence[str], out: Path, form: str | None = None) -> list[tuple[Path, Path]]:
     """Pair input files with output files.
 
     Args:
         inputs: files, quoted patterns, and folders, of which ``depth_pngs`` are taken.
         out: folder, or file name for one map.
+        form: format of the output, one of ``FORMATS``; default: by the suffix.
 
     Returns:
         (input, output) of each map. Where two have the same name, all keep their folders below the
@@ -255,15 +237,19 @@ def find_maps(inputs: Sequence[str], out: Path) -> list[tuple[Path, Path]]:
     """
     pairs = [pair for text in inputs for pair in _of_one(text, out)]
     if len(pairs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir():
-        check_name(out)
+        check_name(out, form)
         pairs = [(pairs[0][0], out)]
     elif out.is_file():
         raise ConfigError(f"-o {out}: is a file; for several maps give a folder")
+    elif form is not None:
+        pairs = [(source, target.with_suffix(FORMATS[form][0])) for source, target in pairs]
     if _shared([target for _, target in pairs]):
         shared = os.path.commonpath([source.absolute().parent for source, _ in pairs])
         pairs = [(source, out / source.absolute().relative_to(shared)) for source, _ in pairs]
         if twice := _shared([source for source, _ in pairs]):
             raise ConfigError(f"{twice}: is given twice")
+        if same := _shared([target for _, target in pairs]):
+            raise ConfigError(f"-o {out}: two maps would be {same}: denoise them one by one")
     for source, target in pairs:
         if target.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite {source}")

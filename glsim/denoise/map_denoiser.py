@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.denoise.around import only_around
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.composites import DEFAULT_COMPOSITE, check_composite, composed
 from glsim.denoise.interface import Denoised, Depth, Method
@@ -24,6 +25,7 @@ class MapDenoiser:
         method: Method,
         device: Path | str | None = None,
         composite: str | None = DEFAULT_COMPOSITE,
+        around: str | None = None,
     ) -> None:
         """Prepare a denoiser for single maps.
 
@@ -32,13 +34,14 @@ class MapDenoiser:
             device: sensor file whose fixed pattern and wiggling are subtracted first.
             composite: one of COMPOSITES, for denoisers with a probability of depth; None: return
                 the denoiser's own result.
+            around: "face": only around the nearest head, see ``glsim.denoise.around``.
 
         Raises:
-            ConfigError: for an unknown composite or an unusable device.
+            ConfigError: for an unknown composite or place, or an unusable device.
         """
         if composite is not None:
             check_composite(composite, "composite")
-        self.method = method
+        self.method = only_around(method, around)
         self.device = None if device is None else DeviceCalibration(device)
         self._composite = composite
 

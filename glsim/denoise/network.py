@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
-from glsim.denoise.tiles import run_tiled
+from glsim.denoise.tiles import box_around, run_tiled
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DenoiserError
 
@@ -63,6 +63,8 @@ class NetworkDenoiser:
         self.uncertain = uncertain
         self.infrared = inputs.infrared
         self._inputs = inputs
+        # Others code "no depth" as 0, and may see depth far from any pixel that has it.
+        self._only_near_depth = "probability" in getattr(network, "outputs", ())
 
     def __call__(
         self, noisy_mm: Depth, valid: NDArray[np.bool_], infrared: Depth | None = None
@@ -124,6 +126,20 @@ class NetworkDenoiser:
         return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm
 
     def _run(self, stack: Depth) -> dict[str, Depth]:
+        """Run the network where there is something to see; return outputs of the stack's size.
+
+        They are 0 farther from any depth than ``trusted_mask`` reaches.
+        """
+        box = box_around(np.any(stack > 0, axis=0)) if self._only_near_depth else None
+        if box is None:
+            return self._run_padded(stack)
+        outputs = {}
+        for name, image in self._run_padded(stack[:, *box]).items():
+            outputs[name] = np.zeros(stack.shape[1:], np.float32)
+            outputs[name][box] = image
+        return outputs
+
+    def _run_padded(self, stack: Depth) -> dict[str, Depth]:
         """Run the network on a padded stack, a large one in tiles; return outputs of its size."""
         height, width = stack.shape[1:]
         below, right = (-size % SIZE_MULTIPLE_PX for size in (height, width))

@@ -124,7 +124,11 @@ def load(spec: str) -> Method:
 
 
 def load_denoiser(
-    spec: str, *, device: Path | str | None = None, composite: str | None = DEFAULT_COMPOSITE
+    spec: str,
+    *,
+    device: Path | str | None = None,
+    composite: str | None = DEFAULT_COMPOSITE,
+    around: str | None = None,
 ) -> MapDenoiser:
     """Load a denoiser as a function of one depth map: ``load_denoiser("face")(depth_mm)``.
 
@@ -134,12 +138,13 @@ def load_denoiser(
         spec: as for ``load``.
         device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are subtracted first.
         composite: see COMPOSITES; None returns networks' probability of depth.
+        around: "face": denoise only around the nearest head, for live streams.
 
     Returns:
         A function of (H, W) float or integer millimetres, 0 = no return, that returns ``Denoised``,
         depth and the mask of depth. Its ``stream()`` takes the frames of a camera one by one.
     """
-    return MapDenoiser(load(spec), device, composite)
+    return MapDenoiser(load(spec), device, composite, around)
 
 
 def _network_options(text: str, spec: str) -> NetworkOptions:

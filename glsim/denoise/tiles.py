@@ -21,6 +21,33 @@ TILE_PX: Final = 1024
 MARGIN_PX: Final = 128
 
 
+#: Holes around depth that a network still sees, px. Measured: with 48 px the shipped networks give
+#: the depth of the whole frame to 0.004 mm, and probabilities to 1e-4; with 32 px depth differs by
+#: up to 0.1 mm.
+AROUND_PX: Final = 48
+#: Corners of boxes are at multiples of this, px: networks halve the size up to four times.
+GRID_PX: Final = 16
+
+#: Rows and columns of a part of a frame.
+Box = tuple[slice, slice]
+
+
+def box_around(mask: NDArray[np.bool_], margin_px: int = AROUND_PX) -> Box | None:
+    """Return the box of a (H, W) mask and a margin, on the grid of networks; None without pixels.
+
+    It ends at the frame.
+    """
+    box = []
+    for axis, size in ((1, mask.shape[0]), (0, mask.shape[1])):
+        (found,) = np.nonzero(mask.any(axis=axis))
+        if not found.size:
+            return None
+        first = max(0, int(found[0]) - margin_px) // GRID_PX * GRID_PX
+        last = -(-(int(found[-1]) + 1 + margin_px) // GRID_PX) * GRID_PX
+        box.append(slice(first, min(size, last)))
+    return box[0], box[1]
+
+
 class _Span(NamedTuple):
     """Rows or columns of a tile, [first, last), and the part of them that is used."""
 

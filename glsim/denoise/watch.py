@@ -15,7 +15,7 @@ from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.arrivals import FolderArrivals
 from glsim.files.atomic import write_atomic
-from glsim.map_files import encode_map, is_map
+from glsim.map_files import encode_map, format_of, is_map
 from glsim.recordings.names import other_kind
 
 
@@ -41,6 +41,7 @@ def watch_folder(
     out: Path,
     denoiser: MapDenoiser,
     depth_unit_mm: float,
+    out_unit_mm: float | None = None,
     protocol: DepthProtocol = "depth",
 ) -> Iterator[Watched]:
     """Denoise the depth maps of a folder, and those that appear there, for ever.
@@ -52,7 +53,8 @@ def watch_folder(
         folder: to watch.
         out: folder of the denoised maps, which keep their names and formats.
         denoiser: of the maps.
-        depth_unit_mm: step of the files, in and out.
+        depth_unit_mm: step of the files.
+        out_unit_mm: step of the denoised files, which state it; default: that of the files.
         protocol: see ``MapFrames``.
 
     Raises:
@@ -71,6 +73,7 @@ def watch_folder(
             "--watch: moves each map by itself under the protocol paper: choose a denoiser of "
             "single frames, or --protocol depth"
         )
+    step_mm = out_unit_mm or depth_unit_mm
     stream = denoiser.stream()
     arrivals = FolderArrivals(
         folder, lambda name: is_map(Path(name)) and not other_kind(name, "noisy")
@@ -91,7 +94,8 @@ def watch_folder(
         except DatasetError as error:
             problem = str(error)
         else:
-            write_atomic(encode_map(depth_m, path.suffix, depth_unit_mm), target, sync=False)
+            data = encode_map(depth_m, format_of(target), step_mm, "--out-unit-mm", state_unit=True)
+            write_atomic(data, target, sync=False)
         end_s = time.monotonic()
         latency_s = None if appeared_s is None or problem else end_s - appeared_s
         yield Watched(path, problem, latency_s, end_s - start_s)

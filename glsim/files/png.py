@@ -5,6 +5,9 @@ frame that holds a face, nearly all of it in zlib; ISA-L takes 0.1 ms and makes 
 of PNG's filters is worth its time here. OpenCV decodes; it is imported when it is first needed.
 Width and height are read from the file's own header first: 2 MB of deflate can hold 2 GB of zeros.
 
+Maps may state their step: a text chunk "glsim depth_unit_mm" before the pixels, see
+``encode_png``.
+
 PNG: W3C Recommendation, third edition. TIFF: Adobe, revision 6.0.
 """
 
@@ -41,13 +44,26 @@ _SIZE_TAGS = (_WIDTH, _LENGTH, _BITS, _SAMPLES, _TILE_WIDTH, _TILE_LENGTH)
 _SHORT, _LONG = 3, 4
 _GREY, _RGB = 0, 2
 _NO_FILTER = 0
+#: Keyword of the text chunk with the step of a depth map, mm.
+_UNIT_KEYWORD = b"glsim depth_unit_mm"
+#: Bytes of a file's beginning that hold that chunk, and more: signature, IHDR, the chunk.
+_HEAD_BYTES = 256
+#: Least and largest step of a depth file, mm: those of --depth-unit-mm.
+UNIT_RANGE_MM = (0.01, 10.0)
 _ISAL_LEVEL = 1  # level 2 takes the same time and saves 0.1 %
 
 
-def encode_png(image: NDArray[np.uint16] | NDArray[np.uint8]) -> bytes:
+def encode_png(
+    image: NDArray[np.uint16] | NDArray[np.uint8], depth_unit_mm: float | None = None
+) -> bytes:
     """Encode (H, W) uint16 or uint8 as a grey PNG file, (H, W, 3) as an RGB one.
 
     The same image gives the same bytes.
+
+    Args:
+        image: the pixels.
+        depth_unit_mm: step of a depth map, mm, to be stated in the file; ``stated_unit_mm`` reads
+            it.
     """
     height, width = image.shape[:2]
     samples = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).view(np.uint8)
@@ -59,7 +75,34 @@ def encode_png(image: NDArray[np.uint16] | NDArray[np.uint8]) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, image.dtype.itemsize * 8, colour, 0, 0, 0)
     stream = isal_zlib.compress(rows, _ISAL_LEVEL)
     chunks = [_chunk(b"IHDR", header), _chunk(b"IDAT", stream), _chunk(b"IEND", b"")]
+    if depth_unit_mm is not None:
+        text = _UNIT_KEYWORD + b"\0" + f"{depth_unit_mm:g}".encode()
+        chunks.insert(1, _chunk(b"tEXt", text))
     return b"".join([_SIGNATURE, *chunks])
+
+
+def stated_unit_mm(path: Path) -> float | None:
+    """Return the step that a depth PNG of glsim states, mm; None for other files, and without one.
+
+    Raises DatasetError if what it states is no step.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError:  # reported when the map is read
+        return None
+    at = 8 + 12 + 13  # behind the signature and IHDR
+    keyword, _, text = head[at + 8 :].partition(b"\0")
+    if head[:8] != _SIGNATURE or head[at + 4 : at + 8] != b"tEXt" or keyword != _UNIT_KEYWORD:
+        return None
+    (length,) = struct.unpack(">I", head[at : at + 4])
+    try:
+        unit_mm = float(text[: length - len(keyword) - 1])
+    except ValueError:
+        unit_mm = float("nan")
+    if not UNIT_RANGE_MM[0] <= unit_mm <= UNIT_RANGE_MM[1]:
+        raise DatasetError(f"{path}: its text {keyword.decode()} is no step from 0.01 to 10 mm")
+    return unit_mm
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glsim.dataset.record_schema import read_object
-from glsim.denoise import depth_files
+from glsim.denoise import depth_files, map_steps
 from glsim.errors import ConfigError
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
@@ -28,7 +28,7 @@ def test_the_header_of_a_data_set_is_read_once_for_all_of_its_folders(
         return original(path)
 
     monkeypatch.setattr(depth_files, "read_object", count)
-    assert depth_files.unit_mm(files, None) == 0.5
+    assert map_steps.unit_mm(files, None) == 0.5
     assert len(read) == 1
 
 
@@ -39,10 +39,10 @@ def test_a_header_that_changes_is_read_again(tmp_path: Path) -> None:
     cv2.imwrite(str(file), np.full((4, 4), 900, np.uint16))
     header = tmp_path / "dataset.json"
     header.write_text('{"format": "of another program"}')
-    assert depth_files.unit_mm([file], None) == 1.0
+    assert map_steps.unit_mm([file], None) == 1.0
     make(tmp_path / "other", make_settings(depth_unit_mm=0.5), make_tasks(1, 1))
     header.write_bytes((tmp_path / "other" / "dataset.json").read_bytes())
-    assert depth_files.unit_mm([file], None) == 0.5
+    assert map_steps.unit_mm([file], None) == 0.5
 
 
 def test_maps_of_the_same_name_keep_their_folders(

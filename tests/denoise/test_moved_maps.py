@@ -26,6 +26,7 @@ class Trained:
         return 0.6 * noisy_mm, valid
 
 
+WHOLE_MM = ("--out-unit-mm", "1", "-q")
 NETWORK = "net@tests.denoise.test_moved_maps:Trained"
 
 
@@ -55,7 +56,8 @@ def test_an_offset_of_the_input_changes_nothing_but_the_offset(
     for name, data in sets.items():
         folder = data / "test" / "s001"
         source = ["--watch", str(folder)] if watch else [str(folder)]
-        assert main(["denoise", *source, "-o", str(tmp_path / name), "-d", denoiser, "-q"]) == 0
+        command = ["denoise", *source, "-o", str(tmp_path / name), "-d", denoiser, *WHOLE_MM]
+        assert main(command) == 0
         results[name] = written(tmp_path / name)
     assert results["depth"].keys() == results["paper"].keys()
     assert len(results["depth"]) == 2
@@ -78,7 +80,7 @@ def test_the_protocol_paper_moves_maps_and_moves_them_back(
 ) -> None:
     """NLM depends on the distance: a hole is a depth of 0."""
     noisy = sets["depth"] / "test" / "s001"
-    command = ["denoise", str(noisy), "-d", "nlm", "-q"]
+    command = ["denoise", str(noisy), "-d", "nlm", *WHOLE_MM]
     assert main([*command, "-o", str(tmp_path / "depth")]) == 0
     assert main([*command, "-o", str(tmp_path / "paper"), "--protocol", "paper"]) == 0
     at_1_mm, as_measured = written(tmp_path / "paper"), written(tmp_path / "depth")
@@ -97,7 +99,7 @@ def test_a_network_gets_the_protocol_of_its_training(
     """Maps of a set at 1 mm are given as they are stored."""
     noisy = sets["paper"] / "test" / "s001"
     command = ["denoise", str(noisy), "-d", NETWORK, "-o", str(tmp_path / "o")]
-    assert main([*command, "-q"]) == 0
+    assert main([*command, *WHOLE_MM]) == 0
     for name, result in written(tmp_path / "o").items():
         given = read(noisy / name)
         np.testing.assert_array_equal(

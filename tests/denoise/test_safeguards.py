@@ -15,8 +15,10 @@ from glsim.denoise.safeguards import (
     clean_noise_mm,
     estimate_noise_mm,
     trusted_mask,
+    value_step_mm,
 )
 from glsim.frame import Frame
+from tests.support.real_cameras import needs_real_cameras, real_depths
 
 
 def ball() -> np.ndarray:
@@ -74,6 +76,55 @@ def test_simulated_heads_are_told_apart(sensor: str, distance_mm: int, clean: bo
         assert isinstance(frame, Frame)
         found = clean_noise_mm(frame.noisy.astype(np.float32))
         assert (found is not None) is clean
+
+
+def in_steps(depth_mm: np.ndarray, step_mm: float) -> Depth:
+    return (np.rint(depth_mm / step_mm) * step_mm).astype(np.float32)
+
+
+@pytest.mark.parametrize("step_mm", [0.01, 0.1, 0.25, 0.5, 1.0])
+def test_the_step_of_a_map_is_read_from_its_values(step_mm: float) -> None:
+    depth = np.random.default_rng(0).normal(900, 5, (200, 200)).astype(np.float32)
+    assert value_step_mm(in_steps(depth, step_mm)) == pytest.approx(step_mm, abs=1e-4)
+    assert value_step_mm(depth) < 0.001
+    assert value_step_mm(np.zeros((4, 4), np.float32)) == 1.0
+
+
+@pytest.mark.parametrize("distance_mm", [300, 600, 1300])
+@pytest.mark.parametrize("step_mm", [0.0, 0.1, 0.2])
+def test_clean_heads_of_finer_steps_are_left_as_they_are(distance_mm: int, step_mm: float) -> None:
+    source = {"subjects": 3, "frames_per_subject": 1}
+    output = {"crop": 128 if distance_mm > 500 else 320}
+    overrides = {"sensor": "ideal", "output": output, "pose": {"distance_mm": distance_mm}}
+    for frame in simulate(load_settings(overrides=overrides, source=source)):
+        assert isinstance(frame, Frame)
+        depth = 1000 * frame.clean_m
+        assert clean_noise_mm(in_steps(depth, step_mm) if step_mm else depth) is not None
+
+
+@pytest.mark.parametrize("white_mm", [0.05, 0.15])
+def test_noise_below_a_millimetre_shows_in_steps_of_a_tenth(white_mm: float) -> None:
+    """Smooth noise of 0.25 mm under some white noise, as of a TrueDepth camera at 0.2 m."""
+    white, smooth = np.random.default_rng(0).normal(0, 1, (2, 120, 120))
+    smooth = cv2.GaussianBlur(smooth, (0, 0), 3)
+    plane = np.broadcast_to(200 + 0.05 * np.arange(120), (120, 120))
+    noisy = plane + 0.25 * smooth / smooth.std() + white_mm * white
+    assert clean_noise_mm(in_steps(plane, 0.1)) is not None
+    assert clean_noise_mm(in_steps(noisy, 0.1)) is None
+    assert clean_noise_mm(in_steps(noisy, 1.0)) is not None
+
+
+@needs_real_cameras
+def test_boards_before_two_truedepth_cameras_are_noisy() -> None:
+    folders = ("iPhone11Pro_iOS14", "iPadPro12_4gen_iOS15")
+    frames = [
+        frame.astype(np.float32)
+        for folder in folders
+        for kind in ("eval", "board")
+        for frame in real_depths(f"truedepth_zeiss/{kind}_{folder}", 0.1)
+    ]
+    assert len(frames) == 24
+    assert all(clean_noise_mm(frame) is None for frame in frames)
 
 
 def test_only_pixels_near_measured_depth_and_with_a_low_risk_are_trusted() -> None:

@@ -250,3 +250,17 @@ def test_soft_denoisers_get_a_row_for_each_composite(
         "net [input mask]", "flips_px"
     )
     assert found.summary.mean("net [soft]", "input_bias_mm") < -100
+
+
+def test_maps_are_also_scored_in_the_step_of_a_file(pairs: Path, tmp_path: Path) -> None:
+    plain = run(pairs, tmp_path / "o", "noisy", "masked_gaussian")
+    job = ScoringJob(pairs, "test", ("noisy", "masked_gaussian"), rounded_mm=5.0)
+    both = evaluate(job, tmp_path / "o", workers=1)  # blocks without rounding are not reused
+    names = ["noisy", "noisy [5 mm]", "masked_gaussian", "masked_gaussian [5 mm]"]
+    assert list(both.summary.methods) == names
+    metric = "input_interior_rmse_mm"
+    for name in ("noisy", "masked_gaussian"):
+        assert both.summary.mean(name, metric) == plain.summary.mean(name, metric)
+        rounded = both.summary.mean(f"{name} [5 mm]", metric)
+        expected = math.hypot(plain.summary.mean(name, metric), 5 / math.sqrt(12))
+        assert rounded == pytest.approx(expected, rel=0.1)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.denoise.filters.windows import around, fill
 from glsim.denoise.interface import Denoised, Depth, Mask, parameter
@@ -87,10 +88,19 @@ def outliers(depth_mm: Depth, valid: Mask, deviations: float) -> Mask:
 
 
 def largest_piece(depth_mm: Depth, valid: Mask) -> Mask:
-    """Return the (H, W) pixels of the largest surface: 4-connected, steps of at most 50 mm.
+    """Return the (H, W) pixels of the largest surface of ``pieces``.
 
     The first one in reading order if several are the largest.
     """
+    labels = pieces(depth_mm, valid)
+    areas = np.bincount(labels.ravel())
+    areas[0] = 0
+    largest: Mask = valid & (labels == areas.argmax())
+    return largest
+
+
+def pieces(depth_mm: Depth, valid: Mask) -> NDArray[np.int32]:
+    """Number the surfaces of a (H, W) map: 4-connected, steps of at most 50 mm; 0 = no depth."""
     # Connected components know a mask only, so steps become gaps between pixels at twice the size.
     height, width = valid.shape
     grid = np.zeros((2 * height - 1, 2 * width - 1), np.uint8)
@@ -100,11 +110,7 @@ def largest_piece(depth_mm: Depth, valid: Mask) -> Mask:
         both = np.delete(valid, 0, axis) & np.delete(valid, -1, axis)
         target[...] = step & both
     _, labels = cv2.connectedComponents(grid, connectivity=4)
-    of_pixels = np.where(valid, labels[::2, ::2], 0)
-    areas = np.bincount(of_pixels.ravel())
-    areas[0] = 0
-    largest: Mask = valid & (of_pixels == areas.argmax())
-    return largest
+    return np.where(valid, labels[::2, ::2], 0).astype(np.int32)
 
 
 def enclosed_holes(mask: Mask) -> Mask:

@@ -17,7 +17,7 @@ from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 
 
 @dataclass(frozen=True)
-class _Masked:
+class Masked:
     """A filter that estimates the depth of wanted pixels from supporting ones."""
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
@@ -38,15 +38,15 @@ class _Masked:
         raise NotImplementedError
 
 
-_CLEANUP = "side of the window of the mask clean-up, px, odd; 0 keeps the input's mask"
+CLEANUP = "side of the window of the mask clean-up, px, odd; 0 keeps the input's mask"
 
 
 @dataclass(frozen=True)
-class MaskedMedian(_Masked):
+class MaskedMedian(Masked):
     """Median of the valid pixels of a square."""
 
     size: int = parameter(5, 3, 31, "side of the window, px, odd")
-    cleanup: int = parameter(0, 0, 31, _CLEANUP)
+    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return medians; for an even number of valid pixels the mean of the middle two."""
@@ -62,13 +62,13 @@ class MaskedMedian(_Masked):
 
 
 @dataclass(frozen=True)
-class MaskedBilateral(_Masked):
+class MaskedBilateral(Masked):
     """Bilateral filter over the valid pixels of a square."""
 
     diameter: int = parameter(9, 3, 31, "side of the window, px, odd")
     sigma_mm: float = parameter(15.0, 0.1, 8000, "standard deviation of the depth weight")
     sigma_px: float = parameter(2.0, 0.1, 500, "standard deviation of the distance weight")
-    cleanup: int = parameter(0, 0, 31, _CLEANUP)
+    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return weighted means; a hole takes the nearest valid depth as its own."""
@@ -85,11 +85,11 @@ class MaskedBilateral(_Masked):
 
 
 @dataclass(frozen=True)
-class MaskedGaussian(_Masked):
+class MaskedGaussian(Masked):
     """Gaussian mean of the valid pixels (normalised convolution, Knutsson and Westin 1993)."""
 
     sigma_px: float = parameter(1.5, 0.3, 20, "standard deviation of the window")
-    cleanup: int = parameter(0, 0, 31, _CLEANUP)
+    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return weighted means."""
@@ -97,11 +97,11 @@ class MaskedGaussian(_Masked):
 
 
 @dataclass(frozen=True)
-class LocalPlane(_Masked):
+class LocalPlane(Masked):
     """Plane fitted to the valid pixels under a Gaussian window."""
 
     sigma_px: float = parameter(2.0, 0.5, 20, "standard deviation of the window")
-    cleanup: int = parameter(0, 0, 31, _CLEANUP)
+    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return the plane's value at the window centre."""
@@ -109,11 +109,11 @@ class LocalPlane(_Masked):
 
 
 @dataclass(frozen=True)
-class LocalQuadric(_Masked):
+class LocalQuadric(Masked):
     """Quadric fitted to the valid pixels under a Gaussian window."""
 
     sigma_px: float = parameter(2.5, 0.7, 20, "standard deviation of the window")
-    cleanup: int = parameter(0, 0, 31, _CLEANUP)
+    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return the quadric's value at the window centre."""
@@ -121,12 +121,12 @@ class LocalQuadric(_Masked):
 
 
 @dataclass(frozen=True)
-class Guided(_Masked):
+class Guided(Masked):
     """Guided filter (He et al. 2010, OpenCV ximgproc), guided by the depth itself, holes filled."""
 
     radius: int = parameter(3, 1, 30, "radius of the square window, px")
     epsilon_mm: float = parameter(5.0, 0.01, 1000, "depth variations below this are smoothed away")
-    cleanup: int = parameter(0, 0, 31, _CLEANUP)
+    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return smoothed depths; holes take the nearest depth, which keeps edges off 0."""
@@ -140,13 +140,13 @@ class Guided(_Masked):
 
 
 @dataclass(frozen=True)
-class RollingGuidance(_Masked):
+class RollingGuidance(Masked):
     """Rolling guidance filter (Zhang et al. 2014, OpenCV ximgproc), holes filled."""
 
     sigma_mm: float = parameter(10.0, 0.1, 1000, "standard deviation of the depth weight")
     sigma_px: float = parameter(2.0, 0.3, 20, "structures below this size are removed")
     iterations: int = parameter(4, 1, 10, "number of guidance updates")
-    cleanup: int = parameter(0, 0, 31, _CLEANUP)
+    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return smoothed depths; holes are filled with the nearest depth."""

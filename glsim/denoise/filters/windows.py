@@ -14,7 +14,7 @@ _T = TypeVar("_T", bound=np.generic)
 
 #: A pixel farther than this from the local median, mm, belongs to no surface there: more than the
 #: noise of any shipped sensor, less than the step from a nose to a cheek.
-_FLYING_MM = 30.0
+FLYING_MM = 30.0
 
 
 def fill(depth_mm: Depth, support: Mask) -> Depth:
@@ -43,11 +43,11 @@ def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray
 def clean_up(depth_mm: Depth, valid: Mask, size: int) -> tuple[Mask, Mask]:
     """Clean a mask: return (trusted pixels, pixels that shall have depth), both (H, W) bool.
 
-    Trusted pixels are valid and within _FLYING_MM of their 5x5 median. Pixels get depth where more
+    Trusted pixels are valid and within FLYING_MM of their 5x5 median. Pixels get depth where more
     than half of a square of ``size`` px is trusted: this closes single holes, removes single
     islands and straightens ragged silhouettes.
     """
     filled = fill(depth_mm, valid)
-    trusted = valid & (np.abs(filled - cv2.medianBlur(filled, 5)) <= _FLYING_MM)
+    trusted = valid & (np.abs(filled - cv2.medianBlur(filled, 5)) <= FLYING_MM)
     share = cv2.blur(trusted.astype(np.float32), (size, size), borderType=cv2.BORDER_REPLICATE)
     return trusted, share > 0.5

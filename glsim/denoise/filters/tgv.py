@@ -1,0 +1,222 @@
+"""Total generalised variation of second order on valid pixels.
+
+K. Bredies, K. Kunisch, T. Pock, "Total Generalized Variation", SIAM J. Imaging Sciences 3 (2010):
+minimise over the depth u and its slopes w
+
+    sum of weight (u - noisy)^2 / 2 + alpha_1 |grad u - w| + alpha_0 |E w|
+
+where E is the symmetrised gradient. Planes and the steps between them cost nothing or little, so
+the result is piecewise smooth in slope. Solved by the primal-dual method of A. Chambolle and
+T. Pock (J. Mathematical Imaging and Vision 40, 2011). Written after the papers.
+
+Differences are taken between pixels of one surface only: holes and silhouettes have no influence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.denoise.filters.masked import CLEANUP, Masked
+from glsim.denoise.filters.windows import FLYING_MM, fill
+from glsim.denoise.interface import Depth, Mask, parameter
+from glsim.denoise.safeguards import estimate_noise_mm, local_noise_mm
+
+_Array = NDArray[np.float32]
+
+#: Step of the primal and dual updates: their product is at most 1 / |K|^2, and |K|^2 <= 12 for
+#: gradients and symmetrised gradients of step 1 px (Bredies 2014, section 4).
+_STEP: Final = np.float32(1 / np.sqrt(12))
+#: Bounds of the weight of a pixel's data: where the noise is three times that of the frame or a
+#: third of it. Chosen.
+_WEIGHTS: Final = (1 / 9, 9.0)
+#: Noise of frames without enough surface to estimate it, mm, and the least one. Chosen.
+_USUAL_MM, _LEAST_MM = 2.0, 0.01
+
+
+@dataclass(frozen=True)
+class TotalGeneralisedVariation(Masked):
+    """Total generalised variation of second order (Bredies et al. 2010), weighted by the noise."""
+
+    alpha: float = parameter(2.0, 0.01, 100, "weight of the slopes' misfit, in units of the noise")
+    ratio: float = parameter(2.0, 0.1, 10, "weight of bends relative to that of the slopes' misfit")
+    iterations: int = parameter(200, 10, 5000, "primal-dual iterations")
+    cleanup: int = parameter(0, 0, 31, CLEANUP)
+
+    def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
+        """Return smoothed depths; wanted pixels without support continue their surface."""
+        filled = fill(noisy_mm, support)
+        noise_mm = max(estimate_noise_mm(np.where(support, noisy_mm, 0)) or _USUAL_MM, _LEAST_MM)
+        local_mm = local_noise_mm(np.where(support, noisy_mm, np.float32(0)), noise_mm)
+        weight = np.clip((np.float32(noise_mm) / local_mm) ** 2, *_WEIGHTS).astype(np.float32)
+        centre = np.float32(np.median(noisy_mm[support]))
+        scale = np.float32(noise_mm)
+        smooth = solve(
+            (filled - centre) / scale,
+            np.where(support, weight, np.float32(0)),
+            SurfaceGradients(filled, wanted | support),
+            np.float32(self.alpha),
+            np.float32(self.ratio * self.alpha),
+            self.iterations,
+        )
+        return np.maximum(smooth[wanted] * scale + centre, np.float32(0))
+
+
+class SurfaceGradients:
+    """Differences between neighbouring pixels of one surface, and their adjoints.
+
+    Arrays are (H, W) float32; the last column or row of a difference is 0.
+    """
+
+    def __init__(self, depth_mm: Depth, domain: Mask) -> None:
+        """Link neighbours in ``domain`` (H, W) whose depths differ by at most FLYING_MM."""
+        self.across = np.zeros(depth_mm.shape, np.float32)
+        self.down = np.zeros(depth_mm.shape, np.float32)
+        for links, axis, near in (
+            (self.across, 1, np.s_[:, :-1]),
+            (self.down, 0, np.s_[:-1]),
+        ):
+            far = np.s_[:, 1:] if axis else np.s_[1:]
+            same = np.abs(np.diff(depth_mm, axis=axis)) <= FLYING_MM
+            links[near] = domain[near] & domain[far] & same
+        # A slope is compared with its neighbour where both links exist.
+        self._across_across = _both(self.across, 1)
+        self._across_down = _both(self.across, 0)
+        self._down_down = _both(self.down, 0)
+        self._down_across = _both(self.down, 1)
+        self._mixed = self._across_down * self._down_across
+
+    def gradient(self, u: _Array) -> tuple[_Array, _Array]:
+        """Return the forward differences across and down."""
+        return _forward(u, 1) * self.across, _forward(u, 0) * self.down
+
+    def gradient_adjoint(self, p: _Array, q: _Array) -> _Array:
+        """Return the adjoint of ``gradient``: minus the divergence."""
+        return _forward_adjoint(p * self.across, 1) + _forward_adjoint(q * self.down, 0)
+
+    def symmetrised(self, w: _Array, v: _Array) -> tuple[_Array, _Array, _Array]:
+        """Return the symmetrised gradient of slopes across (w) and down (v): xx, yy, xy."""
+        mixed = (_backward(w, 0) + _backward(v, 1)) * self._mixed
+        return (
+            _backward(w, 1) * self._across_across,
+            _backward(v, 0) * self._down_down,
+            np.float32(0.5) * mixed,
+        )
+
+    def symmetrised_adjoint(self, xx: _Array, yy: _Array, xy: _Array) -> tuple[_Array, _Array]:
+        """Return the adjoint of ``symmetrised``; the mixed part counts twice in its norm."""
+        mixed = xy * self._mixed
+        w = _backward_adjoint(xx * self._across_across, 1) + _backward_adjoint(mixed, 0)
+        v = _backward_adjoint(yy * self._down_down, 0) + _backward_adjoint(mixed, 1)
+        return w, v
+
+
+def solve(
+    noisy: _Array,
+    weight: _Array,
+    on: SurfaceGradients,
+    alpha_1: np.float32,
+    alpha_0: np.float32,
+    iterations: int,
+) -> _Array:
+    """Minimise the functional of this module; return u, (H, W) float32.
+
+    Args:
+        noisy: (H, W), where the iteration starts.
+        weight: (H, W) of the data; 0 without data.
+        on: the gradients.
+        alpha_1: weight of the slopes' misfit.
+        alpha_0: weight of bends.
+        iterations: of the primal-dual method.
+    """
+    u, w, v = noisy.copy(), *on.gradient(noisy)
+    w, v = (cv2.blur(part, (5, 5)) for part in (w, v))
+    u_bar, w_bar, v_bar = u, w, v
+    p, q, xx, yy, xy = (np.zeros_like(noisy) for _ in range(5))
+    pull = _STEP * weight
+    for _ in range(iterations):
+        across, down = on.gradient(u_bar)
+        p += _STEP * (across - w_bar * on.across)
+        q += _STEP * (down - v_bar * on.down)
+        _project(alpha_1, p, q)
+        d_xx, d_yy, d_xy = on.symmetrised(w_bar, v_bar)
+        xx += _STEP * d_xx
+        yy += _STEP * d_yy
+        xy += _STEP * d_xy
+        _project(alpha_0, xx, yy, xy, xy)
+        u_next = u - _STEP * on.gradient_adjoint(p, q)
+        u_next = (u_next + pull * noisy) / (1 + pull)
+        w_pull, v_pull = on.symmetrised_adjoint(xx, yy, xy)
+        w_next = w + _STEP * (p * on.across - w_pull)
+        v_next = v + _STEP * (q * on.down - v_pull)
+        u_bar, w_bar, v_bar = 2 * u_next - u, 2 * w_next - w, 2 * v_next - v
+        u, w, v = u_next, w_next, v_next
+    return np.asarray(u, np.float32)
+
+
+def _project(radius: np.float32, *parts: _Array) -> None:
+    """Scale vectors, one component per array, into the ball of a radius, in place."""
+    size = np.sqrt(sum(part * part for part in parts))
+    over = np.maximum(np.float32(1), size / radius)
+    for part in {id(part): part for part in parts}.values():
+        part /= over
+
+
+def _forward(image: _Array, axis: int) -> _Array:
+    """Return the differences to the next pixel, 0 at the last one."""
+    result = np.zeros_like(image)
+    if axis:
+        np.subtract(image[:, 1:], image[:, :-1], out=result[:, :-1])
+    else:
+        np.subtract(image[1:], image[:-1], out=result[:-1])
+    return result
+
+
+def _forward_adjoint(image: _Array, axis: int) -> _Array:
+    """Return the adjoint of ``_forward`` for images that are 0 at the last pixel."""
+    result = -image
+    if axis:
+        result[:, 1:] += image[:, :-1]
+    else:
+        result[1:] += image[:-1]
+    return result
+
+
+def _backward(image: _Array, axis: int) -> _Array:
+    """Return the differences to the pixel before, 0 at the first one."""
+    result = np.zeros_like(image)
+    if axis:
+        np.subtract(image[:, 1:], image[:, :-1], out=result[:, 1:])
+    else:
+        np.subtract(image[1:], image[:-1], out=result[1:])
+    return result
+
+
+def _backward_adjoint(image: _Array, axis: int) -> _Array:
+    """Return the adjoint of ``_backward`` for images that are 0 at the first pixel."""
+    result = image.copy()
+    if axis:
+        result[:, :-1] -= image[:, 1:]
+    else:
+        result[:-1] -= image[1:]
+    return result
+
+
+def _both(links: _Array, axis: int) -> _Array:
+    """Return 1 where a pixel and the one before it along an axis are linked, else 0."""
+    result = np.zeros_like(links)
+    if axis:
+        result[:, 1:] = links[:, 1:] * links[:, :-1]
+    else:
+        result[1:] = links[1:] * links[:-1]
+    return result
+
+
+#: Name on the command line -> filter.
+FILTERS = {"tgv": TotalGeneralisedVariation}
+#: Values that tuning tries.
+GRIDS = {"tgv": {"alpha": (1.0, 1.4, 2.0, 3.0, 4.5, 6.5), "ratio": (0.5, 1.0, 2.0)}}
