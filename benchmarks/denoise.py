@@ -75,7 +75,8 @@ def _time_live() -> None:
     import cv2
     import numpy as np
 
-    from glsim import load_denoiser, load_settings, simulate
+    import glsim
+    from glsim import load_denoiser, load_settings
 
     streams = {}
     for title, scene in (("before a wall", {"wall_mm": _WALL_MM}), ("alone", {})):
@@ -84,7 +85,7 @@ def _time_live() -> None:
                        "pose": {"distance_mm": _DISTANCE_MM}},
             source={"subjects": 1, "frames_per_subject": _BEFORE + _TIMED},
         )  # fmt: skip
-        streams[title] = [frame.noisy.astype(np.float32) for frame in simulate(settings)]
+        streams[title] = [frame.noisy.astype(np.float32) for frame in glsim.frames(settings)]
     print(f"{cv2.getNumThreads()} threads, load {os.getloadavg()[0]:.1f} before the first row")
     print(f"{'denoiser':32}{'around':8}" + "".join(f"{title:>26}" for title in streams))
     for name, around in _LIVE:

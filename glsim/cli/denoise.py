@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glsim.cli.common import console, print_message
+from glsim.cli.common import MORE, console, print_message
 from glsim.errors import ConfigError, DatasetError, did_you_mean
 
 if TYPE_CHECKING:
@@ -104,7 +104,8 @@ def denoise(
         str | None,
         typer.Option(
             help="face: denoise only around the nearest head, found by its depth; the rest stays "
-            "as measured. For live streams."
+            "as measured. For live streams.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     depth_unit_mm: Annotated[
@@ -130,6 +131,7 @@ def denoise(
             "--format",
             help="Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float "
             "(float32 metres). Default: by the suffix.",
+            rich_help_panel=MORE,
         ),
     ] = None,
     protocol: Annotated[

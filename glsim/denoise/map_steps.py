@@ -38,7 +38,7 @@ def unit_mm(files: Sequence[Path], given: float | None) -> float:
             "the maps are of different steps, of data sets or as they state themselves: denoise "
             "those of one step at a time"
         )
-    (found,) = stated or {None}
+    found = next(iter(stated), None)
     if found is not None and given is not None and given != found:
         raise ConfigError(
             f"--depth-unit-mm {given:g}: these maps have steps of {found:g} mm, as their data set "

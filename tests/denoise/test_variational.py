@@ -23,7 +23,7 @@ SPECS = ("tgv:alpha=2", "bm3d:correlation_px=0")
 def noisy(depth_mm: Depth, seed: int = 0, smooth_px: float = 0.0) -> Depth:
     noise = RNG(seed).normal(0, 1, depth_mm.shape)
     if smooth_px:
-        noise = cv2.GaussianBlur(noise, (0, 0), smooth_px)
+        noise = np.asarray(cv2.GaussianBlur(noise, (0, 0), smooth_px))
         noise /= noise.std()
     return np.where(depth_mm > 0, depth_mm + SIGMA_MM * noise, 0).astype(np.float32)
 

@@ -63,7 +63,8 @@ class TotalGeneralisedVariation(Masked):
             np.float32(self.ratio * self.alpha),
             self.iterations,
         )
-        return np.maximum(smooth[wanted] * scale + centre, np.float32(0))
+        estimate: Depth = np.maximum(smooth[wanted] * scale + centre, np.float32(0))
+        return estimate
 
 
 class SurfaceGradients:
@@ -134,7 +135,7 @@ def solve(
         iterations: of the primal-dual method.
     """
     u, w, v = noisy.copy(), *on.gradient(noisy)
-    w, v = (cv2.blur(part, (5, 5)) for part in (w, v))
+    w, v = (np.asarray(cv2.blur(part, (5, 5)), np.float32) for part in (w, v))
     u_bar, w_bar, v_bar = u, w, v
     p, q, xx, yy, xy = (np.zeros_like(noisy) for _ in range(5))
     pull = _STEP * weight
