@@ -72,7 +72,7 @@ def fill_from_points(
     total, weights = _spread(
         weight * value, weight, view.window, p["sigma_px"], int(p["doublings"])
     )
-    found = weights > 0
+    found = total > 0  # far from all points both sums may vanish, one before the other
     filled_m = np.where(found, _NEAREST_M * weights / np.where(found, total, 1.0), 0.0)
     if p["unit_mm"] > 0:
         unit_m = 0.001 * p["unit_mm"]
