@@ -191,7 +191,7 @@ def _reason(
     if holding:
         return "direction reproduced", (
             f"All seeds are {side} the noisy input, as printed, in {where}; "
-            f"ours {_beside(metric, nearest, printed)}."
+            f"ours {_beside(metric, nearest, printed)}.{_smaller(nearest.group)}"
         )
     if nearest.group is not None and nearest.group.size != "full":
         return "not comparable", (
@@ -203,6 +203,13 @@ def _reason(
         f"Printed is {side} the noisy input; in none of {len(found)} scored cases is ours so in "
         "all seeds."
     )
+
+
+def _smaller(group: SeedGroup | None) -> str:
+    """Say that a network was trained smaller than published: one step, too, can go that way."""
+    if group is None or group.size == "full":
+        return ""
+    return f" It was trained smaller than published ({_steps(group)})."
 
 
 def _steps(group: SeedGroup) -> str:
