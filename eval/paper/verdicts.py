@@ -145,16 +145,29 @@ def _judge(table: int, name: str, metric: str, cases: Sequence[PaperCase]) -> Ve
     found = list(_candidates(table, name, metric, cases))
     if not found:
         return Verdict(
-            *(table, row.title, PRINTED_METRICS[metric], printed, None, None, None),
+            table,
+            row.title,
+            PRINTED_METRICS[metric],
+            printed,
+            None,
+            None,
+            None,
             "not trained yet",
             "There are no scores of this row.",
             "The command beside it.",
-        )  # fmt: skip
+        )
     nearest = min(found, key=lambda ours: _distance(metric, ours.mean, printed))
     name_of, reason = _reason(table, name, metric, nearest, found)
     return Verdict(
-        *(table, row.title, PRINTED_METRICS[metric], printed),
-        *(nearest.mean, nearest.spread, nearest.case, name_of, reason),
+        table,
+        row.title,
+        PRINTED_METRICS[metric],
+        printed,
+        nearest.mean,
+        nearest.spread,
+        nearest.case,
+        name_of,
+        reason,
         _decides(table, name, metric, nearest),
     )
 
