@@ -49,6 +49,11 @@ class _SyntheticBatches:
             yield self._batch
 
 
+def device_name() -> str:
+    """Return the name of the device that trains here."""
+    return torch.cuda.get_device_name() if torch.cuda.is_available() else "the processor"
+
+
 def seconds_per_step(recipe: Recipe) -> float:
     """Measure the median time of a step of a recipe, without reading data and validation, s.
 

@@ -211,7 +211,7 @@ def _ranges(mse: Mapping[DepthProtocol, Mse]) -> Iterator[str]:
 
 def _sizes(groups: Sequence[SeedGroup]) -> str:
     """Describe the sizes of the networks of the rows."""
-    rows = [group for group in groups if group.row is not None]
+    rows = [group for group in groups if group.row is not None and not group.twin]
     smaller = [group for group in rows if group.size != "full"]
     if not smaller:
         return "All rows were trained at the printed size."

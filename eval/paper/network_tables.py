@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from typing import Final
 
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
@@ -172,11 +173,11 @@ def _paper_table(
     ]
     for name in (name for name in PAPER_FILTERS if name in table and name != "adaptive"):
         printed = _printed_cells(PRINTED_FILTERS[name])
-        cells = _interleaved(printed, lambda metric, name=name: _number(table[name], metric))
+        cells = _interleaved(printed, partial(_number, table[name]))
         rows.append([PRINTED_FILTERS[name].title, "filter", "", "", "", *cells])
-    for name, entries in trivial.items():
-        cells = _interleaved(["-"] * 3, lambda metric, entries=entries: _number(entries, metric))
-        rows.append([f"**{name}**", "no method may lose to it", "", "", "", *cells])
+    for title, entries in trivial.items():
+        cells = _interleaved(["-"] * 3, partial(_number, entries))
+        rows.append([f"**{title}**", "no method may lose to it", "", "", "", *cells])
     return TextTable(head, rows)
 
 

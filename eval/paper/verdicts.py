@@ -145,16 +145,29 @@ def _judge(table: int, name: str, metric: str, cases: Sequence[PaperCase]) -> Ve
     found = list(_candidates(table, name, metric, cases))
     if not found:
         return Verdict(
-            *(table, row.title, PRINTED_METRICS[metric], printed, None, None, None),
+            table,
+            row.title,
+            PRINTED_METRICS[metric],
+            printed,
+            None,
+            None,
+            None,
             "not trained yet",
             "There are no scores of this row.",
             "The command beside it.",
-        )  # fmt: skip
+        )
     nearest = min(found, key=lambda ours: _distance(metric, ours.mean, printed))
     name_of, reason = _reason(table, name, metric, nearest, found)
     return Verdict(
-        *(table, row.title, PRINTED_METRICS[metric], printed),
-        *(nearest.mean, nearest.spread, nearest.case, name_of, reason),
+        table,
+        row.title,
+        PRINTED_METRICS[metric],
+        printed,
+        nearest.mean,
+        nearest.spread,
+        nearest.case,
+        name_of,
+        reason,
         _decides(table, name, metric, nearest),
     )
 
@@ -191,7 +204,7 @@ def _reason(
     if holding:
         return "direction reproduced", (
             f"All seeds are {side} the noisy input, as printed, in {where}; "
-            f"ours {_beside(metric, nearest, printed)}."
+            f"ours {_beside(metric, nearest, printed)}.{_smaller(nearest.group)}"
         )
     if nearest.group is not None and nearest.group.size != "full":
         return "not comparable", (
@@ -203,6 +216,13 @@ def _reason(
         f"Printed is {side} the noisy input; in none of {len(found)} scored cases is ours so in "
         "all seeds."
     )
+
+
+def _smaller(group: SeedGroup | None) -> str:
+    """Say that a network was trained smaller than published: one step, too, can go that way."""
+    if group is None or group.size == "full":
+        return ""
+    return f" It was trained smaller than published ({_steps(group)})."
 
 
 def _steps(group: SeedGroup) -> str:

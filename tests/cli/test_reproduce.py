@@ -57,14 +57,14 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main([*tiny(tmp_path, "no-such-recipe"), "-q"]) == 1
     error = capsys.readouterr().err
     assert "no such recipe 'no-such-recipe'" in error
-    assert "stopped in command 12 of 19: glsim train no-such-recipe" in error
+    assert "stopped in command 12 of 21: glsim train no-such-recipe" in error
     first = runs / "paper-d7-small-4" / "last.pt"
     before = first.stat().st_mtime_ns
 
     command = tiny(tmp_path)
     assert main(command) == 0
     said = capsys.readouterr().err
-    assert "11/19, " in said
+    assert "11/21, " in said
     assert "finished before: glsim train paper-d7-small --steps 1" in said
     assert "3 of them were complete already" in said
     assert first.stat().st_mtime_ns == before

@@ -99,6 +99,7 @@ def test_small_networks_refute_nothing_and_twins_are_their_partners(tmp_path: Pa
     direction = found["UNet", "MSE"]
     assert direction.name == "direction reproduced"
     assert direction.spread is None
+    assert "trained smaller than published (10 steps" in direction.reason
     assert found["D20", "MSE"].name == found["AR D20", "MSE"].name == "refuted"
     assert found["D20", "MSE"].case is not None
     assert found["D20", "MSE"].case.title == "protocol paper, BlenSor's mask"

@@ -36,11 +36,16 @@ def write_scores(root: Path, mask: str, seed: int, protocol: str, mse: dict[str,
 
 
 def write_networks(
-    root: Path, mask: str, protocol: str, noisy_mm2: float, rows: Mapping[str, float], **more: str
+    root: Path,
+    mask: str,
+    protocol: str,
+    noisy_mm2: float,
+    rows: Mapping[str, float],
+    size: str = "small",
 ) -> Path:
-    """Write trained rows (row -> MSE) with one seed, and their table; ``more`` as ``write_run``."""
+    """Write trained rows (row -> MSE) with one seed, and their table."""
     place = case_folder(root, protocol, mask)  # type: ignore[arg-type]  # a protocol as text
     for row in rows:
-        write_run(place / "runs" / f"{row}-0", 0.1, row=row, **more)
+        write_run(place / "runs" / f"{row}-0", 0.1, row=row, size=size)
     mse = {f"{row}-0": value for row, value in rows.items()}
     return write_table(place / "table.csv", {"noisy": noisy_mm2, **mse}, protocol)

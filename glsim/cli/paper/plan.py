@@ -139,6 +139,7 @@ class ReproductionPlan(TomlTable):
         tables = [word for table in "123" for word in ("--table", table)]
         yield ["paper", "tables", data, *shlex.split(self.eval), *tables, "--protocol", protocol,
                "--runs", str(out / "runs"), "-o", str(out)]  # fmt: skip
+        yield ["paper", "ssim", data, "--runs", str(out / "runs"), "-o", str(out)]
 
     def _filter_commands(self, sets: FilterSets, out: Path) -> Iterator[list[str]]:
         """Yield the commands of table 1 under each protocol and mask, and of its SSIM."""

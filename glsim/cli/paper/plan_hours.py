@@ -45,14 +45,12 @@ def print_hours(commands: Sequence[Sequence[str]], glsim: Any, images: int | Non
         _without_place(command) for command in commands if command and command[0] == "train"
     )
     try:
-        import torch
-
-        from glsim.train.step_time import seconds_per_step
+        from glsim.train.step_time import device_name, seconds_per_step
     except ImportError:
         print_message("hours: need PyTorch: pip install 'glsim[train]'")
         return
-    device = torch.cuda.get_device_name() if torch.cuda.is_available() else "the processor"
-    print_message(f"measuring {len(counts)} kinds of training on {device} (--no-hours: not)")
+    kinds = f"{len(counts)} kinds of training on {device_name()}"
+    print_message(f"measuring {kinds} (--no-hours: not)")
     total = 0.0
     for words, count in counts.items():
         training = _parse(words, glsim)
