@@ -10,15 +10,16 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from glsim.cli import main
 from glsim.faces.people.files import FETCH, has_people
 from glsim.files.png import encode_png
+from glsim.map_files import encode_map
 from tests.support import page_command
 from tests.support.eval_scenes import write_pairs
 from tests.support.imports import ROOT
@@ -75,7 +76,8 @@ def folder(tmp_path: Path, data: Path) -> Path:
     for name in ("clean.png", "noisy.png", "infrared.png"):
         (work / name).write_bytes(encode_png(flat))
     np.save(work / "noisy.npy", flat)
-    cv2.imwrite(str(work / "clean.tif"), flat)
+    depth_m = flat.astype(np.float32) / 1000
+    (work / "clean.exr").write_bytes(encode_map(depth_m, ".exr", 1.0))
     for name in ("recording", "walls"):
         write_static_pair(work / name, scene(), 1.6)
     write_pairs(work / "pairs", 2)
@@ -91,6 +93,8 @@ def test_the_commands_of_a_page_run(folder: Path, page: str) -> None:
     script = "\n".join(["set -e", *blocks(page)])
     if not has_people():
         script = "\n".join(line for line in script.splitlines() if "--preset office" not in line)
+    if find_spec("OpenEXR") is None:
+        script = "\n".join(line for line in script.splitlines() if ".exr" not in line)
     assert "glsim " in script, FETCH
     done = subprocess.run(
         ["bash", "-c", script],

@@ -90,6 +90,7 @@ def test_a_data_set_that_is_sound_and_one_that_is_not(
     assert found["repair"].startswith("glsim generate")
 
 
+@pytest.mark.long
 def test_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_static_pair(tmp_path / "recording", scene(), 1.6)
     (found,) = printed(capsys, "inspect", str(tmp_path / "recording"))
