@@ -230,10 +230,10 @@ def _filled_columns(
 ) -> tuple[Array, Labels, Labels]:
     """Close what the rows left open, column by column."""
     turned = _filled_rows(np.ascontiguousarray(z.T), np.ascontiguousarray(label.T), widest_hole_px)
-    out, own, place = (np.ascontiguousarray(part.T) for part in turned)
+    out, own, place = turned
     height = z.shape[0]  # indices count along the columns of the turned image
-    rows, columns = place % height, place // height
-    return out, own, source[rows, columns]
+    rows, columns = place.T % height, place.T // height
+    return np.ascontiguousarray(out.T), np.ascontiguousarray(own.T), source[rows, columns]
 
 
 def _gaps(known: NDArray[np.int64], width: int) -> list[tuple[int, int]]:

@@ -166,8 +166,9 @@ class FolderArrivals:
         if time.time() - status.st_mtime > SETTLED_S:
             return True
         # The clock of the file system may be ahead of ours: then its size must stay for so long.
-        same = waiting is not None and waiting.size == status.st_size
-        return same and time.monotonic() - waiting.grown_s > SETTLED_S
+        if waiting is None or waiting.size != status.st_size:
+            return False
+        return time.monotonic() - waiting.grown_s > SETTLED_S
 
     def _given(self, name: str, inode: int, arrival: Arrival) -> Arrival:
         self._known[name] = inode

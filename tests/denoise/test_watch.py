@@ -60,7 +60,7 @@ def test_maps_of_other_formats_keep_them(tmp_path: Path, suffix: str) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     folder.mkdir()
     for number in (0, 1):
-        depth_m = FRAMES[number].astype(np.float32) / 1000
+        depth_m = np.asarray(FRAMES[number] / 1000, np.float32)
         (folder / f"{number}{suffix}").write_bytes(encode_map(depth_m, suffix, 1.0))
     (folder / "notes.txt").write_text("no map")
     done = some(folder, out, 2)
