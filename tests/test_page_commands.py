@@ -77,7 +77,7 @@ def folder(tmp_path: Path, data: Path) -> Path:
         (work / name).write_bytes(encode_png(flat))
     np.save(work / "noisy.npy", flat)
     depth_m = np.asarray(flat / 1000, np.float32)
-    (work / "clean.exr").write_bytes(encode_map(depth_m, ".exr", 1.0))
+    (work / "clean.exr").write_bytes(encode_map(depth_m, "exr", 1.0))
     for name in ("recording", "walls"):
         write_static_pair(work / name, scene(), 1.6)
     write_pairs(work / "pairs", 2)

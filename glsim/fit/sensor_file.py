@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from glsim.errors import ConfigError, did_you_mean
 from glsim.fit.noise_model import InfraredLaw, LightProfile, NoiseModel, TapNoise
@@ -17,6 +18,7 @@ from glsim.geometry.camera import Intrinsics
 from glsim.noise.registry import find_stage
 from glsim.sensors.sensor import SENSOR_FOLDER, sensor_names
 from glsim.sensors.wiggling import Wave
+from glsim.settings.distribution import NumberSetting
 from glsim.settings.tables import read_toml
 
 #: Sensors that a fit can start from, the cheapest first.
@@ -63,6 +65,11 @@ def base_sensor(name: str | None = None) -> tuple[str, dict[str, Any]]:
     return chosen, read_toml(SENSOR_FOLDER / f"{chosen}.toml")
 
 
+def _typical(value: object) -> float:
+    """Return a number of a sensor file; of one that is drawn per device, the typical one."""
+    return TypeAdapter(NumberSetting).validate_python(value).typical
+
+
 def base_taps(tree: Mapping[str, Any]) -> TapNoise:
     """Return the noise of the taps of a base sensor."""
     read, shot = (base_value(tree, name) for name in ("read_lsb2", "shot_lsb"))
@@ -74,7 +81,7 @@ def base_profile(tree: Mapping[str, Any]) -> LightProfile:
     for stage in tree["stage"]:
         declared = find_stage(stage["use"]).parameters
         own = {
-            name: float(stage.get(name, declared[name].default))
+            name: _typical(stage.get(name, declared[name].default))
             for name in ("flat_to", "fall_off", "tail", "vignetting")
             if name in declared
         }
@@ -89,7 +96,7 @@ def base_value(tree: Mapping[str, Any], name: str) -> float | None:
     for stage in tree["stage"]:
         declared = find_stage(stage["use"]).parameters
         if stage["use"] in stages and parameter in declared:
-            return float(stage.get(parameter, declared[parameter].default))
+            return _typical(stage.get(parameter, declared[parameter].default))
     return None
 
 

@@ -106,7 +106,9 @@ def find_tiles(disparity: Array, side_px: int = TILE_PX) -> Tiles:
 
     """
     height, width = (size - size % side_px for size in disparity.shape)
-    squares = disparity[:height, :width].reshape(height // side_px, side_px, width // side_px, side_px)
+    squares = disparity[:height, :width].reshape(
+        height // side_px, side_px, width // side_px, side_px
+    )
     blocks = squares.swapaxes(1, 2).reshape(-1, side_px * side_px)
     rows, columns = np.mgrid[: height // side_px, : width // side_px] * side_px
     full = np.isfinite(blocks).mean(axis=1) >= LEAST_SHARE

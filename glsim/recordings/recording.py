@@ -218,9 +218,10 @@ def open_recording(
         lights = list(infrared_files(maps, infrared))
     frames: list[FrameFile] = []
     for file, light in zip(maps, lights, strict=True):
-        frames += _frames_of(file, light, unit, mirror)
-        if len(frames) > _MAX_FRAMES:
+        count = len(open_stack(file)) if file.suffix.lower() == ".npy" else 1
+        if len(frames) + count > _MAX_FRAMES:
             raise DatasetError(f"{file}: the recording has more than {_MAX_FRAMES} frames")
+        frames += _frames_of(file, count, light, unit, mirror)
     shape = frames[0].depth_mm().shape  # a folder of colour pictures is refused here
     if stated_by is not None and stated_by.name == CAMERA_FILE:
         check_size(stated, shape, stated_by)
@@ -246,9 +247,10 @@ def read_frame_set(
     return frames.with_camera(camera)
 
 
-def _frames_of(file: Path, light: Path | None, unit_mm: float, mirror: bool) -> list[FrameFile]:
+def _frames_of(
+    file: Path, count: int, light: Path | None, unit_mm: float, mirror: bool
+) -> list[FrameFile]:
     """Return the frame of a file, or the frames of a stack."""
-    count = len(open_stack(file)) if file.suffix.lower() == ".npy" else 1
     names = [f"{file.stem}_{number:05d}" for number in range(count)] if count > 1 else [file.stem]
     return [FrameFile(n, file, light, k, unit_mm, mirror) for k, n in enumerate(names)]
 

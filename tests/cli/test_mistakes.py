@@ -101,7 +101,6 @@ preview nothing -o seen
 preview data -o map.png/seen
 preview data -o seen --split tset
 inspect nothing
-inspect map.png
 validate kinect-v3
 validate broken.toml
 sensors kinect-v3

@@ -53,7 +53,11 @@ def test_maps_that_appear_are_denoised_in_order_with_those_before(tmp_path: Path
         np.testing.assert_allclose(read_depth_png(out / f"{number}.png"), expected, atol=0.501)
 
 
-@pytest.mark.parametrize("suffix", [".npy", ".tif", ".exr"])
+#: Suffix -> format.
+FORMS = {".npy": "npy", ".tif": "tiff", ".exr": "exr"}
+
+
+@pytest.mark.parametrize("suffix", FORMS)
 def test_maps_of_other_formats_keep_them(tmp_path: Path, suffix: str) -> None:
     if suffix == ".exr":
         pytest.importorskip("OpenEXR")
@@ -61,7 +65,7 @@ def test_maps_of_other_formats_keep_them(tmp_path: Path, suffix: str) -> None:
     folder.mkdir()
     for number in (0, 1):
         depth_m = np.asarray(FRAMES[number] / 1000, np.float32)
-        (folder / f"{number}{suffix}").write_bytes(encode_map(depth_m, suffix, 1.0))
+        (folder / f"{number}{suffix}").write_bytes(encode_map(depth_m, FORMS[suffix], 1.0))
     (folder / "notes.txt").write_text("no map")
     done = some(folder, out, 2)
     assert [(item.source.name, item.problem) for item in done] == [

@@ -13,7 +13,7 @@ from glsim.settings.schema import load_settings
 
 
 def test_the_shipped_presets_load_and_have_a_title() -> None:
-    assert preset_names() == ["living-room", "office", "paper", "randomised"]
+    assert preset_names() == ["living-room", "office", "paper", "randomised", "sample"]
     for name in preset_names():
         load_settings(preset=name)
         assert 20 < len(preset_title(name)) < 90

