@@ -60,9 +60,12 @@ def format_of(path: Path) -> str:
     return next((name for name, suffixes in FORMATS.items() if suffix in suffixes), "png")
 
 
-def check_stated_unit(path: Path, unit_mm: float) -> None:
-    """Raise DatasetError if a PNG file states another step than ``unit_mm``."""
-    stated_mm = stated_unit_mm(path)
+def check_stated_unit(path: Path, unit_mm: float, *, inside: Path | None = None) -> None:
+    """Raise DatasetError if a PNG file states another step than ``unit_mm``.
+
+    inside: a folder that no link may lead out of.
+    """
+    stated_mm = stated_unit_mm(path, inside=inside)
     if stated_mm is not None and stated_mm != unit_mm:
         raise DatasetError(
             f"{path}: states steps of {stated_mm:g} mm, not {unit_mm:g}: give --depth-unit-mm "
@@ -88,7 +91,7 @@ def read_map_mm(
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES[1:]:
-        check_stated_unit(path, unit_mm)
+        check_stated_unit(path, unit_mm, inside=inside)
         return to_mm(read_depth_png(path, inside=inside), unit_mm, offset_mm)
     values = _read_exr(path) if suffix == ".exr" else _read_array(path, suffix)
     if values.dtype == np.uint16:

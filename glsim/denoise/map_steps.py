@@ -104,7 +104,7 @@ def _fine_mm(files: Sequence[Path], step_mm: float) -> float:
     most = _DEEPEST * FINE_MM / step_mm
     for file in files:
         try:
-            if read_depth_png(file).max(initial=0) > most:
+            if read_depth_png(file, inside=dataset_root(file.parent)).max(initial=0) > most:
                 return step_mm
         except DatasetError:  # reported when it is denoised
             continue

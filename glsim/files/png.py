@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from glsim.errors import DatasetError
 from glsim.files.atomic import write_atomic
-from glsim.files.regular import read_regular
+from glsim.files.regular import open_regular, read_regular
 
 #: Largest width and height of an image, pixels: those of the largest camera that a sensor file may
 #: have. An image of this size takes 134 MB in 16 bits.
@@ -81,13 +81,13 @@ def encode_png(
     return b"".join([_SIGNATURE, *chunks])
 
 
-def stated_unit_mm(path: Path) -> float | None:
+def stated_unit_mm(path: Path, *, inside: Path | None = None) -> float | None:
     """Return the step that a depth PNG of glsim states, mm; None for other files, and without one.
 
-    Raises DatasetError if what it states is no step.
+    Raises DatasetError if what it states is no step. inside: a folder that no link may lead out of.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path, inside=inside) as file:
             head = file.read(_HEAD_BYTES)
     except OSError:  # reported when the map is read
         return None

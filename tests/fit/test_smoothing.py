@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -48,7 +49,7 @@ def test_frames_of_the_fitted_sensor_are_as_correlated(
 ) -> None:
     text = (SENSOR_FOLDER / "kinect-v2.toml").read_text()
     text = text.replace('use = "tof_bilateral"', f'use = "tof_smooth"\nwidth_px = {width_px}')
-    text = text.replace('use = "tof_floor"', 'use = "tof_floor"\nsigma_mm = 0.3')
+    text = re.sub(r'(use = "tof_floor"\nsigma_mm = )[^\n]*', r"\g<1>0.3", text)
     camera = tmp_path / "camera.toml.d" / "mine.toml"
     write_atomic(text.encode(), camera)
     depths, lights = _frames(context, str(camera), 3)

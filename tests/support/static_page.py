@@ -132,6 +132,7 @@ def check_one_column(page: Any) -> None:
             assert (box["x"], box["width"]) == (0, 390), place
             assert box["height"] > 60, place
         for tile in page.locator(".tile").all():
-            assert tile.bounding_box()["width"] > 150
+            if tile.is_visible():  # others are of layers that the sensor has not
+                assert tile.bounding_box()["width"] > 150
     finally:
         page.set_viewport_size(whole)
