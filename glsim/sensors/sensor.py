@@ -2,28 +2,7 @@
 
 title = "..."
 extends = "..."           optional: another sensor, see glsim.sensors.inheritance
-[rig]
-width = 512
-height = 424
-focal_px = [365.456, 365.456]
-centre_px = [254.878, 205.395]
-[rig.distortion]          optional: k1, k2, k3, p1, p2; k4, k5, k6 of the rational model; limit_tan
-supersample = 3           optional: samples per pixel along each axis (1, 3 or 5)
-modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
-shadow_map = true         false: a stage casts the shadows instead of the renderer
-fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
-projector_image = "dots.png"   optional: thrown by all emitters instead of drawn dots; and its
-projector_view_deg = [90, 63]  field of view, degrees (glsim.sensors.projector_image)
-[rig.exposure]            optional: captures and spacing_ms; or read_out_ms and bands of rows
-[[rig.wiggling]]          optional: the device's own, written by glsim fit (glsim.sensors.wiggling)
-border_px = [0, 0, 0, 0]  optional: left, top, right, bottom of what imagers see around the image
-[[rig.emitter]]
-position_m = [0.045, 0, 0]
-spread_m = 0.005          optional: three points instead of one, this far apart
-shares = [0.2, 0.4, 0.4]  optional: of the light, near end, centre, far end
-path_from_m = [0.04, 0, 0]   optional: where the decoder counts paths from, if elsewhere
-[[rig.imager]]            stereo: two; structured light: one, matched with the first emitter's dots
-position_m = [0, 0, 0]
+[rig]                     see glsim.sensors.rig_table
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
 name = "axial"            optional; required if a stage is used twice
@@ -36,15 +15,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import TypeAdapter, ValidationError
 
 from glsim.errors import ConfigError, did_you_mean
-from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
-from glsim.geometry.exposure import Exposure
+from glsim.geometry.camera import SensorRig
 from glsim.noise.chain import check_chain
 from glsim.noise.layer_names import PATTERN_LAYER, PROJECTOR_LAYER
 from glsim.noise.light import check_light
@@ -54,7 +32,8 @@ from glsim.noise.triangulation import check_triangulation
 from glsim.plugins import load_plugin, plugin_file, plugin_names
 from glsim.sensors.inheritance import read_sensor_tree
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
-from glsim.sensors.projector_image import ProjectorImage, half_tan, read_projector_image
+from glsim.sensors.projector_image import ProjectorImage, read_projector_image
+from glsim.sensors.rig_table import RigTable
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.problems import first_problem
@@ -72,121 +51,9 @@ _Place = Callable[..., str]
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 
 
-#: A coordinate beside the camera, m, and one in the image, pixels; far beyond those of any camera.
-_Metres = Annotated[float, Field(ge=-100, le=100)]
-_Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
-_Border = Annotated[int, Field(ge=0, le=1024)]
-_Share = Annotated[float, Field(ge=0, le=1)]
-_ViewDeg = Annotated[float, Field(ge=1, le=170)]
-
-
-class _EmitterTable(TomlTable, allow_inf_nan=False):
-    position_m: tuple[_Metres, _Metres, _Metres]
-    spread_m: float = Field(0.0, ge=0, le=0.2)
-    path_from_m: tuple[_Metres, _Metres, _Metres] | None = None
-    shares: tuple[_Share, _Share, _Share] = (1 / 3, 1 / 3, 1 / 3)
-
-    @model_validator(mode="after")
-    def _check(self) -> _EmitterTable:
-        if abs(sum(self.shares) - 1.0) > 1e-3:
-            raise ValueError(f"shares {list(self.shares)}: must add up to 1")
-        return self
-
-
-class _ImagerTable(TomlTable, allow_inf_nan=False):
-    position_m: tuple[_Metres, _Metres, _Metres]
-
-
-class _DistortionTable(TomlTable, allow_inf_nan=False):
-    k1: float = 0.0
-    k2: float = 0.0
-    k3: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k4: float = 0.0
-    k5: float = 0.0
-    k6: float = 0.0
-    limit_tan: float = Field(0.0, ge=0, le=10)
-
-
-class _ExposureTable(TomlTable, allow_inf_nan=False):
-    captures: Literal[0, 9, 10] = 0
-    spacing_ms: float = Field(0.0, ge=0, le=1000)
-    read_out_ms: float = Field(0.0, ge=0, le=1000)
-    bands: int = Field(16, ge=2, le=64)
-
-
-class _RigTable(TomlTable, allow_inf_nan=False):
-    width: int = Field(ge=8, le=8192)
-    height: int = Field(ge=8, le=8192)
-    focal_px: tuple[_Pixels, _Pixels]
-    centre_px: tuple[_Pixels, _Pixels]
-    emitter: tuple[_EmitterTable, ...] = ()
-    imager: tuple[_ImagerTable, ...] = ()
-    border_px: tuple[_Border, _Border, _Border, _Border] = (0, 0, 0, 0)
-    distortion: _DistortionTable = _DistortionTable()
-    deliver: Literal["undistorted", "raw"] = "undistorted"
-    near_m: float = Field(0.1, gt=0)
-    far_m: float = Field(12.0, gt=0)
-    supersample: int = Field(1, ge=1, le=5)
-    modulation_mhz: tuple[float, float, float] | tuple[()] = ()
-    shadow_map: bool = True
-    fixed_pattern_map: str = ""
-    projector_image: str = ""
-    projector_view_deg: tuple[_ViewDeg, _ViewDeg] | None = None
-    wiggling: tuple[Wave, ...] = ()
-    exposure: _ExposureTable = _ExposureTable()
-
-    @model_validator(mode="after")
-    def _check(self) -> _RigTable:
-        if min(self.focal_px) < 1:
-            raise ValueError("focal_px must be at least 1")
-        if strange := {w.modulation_mhz for w in self.wiggling} - {*self.modulation_mhz}:
-            raise ValueError(f"wiggling: {min(strange):g} MHz is none of modulation_mhz")
-        if self.near_m >= self.far_m:
-            raise ValueError(f"near_m {self.near_m} must be less than far_m {self.far_m}")
-        if any(e.position_m == (0.0, 0.0, 0.0) for e in self.emitter):
-            raise ValueError("an emitter at the camera itself throws no shadow: leave it out")
-        if self.exposure.captures and self.exposure.read_out_ms:
-            raise ValueError("exposure: give captures or read_out_ms, not both")
-        if self.projector_image and self.projector_view_deg is None:
-            raise ValueError(
-                "projector_image needs the field of view that it fills, projector_view_deg = "
-                "[columns, rows]"
-            )
-        if self.supersample % 2 == 0:
-            raise ValueError(
-                f"supersample {self.supersample} must be odd: the middle sample is the depth"
-            )
-        return self
-
-    def rig(self) -> SensorRig:
-        return SensorRig(
-            Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
-            tuple(Emitter(e.position_m, e.spread_m, e.path_from_m, e.shares) for e in self.emitter),
-            Distortion(**self.distortion.model_dump()),
-            self.deliver,
-            self.near_m,
-            self.far_m,
-            self.supersample,
-            self.modulation_mhz,
-            self.shadow_map,
-            tuple(i.position_m for i in self.imager),
-            self.border_px,
-            Exposure(**self.exposure.model_dump()),
-            self._projector_tan(),
-        )
-
-    def _projector_tan(self) -> tuple[float, float]:
-        if not self.projector_image or self.projector_view_deg is None:
-            return 0.0, 0.0
-        across_deg, down_deg = self.projector_view_deg
-        return half_tan(across_deg), half_tan(down_deg)
-
-
 class _SensorFile(TomlTable):
     title: str
-    rig: _RigTable
+    rig: RigTable
     stage: tuple[dict[str, Any], ...] = ()
 
 
@@ -385,7 +252,7 @@ def _insert(
     stages.insert(before, make_stage(change.name, change.spec, own, where))
 
 
-def _pattern_map(rig: _RigTable, stages: Sequence[Stage], file: Path) -> PatternMap | None:
+def _pattern_map(rig: RigTable, stages: Sequence[Stage], file: Path) -> PatternMap | None:
     """Read the map that the rig names, from the folder of the sensor file. Raises ConfigError."""
     if not rig.fixed_pattern_map:
         return None
@@ -397,7 +264,7 @@ def _pattern_map(rig: _RigTable, stages: Sequence[Stage], file: Path) -> Pattern
     return read_pattern_map(file.parent / rig.fixed_pattern_map, (rig.height, rig.width))
 
 
-def _projector_image(rig: _RigTable, stages: Sequence[Stage], file: Path) -> ProjectorImage | None:
+def _projector_image(rig: RigTable, stages: Sequence[Stage], file: Path) -> ProjectorImage | None:
     """Read the image that the rig names, from the folder of the sensor file. Raises ConfigError."""
     if not rig.projector_image or rig.projector_view_deg is None:
         return None
