@@ -92,6 +92,20 @@ def _difference(
     return mean
 
 
+def grid_triangles(shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """Return the triangles between the pixels of an image, (T, 3) flat indices of their corners.
+
+    They are counter-clockwise seen from the camera.
+
+    Args:
+        shape: (H, W) of the image.
+    """
+    height, width = shape
+    index = np.arange(height * width, dtype=np.int32).reshape(height, width)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    return np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
+
+
 def surface(
     depth_m: NDArray[np.float32], rig: SensorRig, steepest_deg: float | None = None
 ) -> Mesh | None:
@@ -110,11 +124,7 @@ def surface(
         largest_share = 3 * _EDGE_SHARE
     else:  # the step in depth from a pixel to the next, over the depth
         largest_share = math.tan(math.radians(steepest_deg)) / rig.intrinsics.fx
-    height, width = depth_m.shape
-    index = np.arange(height * width, dtype=np.int32).reshape(height, width)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    # Counter-clockwise seen from the camera, which looks along -z in these axes.
-    triangles = np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
+    triangles = grid_triangles(depth_m.shape)
     z = depth_m.ravel()[triangles]
     low, high = z.min(axis=1), z.max(axis=1)
     kept = triangles[(low > 0) & (high - low <= largest_share * low)]

@@ -44,6 +44,11 @@ class Surfaces:
         return np.isfinite(self.rough_mm) & (self.cosine > _LEAST_COSINE)
 
 
+def step_limit_mm(depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest difference of neighbours on one surface, mm, at depths in mm."""
+    return np.asarray(_STEP_MM + _STEP_MM_PER_M * depth_mm / 1000.0)
+
+
 @lru_cache(maxsize=4)
 def _basis(size: int) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float64]]:
     """Return orthonormal kernels of 1, x, y, x^2, xy, y^2 and their values at the centre."""
@@ -67,7 +72,7 @@ def fit_surfaces(depth_mm: Array, rays: Array, size: int) -> Surfaces:
     """
     known = np.isfinite(depth_mm)
     z = np.where(known, depth_mm, 0.0).astype(np.float64)
-    limit = _STEP_MM + _STEP_MM_PER_M * z / 1000.0
+    limit = step_limit_mm(z)
     torn = ~known
     torn[:, 1:] |= np.abs(np.diff(z, axis=1)) > limit[:, 1:]
     torn[1:] |= np.abs(np.diff(z, axis=0)) > limit[1:]
