@@ -10,6 +10,7 @@ infrared it is that of skin everywhere.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -118,6 +119,8 @@ class _Replayer:
             light = None if light is None else np.ascontiguousarray(light[:, ::-1])
         holes_px = _WIDEST_HOLE_PX[light is not None]
         surfaces = find_surfaces(depth, self._smooth_px, holes_px)
+        if not np.isfinite(surfaces.front_mm).any():  # nothing to see, and nothing to render
+            return replace(frame, depth_mm=np.full_like(frame.depth_mm, np.nan))
         albedo = np.full(depth.shape, SKIN_ALBEDO)
         if light is not None:
             albedo = self._albedo(surfaces, light)

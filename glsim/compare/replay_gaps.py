@@ -102,23 +102,28 @@ def _fill_gap(
         out[chosen], label[chosen], source[chosen] = z[end], label[end], source[end]
 
 
-def continue_behind(front: Array) -> Array:
+def continue_behind(front: Array) -> tuple[Array, Labels]:
     """Continue far surfaces behind the rims of near ones, along rows, then along columns.
 
     Args:
         front: (H, W) depth that the camera sees, mm, NaN = none.
 
     Returns:
-        (H, W) depth behind it, mm, and of the far surface's own last pixel; NaN elsewhere.
+        (H, W) depth behind it, mm, and of the far surface's own last pixel; NaN elsewhere. And the
+        flat index of that last pixel, whose reflectivity the continued surface has.
 
     """
-    along_rows = _behind_rows(front)
-    along_columns = _behind_rows(np.ascontiguousarray(front.T)).T
-    return np.where(np.isfinite(along_rows), along_rows, along_columns)
+    depth, place = _behind_rows(front)
+    turned, turned_place = (part.T for part in _behind_rows(np.ascontiguousarray(front.T)))
+    height, width = front.shape
+    by_rows = np.isfinite(depth)
+    upright = turned_place % height * width + turned_place // height
+    return np.where(by_rows, depth, turned), np.where(by_rows, place, upright)
 
 
-def _behind_rows(front: Array) -> Array:
-    out = np.full(front.shape, np.nan)
+def _behind_rows(front: Array) -> tuple[Array, Labels]:
+    """Return the depth behind the rims of each row, and the flat index that it comes from."""
+    out, place = np.full(front.shape, np.nan), np.zeros(front.shape, np.int64)
     width = front.shape[1]
     with np.errstate(invalid="ignore"):
         change = np.diff(front, axis=1)
@@ -134,7 +139,8 @@ def _behind_rows(front: Array) -> Array:
         with np.errstate(invalid="ignore"):
             open_from = np.flatnonzero(~(z[span] < depth - 1.0))
         span = span[: open_from[0]] if open_from.size else span
-        held = out[row, span]
-        out[row, span] = np.where(np.isfinite(held), np.minimum(held, depth), depth)
-        out[row, far] = depth  # the two meshes overlap by a pixel
-    return out
+        nearer = ~(out[row, span] <= depth)  # NaN: nothing was continued there yet
+        out[row, span[nearer]], place[row, span[nearer]] = depth, row * width + far
+        # The two meshes overlap by a pixel.
+        out[row, far], place[row, far] = depth, row * width + far
+    return out, place

@@ -40,6 +40,7 @@ class ReplaySurfaces:
         label: (H, W) number of the surface of ``front_mm``; -1 = none.
         light_from: (H, W) flat index of the pixel whose reflectivity a pixel has: its own, or, in
             gaps, that of the surface which the gap was given to.
+        behind_from: (H, W) the same of ``behind_mm``.
 
     """
 
@@ -47,6 +48,7 @@ class ReplaySurfaces:
     behind_mm: Array
     label: Labels
     light_from: Labels
+    behind_from: Labels
 
 
 def find_surfaces(
@@ -65,11 +67,14 @@ def find_surfaces(
     label = np.where(np.isfinite(smooth), label, -1)
     front, filled, source = fill_rows(smooth, label, widest_hole_px)
     front, filled, source = fill_columns(front, filled, source, widest_hole_px)
-    return ReplaySurfaces(front, continue_behind(front), filled, source)
+    behind, behind_source = continue_behind(front)
+    return ReplaySurfaces(front, behind, filled, source, source.ravel()[behind_source])
 
 
 def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh:
     """Join the pixels of all surfaces into one mesh, in the camera frame, mm.
+
+    Raises MeshError if there is no surface.
 
     Args:
         camera: of the depth map.
@@ -77,16 +82,15 @@ def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh
 
     """
     rays = camera.rays().astype(np.float64)
-    light = albedo.ravel()[surfaces.light_from.ravel()].reshape(albedo.shape)
+    front = surfaces.front_mm, surfaces.label, surfaces.light_from
+    behind = surfaces.behind_mm, None, surfaces.behind_from
     vertices, faces, lights = [], [], []
     count = 0
-    for depth, label in ((surfaces.front_mm, surfaces.label), (surfaces.behind_mm, None)):
+    for depth, label, light_from in (front, behind):
         used, corners = _triangles(depth, label)
-        if len(corners) == 0:
-            continue
         points = np.concatenate([rays * depth[..., None], depth[..., None]], axis=-1)
         vertices.append(points.reshape(-1, 3)[used])
-        lights.append(light.ravel()[used])
+        lights.append(albedo.ravel()[light_from.ravel()[used]])
         faces.append(corners + count)
         count += len(used)
     return Mesh(

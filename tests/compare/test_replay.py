@@ -61,6 +61,7 @@ def test_the_far_surface_goes_on_behind_the_near_one_and_lends_its_light() -> No
     np.testing.assert_allclose(behind, WALL_MM + 0.4 * 142, atol=3)
     row, column = np.divmod(found.light_from[60, 143], WIDTH)
     assert (row, column) == (60, 146)
+    assert {*np.unique(found.behind_from[60, 121:139])} == {60 * WIDTH + 146}, "the far one's light"
     assert found.light_from[60, 100] == 60 * WIDTH + 100
 
 
@@ -69,6 +70,13 @@ def test_wide_holes_of_a_surface_stay_open() -> None:
     depth[90:118, 100:160] = np.nan
     assert np.isnan(find_surfaces(depth, 3.0, 12).front_mm[104, 130])
     assert np.isfinite(find_surfaces(depth, 3.0, 80).front_mm[104, 130])
+
+
+def test_a_frame_without_depth_stays_one(recorded: FrameSet) -> None:
+    first = recorded.frames[0]
+    empty = DepthFrame("none", np.full_like(first.depth_mm, np.nan), None, first.camera)
+    again = replay(FrameSet("two", (first, empty)), "kinect-v2", mirrored=False)
+    assert [np.isfinite(f.depth_mm).any() for f in again.frames] == [True, False]
 
 
 def test_the_mesh_is_seen_where_the_depth_was() -> None:
