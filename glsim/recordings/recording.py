@@ -29,6 +29,7 @@ from glsim.dataset.header import is_dataset
 from glsim.dataset.pair import Pair
 from glsim.dataset.reader import Dataset, open_dataset
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.png import stated_unit_mm
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.frame import DepthFrame, FrameSet
 from glsim.measures.stacks import with_nan
@@ -212,7 +213,7 @@ def open_recording(
     maps = [file for _, files in found for file in files]
     folder = given[0] if given[0].is_dir() else given[0].parent
     stated, stated_by = stated_camera(folder, maps[0].parent)
-    unit = unit_mm or stated.unit_mm or 1.0
+    unit = unit_mm or stated.unit_mm or stated_unit_mm(maps[0]) or 1.0
     lights = [infrared_beside(file) for file in maps]
     if infrared is not None:
         lights = list(infrared_files(maps, infrared))

@@ -10,6 +10,8 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import open_dataset
+from glsim.files.atomic import write_atomic
+from glsim.files.png import encode_png
 from glsim.recordings.recording import open_recording, read_frame_set
 
 DEPTH = np.full((48, 64), 9000, np.uint16)
@@ -36,6 +38,16 @@ def test_unit_and_intrinsics_of_the_file_hold(tmp_path: Path, place: str) -> Non
     assert (frame.camera.cx, frame.camera.cy) == (30, 20)
     assert recording.distortion == (0.1, 0, 0, 0.01, 0)
     assert recording.stated.baseline_m == 0.05
+
+
+def test_png_files_state_their_step_and_a_camera_file_wins(tmp_path: Path) -> None:
+    """What glsim denoise writes is read in the steps that it states."""
+    depth = np.full((40, 60), 9000, np.uint16)
+    write_atomic(encode_png(depth, depth_unit_mm=0.1), tmp_path / "0000_depth.png")
+    assert open_recording(tmp_path).read().frames[0].depth_mm[0, 0] == pytest.approx(900)
+    assert open_recording(tmp_path, 0.5).read().frames[0].depth_mm[0, 0] == pytest.approx(4500)
+    (tmp_path / "camera.toml").write_text("unit_mm = 0.2\n")
+    assert open_recording(tmp_path).read().frames[0].depth_mm[0, 0] == pytest.approx(1800)
 
 
 def test_options_win_over_the_file(tmp_path: Path) -> None:
