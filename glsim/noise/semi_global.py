@@ -7,23 +7,24 @@ All is in whole numbers: the same bytes on every machine and for any number of t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from glsim.noise.image_alignment import STEPS_PER_PX, align
 
 Disparities = NDArray[np.int32]
 Matched = NDArray[np.int16]
 Counts = NDArray[np.float32]
 
-#: Steps per pixel of what ``match`` returns, and of OpenCV's disparities.
-STEPS_PER_PX, _MATCHED_STEPS = 256, 16
+#: Steps per pixel of OpenCV's disparities; ``match`` returns STEPS_PER_PX.
+_MATCHED_STEPS = 16
 #: A disparity that is none.
 NO_MATCH = -1
+#: Stands for no match where differences count, 1/256 px: below all disparities by 2,000 px.
+_FAR_OFF = -(1 << 19)
 #: Standard deviation of an image of even contrast, counts: its dots then just fit 8 bits. Chosen.
 _EVEN_COUNTS = 40
-#: Largest step of the refinement, 1/256 px; chosen: half a pixel, beyond which images repeat.
-_MOST_REFINED = 128
 
 
 def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
@@ -75,7 +76,7 @@ def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
     if p["refine_px"] > 0:
         window_px = int(p["refine_px"]) | 1, int(p["refine_across_px"] or p["refine_px"]) | 1
         for _ in range(int(p["refine_rounds"])):
-            found = _refined(found, views[0], views[1], window_px)
+            found = align(found, views[0], views[1], window_px)
             if p["refine_mean"] > 0:
                 found = _support_mean(found, along, across, p["support_step_px"])
     return found
@@ -147,20 +148,21 @@ def _support_mean(
 
 def _mean_along(values: Disparities, axis: int, reach: int, step: int) -> Disparities:
     """Average along one axis over ``reach`` neighbours on both sides that differ by less."""
-    total, count = values.copy(), np.ones(values.shape, np.int32)
-    for shift in range(1, reach + 1):
+    known = values >= 0
+    own = np.where(known, values, _FAR_OFF)  # differs by more than a step from every disparity
+    # The mean is the own value and the mean of the neighbours' differences from it.
+    total, count = np.zeros(values.shape, np.int32), np.ones(values.shape, np.int32)
+    for shift in range(1, min(reach, values.shape[axis] - 1) + 1):
         ahead = (slice(None),) * axis + (slice(shift, None),)
         behind = (slice(None),) * axis + (slice(None, -shift),)
-        if shift >= values.shape[axis]:
-            break
-        one, other = values[ahead], values[behind]
-        alike = (np.abs(one - other) < step) & (one >= 0) & (other >= 0)
-        total[ahead] += np.where(alike, other, 0)
-        total[behind] += np.where(alike, one, 0)
+        apart = own[ahead] - own[behind]
+        alike = np.abs(apart) < step
+        apart *= alike
+        total[ahead] -= apart
+        total[behind] += apart
         count[ahead] += alike
         count[behind] += alike
-    mean = (total + (count >> 1)) // count
-    return np.where(values >= 0, mean, NO_MATCH)
+    return np.where(known, own + (total + (count >> 1)) // count, NO_MATCH)
 
 
 def _bytes(counts: Counts) -> NDArray[np.uint8]:
@@ -168,82 +170,3 @@ def _bytes(counts: Counts) -> NDArray[np.uint8]:
     largest = int(counts.max(initial=0.0))
     shift = max(largest.bit_length() - 8, 0)
     return (counts.astype(np.int32) >> shift).astype(np.uint8)
-
-
-#: Steps per pixel at which the second image is interpolated by ``_refined``.
-_TAP_STEPS = 16
-
-
-@lru_cache(maxsize=1)
-def _cubic_taps() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return (16, 4) whole weights of Catmull and Rom's cubic, times 2 x 16^3, and of its slope.
-
-    Weights of the four pixels around a place between the second and the third; the slope's are
-    times 2 x 16^2.
-    """
-    n = _TAP_STEPS
-    f = np.arange(n)[:, None]
-    value = [
-        -(f**3) + 2 * n * f**2 - n**2 * f,
-        3 * f**3 - 5 * n * f**2 + 2 * n**3,
-        -3 * f**3 + 4 * n * f**2 + n**2 * f,
-        f**3 - n * f**2,
-    ]
-    slope = [
-        -3 * f**2 + 4 * n * f - n**2,
-        9 * f**2 - 10 * n * f,
-        -9 * f**2 + 8 * n * f + n**2,
-        3 * f**2 - 2 * n * f,
-    ]
-    return np.hstack(value).astype(np.int64), np.hstack(slope).astype(np.int64)
-
-
-def _refined(
-    found: Disparities,
-    left: NDArray[np.uint8],
-    right: NDArray[np.uint8],
-    window_px: tuple[int, int],
-) -> Disparities:
-    """Move disparities to where the windows of the two images differ least in squares.
-
-    One step of Lucas and Kanade (1981). A parabola through three costs prefers whole pixels by up
-    to 0.2 px; this does by less than a tenth of that. Sums of whole numbers below 2^53 are exact in
-    float64.
-
-    Args:
-        found: (H, W) in 1/256 px, smooth.
-        left, right: (H, W) images of even contrast.
-        window_px: sides of the window along the baseline and across it.
-    """
-    import cv2
-
-    height, width = found.shape
-    known = found >= 0
-    fine = STEPS_PER_PX // _TAP_STEPS
-    coarse = (found + fine // 2) // fine  # 1/16 px
-    column = np.arange(width, dtype=np.int64) * _TAP_STEPS - coarse
-    first = np.floor_divide(column, _TAP_STEPS)
-    share = column - first * _TAP_STEPS
-    known &= (first >= 1) & (first < width - 2)
-    first = np.where(known, first, 1)
-    row = np.arange(height)[:, None]
-    value, slope = _cubic_taps()
-    seen, steep = np.zeros(found.shape, np.int64), np.zeros(found.shape, np.int64)
-    for tap in range(4):
-        counts = right[row, first + tap - 1].astype(np.int64)
-        seen += value[share, tap] * counts
-        steep += slope[share, tap] * counts
-    # Scales: counts 2^13, slope 2^9; disparities 2^8: all differences get 2^17.
-    apart = (left.astype(np.int64) * (2 * _TAP_STEPS**3) - seen) * fine
-    apart -= steep * (coarse * fine - found)
-    steep[~known] = 0
-    size, border = window_px, cv2.BORDER_CONSTANT
-    above = cv2.boxFilter(
-        (steep * apart).astype(np.float64), cv2.CV_64F, size, normalize=False, borderType=border
-    )
-    below = cv2.boxFilter(
-        (steep * steep).astype(np.float64), cv2.CV_64F, size, normalize=False, borderType=border
-    )
-    # A larger disparity looks farther to the left: the slope's sign turns.
-    step = np.rint(-above / np.maximum(below, 1.0)).clip(-_MOST_REFINED, _MOST_REFINED)
-    return np.where(known, found + step.astype(np.int32), found)
