@@ -23,11 +23,12 @@ from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.image_alignment import STEPS_PER_PX
 from glsim.noise.layer_names import DISPARITY_LAYER
 from glsim.noise.match_reasons import match_reasons
 from glsim.noise.numpy_twins.layers import pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
-from glsim.noise.semi_global import NO_MATCH, STEPS_PER_PX, match, reject_unlit
+from glsim.noise.semi_global import NO_MATCH, match, reject_unlit
 from glsim.noise.stage import array_stage
 from glsim.noise.view_warp import warp_to_camera
 
