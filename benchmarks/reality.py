@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 SQUARE_MM, MARGIN_MM = 30.0, 20.0
 SQUARES = (6, 8)
 #: Albedos relative to a white wall, chosen: paper, print, a painted chair, doors, walls, floor.
-PAPER, PRINT, CHAIR, DOOR, WALL, FLOOR = 0.95, 0.06, 0.75, 0.55, 0.9, 0.3
+PAPER, PRINT, CHAIR, DOOR, WALL, FLOOR = 1.0, 0.037, 0.75, 0.55, 0.9, 0.3
 #: iai_kinect2's limits, mm: the real frames hold 103 to 12,000 mm.
 DRIVER = {"range_gate": {"near_mm": 100.0, "far_mm": 12000.0}}
 

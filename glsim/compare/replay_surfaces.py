@@ -1,7 +1,8 @@
 """The surfaces of one real frame without its noise: what a replay renders.
 
 A frame is cut into surfaces where neighbouring depths jump (tiny ones are flying pixels), smoothed
-(``replay_smoothing``), and its gaps are given to the surfaces (``replay_gaps``).
+(``replay_smoothing``) down to the relief that is rougher than noise (``replay_relief``), and its
+gaps are given to the surfaces (``replay_gaps``).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.compare.replay_gaps import continue_behind, fill_columns, fill_rows
+from glsim.compare.replay_relief import keep_relief
 from glsim.compare.replay_smoothing import smooth_depth
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.depth_map import grid_triangles
@@ -52,7 +54,10 @@ class ReplaySurfaces:
 
 
 def find_surfaces(
-    depth_mm: NDArray[np.float32], smooth_px: float, widest_hole_px: int
+    depth_mm: NDArray[np.float32],
+    smooth_px: float,
+    widest_hole_px: int,
+    noise_mm2: Array | None = None,
 ) -> ReplaySurfaces:
     """Find the surfaces of a depth map.
 
@@ -60,15 +65,29 @@ def find_surfaces(
         depth_mm: (H, W) mm, NaN where there is no depth.
         smooth_px: standard deviation of the Gaussian window of the smoothing, px.
         widest_hole_px: holes within a surface are closed up to this width.
+        noise_mm2: (H, W) variance of the camera's noise, mm^2: relief that is rougher is kept.
+            None: none is.
 
     """
-    label = _connected(depth_mm)
-    smooth = smooth_depth(depth_mm, label >= 0, smooth_px)
-    label = np.where(np.isfinite(smooth), label, -1)
+    label, smooth = smooth_surfaces(depth_mm, smooth_px)
+    if noise_mm2 is not None:
+        smooth = keep_relief(depth_mm, smooth, label, noise_mm2, smooth_px)
     front, filled, source = fill_rows(smooth, label, widest_hole_px)
     front, filled, source = fill_columns(front, filled, source, widest_hole_px)
     behind, behind_source = continue_behind(front)
     return ReplaySurfaces(front, behind, filled, source, source.ravel()[behind_source])
+
+
+def smooth_surfaces(depth_mm: NDArray[np.float32], smooth_px: float) -> tuple[Labels, Array]:
+    """Number the surfaces of a depth map and smooth each.
+
+    Returns:
+        (H, W) number of the surface, -1 = none, and (H, W) smoothed depth, mm, NaN there.
+
+    """
+    label = _connected(depth_mm)
+    smooth = smooth_depth(depth_mm, label >= 0, smooth_px)
+    return np.where(np.isfinite(smooth), label, -1), smooth
 
 
 def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh:

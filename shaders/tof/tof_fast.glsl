@@ -13,7 +13,7 @@
 uniform float step_mm = 20.0;         //@ [0, 1000] mm  range of depth in 3x3 beyond which phasors are summed up
 uniform float read_variance = 16.5;   //@ [0, 1e4]  LSB^2 variance of a tap without light, as in tof_taps
 uniform float shot_variance = 0.0166; //@ [0, 10]   LSB variance of a tap for one LSB of light, as in tof_taps
-uniform float saturation_lsb = 4350.0;//@ [1, 16320] LSB amplitudes beyond this saturate; tof_taps loses white surfaces at the same distance
+uniform float saturation_lsb = 3915.0;//@ [1, 16320] LSB amplitudes beyond this saturate; tof_taps loses white surfaces at the same distance
 uniform float sharpness = 5.0;        //@ [0, 100]  1   decay of the bilateral filter's weight, as in tof_bilateral
 uniform float max_edge = 2.5;         //@ [0, 8]    1   sum of the neighbours' phase distances that marks a pixel, as in tof_bilateral
 

@@ -9,6 +9,10 @@
 // growth with light is smaller here, because the real frames show none.
 // Optics: a narrow core, a halo, and haze: light that the lens scatters over a neighbourhood. Measured
 // at edges of real frames: sigma 0.22 px, 15 % in a halo of 1.2 px; 2 % of haze in shadows.
+// The halo's light arrives late: dark print beside white paper is measured up to 12 mm too far, most
+// so 1.5 to 2 px from the edge, and the paper beside it 0.7 mm too near. Why is not known: charge that
+// diffuses between pixels and reflections within the lens would both be late. A camera's calibration
+// holds on even surfaces, so that the mean delay is taken off.
 //@ sparse
 #include "lib/random.glsl"
 #include "lib/tof.glsl"
@@ -16,11 +20,12 @@
 
 uniform float psf_sigma_px = 0.22;      //@ [0, 0.8]   px  standard deviation of the optical blur's core, without the pixel's area
 uniform float halo = 0.10;              //@ [0, 0.5]   1   share of the light in a halo of 1.2 px; measured: 0.15, or none and a core of 0.33 px
+uniform float halo_delay_mm = 0.0;      //@ [0, 500]   mm  half of the way by which the halo's light is late; kinect-v2.toml has the measured value
 uniform float haze = 0.02;              //@ [0, 0.2]   1   share of the light scattered to 4 to 7 px, which stands for scattering to all distances; measured: shadows hold half of it, 0.012 to 0.008 of the foreground's light, 2 to 7 px beside it
 uniform float read_variance = 16.5;     //@ [0, 1e4]   LSB^2 variance of a tap without light; measured, see above
 uniform float shot_variance = 0.0166;   //@ [0, 10]    LSB  variance of a tap for one LSB of light; chosen: the law above within 5 %
 uniform float ambient_lsb = 0.0;        //@ [0, 1e5]   LSB ambient light: it cancels, except for its noise
-uniform float saturation_lsb = 4000.0;  //@ [1, 16320] LSB taps beyond this saturate; measured: white surfaces are lost nearer than 0.65 m, at 65,535 counts of infrared
+uniform float saturation_lsb = 3600.0;  //@ [1, 16320] LSB taps beyond this saturate; measured: paper facing the camera is lost to 57 % and 87 % at 0.64 m, to 0 and 2 % at 0.73 to 0.78 m
 uniform bool companding = true;         //@            1   whether taps are rounded to 11 bits
 uniform bool dead_border = true;        //@            1   whether the first and last columns are not read out
 
@@ -38,6 +43,13 @@ const float HALO_MIDDLE = 0.332485, HALO_SIDE = 0.234939, HALO_OUTER = 0.0891;
 out vec4 phasor_a; // as light_a
 out vec4 phasor_b; // third frequency; infrared counts; flags, 2: saturated
 
+// Turns phasors by the phase of light that comes from farther away, m.
+void delay(inout vec4 a, inout vec4 b, float delay_m) {
+    vec3 angle = TWO_PI * cycles(delay_m), c = cos(angle), s = sin(angle);
+    a = vec4(a.x * c.x - a.y * s.x, a.x * s.x + a.y * c.x, a.z * c.y - a.w * s.y, a.z * s.y + a.w * c.y);
+    b.xy = vec2(b.x * c.z - b.y * s.z, b.x * s.z + b.y * c.z);
+}
+
 void main() {
     vec2 here = gl_FragCoord.xy / vec2(textureSize(u_light_a, 0));
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -45,26 +57,35 @@ void main() {
     float side = 0.5 * psf_sigma_px * psf_sigma_px, middle = 1.0 - 2.0 * side;
     float core = 1.0 - halo - haze;
     vec2 texel = 1.0 / vec2(textureSize(u_light_a, 0));
-    vec4 a = vec4(0.0), b = vec4(0.0);
+    vec4 a = vec4(0.0), b = vec4(0.0), late_a = vec4(0.0), late_b = vec4(0.0), haze_a = vec4(0.0), haze_b = vec4(0.0);
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
             vec2 at = (gl_FragCoord.xy + vec2(x, y)) * texel;
-            float weight = core * (x == 0 ? middle : side) * (y == 0 ? middle : side)
-                + halo * (x == 0 ? HALO_MIDDLE : HALO_SIDE) * (y == 0 ? HALO_MIDDLE : HALO_SIDE);
-            a += weight * textureLod(u_light_a, at, 0.0);
-            b += weight * textureLod(u_light_b, at, 0.0);
+            float sharp = core * (x == 0 ? middle : side) * (y == 0 ? middle : side);
+            float soft = halo * (x == 0 ? HALO_MIDDLE : HALO_SIDE) * (y == 0 ? HALO_MIDDLE : HALO_SIDE);
+            vec4 light_a = textureLod(u_light_a, at, 0.0), light_b = textureLod(u_light_b, at, 0.0);
+            a += sharp * light_a;
+            b += sharp * light_b;
+            late_a += soft * light_a;
+            late_b += soft * light_b;
         }
     }
-    bool beside_light = b.z > 0.0;
+    bool beside_light = b.z + late_b.z > 0.0;
     for (int k = 0; k < 4; k++) {
         float s = float(k & 2) - 1.0, t = float((k & 1) * 2) - 1.0;
         vec2 near = (gl_FragCoord.xy + 2.0 * s * vec2(1 - (k & 1), k & 1)) * texel;
         vec2 away = (gl_FragCoord.xy + 4.0 * vec2(s, t)) * texel;
-        a += HALO_OUTER * halo * textureLod(u_light_a, near, 0.0)
-            + 0.25 * haze * textureLod(u_light_a, away, 0.0);
-        b += HALO_OUTER * halo * textureLod(u_light_b, near, 0.0)
-            + 0.25 * haze * textureLod(u_light_b, away, 0.0);
+        late_a += HALO_OUTER * halo * textureLod(u_light_a, near, 0.0);
+        late_b += HALO_OUTER * halo * textureLod(u_light_b, near, 0.0);
+        haze_a += 0.25 * haze * textureLod(u_light_a, away, 0.0);
+        haze_b += 0.25 * haze * textureLod(u_light_b, away, 0.0);
     }
+    if (halo_delay_mm > 0.0) {
+        delay(a, b, -0.001 * halo * halo_delay_mm);
+        delay(late_a, late_b, 0.001 * (1.0 - halo) * halo_delay_mm);
+    }
+    a += late_a + haze_a;
+    b += late_b + haze_b;
     // Pixels without surface and light measure nothing: noise must not depend on a frame's window.
     bool seen = beside_light || textureLod(u_clean, here, 0.0).r > 0.0;
     bool dead = dead_border && (pixel.x == 0 || pixel.x == int(u_frame_size_px.x) - 1);

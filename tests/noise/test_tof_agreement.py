@@ -74,7 +74,7 @@ def test_taking_the_centre_for_all_samples_costs_less_than_it_may(
         one, other = quick["depth"] > 0, exact["depth"] > 0
         assert (one == other).mean() > 0.999  # haze beside faces is just decodable
         error_mm = 1000 * np.abs(quick["depth"] - exact["depth"])[one & other]
-        assert np.quantile(error_mm, 0.99) < 0.15  # optics of 0.22 px blur less of it away
+        assert np.quantile(error_mm, 0.99) < 0.2  # optics of 0.22 px blur less of it away
         assert np.quantile(error_mm, 0.999) < 3.0  # at rims, of nostrils and ears too
         turned = error_mm > 100  # dark pixels in shadows, unwrapped to another turn
         assert turned.mean() < 5e-4

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
+from glsim.noise.numpy_twins.tof_turns import TWO_PI, frequencies, half_wave_m_mhz
 
 #: libfreenect2's ab_multiplier_per_frq, and the phases of the taps.
 CONTRAST_MULTIPLIER = np.array([1.322581, 1.0, 1.612903], np.float32)
@@ -100,14 +101,28 @@ def _blurred(view: StageView, light: Image, p: Parameters) -> tuple[Image, NDArr
         part: Image = padded[row : row + height, column : column + width]
         return part
 
-    total = np.zeros_like(light)
+    total, late, haze = np.zeros_like(light), np.zeros_like(light), np.zeros_like(light)
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
-            sharp, soft = weight[abs(dx)] * weight[abs(dy)], _HALO[abs(dx)] * _HALO[abs(dy)]
-            total += (core * sharp + p["halo"] * soft) * beside(dx, dy)
-    beside_light = total[..., 6] > 0
+            total += core * weight[abs(dx)] * weight[abs(dy)] * beside(dx, dy)
+            late += p["halo"] * _HALO[abs(dx)] * _HALO[abs(dy)] * beside(dx, dy)
+    beside_light = total[..., 6] + late[..., 6] > 0
     for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2)):
-        total += _HALO_OUTER * p["halo"] * beside(dx, dy)
+        late += _HALO_OUTER * p["halo"] * beside(dx, dy)
     for dx, dy in ((-4, -4), (4, -4), (-4, 4), (4, 4)):
-        total += np.float32(0.25) * p["haze"] * beside(dx, dy)
-    return total, beside_light
+        haze += np.float32(0.25) * p["haze"] * beside(dx, dy)
+    if p["halo_delay_mm"] > 0:
+        metres = np.float32(0.001) * p["halo_delay_mm"]
+        total = _delayed(view, total, -p["halo"] * metres)
+        late = _delayed(view, late, (one - p["halo"]) * metres)
+    return total + late + haze, beside_light
+
+
+def _delayed(view: StageView, light: Image, delay_m: np.float32) -> Image:
+    """Turn the phasors of (h, w, 8) light by the phase of a way that is longer by ``delay_m``."""
+    angle = TWO_PI * delay_m * frequencies(view) / half_wave_m_mhz()
+    turned = light.copy()
+    real, imaginary, c, s = light[..., 0:6:2], light[..., 1:6:2], np.cos(angle), np.sin(angle)
+    turned[..., 0:6:2] = real * c - imaginary * s
+    turned[..., 1:6:2] = real * s + imaginary * c
+    return turned
