@@ -19,7 +19,7 @@ _EYE_TO_MOUTH_MM: Final = 66.0
 _CHEEK_Z: Final = (-110.0, -88.0, -70.0, -50.0, -30.0, -10.0, 10.0)
 _CHEEK_Y: Final = (62.0, 58.0, 28.0, 12.0, 6.0, 8.0, 12.0)
 _LOW_Y: Final = (-6.0, -12.0, -38.0, -58.0, -66.0, -66.0, -66.0)
-_EDGE_MM: Final = 4.2
+_EDGE_MM: Final = 6.3
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     brow = _brows(anatomy)
     skin = anatomy.outside & ~anatomy.body
     chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(brow[anatomy.faces] > 0.3, axis=1)
-    grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 2.2)
+    grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 3.3)
     own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
     columns = np.repeat(brow[grid.base].astype(np.float32)[:, None], 3, axis=1)
     return grid, own, grid.anchors.place(columns)[:, 0]

@@ -21,20 +21,14 @@ from glsim.appearance.beard import (
     make_brows,
 )
 from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motion
-from glsim.appearance.cloth import (
-    ClothGrid,
-    fit_cloth,
-    make_cloth,
-    make_cloth_grid,
-    make_shoes,
-    make_trousers,
-)
+from glsim.appearance.cloth import ClothGrid, fit_cloth, make_cloth_grid
 from glsim.appearance.glasses import make_glasses
 from glsim.appearance.hair import make_hair
 from glsim.appearance.noise import smooth_noise
 from glsim.appearance.outfit import Outfit, draw_outfit
 from glsim.appearance.scalp import Scalp, make_scalp
 from glsim.appearance.shell import Shell, uncovered
+from glsim.appearance.tailor import make_garment, make_lower, make_shoes
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceSource, WornPart
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
@@ -266,13 +260,14 @@ class Dresser:
         self, vertices: Points, scale: float, outfit: Outfit
     ) -> Iterator[tuple[Binding, NDArray[np.int32], float]]:
         """Yield binding, triangles and albedo of garment, trousers and shoes."""
-        if outfit.garment is None or self._cloth is None:
+        if outfit.garment is None or outfit.lower is None or self._cloth is None:
             return
-        fitted = fit_cloth(self._cloth, vertices)
+        body = fit_cloth(self._cloth, vertices)
+        tucked, seed = outfit.tucked, outfit.seed
         for made, albedo in (
-            (make_cloth(fitted, outfit.garment, scale, outfit.seed), outfit.cloth_albedo),
-            (make_trousers(fitted, outfit.trousers, outfit.seed), outfit.trousers_albedo),
-            (make_shoes(fitted, outfit.seed), outfit.shoes_albedo),
+            (make_garment(body, outfit.garment, tucked, scale, seed), outfit.cloth_albedo),
+            (make_lower(body, outfit.lower, tucked, scale, seed), outfit.trousers_albedo),
+            (make_shoes(body, seed), outfit.shoes_albedo),
         ):
             if made is not None:
                 yield *made, albedo

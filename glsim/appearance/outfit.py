@@ -10,7 +10,7 @@ from typing import Final, Protocol, TypeVar
 import numpy as np
 
 from glsim.appearance.beard import BEARDS, BeardStyle
-from glsim.appearance.cloth import GARMENTS, Garment
+from glsim.appearance.garments import GARMENTS, LOWERS, Garment, Lower
 from glsim.appearance.glasses import GLASSES, GlassesStyle
 from glsim.appearance.styles import STYLES, HairStyle
 from glsim.settings.appearance_settings import AppearanceSettings
@@ -72,7 +72,8 @@ class Outfit:
     garment: Garment | None = None
     cloth_albedo: float = 0.0
     trousers_albedo: float = 0.0
-    trousers: float = 1.0
+    tucked: bool = False
+    lower: Lower | None = None
     shoes_albedo: float = 0.0
     seed: int = 0
     words: Mapping[str, str] = field(default_factory=dict)
@@ -110,11 +111,11 @@ def draw_outfit(
     # The share is of all subjects: where the men are known, twice as many of these have a beard.
     of_men = rng("share of beard").random() < settings.beard * (1 if woman is None else 2)
     bearded = bool(of_men and not woman and age >= BEARD_FROM_YEARS)
-    hair = beard = glasses = garment = None
+    hair = beard = glasses = garment = lower = None
     beard_mm = brow_mm = rim_albedo = lens_albedo = cloth_albedo = trousers_albedo = (
         shoes_albedo
     ) = 0.0
-    trousers, lens = 1.0, "clear"
+    tucked, lens = False, "clear"
     if has_hair:
         draw = rng("hair")
         weights = _hair_weights(age, woman if woman is not None or not bearded else False)
@@ -146,10 +147,12 @@ def draw_outfit(
         cloth_albedo = note("cloth_albedo", _cloth_albedo(draw), 3)
         trousers_albedo = note("trousers_albedo", _cloth_albedo(draw), 3)
         shoes_albedo = note("shoes_albedo", _cloth_albedo(draw), 3)
-        trousers = 0.96 if draw.random() < 0.85 else 0.45
+        tucked = bool(draw.random() < garment.tucked)
+        lower = LOWERS[_choose(_lower_weights(woman), draw)]
+        words["appearance.lower"] = lower.name
     return Outfit(
         hair, beard, beard_mm, brow_mm, hair_albedo, glasses, lens, rim_albedo, lens_albedo,
-        garment, cloth_albedo, trousers_albedo, trousers, shoes_albedo,
+        garment, cloth_albedo, trousers_albedo, tucked, lower, shoes_albedo,
         int(rng("relief").integers(1 << 31)), words, numbers,
     )  # fmt: skip
 
@@ -177,6 +180,12 @@ def _hair_weights(age: float, woman: bool | None) -> list[float]:
     old = float(np.interp(age, (22, 30, 60), (0.0, 0.6, 2.0)))
     can_be_bald = old * (0.1 if woman else 1.0)
     return [w * (can_be_bald if b else 1.0) for w, b in zip(weights, bald, strict=True)]
+
+
+def _lower_weights(woman: bool | None) -> list[float]:
+    """Weights of LOWERS; of people of unknown sex the mean of women and men."""
+    share = 0.5 if woman is None else float(woman)
+    return [share * lower.women + (1 - share) * lower.men for lower in LOWERS]
 
 
 def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
