@@ -91,6 +91,7 @@ def drape(body: ClothBody, fit: Fit, limbs: tuple[Tube, ...], joint: float, seed
         axis=1,
     )
     fold[trunk.index] = trunk_folds(local[trunk.index], share, pits, seed)
+    on_arms = limbs is body.arms
     for number, limb in enumerate(limbs):
         reach = limb.length_mm * min(fit.cuff, 1.0)
         own = np.clip(limb.along / reach, 0, 1)
@@ -98,15 +99,17 @@ def drape(body: ClothBody, fit: Fit, limbs: tuple[Tube, ...], joint: float, seed
         cloth = hang(limb, rest + ease, fit.limb_slope, 15, 0.2 * limb.length_mm)
         _lay(offset, limb, _step(limb.along, 0.0, 70.0), cloth - limb.radius)
         turn = _LIMB_MM * np.stack([np.sin(limb.angle), np.cos(limb.angle)])
-        place = np.stack([turn[0], limb.along, turn[1]], axis=1)
+        place = np.stack([turn[0], limb.along, turn[1]], axis=1) / (1.0 if on_arms else 1.7)
         heights = limb_folds(place, limb.along / limb.length_mm, joint, fit.cuff, seed + 11 + number)
+        heights *= 1.0 if on_arms else 0.6
         fade = _step(limb.along, 0.0, 60.0)
         fold[limb.index] = (1 - fade) * fold[limb.index] + fade * heights * (0.4 + 0.6 * own)
-    surface = _smoothed(body, skin + offset)
+    surface = _smoothed(body, skin + offset, _SMOOTHING)
     room = ((surface - skin) * normal).sum(axis=1) - rest
     surface += np.maximum(-room, 0.0)[:, None] * normal
+    surface = _smoothed(body, surface, 2)
     room = np.maximum(room, 0.0)
-    amount = fit.fold * np.clip(0.25 + room / 14.0, 0.25, 1.6)
+    amount = fit.fold * np.clip(0.35 + room / 14.0, 0.35, 1.35)
     height = np.maximum(amount * fold, -0.4 * room)
     return surface + height[:, None] * surface_normals(body.cloth.grid.faces, surface)
 
@@ -134,14 +137,14 @@ def _lay(offset: Array, tube: Tube, weight: Array, room: Array) -> None:
     offset[index] = (1 - weight)[:, None] * offset[index] + (weight * room)[:, None] * tube.out
 
 
-def _smoothed(body: ClothBody, surface: Array) -> Array:
+def _smoothed(body: ClothBody, surface: Array, passes: int) -> Array:
     """Smooth (N, 3) mm over the grid."""
     edges = body.cloth.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     count = len(surface)
     degree = np.maximum(np.bincount(edges[:, 0], minlength=count), 1)
     columns = [np.ascontiguousarray(surface[:, k]) for k in range(3)]
     start, end = np.ascontiguousarray(edges[:, 0]), np.ascontiguousarray(edges[:, 1])
-    for _ in range(_SMOOTHING):
+    for _ in range(passes):
         columns = [0.4 * c + 0.6 * np.bincount(start, c[end], count) / degree for c in columns]
     return np.stack(columns, axis=1)
 

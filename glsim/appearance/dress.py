@@ -24,8 +24,8 @@ from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motio
 from glsim.appearance.cloth import ClothGrid, fit_cloth, make_cloth_grid
 from glsim.appearance.glasses import make_glasses
 from glsim.appearance.hair import make_hair
-from glsim.appearance.noise import smooth_noise
 from glsim.appearance.outfit import Outfit, draw_outfit
+from glsim.appearance.patterns import Pattern, pattern_factors
 from glsim.appearance.scalp import Scalp, make_scalp
 from glsim.appearance.shell import Shell, uncovered
 from glsim.appearance.tailor import make_garment, make_lower, make_shoes
@@ -43,8 +43,6 @@ DRESSED_SOURCES: Final = ("people",)
 _CACHED_SUBJECTS: Final = 8
 #: Points of the skull by which its motion is found.
 _SKULL_POINTS: Final = 96
-#: Albedo differs by this share over a part, in patches of _PATCH_MM; chosen.
-_PATCHES, _PATCH_MM = 0.10, 30.0
 
 
 def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) -> list[str]:
@@ -218,11 +216,17 @@ class Dresser:
         rest = skull_motion(vertices[:3], vertices[:3])
         worn: list[_Worn] = []
 
-        def wear(region: str, binding: Binding, faces: NDArray[np.int32], albedo: float) -> None:
+        def wear(
+            region: str,
+            binding: Binding,
+            faces: NDArray[np.int32],
+            albedo: float,
+            pattern: Pattern = "plain",
+        ) -> None:
             if len(faces):
                 points = binding.place(vertices, rest)
-                patches = smooth_noise(points / _PATCH_MM, outfit.seed + len(worn))
-                values = np.clip(albedo * (1 + _PATCHES * patches), 0.0, 1.0)
+                factors = pattern_factors(pattern, points, outfit.seed + len(worn))
+                values = np.clip(albedo * factors, 0.0, 1.0)
                 worn.append(_Worn(region, binding, faces, values.astype(np.float32)))
 
         if outfit.hair is not None:
@@ -244,8 +248,8 @@ class Dresser:
             glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
             worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
-        for binding, triangles, albedo in self._make_clothes(vertices, own.scale, outfit):
-            wear("cloth", binding, triangles, albedo)
+        for binding, triangles, *look in self._make_clothes(vertices, own.scale, outfit):
+            wear("cloth", binding, triangles, *look)
         cloth = [
             thing.binding
             for thing in worn
@@ -258,19 +262,21 @@ class Dresser:
 
     def _make_clothes(
         self, vertices: Points, scale: float, outfit: Outfit
-    ) -> Iterator[tuple[Binding, NDArray[np.int32], float]]:
-        """Yield binding, triangles and albedo of garment, trousers and shoes."""
+    ) -> Iterator[tuple[Binding, NDArray[np.int32], float, Pattern]]:
+        """Yield binding, triangles, albedo and pattern of garment, trousers and shoes."""
         if outfit.garment is None or outfit.lower is None or self._cloth is None:
             return
         body = fit_cloth(self._cloth, vertices)
         tucked, seed = outfit.tucked, outfit.seed
-        for made, albedo in (
-            (make_garment(body, outfit.garment, tucked, scale, seed), outfit.cloth_albedo),
-            (make_lower(body, outfit.lower, tucked, scale, seed), outfit.trousers_albedo),
-            (make_shoes(body, seed), outfit.shoes_albedo),
-        ):
-            if made is not None:
-                yield *made, albedo
+        garment = make_garment(body, outfit.garment, tucked, scale, seed)
+        if garment is not None:
+            yield *garment, outfit.cloth_albedo, outfit.pattern
+        lower = make_lower(body, outfit.lower, tucked, scale, seed)
+        if lower is not None:
+            yield *lower, outfit.trousers_albedo, "plain"
+        shoes = make_shoes(body, seed)
+        if shoes is not None:
+            yield *shoes, outfit.shoes_albedo, "plain"
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
         """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""

@@ -9,21 +9,22 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Array
 from glsim.appearance.noise import smooth_noise
+from glsim.settings.seeds import keyed_rng
 
 #: Half the width of a crest as a value of noise whose standard deviation is 0.3; chosen: a quarter
 #: of a draped cloth is crest.
-_CREST: Final = 0.24
+_CREST: Final = 0.33
 
 
 def crests(places: Array, seed: int) -> NDArray[np.float32]:
-    """Return (N,) float32 in [-0.3, 0.9]: rounded crests with broad valleys between them.
+    """Return (N,) float32 in [-0.6, 0.85]: rounded crests with broad valleys between them.
 
     Args:
         places: (N, 3) mm over the distance between crests.
         seed: of the noise.
     """
     value = smooth_noise(places, seed) / np.float32(_CREST)
-    return np.asarray(1.3 / (1 + value * value) - 0.45, np.float32)
+    return np.asarray(1.6 / (1 + value * value) - 0.75, np.float32)
 
 
 def trunk_folds(local: Array, share: Array, armpits: Array, seed: int) -> Array:
@@ -45,13 +46,16 @@ def trunk_folds(local: Array, share: Array, armpits: Array, seed: int) -> Array:
     soft = smooth_noise(local / (80.0, 60.0, 80.0), seed + 2)
     height = 0.5 * soft + 0.9 * flutes * np.clip(1.6 * share - 0.2, 0, 1)
     height += 0.7 * piled * np.exp(-(((share - 0.72) / 0.22) ** 2))
-    for side, armpit in zip((1.0, -1.0), armpits, strict=True):
+    for side, armpit in zip((1, -1), armpits, strict=True):
         away = local - armpit
         near = np.exp(-((np.linalg.norm(away, axis=1) / 190.0) ** 2))
+        draw = keyed_rng(seed, f"pull {side}")
+        amount, turn = draw.uniform(0.3, 1.5), draw.uniform(0.4, 1.1)
         # The crest runs down and to the middle: places are stretched along that line.
-        along, across = 0.6 * side * away[:, 0] - 0.8 * away[:, 1], 0.8 * side * away[:, 0] + 0.6 * away[:, 1]
-        pulled = np.stack([along / 190.0, across / 46.0, away[:, 2] / 130.0], axis=1)
-        height += 1.2 * near * crests(pulled, seed + 3 + (side > 0))
+        along = np.sin(turn) * side * away[:, 0] - np.cos(turn) * away[:, 1]
+        across = np.cos(turn) * side * away[:, 0] + np.sin(turn) * away[:, 1]
+        pulled = np.stack([along / 190.0, across / 50.0, away[:, 2] / 130.0], axis=1)
+        height += amount * near * crests(pulled, seed + 4 + side)
     return np.asarray(height)
 
 

@@ -45,16 +45,16 @@ class Garment:
 
 
 GARMENTS: Final = (
-    Garment("T-shirt", 6, 8, 16, 0.12, 6, 0.36, 15, neckline=-4, tucked=0.15),
-    Garment("T-shirt, V-neck", 2, 7, 14, 0.16, 5.5, 0.34, 13, "v", -2, tucked=0.1),
-    Garment("long-sleeved shirt", 3, 7, 12, 0.16, 5.5, 0.95, 9, neckline=-2, tucked=0.1),
-    Garment("shirt", 5, 11, 20, 0.12, 8, 0.95, 15, "shirt", 2, 2.0, False, 2.5, 0.45),
-    Garment("polo shirt", 2, 9, 16, 0.12, 6, 0.38, 16, "polo", 2, 2.5, False, 2.5, 0.25),
-    Garment("sweater", 4, 15, 16, 0.1, 8, 0.96, 17, neckline=2, thick=5.0, gathered=True),
-    Garment("turtleneck", 2, 9, 8, 0.2, 5, 0.96, 10, "roll", 4, 4.0, True),
-    Garment("jacket", 3, 22, 22, 0.06, 10, 0.97, 22, "zip", 4, 5.0, True, 4.0),
-    Garment("hooded sweater", 3, 18, 20, 0.07, 9, 0.96, 20, "hood", 2, 5.0, True),
-    Garment("tank top", 1, 5, 12, 0.15, 5, 0.03, 2, "none", -30, tucked=0.1),
+    Garment("T-shirt", 6, 8, 16, 0.12, 12, 0.36, 12, neckline=-4, tucked=0.15),
+    Garment("T-shirt, V-neck", 2, 7, 14, 0.16, 11, 0.34, 11, "v", -2, tucked=0.1),
+    Garment("long-sleeved shirt", 3, 7, 12, 0.16, 11, 0.95, 10, neckline=-2, tucked=0.1),
+    Garment("shirt", 5, 11, 20, 0.12, 15, 0.95, 16, "shirt", 2, 2.0, False, 2.5, 0.45),
+    Garment("polo shirt", 2, 9, 16, 0.12, 12, 0.38, 12, "polo", 2, 2.5, False, 2.5, 0.25),
+    Garment("sweater", 4, 15, 16, 0.1, 15, 0.96, 18, neckline=2, thick=5.0, gathered=True),
+    Garment("turtleneck", 2, 9, 8, 0.2, 9, 0.96, 11, "roll", 4, 4.0, True),
+    Garment("jacket", 3, 22, 22, 0.06, 17, 0.97, 24, "zip", 4, 5.0, True, 4.0),
+    Garment("hooded sweater", 3, 18, 20, 0.07, 16, 0.96, 21, "hood", 2, 5.0, True),
+    Garment("tank top", 1, 5, 12, 0.15, 7, 0.03, 2, "none", -30, tucked=0.1),
 )
 
 
@@ -89,4 +89,7 @@ LOWERS: Final = (
     Lower("wide trousers", 3, 3, 0.985, 14, 26, 0.0, 10),
     Lower("joggers", 2, 3, 0.93, 13, 2, 0.05, 9),
     Lower("shorts", 1.5, 3, 0.42, 10, 10, 0.0, 7),
+    Lower("skirt", 2, 0, 0.46, 12, 0, -0.1, 12, True),
+    Lower("pencil skirt", 1, 0, 0.48, 9, 0, 0.03, 4, True),
+    Lower("long skirt", 1.5, 0, 0.86, 12, 0, -0.1, 14, True),
 )

@@ -21,8 +21,8 @@ _ROLL: Final = ((0, 0), (5, 10), (3, 24), (1, 38), (3, 46), (8, 49), (13, 44), (
 _ZIP: Final = ((0, 0), (5, 10), (8, 26), (8, 42), (6, 47), (2, 48), (-1, 44), (0, 26), (0, 6))
 _HOOD_BACK: Final = ((0, 0), (4, 14), (14, 34), (34, 46), (58, 40), (72, 20), (76, -6), (68, -34),
                      (52, -52), (40, -52))  # fmt: skip
-_HOOD_FRONT: Final = ((0, 0), (2, 6), (5, 14), (10, 18), (16, 17), (21, 10), (23, 0), (22, -8),
-                      (19, -12), (15, -12))  # fmt: skip
+_HOOD_FRONT: Final = ((0, 0), (2, 6), (5, 14), (10, 18), (16, 17), (21, 10), (23, 0), (22, -4),
+                      (19, -5), (15, -4))  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Edge:
     Args:
         ends: (E, 2) points of the cloth, in the order of its triangles.
         points: (P,) of the cloth that are on the edge, ascending.
-        places: (P, 3) mm.
+        places: (P, 3) mm, smoothed along the edge.
         away: (P, 3) unit vectors along the cloth, away from it.
         normal: (P, 3) of the cloth.
     """
@@ -44,6 +44,10 @@ class Edge:
     normal: Array
 
 
+#: Passes of smoothing along an edge: seams are even lines.
+_SEAM_PASSES: Final = 10
+
+
 def find_edge(faces: NDArray[np.int64], surface: Array, normal: Array) -> Edge:
     """Return the edge of (F, 3) triangles of a surface, (N, 3) mm with (N, 3) normals."""
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -51,14 +55,28 @@ def find_edge(faces: NDArray[np.int64], surface: Array, normal: Array) -> Edge:
     forth, back = sides[:, 0] * count + sides[:, 1], sides[:, 1] * count + sides[:, 0]
     ends = sides[~np.isin(forth, back)]
     points, number = np.unique(ends, return_inverse=True)
-    number = number.reshape(-1, 2)
-    step = surface[ends[:, 1]] - surface[ends[:, 0]]
+    first, second = number.reshape(-1, 2).T
+
+    def smoothed(values: Array) -> Array:
+        for _ in range(_SEAM_PASSES):
+            total = 2.0 * values
+            np.add.at(total, first, values[second])
+            np.add.at(total, second, values[first])
+            values = total / parts
+        return values
+
+    parts = 2.0 + np.bincount(first, minlength=len(points)) + np.bincount(second, minlength=len(points))
+    parts = parts[:, None]
+    places = smoothed(surface[points])
     tangent = np.zeros((len(points), 3))
-    for k in range(2):
-        np.add.at(tangent, number[:, k], step)
-    away = np.cross(tangent, normal[points])
-    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
-    return Edge(ends, points, surface[points], away, normal[points])
+    for end in (first, second):
+        np.add.at(tangent, end, places[second] - places[first])
+    away = _units(smoothed(_units(np.cross(tangent, normal[points]))))
+    return Edge(ends, points, places, away, _units(smoothed(normal[points])))
+
+
+def _units(vectors: Array) -> Array:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-6)
 
 
 def hem(edge: Edge, thick: float) -> Array:
@@ -98,7 +116,7 @@ def collar(edge: Edge, kind: Collar, neck: Array, scale: float, thick: float) ->
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-6)
     turn = np.abs(np.arctan2(out[:, 0], out[:, 2]))  # 0 in front, pi behind
     if kind in ("crew", "v", "none"):
-        return rib(edge, {"crew": 17.0, "v": 12.0, "none": 6.0}[kind] * scale, thick, 0.25)
+        return rib(edge, {"crew": 17.0, "v": 12.0, "none": 6.0}[kind] * scale, thick, 0.12)
     if kind == "hood":
         behind = np.clip((turn - 0.9) / 1.3, 0, 1)[None, :, None]
         shape = _profile(_HOOD_FRONT, len(turn)) * (1 - behind) + behind * _profile(
@@ -113,9 +131,9 @@ def collar(edge: Edge, kind: Collar, neck: Array, scale: float, thick: float) ->
         shape = _profile(_STAND, len(turn))
         # The leaf is longest at its two points in front, and the collar is open between them.
         points = np.exp(-(((turn - 0.5) / 0.22) ** 2))
-        shape[5:, :, 1] -= (shape[4, :, 1] - shape[5:, :, 1]) * 0.45 * points
+        shape[5:, :, 1] -= (shape[4, :, 1] - shape[5:, :, 1]) * 0.2 * points
         shape[..., 1] *= np.clip((turn - 0.08) / 0.3, 0.12, 1)
-        shape[5:, :, 0] += 5.0 * points
+        shape[5:, :, 0] += 9.0 * points
     shape *= scale
     return np.asarray(shape[..., :1] * out + shape[..., 1:] * UP)
 

@@ -186,18 +186,8 @@ class Shell:
         if offset.ndim == 1:
             offset = point_normals(grid, skin) * offset[:, None]
         beside = _beside(grid, skin)
-        a, b, c = (skin[corner] for corner in beside.T)
-        along, across = b - a, c - a
-        normal = np.cross(along, across)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-        high = (offset * normal).sum(axis=1)
-        level = offset - high[:, None] * normal
-        # In the plane of the triangle: solve the normal equations of two shares of its edges.
-        aa, bb = (along * along).sum(axis=1), (across * across).sum(axis=1)
-        ab = (along * across).sum(axis=1)
-        la, lb = (level * along).sum(axis=1), (level * across).sum(axis=1)
-        area = np.maximum(aa * bb - ab * ab, 1e-9)
-        shares = np.stack([(bb * la - ab * lb) / area, (aa * lb - ab * la) / area, high])
+        axes = _axes(*(np.ascontiguousarray(skin[corner].T) for corner in beside.T))
+        shares = np.stack([(offset.T * axis).sum(axis=0) for axis in axes])
         self._shares = shares.astype(np.float32)
         self._beside = np.ascontiguousarray(beside.T)
         self._corners = np.ascontiguousarray(grid.anchors.corners.T)
@@ -206,17 +196,11 @@ class Shell:
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
         """Return the (N, 3) points over a mesh of the source."""
-        # By column, (3, V): NumPy works along the long axis several times faster.
         skin = np.ascontiguousarray(vertices_mm[self.used].T)
-        a, b, c = (skin[:, corner] for corner in self._beside)
-        b -= a
-        c -= a
-        normal = np.stack([b[i] * c[j] - b[j] * c[i] for i, j in ((1, 2), (2, 0), (0, 1))])
-        length = np.maximum(np.sqrt((normal * normal).sum(axis=0)), np.float32(1e-9))
-        points = a if self._undivided else self._at_points(skin)
-        points += self._shares[0] * b
-        points += self._shares[1] * c
-        points += (self._shares[2] / length) * normal
+        corners = [skin[:, corner] for corner in self._beside]
+        points = corners[0].copy() if self._undivided else self._at_points(skin)
+        for share, axis in zip(self._shares, _axes(*corners), strict=True):
+            points += share * axis
         placed = np.ascontiguousarray(points.T)
         if self._drop is not None:
             placed += self._drop if motion.is_rest else product(self._drop, motion.rotation.T)
@@ -229,6 +213,25 @@ class Shell:
         points += columns[:, corners[1]] * weights[1]
         points += columns[:, corners[2]] * weights[2]
         return np.asarray(points)
+
+
+def _axes(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return three orthogonal (3, N) unit vectors: along a side of triangles, across, outwards.
+
+    Args:
+        a, b, c: (3, N) mm, by column: NumPy works along the long axis several times faster.
+    """
+    along = b - a
+    along /= np.maximum(np.sqrt((along * along).sum(axis=0)), 1e-9)
+    out = _crossed(along, c - a)
+    out /= np.maximum(np.sqrt((out * out).sum(axis=0)), 1e-9)
+    return along, _crossed(out, along), out
+
+
+def _crossed(first: Array, second: Array) -> Array:
+    """Return the (3, N) cross products of (3, N) vectors."""
+    pairs = ((1, 2), (2, 0), (0, 1))
+    return np.stack([first[i] * second[j] - first[j] * second[i] for i, j in pairs])
 
 
 def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:

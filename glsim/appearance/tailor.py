@@ -13,9 +13,10 @@ from glsim.appearance.cloth import ClothBody
 from glsim.appearance.drape import Fit, drape
 from glsim.appearance.garments import Garment, Lower
 from glsim.appearance.noise import smooth_noise
-from glsim.appearance.rims import collar, find_edge, hem, rib
+from glsim.appearance.rims import Edge, collar, find_edge, hem, rib
 from glsim.appearance.scalp import Anchors
 from glsim.appearance.shell import Shell, SkinGrid, surface_normals
+from glsim.appearance.skirt import make_skirt
 from glsim.appearance.tubes import hang
 
 #: Lengths of an arm and a leg, mm, over which their shares count near a cut.
@@ -47,7 +48,7 @@ def make_garment(
     low = body.waist_mm if tucked else body.crotch_mm + (0.03 + 0.09 * _share(seed)) * height
     fit = Fit(
         garment.ease * scale, 0.0 if tucked else garment.flare * scale, garment.slope,
-        garment.sleeve_ease * scale, (-0.45 * garment.sleeve_ease if garment.sleeve > 0.5 else 8.0) * scale, 0.09,
+        garment.sleeve_ease * scale, (-0.45 * garment.sleeve_ease if garment.sleeve > 0.5 else 4.0) * scale, 0.09,
         garment.fold * scale, garment.thick, low, garment.sleeve, garment.gathered or tucked, garment.sleeve > 0.5,
     )  # fmt: skip
     surface = drape(body, fit, body.arms, _ELBOW, seed)
@@ -80,7 +81,7 @@ def make_garment(
         (~at_neck if garment.gathered else none, rib(edge, 24.0 * scale, garment.thick)),
         (none if garment.gathered else ~at_neck, hem(edge, garment.thick)),
     )
-    return _sewn(body, grid, places, edge.points, edge.ends, rows)
+    return _sewn(body, grid, places, edge, rows)
 
 
 def _longest(*choices: tuple[Array, Array]) -> Array:
@@ -117,18 +118,20 @@ def _sewn(
     body: ClothBody,
     grid: SkinGrid,
     places: Array,
-    points: NDArray[np.int64],
-    ends: NDArray[np.int64],
+    edge: Edge,
     rows: Array,
 ) -> Worn:
     """Sew strips to the edges of cloth.
 
     Args:
+        body: the subject.
+        grid: of the cloth.
         places: (M, 3) mm of the points of the grid.
-        points: (P,) of the edge, ascending.
-        ends: (E, 2) of the edge.
+        edge: of the cloth; ``places`` move onto it.
         rows: (R, P, 3) offsets from the edge.
     """
+    points, ends = edge.points, edge.ends
+    places[points] = edge.places
     count, wide = len(places), len(points)
     anchors = grid.anchors
     first, second = np.searchsorted(points, ends.T)
@@ -169,6 +172,8 @@ def make_lower(body: ClothBody, lower: Lower, over: bool, scale: float, seed: in
     """
     if not body.legs:
         return None
+    if lower.skirt:
+        return make_skirt(body, lower, over, scale, seed)
     cloth = body.cloth
     waist = 9.0 if over else 2.0
     fit = Fit(
@@ -188,7 +193,7 @@ def make_lower(body: ClothBody, lower: Lower, over: bool, scale: float, seed: in
     edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
     top = kind[edge.points] == _NECK
     rows = _longest((top, rib(edge, 26.0 * scale, 2.5)), (~top, hem(edge, 2.5)))
-    return _sewn(body, grid, places, edge.points, edge.ends, rows)
+    return _sewn(body, grid, places, edge, rows)
 
 
 def make_shoes(body: ClothBody, seed: int) -> Worn | None:
@@ -210,4 +215,4 @@ def make_shoes(body: ClothBody, seed: int) -> Worn | None:
         return None
     grid, places, _ = piece
     edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
-    return _sewn(body, grid, places, edge.points, edge.ends, rib(edge, 10.0, 3.0))
+    return _sewn(body, grid, places, edge, rib(edge, 10.0, 3.0))

@@ -12,7 +12,7 @@ from glsim.appearance.anatomy import Array
 from glsim.geometry.products import norm, product
 
 #: Height of a row of the lattice around a tube, mm; about the edges of the people's meshes.
-_ROW_MM: Final = 12.0
+ROW_MM: Final = 12.0
 #: Between places of the middle of a limb that bends, mm.
 _STEP_MM: Final = 40.0
 #: Slope of cloth at the root of a limb, mm per mm; chosen.
@@ -105,14 +105,21 @@ def _middles(along: Array, away: Array) -> Array:
 def hang(
     tube: Tube, ease_mm: Array, slope: float, reach: int, root_mm: float = 0.0
 ) -> Array:
-    """Return (M,) mm from the axis to cloth at the points of a tube.
+    """Return (M,) mm from the axis to cloth at the points of a tube; see ``hanging_lattice``."""
+    return _sampled(hanging_lattice(tube, ease_mm, slope, reach, root_mm), tube)
+
+
+def hanging_lattice(
+    tube: Tube, ease_mm: Array, slope: float, reach: int, root_mm: float = 0.0
+) -> Array:
+    """Return (rows, columns) mm from the axis to cloth, rows ROW_MM apart, columns from the front.
 
     Around the axis the cloth is stretched like a band over what stands out, so that it spans
     hollows. Down the axis it falls from there and comes back to the body with a slope.
 
     Args:
         ease_mm: (R,) room between skin and cloth, at even places from the upper end to the lower.
-        slope: mm nearer to the axis per mm down; 0 falls straight.
+        slope: mm nearer to the axis per mm down; 0 falls straight, less than 0 widens.
         reach: columns over which cloth spans hollows to either side.
         root_mm: from the upper end, where a limb widens into the trunk: cloth follows it there.
     """
@@ -126,23 +133,21 @@ def hang(
         # The chord between the two neighbours, where it crosses the ray between them.
         cloth = np.maximum(cloth, turn * left * right / (left + right))
     for row in range(1, rows):
-        fall = slope if row * _ROW_MM > root_mm else _ROOT_SLOPE
-        cloth[row] = np.maximum(cloth[row], cloth[row - 1] - fall * _ROW_MM)
-    for _ in range(2):  # cloth does not bend sharply
+        fall = slope if row * ROW_MM > root_mm else _ROOT_SLOPE
+        cloth[row] = np.maximum(cloth[row], cloth[row - 1] - fall * ROW_MM)
+    for _ in range(3):  # cloth does not bend sharply
         wide = np.concatenate([cloth[:1], cloth, cloth[-1:]])
         smooth = 0.25 * wide[:-2] + 0.5 * cloth + 0.25 * wide[2:]
         smooth = 0.25 * np.roll(smooth, 1, 1) + 0.5 * smooth + 0.25 * np.roll(smooth, -1, 1)
         cloth = np.maximum(smooth, skin + 0.6 * ease[:, None])
-    return _sampled(cloth, tube)
+    return cloth
 
 
 def _lattice(tube: Tube) -> Array:
     """Return (rows, columns) the largest radius in every cell; empty cells get their neighbours'."""
-    rows = int(tube.length_mm / _ROW_MM) + 2
-    row = np.minimum((tube.along / _ROW_MM + 0.5).astype(np.int64), rows - 1)
-    column = np.rint(tube.angle / (2 * np.pi) * tube.count).astype(np.int64) % tube.count
+    rows, cell = cells_of(tube)
     cells = np.zeros(rows * tube.count)
-    np.maximum.at(cells, row * tube.count + column, tube.radius)
+    np.maximum.at(cells, cell, tube.radius)
     lattice = cells.reshape(rows, tube.count)
     filled = np.flatnonzero(lattice.any(axis=1))
     for number in filled:
@@ -154,9 +159,17 @@ def _lattice(tube: Tube) -> Array:
     return np.asarray(lattice[nearest])
 
 
+def cells_of(tube: Tube) -> tuple[int, NDArray[np.int64]]:
+    """Return the number of rows of a tube's lattice, and (M,) the cell of each point."""
+    rows = int(tube.length_mm / ROW_MM) + 2
+    row = np.minimum((tube.along / ROW_MM + 0.5).astype(np.int64), rows - 1)
+    column = np.rint(tube.angle / (2 * np.pi) * tube.count).astype(np.int64) % tube.count
+    return rows, row * tube.count + column
+
+
 def _sampled(lattice: Array, tube: Tube) -> Array:
     """Return (M,) values of a lattice at the points, interpolated."""
-    at = np.minimum(tube.along / _ROW_MM, len(lattice) - 1.001)
+    at = np.minimum(tube.along / ROW_MM, len(lattice) - 1.001)
     row = at.astype(np.int64)
     down = at - row
     turn = tube.angle / (2 * np.pi) * tube.count % tube.count
