@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array, Mask
 from glsim.appearance.noise import ridges, smooth_noise
-from glsim.appearance.shell import Shell, SkinGrid, make_grid
+from glsim.appearance.shell import Shell
+from glsim.appearance.skin_grid import SkinGrid, make_grid
 
 #: From the eyes to the mouth of a mean adult, mm (Farkas 1994: 67 from sellion region to stomion).
 _EYE_TO_MOUTH_MM: Final = 66.0

@@ -6,22 +6,23 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array, Mask
 from glsim.appearance.binding import Points
-from glsim.appearance.shell import SkinGrid, make_grid, point_normals
+from glsim.appearance.skin_grid import SkinGrid, make_grid, point_normals
 from glsim.appearance.tubes import Tube, make_tube
 from glsim.geometry.products import principal_axis, product
 
 #: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart.
-_EDGE_MM: Final = {"head": 11.0, "body": 18.0}
+_EDGE_MM: Final = {"head": 11.0, "body": 20.0}
 #: The collar's plane falls forward: the back of the neck is covered higher; chosen.
 _SLOPE: Final = 0.42
 #: Away from the middle of the neck, along it: normal to the collar's plane.
 UP: Final = np.array([0.0, 1.0, _SLOPE]) / np.hypot(1.0, _SLOPE)
 #: Base of the neck of a mean adult: mm under the mouth; chosen on the procedural mean head.
 _NECK_BASE_MM: Final = 92.0
+#: Height of the middle of a foot over its sole, mm; chosen.
+_FOOT_MM: Final = 45.0
 #: Columns around a trunk, an arm or a leg, and a foot: 10 to 15 mm wide.
 _COLUMNS: Final = {"trunk": 72, "limb": 30, "foot": 24}
 
@@ -63,8 +64,9 @@ class ClothBody:
         skin, normal: (N, 3) mm and unit normals.
         trunk: from the neck down to the crotch.
         arms, legs, feet: the subject's left one first; none for a head.
-        crotch_mm, armpit_mm: heights (y); of a head those of a mean adult below its neck.
-        armpits: (2, 3) mm, left and right.
+        neck: (3,) mm, the middle of the neck at its base.
+        crotch_mm: height (y); of a head that of a mean adult below its neck.
+        armpits: (2, 3) mm, left and right; of a head those of a mean adult.
     """
 
     cloth: ClothGrid
@@ -113,9 +115,7 @@ def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
     on_foot = np.isfinite(_spread(grid, np.where(anatomy.is_in("foot"), 1.0, np.nan)))
     out = own - base
     front = out[:, 2] / np.maximum(np.hypot(out[:, 0], out[:, 2]), 1.0)
-    return ClothGrid(
-        grid, own, base, _above_neck(own, base), limbs[0], limbs[1], on_foot, front
-    )
+    return ClothGrid(grid, own, base, _above_neck(own, base), limbs[0], limbs[1], on_foot, front)
 
 
 def _spread(grid: SkinGrid, values: Array) -> Array:
@@ -177,7 +177,9 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
         heel, toe = (skin[index[f(skin[index, 2])]] for f in (np.argmin, np.argmax))
         middle = 0.5 * (skin[index, 1].min() + skin[index, 1].min() + 90.0)
         start, end = (np.array([p[0], middle, p[2]]) for p in (heel, toe))
-        return make_tube(index, skin[index], start, end, np.array([0.0, 1.0, 0.0]), _COLUMNS["foot"])
+        return make_tube(
+            index, skin[index], start, end, np.array([0.0, 1.0, 0.0]), _COLUMNS["foot"]
+        )
 
     sides = (left, ~left)
     return ClothBody(

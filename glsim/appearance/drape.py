@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Array
 from glsim.appearance.cloth import ClothBody
 from glsim.appearance.folds import limb_folds, trunk_folds
-from glsim.appearance.shell import surface_normals
+from glsim.appearance.skin_grid import surface_normals
 from glsim.appearance.tubes import Tube, hang
 
 #: Cloth that rests on the skin lies this far off, mm, besides its thickness; chosen.
@@ -26,6 +25,10 @@ _ARMPIT_MM: Final = 10.0
 _AWAY: Final = 0.3
 #: Radius at which the folds of sleeves and legs are drawn, mm.
 _LIMB_MM: Final = 60.0
+#: Folds of legs are so many times wider and higher than those of sleeves; chosen.
+_LEG_FOLDS: Final = (1.7, 0.6)
+#: Share of a limb over which it widens into the trunk.
+_ROOT: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -73,37 +76,10 @@ def drape(body: ClothBody, fit: Fit, limbs: tuple[Tube, ...], joint: float, seed
     """
     skin, normal = body.skin, body.normal
     rest = _REST_MM + 0.5 * fit.thick
-    offset = rest * normal
-    fold = np.zeros(len(skin))
-    trunk = body.trunk
-    hem = float(np.clip(body.neck[1] + 10 - fit.hem_mm, 100.0, None))
-    share = np.clip(trunk.along / hem, 0, 1)
-    ease = _eases(fit.ease, fit.flare, hem / max(trunk.length_mm, hem), fit.gathered)
-    cloth = hang(trunk, rest + ease, fit.slope, _REACH["body" if body.arms else "head"])
-    level = 1 - _step(normal[trunk.index, 1], 0.35, 0.85)
-    weight = level * _step(trunk.along, 15.0, 110.0)
-    away = np.linalg.norm(skin[trunk.index, None] - body.armpits, axis=2).min(axis=1)
-    room = np.minimum(cloth - trunk.radius, rest + _ARMPIT_MM + _AWAY * away)
-    _lay(offset, trunk, weight, room)
-    local = np.stack([skin[:, 0] - body.neck[0], body.neck[1] - skin[:, 1], skin[:, 2]], axis=1)
-    pits = np.stack(
-        [body.armpits[:, 0] - body.neck[0], body.neck[1] - body.armpits[:, 1], body.armpits[:, 2]],
-        axis=1,
-    )
-    fold[trunk.index] = trunk_folds(local[trunk.index], share, pits, seed)
-    on_arms = limbs is body.arms
+    offset, fold = rest * normal, np.zeros(len(skin))
+    _drape_trunk(body, fit, rest, offset, fold, seed)
     for number, limb in enumerate(limbs):
-        reach = limb.length_mm * min(fit.cuff, 1.0)
-        own = np.clip(limb.along / reach, 0, 1)
-        ease = _eases(fit.limb_ease, fit.limb_flare, min(fit.cuff, 1.0), fit.cuffed)
-        cloth = hang(limb, rest + ease, fit.limb_slope, 15, 0.2 * limb.length_mm)
-        _lay(offset, limb, _step(limb.along, 0.0, 70.0), cloth - limb.radius)
-        turn = _LIMB_MM * np.stack([np.sin(limb.angle), np.cos(limb.angle)])
-        place = np.stack([turn[0], limb.along, turn[1]], axis=1) / (1.0 if on_arms else 1.7)
-        heights = limb_folds(place, limb.along / limb.length_mm, joint, fit.cuff, seed + 11 + number)
-        heights *= 1.0 if on_arms else 0.6
-        fade = _step(limb.along, 0.0, 60.0)
-        fold[limb.index] = (1 - fade) * fold[limb.index] + fade * heights * (0.4 + 0.6 * own)
+        _drape_limb(fit, rest, limb, joint, limbs is body.arms, offset, fold, seed + 11 + number)
     surface = _smoothed(body, skin + offset, _SMOOTHING)
     room = ((surface - skin) * normal).sum(axis=1) - rest
     surface += np.maximum(-room, 0.0)[:, None] * normal
@@ -111,7 +87,55 @@ def drape(body: ClothBody, fit: Fit, limbs: tuple[Tube, ...], joint: float, seed
     room = np.maximum(room, 0.0)
     amount = fit.fold * np.clip(0.35 + room / 14.0, 0.35, 1.35)
     height = np.maximum(amount * fold, -0.4 * room)
-    return surface + height[:, None] * surface_normals(body.cloth.grid.faces, surface)
+    out = surface_normals(body.cloth.grid.faces, surface)
+    return np.asarray(surface + height[:, None] * out)
+
+
+def _drape_trunk(
+    body: ClothBody, fit: Fit, rest: float, offset: Array, fold: Array, seed: int
+) -> None:
+    """Lay cloth around the trunk: change (N, 3) offsets and (N,) heights of folds in place."""
+    trunk, skin = body.trunk, body.skin[body.trunk.index]
+    hem = float(np.clip(body.neck[1] + 10 - fit.hem_mm, 100.0, None))
+    ease = _eases(fit.ease, fit.flare, hem / max(trunk.length_mm, hem), fit.gathered)
+    cloth = hang(trunk, rest + ease, fit.slope, _REACH["body" if body.arms else "head"])
+    level = 1 - _step(body.normal[trunk.index, 1], 0.35, 0.85)
+    weight = level * _step(trunk.along, 15.0, 110.0)
+    away = np.linalg.norm(skin[:, None] - body.armpits, axis=2).min(axis=1)
+    room = np.minimum(cloth - trunk.radius, rest + _ARMPIT_MM + _AWAY * away)
+    _lay(offset, trunk, weight, room)
+    local, pits = ((p - body.neck) * (1.0, -1.0, 1.0) for p in (skin, body.armpits))
+    share = np.clip(trunk.along / hem, 0, 1)
+    fold[trunk.index] = trunk_folds(local, share, pits, seed)
+
+
+def _drape_limb(
+    fit: Fit,
+    rest: float,
+    limb: Tube,
+    joint: float,
+    is_arm: bool,
+    offset: Array,
+    fold: Array,
+    seed: int,
+) -> None:
+    """Lay cloth around a limb: change (N, 3) offsets and (N,) heights of folds in place."""
+    share = limb.along / limb.length_mm
+    ease = _eases(fit.limb_ease, fit.limb_flare, min(fit.cuff, 1.0), fit.cuffed)
+    cloth = hang(limb, rest + ease, fit.limb_slope, 15, _ROOT * limb.length_mm)
+    # Over a knee, and over an elbow from behind, cloth is tight when the limb is bent.
+    outer = np.cos(limb.angle) * (-1.0 if is_arm else 1.0)
+    bend = np.exp(-(((share - joint) / 0.11) ** 2))
+    loose = 1 - 0.8 * np.clip(outer + 0.3, 0, 1) * bend
+    room = rest + loose * (cloth - limb.radius - rest)
+    _lay(offset, limb, _step(limb.along, 0.0, 70.0), room)
+    turn = _LIMB_MM * np.stack([np.sin(limb.angle), np.cos(limb.angle)])
+    local = np.stack([turn[0], limb.along, turn[1]], axis=1)
+    wide, high = (1.0, 1.0) if is_arm else _LEG_FOLDS
+    heights = high * loose * limb_folds(local / wide, share, joint, fit.cuff, seed)
+    own = np.clip(share / min(fit.cuff, 1.0), 0, 1)
+    fade = _step(limb.along, 0.0, 60.0)
+    fold[limb.index] = (1 - fade) * fold[limb.index] + fade * heights * (0.4 + 0.6 * own)
 
 
 def _eases(ease: float, flare: float, hem: float, gathered: bool) -> Array:

@@ -28,7 +28,7 @@ from glsim.appearance.outfit import Outfit, draw_outfit
 from glsim.appearance.patterns import Pattern, pattern_factors
 from glsim.appearance.scalp import Scalp, make_scalp
 from glsim.appearance.shell import Shell, uncovered
-from glsim.appearance.tailor import make_garment, make_lower, make_shoes
+from glsim.appearance.tailor import Worn, make_garment, make_lower, make_shoes
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceSource, WornPart
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
@@ -80,6 +80,7 @@ class _Worn:
 
     Args:
         albedo: (N,).
+        occluder: triangles that cast shadows; None for all.
         last: the skin and the motion that the part was placed on last.
     """
 
@@ -87,6 +88,7 @@ class _Worn:
     binding: Binding
     faces: NDArray[np.int32]
     albedo: NDArray[np.float32]
+    occluder: NDArray[np.int32] | None = None
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
@@ -96,7 +98,8 @@ class _Worn:
             before, moved, part = self.last
             if np.array_equal(skin, before) and (moved == motion):
                 return part
-        mesh = Mesh(self.binding.place(vertices_mm, motion), self.faces, self.albedo)
+        placed = self.binding.place(vertices_mm, motion)
+        mesh = Mesh(placed, self.faces, self.albedo, self.occluder)
         self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
@@ -222,12 +225,13 @@ class Dresser:
             faces: NDArray[np.int32],
             albedo: float,
             pattern: Pattern = "plain",
+            occluder: NDArray[np.int32] | None = None,
         ) -> None:
             if len(faces):
                 points = binding.place(vertices, rest)
                 factors = pattern_factors(pattern, points, outfit.seed + len(worn))
                 values = np.clip(albedo * factors, 0.0, 1.0)
-                worn.append(_Worn(region, binding, faces, values.astype(np.float32)))
+                worn.append(_Worn(region, binding, faces, values.astype(np.float32), occluder))
 
         if outfit.hair is not None:
             hair = make_hair(own, self._scalp, vertices, outfit.hair, outfit.seed)
@@ -248,8 +252,9 @@ class Dresser:
             glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
             worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
-        for binding, triangles, *look in self._make_clothes(vertices, own.scale, outfit):
-            wear("cloth", binding, triangles, *look)
+        for made, albedo, pattern in self._make_clothes(vertices, own.scale, outfit):
+            if made is not None:
+                wear("cloth", *made[:2], albedo, pattern, made[2])
         cloth = [
             thing.binding
             for thing in worn
@@ -262,21 +267,16 @@ class Dresser:
 
     def _make_clothes(
         self, vertices: Points, scale: float, outfit: Outfit
-    ) -> Iterator[tuple[Binding, NDArray[np.int32], float, Pattern]]:
-        """Yield binding, triangles, albedo and pattern of garment, trousers and shoes."""
+    ) -> Iterator[tuple[Worn | None, float, Pattern]]:
+        """Yield garment, trousers or skirt, and shoes, each with its albedo and pattern."""
         if outfit.garment is None or outfit.lower is None or self._cloth is None:
             return
         body = fit_cloth(self._cloth, vertices)
         tucked, seed = outfit.tucked, outfit.seed
         garment = make_garment(body, outfit.garment, tucked, scale, seed)
-        if garment is not None:
-            yield *garment, outfit.cloth_albedo, outfit.pattern
-        lower = make_lower(body, outfit.lower, tucked, scale, seed)
-        if lower is not None:
-            yield *lower, outfit.trousers_albedo, "plain"
-        shoes = make_shoes(body, seed)
-        if shoes is not None:
-            yield *shoes, outfit.shoes_albedo, "plain"
+        yield garment, outfit.cloth_albedo, outfit.pattern
+        yield make_lower(body, outfit.lower, tucked, scale, seed), outfit.trousers_albedo, "plain"
+        yield make_shoes(body, seed), outfit.shoes_albedo, "plain"
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
         """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""

@@ -54,7 +54,7 @@ GARMENTS: Final = (
     Garment("turtleneck", 2, 9, 8, 0.2, 9, 0.96, 11, "roll", 4, 4.0, True),
     Garment("jacket", 3, 22, 22, 0.06, 17, 0.97, 24, "zip", 4, 5.0, True, 4.0),
     Garment("hooded sweater", 3, 18, 20, 0.07, 16, 0.96, 21, "hood", 2, 5.0, True),
-    Garment("tank top", 1, 5, 12, 0.15, 7, 0.03, 2, "none", -30, tucked=0.1),
+    Garment("tank top", 1, 7, 18, 0.1, 10, 0.03, 2, "none", -34, 3.0, tucked=0.1),
 )
 
 

@@ -65,8 +65,8 @@ def find_edge(faces: NDArray[np.int64], surface: Array, normal: Array) -> Edge:
             values = total / parts
         return values
 
-    parts = 2.0 + np.bincount(first, minlength=len(points)) + np.bincount(second, minlength=len(points))
-    parts = parts[:, None]
+    ways = np.bincount(number.ravel(), minlength=len(points))
+    parts = 2.0 + ways[:, None]
     places = smoothed(surface[points])
     tangent = np.zeros((len(points), 3))
     for end in (first, second):
@@ -76,7 +76,7 @@ def find_edge(faces: NDArray[np.int64], surface: Array, normal: Array) -> Edge:
 
 
 def _units(vectors: Array) -> Array:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-6)
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-6))
 
 
 def hem(edge: Edge, thick: float) -> Array:
@@ -111,12 +111,13 @@ def collar(edge: Edge, kind: Collar, neck: Array, scale: float, thick: float) ->
         scale: size of the subject over that of a mean adult.
         thick: thickness of the cloth, mm.
     """
-    out = edge.places - neck
+    out: Array = edge.places - neck
     out -= (out * UP).sum(axis=1, keepdims=True) * UP
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-6)
     turn = np.abs(np.arctan2(out[:, 0], out[:, 2]))  # 0 in front, pi behind
     if kind in ("crew", "v", "none"):
         return rib(edge, {"crew": 17.0, "v": 12.0, "none": 6.0}[kind] * scale, thick, 0.12)
+    shape: Array
     if kind == "hood":
         behind = np.clip((turn - 0.9) / 1.3, 0, 1)[None, :, None]
         shape = _profile(_HOOD_FRONT, len(turn)) * (1 - behind) + behind * _profile(

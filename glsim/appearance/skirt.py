@@ -13,7 +13,8 @@ from glsim.appearance.cloth import ClothBody
 from glsim.appearance.folds import crests
 from glsim.appearance.garments import Lower
 from glsim.appearance.scalp import Anchors
-from glsim.appearance.shell import Shell, SkinGrid
+from glsim.appearance.shell import Shell
+from glsim.appearance.skin_grid import SkinGrid
 from glsim.appearance.tubes import ROW_MM, Tube, cells_of, hanging_lattice, make_tube
 
 #: Columns around a skirt: 15 mm apart at the hips.
@@ -52,8 +53,8 @@ class Between:
 
 def make_skirt(
     body: ClothBody, lower: Lower, over: bool, scale: float, seed: int
-) -> tuple[Binding, NDArray[np.int32]] | None:
-    """Return a skirt; None for a source without legs.
+) -> tuple[Binding, NDArray[np.int32], NDArray[np.int32]] | None:
+    """Return a skirt, its triangles and those that cast shadows; None for a source without legs.
 
     Args:
         body: the subject.
@@ -101,7 +102,7 @@ def make_skirt(
     radius, level = np.concatenate(inner), np.concatenate(levels)
     places = (start + radius[..., None] * way).reshape(-1, 3)
     places[:, 1] = level.ravel()
-    faces = _lattice_faces(len(radius), rows)
+    faces, inside = _lattice_faces(len(radius), rows)
     beside = places[:, 0] - start[0]
     smooth = np.clip(0.5 + 0.5 * beside / _BETWEEN_MM, 0, 1)
     shells = []
@@ -110,7 +111,10 @@ def make_skirt(
         point = index[_nearest(tube, near, len(radius))]
         anchors = cloth.grid.anchors.taken(point)
         shells.append(_bound(body, anchors, faces, places - skin[point]))
-    return Between(*shells, smooth * smooth * (3 - 2 * smooth)), faces.astype(np.int32)
+    outside = faces.astype(np.int32)
+    both = np.concatenate([outside, inside.astype(np.int32)])
+    left, right = shells
+    return Between(left, right, smooth * smooth * (3 - 2 * smooth)), both, outside
 
 
 def _bound(body: ClothBody, anchors: Anchors, faces: NDArray[np.int64], offset: Array) -> Shell:
@@ -119,8 +123,8 @@ def _bound(body: ClothBody, anchors: Anchors, faces: NDArray[np.int64], offset: 
     return Shell(whole.taken(np.ones(len(faces), bool))[0], body.rest_mm, offset)
 
 
-def _lattice_faces(rows: int, outer: int) -> NDArray[np.int64]:
-    """Return the triangles of a closed lattice, its inner side near the hem included."""
+def _lattice_faces(rows: int, outer: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the triangles of a closed lattice, and those of its inner side near the hem."""
     number = np.arange(rows * _COLUMNS).reshape(rows, _COLUMNS)
     left, right = number, np.roll(number, -1, axis=1)
 
@@ -133,7 +137,7 @@ def _lattice_faces(rows: int, outer: int) -> NDArray[np.int64]:
         return np.concatenate([np.stack([a, c, b], 1), np.stack([a, d, c], 1)])
 
     inside = between(max(outer - _SEEN_ROWS, 0), outer)
-    return np.concatenate([between(0, rows), inside[:, ::-1]])
+    return between(0, rows), inside[:, ::-1]
 
 
 def _nearest(tube: Tube, near: Mask, rows: int) -> NDArray[np.int64]:

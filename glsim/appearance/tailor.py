@@ -2,39 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.appearance.anatomy import Array
+from glsim.appearance.anatomy import Array, Mask
 from glsim.appearance.binding import Binding
 from glsim.appearance.cloth import ClothBody
 from glsim.appearance.drape import Fit, drape
 from glsim.appearance.garments import Garment, Lower
 from glsim.appearance.noise import smooth_noise
 from glsim.appearance.rims import Edge, collar, find_edge, hem, rib
-from glsim.appearance.scalp import Anchors
-from glsim.appearance.shell import Shell, SkinGrid, surface_normals
+from glsim.appearance.shell import Shell
+from glsim.appearance.skin_grid import SkinGrid, surface_normals
 from glsim.appearance.skirt import make_skirt
 from glsim.appearance.tubes import hang
+from glsim.settings.seeds import keyed_rng
 
 #: Lengths of an arm and a leg, mm, over which their shares count near a cut.
 _ARM_MM, _LEG_MM = 520.0, 780.0
 _ELBOW, _KNEE = 0.52, 0.5
+#: Long sleeves lose this share of their room to the cuff, short ones gain some at their hem, mm;
+#: and the slope by which they come back to the arm; chosen.
+_TAPER, _SHORT_FLARE_MM, _SLEEVE_SLOPE = 0.45, 4.0, 0.09
+#: Folds of a bust are lower: its meshes have long triangles that cannot carry them; chosen.
+_BUST_FOLDS: Final = 0.65
 #: What cuts a garment off.
 _NECK, _CUFF, _HEM = 0, 1, 2
 
-#: One can look into sleeves and legs so far, mm: cloth has an inner side there; chosen.
-_SEEN_MM: Final = 130.0
+#: One can look into cloth so far, mm: it has an inner side there, in the wide legs of shorts, which
+#: look ahead when people sit, nearly everywhere; chosen.
+_SEEN_MM: Final = {"cloth": 70.0, "shorts": 260.0}
 
-Worn = tuple[Binding, NDArray[np.int32]]
+#: Binding, triangles, and those of them that cast shadows.
+Worn = tuple[Binding, NDArray[np.int32], NDArray[np.int32]]
 
 
 def make_garment(
     body: ClothBody, garment: Garment, tucked: bool, scale: float, seed: int
 ) -> Worn | None:
-    """Return the binding and the triangles of a garment; None if it covers nothing.
+    """Return a garment; None if it covers nothing.
 
     Args:
         body: the subject.
@@ -44,13 +53,22 @@ def make_garment(
         seed: of the folds.
     """
     cloth = body.cloth
-    height = float(body.neck[1]) - body.crotch_mm
-    low = body.waist_mm if tucked else body.crotch_mm + (0.03 + 0.09 * _share(seed)) * height
+    low = _garment_hem_mm(body, tucked, seed)
+    is_long = garment.sleeve > 0.5
     fit = Fit(
-        garment.ease * scale, 0.0 if tucked else garment.flare * scale, garment.slope,
-        garment.sleeve_ease * scale, (-0.45 * garment.sleeve_ease if garment.sleeve > 0.5 else 4.0) * scale, 0.09,
-        garment.fold * scale, garment.thick, low, garment.sleeve, garment.gathered or tucked, garment.sleeve > 0.5,
-    )  # fmt: skip
+        ease=garment.ease * scale,
+        flare=0.0 if tucked else garment.flare * scale,
+        slope=garment.slope,
+        limb_ease=garment.sleeve_ease * scale,
+        limb_flare=(-_TAPER * garment.sleeve_ease if is_long else _SHORT_FLARE_MM) * scale,
+        limb_slope=_SLEEVE_SLOPE,
+        fold=garment.fold * scale * (1.0 if body.arms else _BUST_FOLDS),
+        thick=garment.thick,
+        hem_mm=low,
+        cuff=garment.sleeve,
+        gathered=garment.gathered or tucked,
+        cuffed=is_long,
+    )
     surface = drape(body, fit, body.arms, _ELBOW, seed)
     cuts = np.full((3, len(surface)), 1e3)
     cuts[_NECK] = garment.neckline * scale - cloth.above_neck
@@ -65,7 +83,8 @@ def make_garment(
         across = np.abs(body.skin[:, 0] - body.neck[0])
         half = float(np.abs(body.armpits[:, 0] - body.neck[0]).mean())
         over = body.skin[:, 1] - body.armpits[:, 1].mean()
-        cuts[_CUFF] = np.where(over > -30, np.minimum(cuts[_CUFF], 0.82 * half - across), cuts[_CUFF])
+        armhole = np.where(over > -30, 0.82 * half - across, 1e3)
+        cuts[_CUFF] = np.minimum(cuts[_CUFF], armhole)
     if garment.placket:
         front = np.exp(-(((body.skin[:, 0] - body.neck[0]) / (14 * scale)) ** 4))
         surface[:, 2] += garment.placket * front * (cloth.front > 0.3)
@@ -75,28 +94,20 @@ def make_garment(
     grid, places, kind = piece
     edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
     at_neck = kind[edge.points] == _NECK
-    none = np.zeros_like(at_neck)
-    rows = _longest(
-        (at_neck, collar(edge, garment.collar, body.neck, scale, garment.thick)),
-        (~at_neck if garment.gathered else none, rib(edge, 24.0 * scale, garment.thick)),
-        (none if garment.gathered else ~at_neck, hem(edge, garment.thick)),
-    )
-    return _sewn(body, grid, places, edge, rows)
+    strips = [(at_neck, collar(edge, garment.collar, body.neck, scale, garment.thick))]
+    if garment.gathered:
+        strips.append((~at_neck, rib(edge, 24.0 * scale, garment.thick)))
+    else:
+        strips.append((~at_neck, hem(edge, garment.thick)))
+    return _sewn(body, grid, places, edge, strips)
 
 
-def _longest(*choices: tuple[Array, Array]) -> Array:
-    """Join the profiles of parts of an edge: (R, P, 3), shorter ones stay at their last row."""
-    rows = max(len(offsets) for _, offsets in choices)
-    joined = np.zeros((rows, *choices[0][1].shape[1:]))
-    for chosen, offsets in choices:
-        whole = np.concatenate([offsets, np.repeat(offsets[-1:], rows - len(offsets), axis=0)])
-        joined[:, chosen] = whole[:, chosen]
-    return joined
-
-
-def _share(seed: int) -> float:
-    """Return a number in [0, 1) of a seed."""
-    return float(np.random.Generator(np.random.Philox(key=[seed, 0x7A1])).random())
+def _garment_hem_mm(body: ClothBody, tucked: bool, seed: int) -> float:
+    """Return the height (y) of a garment's hem: at the waist, or 20 to 70 mm over the crotch."""
+    if tucked:
+        return body.waist_mm
+    height = float(body.neck[1]) - body.crotch_mm
+    return body.crotch_mm + float(keyed_rng(seed, "hem").uniform(0.03, 0.12)) * height
 
 
 def _cut(
@@ -119,7 +130,8 @@ def _sewn(
     grid: SkinGrid,
     places: Array,
     edge: Edge,
-    rows: Array,
+    strips: Sequence[tuple[Mask, Array]],
+    seen_mm: float = _SEEN_MM["cloth"],
 ) -> Worn:
     """Sew strips to the edges of cloth.
 
@@ -128,36 +140,35 @@ def _sewn(
         grid: of the cloth.
         places: (M, 3) mm of the points of the grid.
         edge: of the cloth; ``places`` move onto it.
-        rows: (R, P, 3) offsets from the edge.
+        strips: each with (P,) the part of the edge that it goes round, and (R, P, 3) offsets;
+            one can look into the cloth at the last part.
+        seen_mm: how far.
     """
-    points, ends = edge.points, edge.ends
-    places[points] = edge.places
-    count, wide = len(places), len(points)
-    anchors = grid.anchors
-    first, second = np.searchsorted(points, ends.T)
-    strips = []
-    before = (ends[:, 0], ends[:, 1])
-    for row in range(len(rows)):
-        after = (count + row * wide + first, count + row * wide + second)
-        strips += [np.stack([before[1], before[0], after[0]], 1),
-                   np.stack([before[1], after[0], after[1]], 1)]  # fmt: skip
-        before = after
-    whole = SkinGrid(
-        grid.base,
-        grid.triangles,
-        Anchors(
-            np.concatenate([anchors.corners, *[anchors.corners[points]] * len(rows)]),
-            np.concatenate([anchors.weights, *[anchors.weights[points]] * len(rows)]),
-        ),
-        np.concatenate([grid.faces, *strips]),
-    )
-    placed = np.concatenate([places, *(places[points] + row for row in rows)])
+    places[edge.points] = edge.places
+    bases, placed, faces = [np.arange(len(places))], [places], [grid.faces]
+    count = len(places)
+    for part, rows in strips:
+        own = edge.points[part]
+        ends = edge.ends[np.isin(edge.ends, own).all(axis=1)]
+        first, second = np.searchsorted(own, ends.T)
+        before = (ends[:, 0], ends[:, 1])
+        for row in rows[:, part]:
+            after = (count + first, count + second)
+            faces += [np.stack([before[1], before[0], after[0]], 1),
+                      np.stack([before[1], after[0], after[1]], 1)]  # fmt: skip
+            bases.append(own)
+            placed.append(places[own] + row)
+            before, count = after, count + len(own)
+    points = np.concatenate(bases)
+    whole = SkinGrid(grid.base, grid.triangles, grid.anchors.taken(points), np.concatenate(faces))
     skin = whole.anchors.place(body.rest_mm[whole.base]).astype(np.float64)
-    shell = Shell(whole, body.rest_mm, placed - skin)
-    away = np.linalg.norm(places[:, None] - places[points][None, ::3], axis=2).min(axis=1)
-    open_to = grid.faces[(away < _SEEN_MM)[grid.faces].all(axis=1)]
-    faces = np.concatenate([whole.faces, open_to[:, ::-1]])
-    return shell, np.ascontiguousarray(faces, np.int32)
+    shell = Shell(whole, body.rest_mm, np.concatenate(placed) - skin)
+    rims = edge.places[strips[-1][0]][::4]
+    away = np.linalg.norm(places[:, None] - rims, axis=2).min(axis=1)
+    open_to = grid.faces[(away < seen_mm)[grid.faces].all(axis=1)]
+    outside = np.ascontiguousarray(whole.faces, np.int32)
+    both = np.concatenate([outside, open_to[:, ::-1].astype(np.int32)])
+    return shell, both, outside
 
 
 def make_lower(body: ClothBody, lower: Lower, over: bool, scale: float, seed: int) -> Worn | None:
@@ -177,13 +188,25 @@ def make_lower(body: ClothBody, lower: Lower, over: bool, scale: float, seed: in
     cloth = body.cloth
     waist = 9.0 if over else 2.0
     fit = Fit(
-        waist, 3.0, 0.25, lower.ease * scale, lower.flare * scale, lower.slope,
-        lower.fold * scale, 2.5, body.crotch_mm, lower.length, False, lower.name == "joggers",
-    )  # fmt: skip
+        ease=waist,
+        flare=3.0,
+        slope=0.25,
+        limb_ease=lower.ease * scale,
+        limb_flare=lower.flare * scale,
+        limb_slope=lower.slope,
+        fold=lower.fold * scale,
+        thick=2.5,
+        hem_mm=body.crotch_mm,
+        cuff=lower.length,
+        gathered=False,
+        cuffed=lower.name == "joggers",
+    )
     surface = drape(body, fit, body.legs, _KNEE, seed + 40)
     on_leg, on_arm = np.isfinite(cloth.leg), np.isfinite(cloth.arm)
     cuts = np.full((3, len(surface)), 1e3)
-    cuts[_NECK] = np.where(on_arm, -1.0, body.waist_mm + 12 - body.skin[:, 1])
+    # Under a garment that hangs over them nobody sees the top of trousers.
+    top_mm = body.waist_mm if over else min(body.waist_mm, _garment_hem_mm(body, False, seed) + 60)
+    cuts[_NECK] = np.where(on_arm, -1.0, top_mm + 12 - body.skin[:, 1])
     cuts[_CUFF, on_leg] = _LEG_MM * (lower.length - cloth.leg[on_leg])
     cuts[_CUFF, cloth.foot] = -1.0
     piece = _cut(body, surface, cuts)
@@ -192,8 +215,9 @@ def make_lower(body: ClothBody, lower: Lower, over: bool, scale: float, seed: in
     grid, places, kind = piece
     edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
     top = kind[edge.points] == _NECK
-    rows = _longest((top, rib(edge, 26.0 * scale, 2.5)), (~top, hem(edge, 2.5)))
-    return _sewn(body, grid, places, edge, rows)
+    strips = [(top, rib(edge, 26.0 * scale, 2.5)), (~top, hem(edge, 2.5))]
+    seen_mm = _SEEN_MM["shorts" if lower.length < 0.6 else "cloth"]
+    return _sewn(body, grid, places, edge, strips, seen_mm)
 
 
 def make_shoes(body: ClothBody, seed: int) -> Worn | None:
@@ -215,4 +239,5 @@ def make_shoes(body: ClothBody, seed: int) -> Worn | None:
         return None
     grid, places, _ = piece
     edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
-    return _sewn(body, grid, places, edge, rib(edge, 10.0, 3.0))
+    whole = np.ones(len(edge.points), bool)
+    return _sewn(body, grid, places, edge, [(whole, rib(edge, 10.0, 3.0))])

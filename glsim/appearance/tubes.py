@@ -102,9 +102,7 @@ def _middles(along: Array, away: Array) -> Array:
     return np.stack([np.interp(at, np.arange(rows), line[:, k]) for k in range(3)], axis=1)
 
 
-def hang(
-    tube: Tube, ease_mm: Array, slope: float, reach: int, root_mm: float = 0.0
-) -> Array:
+def hang(tube: Tube, ease_mm: Array, slope: float, reach: int, root_mm: float = 0.0) -> Array:
     """Return (M,) mm from the axis to cloth at the points of a tube; see ``hanging_lattice``."""
     return _sampled(hanging_lattice(tube, ease_mm, slope, reach, root_mm), tube)
 
@@ -144,7 +142,7 @@ def hanging_lattice(
 
 
 def _lattice(tube: Tube) -> Array:
-    """Return (rows, columns) the largest radius in every cell; empty cells get their neighbours'."""
+    """Return (rows, columns) the largest radius in each cell; empty ones get their neighbours'."""
     rows, cell = cells_of(tube)
     cells = np.zeros(rows * tube.count)
     np.maximum.at(cells, cell, tube.radius)
