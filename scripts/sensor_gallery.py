@@ -16,22 +16,23 @@ from numpy.typing import NDArray
 from glsim import Frame, load_denoiser, load_settings, simulate
 from glsim.files.atomic import write_atomic
 from glsim.preview import Picture, brightness, shaded
-from glsim.sensors.sensor import load_sensor
 
 FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "sensors.webp"
 #: Sensor -> its caption and the distance of the face, mm: where each camera is used.
 _SENSORS: Final = {
     "kinect-v2": ("Kinect V2", 700.0),
-    "azure-kinect": ("Azure Kinect", 600.0),
+    "azure-kinect": ("Azure Kinect", 700.0),
     "realsense-d435": ("RealSense D435", 450.0),
-    "realsense-d415": ("RealSense D415", 600.0),
+    "realsense-d455": ("RealSense D455", 600.0),
     "realsense-d405": ("RealSense D405", 350.0),
     "truedepth": ("TrueDepth", 350.0),
     "kinect-v1-pattern": ("Kinect V1", 650.0),
 }
+#: Seed of the person, and how far the base of the neck, which the pose places, is below the view.
+_SEED, _NECK_MM = 74, 132.0
 _ROWS: Final = ("clean", "noisy", "denoised", "infrared")
 #: Side of what is shown, mm at the face's distance, and of a tile, px.
-_SHOWN_MM, _TILE_PX = 330.0, 230
+_SHOWN_MM, _TILE_PX = 285.0, 230
 _CAPTION_PX, _MARGIN_PX = 30, 92
 #: Quality of WebP, percent.
 _QUALITY: Final = 82
@@ -54,24 +55,25 @@ def caption(text: str, width: int, height: int) -> Picture:
 
 def column(sensor: str, name: str, distance_mm: float) -> Picture:
     """Return the tiles of one sensor below its caption."""
-    image = load_sensor(sensor).rig.intrinsics
-    side = min(round(_SHOWN_MM * image.fx / distance_mm), image.width, image.height)
     settings = load_settings(
         preset="office",
         overrides={
             "sensor": sensor,
-            "seed": 12,
-            "pose": {"distance_mm": distance_mm, "x_mm": 0, "y_mm": 20, "yaw_deg": 14},
-            "scene": {"camera_mm": 1180, "behind_mm": 900, "people": 0},
-            "output": {"crop": side},
+            "seed": _SEED,
+            "pose": {"distance_mm": distance_mm, "x_mm": 0, "y_mm": _NECK_MM, "yaw_deg": 14},
+            "scene": {"camera_mm": 1240, "behind_mm": 900, "people": 0},
         },
         source={"subjects": 1, "frames_per_subject": 1},
     )
     (frame,) = simulate(settings)
     assert isinstance(frame, Frame)
+    image = frame.intrinsics
+    side = min(round(_SHOWN_MM * image.fx / distance_mm), image.width, image.height)
+    left, top = (round(centre - side / 2) for centre in (image.cx, image.cy))
+    shown = slice(max(top, 0), max(top, 0) + side), slice(max(left, 0), max(left, 0) + side)
 
     def surface(depth_m: NDArray[np.float32]) -> Picture:
-        return tile(shaded(depth_m, frame.intrinsics))
+        return tile(shaded(depth_m, image)[shown])
 
     clean_m = np.zeros(frame.noisy.shape, np.float32)
     clean_m[frame.window.slices] = frame.clean_m
@@ -82,7 +84,7 @@ def column(sensor: str, name: str, distance_mm: float) -> Picture:
             surface(clean_m),
             surface((0.001 * frame.noisy).astype(np.float32)),
             surface((0.001 * denoised.depth_mm).astype(np.float32)),
-            tile(brightness(frame.infrared, frame.noisy.shape)),
+            tile(brightness(frame.infrared, frame.noisy.shape)[shown]),
         ]
     )
 
