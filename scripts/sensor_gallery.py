@@ -1,7 +1,7 @@
 """Draw docs/figures/sensors.webp: python scripts/sensor_gallery.py.
 
-One face seen by all kinds of sensors: shaded clean depth, noisy depth, what the shipped network makes
-of it, and the infrared. Takes under a minute and needs glsim fetch people.
+One face seen by seven sensors: shaded clean depth, noisy depth, what the shipped network makes of
+it, and the infrared. Takes under a minute and needs glsim fetch people.
 """
 
 from __future__ import annotations
