@@ -133,7 +133,7 @@ def make_beard(
     rim = np.clip(inside[used] / (4.0 + 0.8 * length_mm), 0.12, 1)
     tufts = points * np.array([1.0, 0.35, 1.0])  # hair grows down: its relief is long that way
     relief = 0.6 * ridges(tufts / 8.0, seed + 1) + 0.4 * smooth_noise(tufts / 5.0, seed + 2)
-    amplitude = min(0.45 * length_mm, 3.0)
+    amplitude = min(0.7 * length_mm, 4.5)
     height = np.maximum(length_mm * rim + amplitude * relief * np.sqrt(rim), 0.3)
     share = np.clip(beard.chin[used] / 18.0 + 0.2, 0, 1) * np.clip(-tufts[:, 1] / 1e9 + 1, 0, 1)
     drop = np.zeros((len(used), 3), np.float32)
@@ -181,6 +181,6 @@ def make_brows(
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
     keep: Mask = np.all(ragged[grid.faces] > 0.3, axis=1)
     kept, used = grid.taken(keep)
-    relief = 1 + 0.45 * smooth_noise(points[used] * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
+    relief = 1 + 0.8 * smooth_noise(points[used] * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
     height = height_mm * np.clip(weight[used], 0.15, 1) * relief
     return Shell(kept, rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)

@@ -226,16 +226,17 @@ class Dresser:
             albedo: float,
             pattern: Pattern = "plain",
             occluder: NDArray[np.int32] | None = None,
+            light: float | NDArray[np.float64] = 1.0,
         ) -> None:
             if len(faces):
                 points = binding.place(vertices, rest)
                 factors = pattern_factors(pattern, points, outfit.seed + len(worn))
-                values = np.clip(albedo * factors, 0.0, 1.0)
+                values = np.clip(albedo * light * factors, 0.0, 1.0)
                 worn.append(_Worn(region, binding, faces, values.astype(np.float32), occluder))
 
         if outfit.hair is not None:
             hair = make_hair(own, self._scalp, vertices, outfit.hair, outfit.seed)
-            wear("hair", hair.binding, hair.faces, outfit.hair_albedo)
+            wear("hair", hair.binding, hair.faces, outfit.hair_albedo, light=hair.light)
         if outfit.beard is not None:
             wear(
                 "beard",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glsim.appearance.folds import crests
+from glsim.appearance.noise import openings
 from glsim.appearance.patterns import pattern_factors
 from glsim.appearance.scalp import Anchors
 from glsim.appearance.skin_grid import SkinGrid, make_grid
@@ -121,3 +122,13 @@ def test_patterns_vary_about_the_albedo(pattern) -> None:  # type: ignore[no-unt
     plain = np.mean([pattern_factors("plain", points, seed).std() for seed in range(8)])
     assert (spread > 1.3 * plain) == (pattern != "plain")
     assert np.array_equal(factors[3], pattern_factors(pattern, points, 3))
+
+
+def test_light_gets_into_hair_as_far_as_beer_and_lambert_say() -> None:
+    """The depths at which it returns are exponential: mean and standard deviation 1."""
+    places = np.random.default_rng(0).uniform(0, 300, (200_000, 3))
+    depth = openings(places, 3)
+    assert depth.min() >= 0
+    assert depth.mean() == pytest.approx(1, abs=0.05)
+    assert depth.std() == pytest.approx(1, abs=0.1)
+    assert np.median(depth) == pytest.approx(np.log(2), abs=0.05)
