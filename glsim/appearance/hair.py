@@ -20,7 +20,7 @@ from glsim.settings.seeds import keyed_rng
 
 #: Wavelengths of the relief across strands: locks of hair are 5 to 15 mm wide; chosen.
 _RIDGE_MM, _FINE_MM, _CLUMP_MM = 15.0, 8.0, 45.0
-#: Mean way of light into hair, mm. 2 hairs/mm2 of scalp (1.5 to 2.3: Birnbaum et al., Skin Appendage
+#: Mean way of light into hair, mm. 2 hairs/mm2 of scalp (1.5 to 2.3: Birnbaum, Skin Appendage
 #: Disord. 4, 304, 2018), 0.07 mm thick and 40 mm long (chosen), fill 1.5 % of 20 mm; light that
 #: crosses them at right angles meets one after pi * 0.07 mm / (4 * 0.015) = 3.6 mm (derived).
 _WAY_MM = 3.6
