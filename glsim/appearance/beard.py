@@ -127,22 +127,21 @@ def make_beard(
     elif not style.lip:
         inside = np.minimum(inside, -beard.lip)
     ragged = inside + 2.5 * smooth_noise(beard.points / 6.0, seed)
-    keep: Mask = np.all(ragged[beard.grid.faces] > 0, axis=1)
-    grid, used = beard.grid.taken(keep)
-    points = beard.points[used]
-    rim = np.clip(inside[used] / (4.0 + 0.8 * length_mm), 0.12, 1)
+    grid, blend = beard.grid.clipped(ragged)
+    points = blend.of(beard.points)
+    rim = np.clip(blend.of(inside) / (4.0 + 0.8 * length_mm), 0.12, 1)
     tufts = points * np.array([1.0, 0.35, 1.0])  # hair grows down: its relief is long that way
     relief = 0.6 * ridges(tufts / 8.0, seed + 1) + 0.4 * smooth_noise(tufts / 5.0, seed + 2)
     amplitude = min(0.7 * length_mm, 4.5)
     height = np.maximum(length_mm * rim + amplitude * relief * np.sqrt(rim), 0.3)
-    share = np.clip(beard.chin[used] / 18.0 + 0.2, 0, 1) * np.clip(-tufts[:, 1] / 1e9 + 1, 0, 1)
-    drop = np.zeros((len(used), 3), np.float32)
+    drop = None
     if style.hang:
+        share = np.clip(blend.of(beard.chin) / 18.0 + 0.2, 0, 1)
         ends = 1 + 0.35 * smooth_noise(points / 7.0, seed + 3)
+        drop = np.zeros((len(points), 3), np.float32)
         drop[:, 1] = -style.hang * share * ends * rim**2
         drop[:, 2] = 0.15 * style.hang * share * rim
-    shell = Shell(grid, rest_mm, height, drop if style.hang else None)
-    return shell, np.ascontiguousarray(grid.faces, np.int32)
+    return Shell(grid, rest_mm, height, drop), np.ascontiguousarray(grid.faces, np.int32)
 
 
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
@@ -179,8 +178,7 @@ def make_brows(
     """
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
-    keep: Mask = np.all(ragged[grid.faces] > 0.3, axis=1)
-    kept, used = grid.taken(keep)
-    relief = 1 + 0.8 * smooth_noise(points[used] * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
-    height = height_mm * np.clip(weight[used], 0.15, 1) * relief
+    kept, blend = grid.clipped(ragged - 0.3)
+    relief = 1 + 0.8 * smooth_noise(blend.of(points) * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
+    height = height_mm * np.clip(blend.of(weight), 0.15, 1) * relief
     return Shell(kept, rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)

@@ -16,11 +16,11 @@ from glsim.appearance.garments import Collar
 #: They begin inside and come back down inside, so that their thickness shows; chosen.
 _STAND: Final = ((0, 0), (1, 10), (-1, 22), (-2, 31), (1, 35), (5, 33), (9, 24), (15, 6), (21, -10),
                  (20, -13), (15, -9))  # fmt: skip
-_ROLL: Final = ((0, 0), (5, 10), (3, 24), (1, 38), (3, 46), (8, 49), (13, 44), (14, 30), (13, 12),
-                (10, 6), (6, 6))  # fmt: skip
+_ROLL: Final = ((0, 0), (-2, 10), (-8, 24), (-12, 38), (-11, 46), (-6, 49), (-1, 44), (2, 30),
+                 (3, 12), (1, 6), (-3, 6))  # fmt: skip
 _ZIP: Final = ((0, 0), (5, 10), (8, 26), (8, 42), (6, 47), (2, 48), (-1, 44), (0, 26), (0, 6))
-_HOOD_BACK: Final = ((0, 0), (4, 14), (14, 34), (34, 46), (58, 40), (72, 20), (76, -6), (68, -34),
-                     (52, -52), (40, -52))  # fmt: skip
+_HOOD_BACK: Final = ((0, 0), (3, 12), (10, 27), (24, 36), (42, 32), (54, 16), (58, -8), (52, -36),
+                     (40, -54), (30, -54))  # fmt: skip
 _HOOD_FRONT: Final = ((0, 0), (2, 6), (5, 14), (10, 18), (16, 17), (21, 10), (23, 0), (22, -4),
                       (19, -5), (15, -4))  # fmt: skip
 
@@ -44,8 +44,8 @@ class Edge:
     normal: Array
 
 
-#: Passes of smoothing along an edge: seams are even lines.
-_SEAM_PASSES: Final = 10
+#: Seams are even lines: edges are smoothed over this length, mm, in at most so many passes.
+_SEAM_MM, _SEAM_PASSES = 22.0, 60
 
 
 def find_edge(faces: NDArray[np.int64], surface: Array, normal: Array) -> Edge:
@@ -58,7 +58,7 @@ def find_edge(faces: NDArray[np.int64], surface: Array, normal: Array) -> Edge:
     first, second = number.reshape(-1, 2).T
 
     def smoothed(values: Array) -> Array:
-        for _ in range(_SEAM_PASSES):
+        for _ in range(passes):
             total = 2.0 * values
             np.add.at(total, first, values[second])
             np.add.at(total, second, values[first])
@@ -67,6 +67,8 @@ def find_edge(faces: NDArray[np.int64], surface: Array, normal: Array) -> Edge:
 
     ways = np.bincount(number.ravel(), minlength=len(points))
     parts = 2.0 + ways[:, None]
+    spacing = float(np.median(np.linalg.norm(surface[ends[:, 1]] - surface[ends[:, 0]], axis=1)))
+    passes = int(np.clip((_SEAM_MM / max(spacing, 1.0)) ** 2, 6, _SEAM_PASSES))
     places = smoothed(surface[points])
     tangent = np.zeros((len(points), 3))
     for end in (first, second):
@@ -133,8 +135,8 @@ def collar(edge: Edge, kind: Collar, neck: Array, scale: float, thick: float) ->
         # The leaf is longest at its two points in front, and the collar is open between them.
         points = np.exp(-(((turn - 0.5) / 0.22) ** 2))
         shape[5:, :, 1] -= (shape[4, :, 1] - shape[5:, :, 1]) * 0.2 * points
-        shape[..., 1] *= np.clip((turn - 0.08) / 0.3, 0.12, 1)
         shape[5:, :, 0] += 9.0 * points
+        shape *= np.clip((turn - 0.08) / 0.3, 0.12, 1)[:, None]
     shape *= scale
     return np.asarray(shape[..., :1] * out + shape[..., 1:] * UP)
 

@@ -27,6 +27,8 @@ _ELBOW, _KNEE = 0.52, 0.5
 #: Long sleeves lose this share of their room to the cuff, short ones gain some at their hem, mm;
 #: and the slope by which they come back to the arm; chosen.
 _TAPER, _SHORT_FLARE_MM, _SLEEVE_SLOPE = 0.45, 4.0, 0.09
+#: A tank top: radius of its neckline, mm, and place of its armholes as a share of the half width.
+_SCOOP_MM, _ARMHOLE = 72.0, 0.72
 #: Folds of a bust are lower: its meshes have long triangles that cannot carry them; chosen.
 _BUST_FOLDS: Final = 0.65
 #: What cuts a garment off.
@@ -80,11 +82,7 @@ def make_garment(
     cuts[_HEM] = np.where(cloth.foot, -1.0, body.skin[:, 1] - low)
     cuts[_HEM, on_arm] = 1e3
     if garment.collar == "none":
-        across = np.abs(body.skin[:, 0] - body.neck[0])
-        half = float(np.abs(body.armpits[:, 0] - body.neck[0]).mean())
-        over = body.skin[:, 1] - body.armpits[:, 1].mean()
-        armhole = np.where(over > -30, 0.82 * half - across, 1e3)
-        cuts[_CUFF] = np.minimum(cuts[_CUFF], armhole)
+        _cut_tank_top(body, cuts, scale)
     if garment.placket:
         front = np.exp(-(((body.skin[:, 0] - body.neck[0]) / (14 * scale)) ** 4))
         surface[:, 2] += garment.placket * front * (cloth.front > 0.3)
@@ -94,12 +92,26 @@ def make_garment(
     grid, places, kind = piece
     edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
     at_neck = kind[edge.points] == _NECK
-    strips = [(at_neck, collar(edge, garment.collar, body.neck, scale, garment.thick))]
+    neck = collar(edge, garment.collar, body.neck, scale, garment.thick)
+    strips = [(at_neck, neck)]
     if garment.gathered:
         strips.append((~at_neck, rib(edge, 24.0 * scale, garment.thick)))
     else:
         strips.append((~at_neck, hem(edge, garment.thick)))
-    return _sewn(body, grid, places, edge, strips)
+    return _sewn(body, grid, places, edge, strips, is_collar=True)
+
+
+def _cut_tank_top(body: ClothBody, cuts: Array, scale: float) -> None:
+    """Cut a round neckline and armholes, in place: two straps stay on the shoulders."""
+    out = body.skin - body.neck
+    across = np.abs(out[:, 0])
+    half = float(np.abs(body.armpits[:, 0] - body.neck[0]).mean())
+    over = body.skin[:, 1] - body.armpits[:, 1].mean()
+    ahead = np.clip(out[:, 2], 0, None)
+    low = np.clip(-out[:, 1] - 20 * scale, 0, None) * np.where(out[:, 2] > 0, 0.7, 1.3)
+    cuts[_NECK] = np.sqrt(across**2 + (0.35 * ahead) ** 2 + low**2) - _SCOOP_MM * scale
+    side = np.where(over > -30, _ARMHOLE * half - across, half - across)
+    cuts[_CUFF] = np.minimum(cuts[_CUFF], side)
 
 
 def _garment_hem_mm(body: ClothBody, tucked: bool, seed: int) -> float:
@@ -132,6 +144,8 @@ def _sewn(
     edge: Edge,
     strips: Sequence[tuple[Mask, Array]],
     seen_mm: float = _SEEN_MM["cloth"],
+    *,
+    is_collar: bool = False,
 ) -> Worn:
     """Sew strips to the edges of cloth.
 
@@ -143,31 +157,39 @@ def _sewn(
         strips: each with (P,) the part of the edge that it goes round, and (R, P, 3) offsets;
             one can look into the cloth at the last part.
         seen_mm: how far.
+        is_collar: whether the first strip is stiff: it stands off the garment's edge in the frame
+            of the head, not in that of skin that a dropping jaw pulls.
     """
     places[edge.points] = edge.places
     bases, placed, faces = [np.arange(len(places))], [places], [grid.faces]
-    count = len(places)
-    for part, rows in strips:
+    stiff, turned, count = [np.zeros_like(places)], [], len(places)
+    for number, (part, rows) in enumerate(strips):
+        alone = is_collar and number == 0
         own = edge.points[part]
         ends = edge.ends[np.isin(edge.ends, own).all(axis=1)]
         first, second = np.searchsorted(own, ends.T)
         before = (ends[:, 0], ends[:, 1])
         for row in rows[:, part]:
             after = (count + first, count + second)
-            faces += [np.stack([before[1], before[0], after[0]], 1),
-                      np.stack([before[1], after[0], after[1]], 1)]  # fmt: skip
+            strip = [np.stack([before[1], before[0], after[0]], 1),
+                     np.stack([before[1], after[0], after[1]], 1)]  # fmt: skip
+            faces += strip
+            if alone:  # a collar that is folded down shows the cloth's other side
+                turned += [part[:, ::-1] for part in strip]
             bases.append(own)
-            placed.append(places[own] + row)
+            placed.append(places[own] + (0.0 if alone else row))
+            stiff.append(row if alone else np.zeros_like(row))
             before, count = after, count + len(own)
     points = np.concatenate(bases)
     whole = SkinGrid(grid.base, grid.triangles, grid.anchors.taken(points), np.concatenate(faces))
     skin = whole.anchors.place(body.rest_mm[whole.base]).astype(np.float64)
-    shell = Shell(whole, body.rest_mm, np.concatenate(placed) - skin)
+    drop = np.concatenate(stiff).astype(np.float32) if is_collar else None
+    shell = Shell(whole, body.rest_mm, np.concatenate(placed) - skin, drop)
     rims = edge.places[strips[-1][0]][::4]
     away = np.linalg.norm(places[:, None] - rims, axis=2).min(axis=1)
     open_to = grid.faces[(away < seen_mm)[grid.faces].all(axis=1)]
     outside = np.ascontiguousarray(whole.faces, np.int32)
-    both = np.concatenate([outside, open_to[:, ::-1].astype(np.int32)])
+    both = np.concatenate([outside, open_to[:, ::-1], *turned]).astype(np.int32)
     return shell, both, outside
 
 

@@ -84,8 +84,8 @@ def mouth_rings(edge: Array, ring: IntArray, low: np.ndarray) -> Array:
     depth = np.asarray(RING_DEPTH)[level]
     spread = np.where(low, -np.asarray(LOWER_SPREAD)[level], np.asarray(UPPER_SPREAD)[level])
     corner = smoothstep(CORNER_X + 0.5, CORNER_X - 8.0, edge[:, 0])
-    # Behind the teeth the palate is a vault, narrower towards the throat; the tongue lies in it with
-    # a groove along its middle.
+    # Behind the teeth the palate is a vault, narrower towards the throat; the tongue lies in it,
+    # with a groove along its middle.
     deep = smoothstep(8.0, 22.0, depth)
     vault = np.sqrt(np.clip(1.0 - (edge[:, 0] / (CORNER_X + 0.5)) ** 2, 0.0, 1.0))
     round_off = corner + deep * (vault - corner)
