@@ -89,8 +89,7 @@ def make_garment(
     piece = _cut(body, surface, cuts)
     if piece is None:
         return None
-    grid, places, kind = piece
-    edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
+    grid, places, kind, edge = piece
     at_neck = kind[edge.points] == _NECK
     neck = collar(edge, garment.collar, body.neck, scale, garment.thick)
     strips = [(at_neck, neck)]
@@ -124,17 +123,20 @@ def _garment_hem_mm(body: ClothBody, tucked: bool, seed: int) -> float:
 
 def _cut(
     body: ClothBody, surface: Array, cuts: Array
-) -> tuple[SkinGrid, Array, NDArray[np.int64]] | None:
+) -> tuple[SkinGrid, Array, NDArray[np.int64], Edge] | None:
     """Cut cloth off where one of (K, N) distances is below 0.
 
     Returns:
-        The grid, (M, 3) places, and (M,) which distance is the smallest; None if nothing is left.
+        The grid, (M, 3) places, (M,) which distance is the smallest, and the edge; None if nothing
+        is left.
     """
     inside = cuts.min(axis=0)
     if (inside > 0)[body.cloth.grid.faces].any(axis=1).sum() < 20:
         return None
     grid, blend = body.cloth.grid.clipped(inside)
-    return grid, blend.of(surface), blend.of(cuts.T).argmin(axis=1)
+    places = blend.of(surface)
+    edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
+    return grid, places, blend.of(cuts.T).argmin(axis=1), edge
 
 
 def _sewn(
@@ -234,8 +236,7 @@ def make_lower(body: ClothBody, lower: Lower, over: bool, scale: float, seed: in
     piece = _cut(body, surface, cuts)
     if piece is None:
         return None
-    grid, places, kind = piece
-    edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
+    grid, places, kind, edge = piece
     top = kind[edge.points] == _NECK
     strips = [(top, rib(edge, 26.0 * scale, 2.5)), (~top, hem(edge, 2.5))]
     seen_mm = _SEEN_MM["shorts" if lower.length < 0.6 else "cloth"]
@@ -259,7 +260,6 @@ def make_shoes(body: ClothBody, seed: int) -> Worn | None:
     piece = _cut(body, surface, cuts)
     if piece is None:
         return None
-    grid, places, _ = piece
-    edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
+    grid, places, _, edge = piece
     whole = np.ones(len(edge.points), bool)
     return _sewn(body, grid, places, edge, [(whole, rib(edge, 10.0, 3.0))])

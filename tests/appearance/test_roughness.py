@@ -32,9 +32,9 @@ def residuals_mm(context: moderngl.Context, wear: str) -> dict[str, np.ndarray]:
         depth.append(whole)
         regions.append((code, frame.region_numbers))
     found: dict[str, list[np.ndarray]] = {"hair": [], "cloth": [], "skin": []}
-    for frame, (code, number) in zip(frame_set(wear, depth).frames, regions, strict=True):
-        surfaces = frame.surfaces
-        smooth = surfaces.smooth & frame.lit
+    for seen, (code, number) in zip(frame_set(wear, depth).frames, regions, strict=True):
+        surfaces = seen.surfaces
+        smooth = surfaces.smooth & seen.lit
         hair, cloth = (code == number.get(name, -1) for name in ("hair", "cloth"))
         for name, mask in (("hair", hair), ("cloth", cloth), ("skin", ~hair & ~cloth)):
             found[name].append(surfaces.rough_mm[smooth & mask])
