@@ -14,7 +14,7 @@ from glsim.appearance.tubes import Tube, make_tube
 from glsim.geometry.products import principal_axis, product
 
 #: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart.
-_EDGE_MM: Final = {"head": 11.0, "body": 20.0}
+_EDGE_MM: Final = {"head": 11.0, "body": 22.0}
 #: The collar's plane falls forward: the back of the neck is covered higher; chosen.
 _SLOPE: Final = 0.42
 #: Away from the middle of the neck, along it: normal to the collar's plane.

@@ -35,7 +35,10 @@ class Shell:
             offset_mm: (N,) along the smooth normals of the skin, or (N, 3) in the axes at rest.
             drop_mm: (N, 3) besides, in the frame of the skull.
         """
-        self.used, self._drop = grid.base, drop_mm
+        self.used = grid.base
+        moved = np.zeros(0, np.int64) if drop_mm is None else np.flatnonzero(drop_mm.any(axis=1))
+        self._dropped = moved
+        self._drop = None if drop_mm is None else drop_mm[moved]
         skin = rest_mm[grid.base].astype(np.float64)
         offset = offset_mm
         if offset.ndim == 1:
@@ -45,24 +48,28 @@ class Shell:
         shares = np.stack([(offset.T * axis).sum(axis=0) for axis in axes])
         self._shares = shares.astype(np.float32)
         self._beside = np.ascontiguousarray(beside.T)
-        self._corners = np.ascontiguousarray(grid.anchors.corners.T)
-        self._weights = np.ascontiguousarray(grid.anchors.weights.T)
-        self._undivided = bool((self._weights[0] == 1).all())
+        self._between = np.flatnonzero(grid.anchors.weights[:, 0] != 1)
+        between = grid.anchors.taken(self._between)
+        self._corners = np.ascontiguousarray(between.corners.T)
+        self._weights = np.ascontiguousarray(between.weights.T)
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
         """Return the (N, 3) points over a mesh of the source."""
         skin = np.ascontiguousarray(vertices_mm[self.used].T)
         corners = [skin[:, corner] for corner in self._beside]
-        points = corners[0].copy() if self._undivided else self._at_points(skin)
+        points = corners[0].copy()
+        if len(self._between):
+            points[:, self._between] = self._at_points(skin)
         for share, axis in zip(self._shares, _axes(*corners), strict=True):
             points += share * axis
         placed = np.ascontiguousarray(points.T)
         if self._drop is not None:
-            placed += self._drop if motion.is_rest else product(self._drop, motion.rotation.T)
+            drop = self._drop if motion.is_rest else product(self._drop, motion.rotation.T)
+            placed[self._dropped] += drop
         return placed
 
     def _at_points(self, columns: Points) -> Points:
-        """Return (3, N) values at the points, from (3, V) at the vertices."""
+        """Return (3, M) values at the points between vertices, from (3, V) at the vertices."""
         corners, weights = self._corners, self._weights
         points = columns[:, corners[0]] * weights[0]
         points += columns[:, corners[1]] * weights[1]

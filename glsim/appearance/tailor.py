@@ -36,7 +36,7 @@ _NECK, _CUFF, _HEM = 0, 1, 2
 
 #: One can look into cloth so far, mm: it has an inner side there, in the wide legs of shorts, which
 #: look ahead when people sit, nearly everywhere; chosen.
-_SEEN_MM: Final = {"cloth": 70.0, "shorts": 260.0}
+_SEEN_MM: Final = {"cloth": 60.0, "shorts": 260.0, "shoes": 0.0}
 
 #: Binding, triangles, and those of them that cast shadows.
 Worn = tuple[Binding, NDArray[np.int32], NDArray[np.int32]]
@@ -165,6 +165,7 @@ def _sewn(
     places[edge.points] = edge.places
     bases, placed, faces = [np.arange(len(places))], [places], [grid.faces]
     stiff, turned, count = [np.zeros_like(places)], [], len(places)
+    casts = [grid.faces]  # hems hide nothing that the cloth beside them does not hide
     for number, (part, rows) in enumerate(strips):
         alone = is_collar and number == 0
         own = edge.points[part]
@@ -178,6 +179,7 @@ def _sewn(
             faces += strip
             if alone:  # a collar that is folded down shows the cloth's other side
                 turned += [part[:, ::-1] for part in strip]
+                casts += strip
             bases.append(own)
             placed.append(places[own] + (0.0 if alone else row))
             stiff.append(row if alone else np.zeros_like(row))
@@ -190,9 +192,8 @@ def _sewn(
     rims = edge.places[strips[-1][0]][::4]
     away = np.linalg.norm(places[:, None] - rims, axis=2).min(axis=1)
     open_to = grid.faces[(away < seen_mm)[grid.faces].all(axis=1)]
-    outside = np.ascontiguousarray(whole.faces, np.int32)
-    both = np.concatenate([outside, open_to[:, ::-1], *turned]).astype(np.int32)
-    return shell, both, outside
+    both = np.concatenate([whole.faces, open_to[:, ::-1], *turned]).astype(np.int32)
+    return shell, both, np.concatenate(casts).astype(np.int32)
 
 
 def make_lower(body: ClothBody, lower: Lower, over: bool, scale: float, seed: int) -> Worn | None:
@@ -262,4 +263,4 @@ def make_shoes(body: ClothBody, seed: int) -> Worn | None:
         return None
     grid, places, _, edge = piece
     whole = np.ones(len(edge.points), bool)
-    return _sewn(body, grid, places, edge, [(whole, rib(edge, 10.0, 3.0))])
+    return _sewn(body, grid, places, edge, [(whole, rib(edge, 10.0, 3.0))], _SEEN_MM["shoes"])
