@@ -13,8 +13,8 @@ from glsim.appearance.skin_grid import SkinGrid, make_grid, point_normals
 from glsim.appearance.tubes import Tube, make_tube
 from glsim.geometry.products import principal_axis, product
 
-#: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart.
-_EDGE_MM: Final = {"head": 11.0, "body": 22.0}
+#: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart and more.
+_EDGE_MM: Final = {"head": 11.0, "body": 25.0}
 #: The collar's plane falls forward: the back of the neck is covered higher; chosen.
 _SLOPE: Final = 0.42
 #: Away from the middle of the neck, along it: normal to the collar's plane.

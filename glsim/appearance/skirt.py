@@ -21,6 +21,10 @@ from glsim.appearance.tubes import ROW_MM, Tube, cells_of, hanging_lattice, make
 _COLUMNS: Final = 72
 #: Between the legs, mm to each side, a skirt follows both.
 _BETWEEN_MM: Final = 70.0
+#: Cloth this near to the legs, mm, as far down from the waist as the thighs reach; chosen.
+_NEAR_MM, _THIGH_MM, _STEEP = 22.0, 560.0, 3.0
+#: Passes of smoothing down a skirt, which does not bend sharply.
+_STIFF: Final = 24
 #: Rows of the waistband, and how far it stands off, mm.
 _BAND_ROWS, _BAND_MM = 3, 2.5
 #: Hem: (mm nearer to the axis, mm up) of the rows that turn inside, and how far one looks in.
@@ -79,6 +83,13 @@ def make_skirt(
     ease = np.interp(np.linspace(0, 1, 32), (0, 0.15, 0.4), (waist, waist, lower.ease * scale))
     radius = hanging_lattice(tube, ease, lower.slope, _COLUMNS // 2)
     rows = len(radius)
+    # Over the thighs it stays near: it would stand up in the lap of somebody who sits.
+    near = hanging_lattice(tube, ease, _STEEP, _COLUMNS // 2)
+    below = np.maximum(np.arange(rows) * ROW_MM - _THIGH_MM * scale, 0.0)[:, None]
+    radius = np.minimum(radius, near + (_NEAR_MM + 0.25 * below) * scale)
+    for _ in range(_STIFF):
+        wide = np.concatenate([radius[:1], radius, radius[-1:]])
+        radius = np.maximum(0.25 * wide[:-2] + 0.5 * radius + 0.25 * wide[2:], near)
     share = np.linspace(0, 1, rows)[:, None]
     angle = np.arange(_COLUMNS) * 2 * np.pi / _COLUMNS
     way = np.stack([np.sin(angle), np.zeros(_COLUMNS), np.cos(angle)], axis=1)

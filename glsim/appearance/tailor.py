@@ -36,7 +36,7 @@ _NECK, _CUFF, _HEM = 0, 1, 2
 
 #: One can look into cloth so far, mm: it has an inner side there, in the wide legs of shorts, which
 #: look ahead when people sit, nearly everywhere; chosen.
-_SEEN_MM: Final = {"cloth": 60.0, "shorts": 260.0, "shoes": 0.0}
+_SEEN_MM: Final = {"cloth": 45.0, "shorts": 260.0, "shoes": 0.0}
 
 #: Binding, triangles, and those of them that cast shadows.
 Worn = tuple[Binding, NDArray[np.int32], NDArray[np.int32]]
