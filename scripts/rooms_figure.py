@@ -1,4 +1,4 @@
-"""Draw docs/figures/rooms.png: python scripts/rooms_figure.py.
+"""Draw docs/figures/rooms.webp: python scripts/rooms_figure.py.
 
 Ten people of the presets office and living-room: shaded clean depth, noisy depth, infrared. Takes
 under a minute and needs glsim fetch people.
@@ -16,10 +16,12 @@ from glsim import Frame, load_settings, simulate
 from glsim.files.atomic import write_atomic
 from glsim.preview import Picture, brightness, shaded
 
-FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "rooms.png"
+FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "rooms.webp"
 #: Preset -> seed of its people.
 _SEEDS: Final = {"office": 11, "living-room": 12}
 _PEOPLE: Final = 5
+#: Quality of WebP, percent.
+_QUALITY: Final = 82
 #: Depths at the ends of the colour scale, mm.
 _NEAR_MM, _FAR_MM = 600.0, 4500.0
 
@@ -47,7 +49,8 @@ def main() -> None:
         )
         rows = [row(frame) for frame in simulate(settings) if isinstance(frame, Frame)]
         columns.append(np.vstack(rows))
-    write_atomic(cv2.imencode(".png", np.hstack(columns))[1].tobytes(), FIGURE)
+    picture, quality = np.hstack(columns), [cv2.IMWRITE_WEBP_QUALITY, _QUALITY]
+    write_atomic(cv2.imencode(".webp", picture, quality)[1].tobytes(), FIGURE)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Draw docs/figures/sensors.png: python scripts/sensor_gallery.py.
+"""Draw docs/figures/sensors.webp: python scripts/sensor_gallery.py.
 
-One person seen by all kinds of sensors: infrared above, shaded noisy depth below. Takes under a
-minute and needs glsim fetch people.
+One face seen by seven sensors: shaded clean depth, noisy depth, what the shipped network makes of
+it, and the infrared. Takes under a minute and needs glsim fetch people.
 """
 
 from __future__ import annotations
@@ -11,28 +11,31 @@ from typing import Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from glsim import Frame, load_settings, simulate
+from glsim import Frame, load_denoiser, load_settings, simulate
 from glsim.files.atomic import write_atomic
 from glsim.preview import Picture, brightness, shaded
-from glsim.sensors.sensor import load_sensor
 
-FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "sensors.png"
+FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "sensors.webp"
 #: Sensor -> its caption and the distance of the face, mm: where each camera is used.
 _SENSORS: Final = {
-    "kinect-v2": ("Kinect V2", 800.0),
-    "azure-kinect": ("Azure Kinect", 800.0),
-    "realsense-d435": ("RealSense D435", 600.0),
-    "realsense-d455": ("RealSense D455", 700.0),
-    "realsense-d415": ("RealSense D415", 700.0),
-    "realsense-d405": ("RealSense D405", 400.0),
-    "truedepth": ("TrueDepth", 400.0),
-    "kinect-v1-pattern": ("Kinect V1", 700.0),
+    "kinect-v2": ("Kinect V2", 700.0),
+    "azure-kinect": ("Azure Kinect", 700.0),
+    "realsense-d435": ("RealSense D435", 450.0),
+    "realsense-d455": ("RealSense D455", 600.0),
+    "realsense-d405": ("RealSense D405", 350.0),
+    "truedepth": ("TrueDepth", 350.0),
+    "kinect-v1-pattern": ("Kinect V1", 650.0),
 }
+#: Seed of the person, and how far the base of the neck, which the pose places, is below the view.
+_SEED, _NECK_MM = 74, 132.0
+_ROWS: Final = ("clean", "noisy", "denoised", "infrared")
 #: Side of what is shown, mm at the face's distance, and of a tile, px.
-_SHOWN_MM, _TILE_PX = 420.0, 260
-_COLUMNS: Final = 4
-_CAPTION_PX = 26
+_SHOWN_MM, _TILE_PX = 285.0, 230
+_CAPTION_PX, _MARGIN_PX = 30, 92
+#: Quality of WebP, percent.
+_QUALITY: Final = 82
 
 
 def tile(picture: Picture) -> Picture:
@@ -42,35 +45,58 @@ def tile(picture: Picture) -> Picture:
     return np.asarray(cv2.resize(picture, (_TILE_PX, _TILE_PX), interpolation=how))
 
 
-def column(sensor: str, caption: str, distance_mm: float) -> Picture:
+def caption(text: str, width: int, height: int) -> Picture:
+    """Return a white field with a text."""
+    field = np.full((height, width, 3), 255, np.uint8)
+    at = (6, height // 2 + 6)
+    cv2.putText(field, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.55, (0, 0, 0), 1, cv2.LINE_AA)
+    return field
+
+
+def column(sensor: str, name: str, distance_mm: float) -> Picture:
     """Return the tiles of one sensor below its caption."""
-    image = load_sensor(sensor).rig.intrinsics
-    side = min(round(_SHOWN_MM * image.fx / distance_mm), image.width, image.height)
     settings = load_settings(
         preset="office",
         overrides={
             "sensor": sensor,
-            "seed": 12,
-            "pose": {"distance_mm": distance_mm, "x_mm": 0, "y_mm": 120, "yaw_deg": 12},
-            "scene": {"camera_mm": 1180, "behind_mm": 1000, "people": 0},
-            "output": {"crop": side},
+            "seed": _SEED,
+            "pose": {"distance_mm": distance_mm, "x_mm": 0, "y_mm": _NECK_MM, "yaw_deg": 14},
+            "scene": {"camera_mm": 1240, "behind_mm": 900, "people": 0},
         },
         source={"subjects": 1, "frames_per_subject": 1},
     )
     (frame,) = simulate(settings)
     assert isinstance(frame, Frame)
-    light = brightness(frame.infrared, frame.noisy.shape)
-    depth = shaded((0.001 * frame.noisy).astype(np.float32), frame.intrinsics)
-    head = np.full((_CAPTION_PX, _TILE_PX, 3), 255, np.uint8)
-    cv2.putText(head, caption, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
-    return np.vstack([head, tile(light), tile(depth)])
+    image = frame.intrinsics
+    side = min(round(_SHOWN_MM * image.fx / distance_mm), image.width, image.height)
+    left, top = (round(centre - side / 2) for centre in (image.cx, image.cy))
+    shown = slice(max(top, 0), max(top, 0) + side), slice(max(left, 0), max(left, 0) + side)
+
+    def surface(depth_m: NDArray[np.float32]) -> Picture:
+        return tile(shaded(depth_m, image)[shown])
+
+    clean_m = np.zeros(frame.noisy.shape, np.float32)
+    clean_m[frame.window.slices] = frame.clean_m
+    denoised = load_denoiser("face")(frame.noisy)
+    return np.vstack(
+        [
+            caption(name, _TILE_PX, _CAPTION_PX),
+            surface(clean_m),
+            surface((0.001 * frame.noisy).astype(np.float32)),
+            surface((0.001 * denoised.depth_mm).astype(np.float32)),
+            tile(brightness(frame.infrared, frame.noisy.shape)[shown]),
+        ]
+    )
 
 
 def main() -> None:
     """Render the sensors and write the figure."""
+    names = [caption("", _MARGIN_PX, _CAPTION_PX)]
+    names += [caption(row, _MARGIN_PX, _TILE_PX) for row in _ROWS]
     columns = [column(name, *how) for name, how in _SENSORS.items()]
-    rows = [np.hstack(columns[k : k + _COLUMNS]) for k in range(0, len(columns), _COLUMNS)]
-    write_atomic(cv2.imencode(".png", np.vstack(rows))[1].tobytes(), FIGURE)
+    picture = np.hstack([np.vstack(names), *columns])
+    written = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1]
+    write_atomic(written.tobytes(), FIGURE)
 
 
 if __name__ == "__main__":

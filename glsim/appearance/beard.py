@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array, Mask
 from glsim.appearance.noise import ridges, smooth_noise
-from glsim.appearance.shell import Shell, SkinGrid, make_grid
+from glsim.appearance.shell import Shell
+from glsim.appearance.skin_grid import SkinGrid, make_grid
 
 #: From the eyes to the mouth of a mean adult, mm (Farkas 1994: 67 from sellion region to stomion).
 _EYE_TO_MOUTH_MM: Final = 66.0
@@ -19,7 +20,7 @@ _EYE_TO_MOUTH_MM: Final = 66.0
 _CHEEK_Z: Final = (-110.0, -88.0, -70.0, -50.0, -30.0, -10.0, 10.0)
 _CHEEK_Y: Final = (62.0, 58.0, 28.0, 12.0, 6.0, 8.0, 12.0)
 _LOW_Y: Final = (-6.0, -12.0, -38.0, -58.0, -66.0, -66.0, -66.0)
-_EDGE_MM: Final = 4.2
+_EDGE_MM: Final = 6.3
 
 
 @dataclass(frozen=True)
@@ -126,22 +127,21 @@ def make_beard(
     elif not style.lip:
         inside = np.minimum(inside, -beard.lip)
     ragged = inside + 2.5 * smooth_noise(beard.points / 6.0, seed)
-    keep: Mask = np.all(ragged[beard.grid.faces] > 0, axis=1)
-    grid, used = beard.grid.taken(keep)
-    points = beard.points[used]
-    rim = np.clip(inside[used] / (4.0 + 0.8 * length_mm), 0.12, 1)
+    grid, blend = beard.grid.clipped(ragged)
+    points = blend.of(beard.points)
+    rim = np.clip(blend.of(inside) / (4.0 + 0.8 * length_mm), 0.12, 1)
     tufts = points * np.array([1.0, 0.35, 1.0])  # hair grows down: its relief is long that way
     relief = 0.6 * ridges(tufts / 8.0, seed + 1) + 0.4 * smooth_noise(tufts / 5.0, seed + 2)
-    amplitude = min(0.45 * length_mm, 3.0)
+    amplitude = min(0.7 * length_mm, 4.5)
     height = np.maximum(length_mm * rim + amplitude * relief * np.sqrt(rim), 0.3)
-    share = np.clip(beard.chin[used] / 18.0 + 0.2, 0, 1) * np.clip(-tufts[:, 1] / 1e9 + 1, 0, 1)
-    drop = np.zeros((len(used), 3), np.float32)
+    drop = None
     if style.hang:
+        share = np.clip(blend.of(beard.chin) / 18.0 + 0.2, 0, 1)
         ends = 1 + 0.35 * smooth_noise(points / 7.0, seed + 3)
+        drop = np.zeros((len(points), 3), np.float32)
         drop[:, 1] = -style.hang * share * ends * rim**2
         drop[:, 2] = 0.15 * style.hang * share * rim
-    shell = Shell(grid, rest_mm, height, drop if style.hang else None)
-    return shell, np.ascontiguousarray(grid.faces, np.int32)
+    return Shell(grid, rest_mm, height, drop), np.ascontiguousarray(grid.faces, np.int32)
 
 
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
@@ -149,7 +149,7 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     brow = _brows(anatomy)
     skin = anatomy.outside & ~anatomy.body
     chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(brow[anatomy.faces] > 0.3, axis=1)
-    grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 2.2)
+    grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 3.3)
     own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
     columns = np.repeat(brow[grid.base].astype(np.float32)[:, None], 3, axis=1)
     return grid, own, grid.anchors.place(columns)[:, 0]
@@ -178,8 +178,7 @@ def make_brows(
     """
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
-    keep: Mask = np.all(ragged[grid.faces] > 0.3, axis=1)
-    kept, used = grid.taken(keep)
-    relief = 1 + 0.45 * smooth_noise(points[used] * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
-    height = height_mm * np.clip(weight[used], 0.15, 1) * relief
+    kept, blend = grid.clipped(ragged - 0.3)
+    relief = 1 + 0.8 * smooth_noise(blend.of(points) * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
+    height = height_mm * np.clip(blend.of(weight), 0.15, 1) * relief
     return Shell(kept, rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)

@@ -1,66 +1,30 @@
-"""Cloth: shells with folds over neck, torso, arms and legs, cut at collar, sleeves and hem."""
+"""The points of a source at which cloth can lie, and of a subject: skin, trunk and limbs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Final, Literal
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array, Mask
-from glsim.appearance.noise import ridges, smooth_noise
-from glsim.appearance.shell import Shell, SkinGrid, make_grid, point_normals
+from glsim.appearance.binding import Points
+from glsim.appearance.skin_grid import SkinGrid, make_grid, point_normals
+from glsim.appearance.tubes import Tube, make_tube
 from glsim.geometry.products import principal_axis, product
 
-_EDGE_MM: Final = {"head": 4.5, "body": 15.0}
-#: Passes of smoothing that find hollows, about 90 mm wide on a grid of 9 mm, and the deepest, mm.
-_SMOOTHING: Final = 60
-_DEEPEST_MM: Final = 45.0
+#: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart and more.
+_EDGE_MM: Final = {"head": 11.0, "body": 25.0}
 #: The collar's plane falls forward: the back of the neck is covered higher; chosen.
 _SLOPE: Final = 0.42
-#: Cloth is seen from both sides this far from its edges, mm: the width of a collar; chosen.
-_OPEN_MM: Final = {"plain": 10.0, "v": 10.0, "band": 28.0, "roll": 30.0, "hood": 58.0}
+#: Away from the middle of the neck, along it: normal to the collar's plane.
+UP: Final = np.array([0.0, 1.0, _SLOPE]) / np.hypot(1.0, _SLOPE)
 #: Base of the neck of a mean adult: mm under the mouth; chosen on the procedural mean head.
 _NECK_BASE_MM: Final = 92.0
-
-
-@dataclass(frozen=True)
-class Garment:
-    """One garment for the upper body.
-
-    Args:
-        ease: mm between skin and cloth.
-        fold: height of the folds, mm.
-        sleeve: covered share of the arm.
-        collar: its kind.
-        neckline: mm over the base of the neck.
-        rise: height of the collar, mm.
-    """
-
-    name: str
-    weight: float
-    ease: float
-    fold: float
-    sleeve: float
-    collar: Literal["plain", "v", "band", "roll", "hood"] = "plain"
-    neckline: float = 0.0
-    rise: float = 0.0
-
-
-#: Chosen: folds and relief of 2 to 4 mm on thin cloth, up to 7 mm on thick; ease of 5 to 20 mm.
-GARMENTS: Final = (
-    Garment("T-shirt", 6, 6, 2.5, 0.38, neckline=4),
-    Garment("T-shirt, V-neck", 2, 6, 2.5, 0.36, "v", neckline=2),
-    Garment("long-sleeved shirt", 3, 6, 2.8, 0.95, neckline=6),
-    Garment("shirt", 5, 9, 3.5, 0.95, "band", neckline=20, rise=6),
-    Garment("polo shirt", 2, 8, 3.0, 0.38, "band", neckline=16, rise=5),
-    Garment("sweater", 4, 13, 4.0, 0.97, neckline=8, rise=3),
-    Garment("turtleneck", 2, 9, 2.8, 0.97, "roll", neckline=42, rise=6),
-    Garment("jacket", 3, 18, 5.0, 0.98, "band", neckline=22, rise=10),
-    Garment("hooded sweater", 3, 15, 5.0, 0.97, "hood", neckline=20, rise=32),
-    Garment("tank top", 1, 4, 2.0, 0.0, neckline=-14),
-)
+#: Height of the middle of a foot over its sole, mm; chosen.
+_FOOT_MM: Final = 45.0
+#: Columns around a trunk, an arm or a leg, and a foot: 10 to 15 mm wide.
+_COLUMNS: Final = {"trunk": 72, "limb": 30, "foot": 24}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,25 +33,58 @@ class ClothGrid:
 
     Args:
         points: (N, 3) mm, on the reference mesh of the source.
+        neck: (3,) mm, the middle of the neck where it meets the torso.
         above_neck: (N,) height over the base of the neck, mm, along the collar's plane.
         arm, leg: (N,) place along the limb, 0 at its root and 1 at its end; NaN elsewhere.
         foot: (N,) whether the point is on a foot.
         front: (N,) 1 in front, 0 at the side, -1 behind.
-        rest_mm: (V, 3) vertices at rest, of the reference mesh or of one subject.
-        hollow: (N,) distance of cloth that spans a hollow from the skin, mm; subjects with a body.
-        normal: (N, 3) normals of the skin; subjects with a body.
     """
 
     grid: SkinGrid
     points: Array
+    neck: Array
     above_neck: Array
     arm: Array
     leg: Array
     foot: Mask
     front: Array
-    rest_mm: NDArray[np.float32]
-    hollow: Array | None = None
-    normal: Array | None = None
+
+    @property
+    def has_body(self) -> bool:
+        """Whether the source has people with arms, not heads alone."""
+        return bool(np.isfinite(self.arm).any())
+
+
+@dataclass(frozen=True, eq=False)
+class ClothBody:
+    """A subject at the points of a grid.
+
+    Args:
+        rest_mm: (V, 3) vertices at rest.
+        skin, normal: (N, 3) mm and unit normals.
+        trunk: from the neck down to the crotch.
+        arms, legs, feet: the subject's left one first; none for a head.
+        neck: (3,) mm, the middle of the neck at its base.
+        crotch_mm: height (y); of a head that of a mean adult below its neck.
+        armpits: (2, 3) mm, left and right; of a head those of a mean adult.
+    """
+
+    cloth: ClothGrid
+    rest_mm: Points
+    skin: Array
+    normal: Array
+    trunk: Tube
+    arms: tuple[Tube, ...]
+    legs: tuple[Tube, ...]
+    feet: tuple[Tube, ...]
+    neck: Array
+    crotch_mm: float
+    armpits: Array
+
+    @property
+    def waist_mm(self) -> float:
+        """Height (y) at which trousers and skirts are worn; chosen."""
+        return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
 
 
 def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
@@ -114,36 +111,94 @@ def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
             limb = anatomy.is_in(name) & (side * (points[:, 0] - anatomy.eye[0]) > 0)
             if limb.any():
                 share[limb] = _along(points[limb], base)
-        spread = np.repeat(share[grid.base].astype(np.float32)[:, None], 3, axis=1)
-        limbs.append(grid.anchors.place(spread)[:, 0])
-    feet = np.repeat(anatomy.is_in("foot")[grid.base].astype(np.float32)[:, None], 3, axis=1)
-    on_foot = grid.anchors.place(feet)[:, 0] > 0.5
+        limbs.append(_spread(grid, share))
+    on_foot = np.isfinite(_spread(grid, np.where(anatomy.is_in("foot"), 1.0, np.nan)))
     out = own - base
     front = out[:, 2] / np.maximum(np.hypot(out[:, 0], out[:, 2]), 1.0)
-    return ClothGrid(
-        grid, own, _above_neck(own, base), limbs[0], limbs[1], on_foot, front, anatomy.vertices_mm
+    return ClothGrid(grid, own, base, _above_neck(own, base), limbs[0], limbs[1], on_foot, front)
+
+
+def _spread(grid: SkinGrid, values: Array) -> Array:
+    """Return (N,) values at the points of a grid; NaN where less than half of it is known.
+
+    Args:
+        values: (V,) of the source's vertices, NaN where unknown.
+    """
+    own = values[grid.base]
+    known = np.isfinite(own)
+    both = np.stack([np.where(known, own, 0.0), known, known], axis=1).astype(np.float32)
+    total, share, _ = grid.anchors.place(both).T
+    return np.where(share >= 0.5, total / np.maximum(share, 1e-6), np.nan)
+
+
+#: Height of crotch and armpit of a mean adult under the base of the neck, and half the width
+#: between the armpits, mm (DIN 33402: shoulders 1430 mm, crotch 770 mm); for heads without a body.
+_CROTCH_MM, _ARMPIT_MM, _HALF_MM = -640.0, -170.0, 165.0
+
+
+def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
+    """Return the trunk and limbs of a subject.
+
+    Args:
+        cloth: the grid of the subject's source.
+        vertices_mm: (V, 3) at rest.
+    """
+    base = vertices_mm[cloth.grid.base]
+    skin = cloth.grid.anchors.place(base).astype(np.float64)
+    normal = point_normals(cloth.grid, base.astype(np.float64))
+    near = np.abs(cloth.above_neck) < 8.0
+    neck = skin[near].mean(axis=0) if near.any() else cloth.neck
+    on_arm, on_leg = np.isfinite(cloth.arm), np.isfinite(cloth.leg)
+    left = cloth.points[:, 0] > cloth.neck[0]
+    ahead = np.array([0.0, 0.0, 1.0])
+    down = np.array([0.0, -1.0, 0.0])
+    torso = ~on_arm & ~on_leg & ~cloth.foot
+    if cloth.has_body:
+        crotch = float(skin[torso, 1].min())
+        roots = [skin[on_arm & side & (cloth.arm < 0.12)] for side in (left, ~left)]
+        armpits = np.stack([root[root[:, 1].argmin()] for root in roots])
+    else:
+        crotch = float(neck[1]) + _CROTCH_MM
+        armpits = neck + np.array([[side * _HALF_MM, _ARMPIT_MM, 0.0] for side in (1.0, -1.0)])
+    chosen = np.flatnonzero((torso | on_leg) & (skin[:, 1] > crotch) & (cloth.above_neck < 12))
+    depth = skin[chosen, 2]
+    top = np.array([neck[0], neck[1] + 10.0, 0.5 * (depth.min() + depth.max())])
+    trunk = make_tube(chosen, skin[chosen], top, top + down, ahead, _COLUMNS["trunk"])
+
+    def limb(share: Array, side: Mask) -> Tube:
+        index = np.flatnonzero(np.isfinite(share) & side)
+        first, last = (skin[index[near]] for near in (share[index] < 0.15, share[index] > 0.85))
+        start, end = _middle(first), _middle(last)
+        start = start - 0.075 * (end - start)
+        return make_tube(index, skin[index], start, end, ahead, _COLUMNS["limb"], bends=True)
+
+    def foot(side: Mask) -> Tube:
+        index = np.flatnonzero(cloth.foot & side)
+        heel, toe = (skin[index[f(skin[index, 2])]] for f in (np.argmin, np.argmax))
+        middle = 0.5 * (skin[index, 1].min() + skin[index, 1].min() + 90.0)
+        start, end = (np.array([p[0], middle, p[2]]) for p in (heel, toe))
+        return make_tube(
+            index, skin[index], start, end, np.array([0.0, 1.0, 0.0]), _COLUMNS["foot"]
+        )
+
+    sides = (left, ~left)
+    return ClothBody(
+        cloth,
+        vertices_mm,
+        skin,
+        normal,
+        trunk,
+        tuple(limb(cloth.arm, side) for side in sides) if on_arm.any() else (),
+        tuple(limb(cloth.leg, side) for side in sides) if on_leg.any() else (),
+        tuple(foot(side) for side in sides) if cloth.foot.any() else (),
+        neck,
+        crotch,
+        armpits,
     )
 
 
-def fit_cloth(cloth: ClothGrid, vertices_mm: NDArray[np.float32]) -> ClothGrid:
-    """Return the grid of a subject, (V, 3) mm at rest: with its hollows on a source with bodies.
-
-    Cloth hangs from shoulders and hips and spans what lies between: where a smoothed surface is
-    outside of the skin, the cloth follows it.
-    """
-    if not np.isfinite(cloth.arm).any():
-        return replace(cloth, rest_mm=vertices_mm)
-    count = len(cloth.points)
-    skin = cloth.grid.anchors.place(vertices_mm[cloth.grid.base])
-    normal = point_normals(cloth.grid, vertices_mm[cloth.grid.base].astype(np.float64))
-    edges = cloth.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    degree = np.maximum(np.bincount(edges[:, 0], minlength=count), 1)
-    smooth = skin.astype(np.float64)
-    for _ in range(_SMOOTHING):
-        columns = [np.bincount(edges[:, 0], smooth[edges[:, 1], k], count) for k in range(3)]
-        smooth = 0.3 * smooth + 0.7 * np.stack(columns, axis=1) / degree[:, None]
-    hollow = np.clip(((smooth - skin) * normal).sum(axis=1), 0.0, _DEEPEST_MM)
-    return replace(cloth, rest_mm=vertices_mm, hollow=hollow, normal=normal)
+def _middle(points: Array) -> Array:
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
 
 
 def _neck_base(anatomy: Anatomy) -> Array:
@@ -168,86 +223,3 @@ def _along(limb: Array, base: Array) -> Array:
     if product(base - middle, axis) > 0:
         place = -place
     return np.asarray((place - place.min()) / np.ptp(place))
-
-
-def make_cloth(
-    cloth: ClothGrid, garment: Garment, scale: float, seed: int
-) -> tuple[Shell, NDArray[np.int32]] | None:
-    """Return the shell and the triangles of a garment; None if it covers nothing."""
-    grid, points = cloth.grid, cloth.points
-    inside = garment.neckline * scale - cloth.above_neck
-    if garment.collar == "v":
-        beside = np.abs(points[:, 0] - points[:, 0].mean())
-        inside -= np.clip(cloth.front, 0, 1) * np.clip(75 - 1.6 * beside, 0, None) * scale
-    sleeve = 400 * (garment.sleeve - np.nan_to_num(cloth.arm))
-    inside = np.where(np.isfinite(cloth.arm), np.minimum(inside, sleeve), inside)
-    hem = 600 * (0.12 - np.nan_to_num(cloth.leg))
-    inside = np.where(np.isfinite(cloth.leg), np.minimum(inside, hem), inside)
-    inside = np.where(cloth.foot, -1.0, inside)
-    keep: Mask = np.all(inside[grid.faces] > 0, axis=1)
-    if keep.sum() < 20:
-        return None
-    kept, used = grid.taken(keep)
-    height = _height(cloth, garment, inside, scale, seed)[used]
-    # Hoods and collars stand open: their inner side shows near the edge.
-    edge = kept.faces[(inside[used] < _OPEN_MM[garment.collar] * scale)[kept.faces].any(axis=1)]
-    faces = np.concatenate([kept.faces, edge[:, ::-1]])
-    return Shell(kept, cloth.rest_mm, height), np.ascontiguousarray(faces, np.int32)
-
-
-def _height(
-    cloth: ClothGrid, garment: Garment, inside: Array, scale: float, seed: int
-) -> NDArray[np.float64]:
-    """Return (N,) mm of cloth over the skin: ease, folds, and the collar."""
-    points = cloth.points
-    # Folds run across the pull: level round arms and waist, falling from the shoulders.
-    turn = np.array([[0.9, 0.3, 0.0], [-0.45, 1.0, 0.25], [0.0, 0.2, 0.9]])
-    folds = 0.7 * ridges(product(points, turn.T) / (70.0, 38.0, 70.0), seed)
-    folds += 0.5 * smooth_noise(points / (45.0, 20.0, 45.0), seed + 1)
-    folds += 0.3 * smooth_noise(points / 16.0, seed + 2)
-    height = garment.ease + garment.fold * folds
-    if cloth.hollow is not None:
-        drape = 1 + 0.5 * smooth_noise(points / 110.0, seed + 3)
-        height = height + 0.35 * garment.ease * drape + cloth.hollow
-    if garment.rise:
-        width = {"hood": 58.0, "roll": 34.0}.get(garment.collar, 30.0) * scale
-        edge = np.clip(inside / width, 0, 1)
-        bulge = np.sqrt(np.clip(1 - edge, 0, 1)) * np.clip(4 * edge + 0.25, 0, 1)
-        around = 1.0 if garment.collar != "hood" else 0.35 + 0.65 * np.clip(0.4 - cloth.front, 0, 1)
-        height = height + garment.rise * bulge * around
-    return np.asarray(np.maximum(height, 2.5))
-
-
-def make_trousers(
-    cloth: ClothGrid, length: float, seed: int
-) -> tuple[Shell, NDArray[np.int32]] | None:
-    """Return trousers that cover a share of the legs; None for a source without legs."""
-    if not np.isfinite(cloth.leg).any():
-        return None
-    leg = cloth.leg
-    on_leg = np.isfinite(leg)
-    top = np.nanmax(np.where(on_leg, cloth.points[:, 1], np.nan))
-    inside = np.where(on_leg, 800 * (length - np.nan_to_num(leg)), top + 90 - cloth.points[:, 1])
-    inside = np.where(np.isfinite(cloth.arm) | cloth.foot, -1.0, inside)
-    keep: Mask = np.all(inside[cloth.grid.faces] > 0, axis=1)
-    kept, used = cloth.grid.taken(keep)
-    points = cloth.points[used]
-    folds = 0.6 * ridges(points / (60.0, 42.0, 60.0), seed)
-    folds += 0.5 * smooth_noise(points / (45, 20, 45), seed + 1)
-    # The waist is under the garment; legs are wider towards the hem.
-    ease = np.where(on_leg, 7.0 + 9.0 * np.nan_to_num(leg), 2.0)[used]
-    hollow = 0.0 if cloth.hollow is None else cloth.hollow[used]
-    height = np.maximum(ease + np.where(on_leg[used], 4.0, 1.0) * folds, 1.5) + hollow
-    return Shell(kept, cloth.rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)
-
-
-def make_shoes(cloth: ClothGrid, seed: int) -> tuple[Shell, NDArray[np.int32]] | None:
-    """Return shoes; None for a source without feet. Their soles stay on the floor."""
-    if cloth.hollow is None or cloth.normal is None or not cloth.foot.any():
-        return None
-    keep: Mask = np.all(cloth.foot[cloth.grid.faces], axis=1)
-    kept, used = cloth.grid.taken(keep)
-    up = np.clip(cloth.normal[used, 1] + 0.8, 0.0, 1.0)
-    seams = smooth_noise(cloth.points[used] / 18.0, seed + 5)
-    height = (6.0 + 1.0 * seams + np.minimum(cloth.hollow[used], 18.0)) * up
-    return Shell(kept, cloth.rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)

@@ -21,20 +21,14 @@ from glsim.appearance.beard import (
     make_brows,
 )
 from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motion
-from glsim.appearance.cloth import (
-    ClothGrid,
-    fit_cloth,
-    make_cloth,
-    make_cloth_grid,
-    make_shoes,
-    make_trousers,
-)
+from glsim.appearance.cloth import ClothGrid, fit_cloth, make_cloth_grid
 from glsim.appearance.glasses import make_glasses
 from glsim.appearance.hair import make_hair
-from glsim.appearance.noise import smooth_noise
 from glsim.appearance.outfit import Outfit, draw_outfit
+from glsim.appearance.patterns import Pattern, pattern_factors
 from glsim.appearance.scalp import Scalp, make_scalp
 from glsim.appearance.shell import Shell, uncovered
+from glsim.appearance.tailor import Worn, make_garment, make_lower, make_shoes
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceSource, WornPart
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
@@ -49,8 +43,6 @@ DRESSED_SOURCES: Final = ("people",)
 _CACHED_SUBJECTS: Final = 8
 #: Points of the skull by which its motion is found.
 _SKULL_POINTS: Final = 96
-#: Albedo differs by this share over a part, in patches of _PATCH_MM; chosen.
-_PATCHES, _PATCH_MM = 0.10, 30.0
 
 
 def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) -> list[str]:
@@ -88,6 +80,7 @@ class _Worn:
 
     Args:
         albedo: (N,).
+        occluder: triangles that cast shadows; None for all.
         last: the skin and the motion that the part was placed on last.
     """
 
@@ -95,6 +88,7 @@ class _Worn:
     binding: Binding
     faces: NDArray[np.int32]
     albedo: NDArray[np.float32]
+    occluder: NDArray[np.int32] | None = None
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
@@ -104,7 +98,8 @@ class _Worn:
             before, moved, part = self.last
             if np.array_equal(skin, before) and (moved == motion):
                 return part
-        mesh = Mesh(self.binding.place(vertices_mm, motion), self.faces, self.albedo)
+        placed = self.binding.place(vertices_mm, motion)
+        mesh = Mesh(placed, self.faces, self.albedo, self.occluder)
         self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
@@ -224,16 +219,24 @@ class Dresser:
         rest = skull_motion(vertices[:3], vertices[:3])
         worn: list[_Worn] = []
 
-        def wear(region: str, binding: Binding, faces: NDArray[np.int32], albedo: float) -> None:
+        def wear(
+            region: str,
+            binding: Binding,
+            faces: NDArray[np.int32],
+            albedo: float,
+            pattern: Pattern = "plain",
+            occluder: NDArray[np.int32] | None = None,
+            light: float | NDArray[np.float64] = 1.0,
+        ) -> None:
             if len(faces):
                 points = binding.place(vertices, rest)
-                patches = smooth_noise(points / _PATCH_MM, outfit.seed + len(worn))
-                values = np.clip(albedo * (1 + _PATCHES * patches), 0.0, 1.0)
-                worn.append(_Worn(region, binding, faces, values.astype(np.float32)))
+                factors = pattern_factors(pattern, points, outfit.seed + len(worn))
+                values = np.clip(albedo * light * factors, 0.0, 1.0)
+                worn.append(_Worn(region, binding, faces, values.astype(np.float32), occluder))
 
         if outfit.hair is not None:
             hair = make_hair(own, self._scalp, vertices, outfit.hair, outfit.seed)
-            wear("hair", hair.binding, hair.faces, outfit.hair_albedo)
+            wear("hair", hair.binding, hair.faces, outfit.hair_albedo, light=hair.light)
         if outfit.beard is not None:
             wear(
                 "beard",
@@ -250,8 +253,9 @@ class Dresser:
             glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
             worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
-        for binding, triangles, albedo in self._make_clothes(vertices, own.scale, outfit):
-            wear("cloth", binding, triangles, albedo)
+        for made, albedo, pattern in self._make_clothes(vertices, own.scale, outfit):
+            if made is not None:
+                wear("cloth", *made[:2], albedo, pattern, made[2])
         cloth = [
             thing.binding
             for thing in worn
@@ -264,18 +268,16 @@ class Dresser:
 
     def _make_clothes(
         self, vertices: Points, scale: float, outfit: Outfit
-    ) -> Iterator[tuple[Binding, NDArray[np.int32], float]]:
-        """Yield binding, triangles and albedo of garment, trousers and shoes."""
-        if outfit.garment is None or self._cloth is None:
+    ) -> Iterator[tuple[Worn | None, float, Pattern]]:
+        """Yield garment, trousers or skirt, and shoes, each with its albedo and pattern."""
+        if outfit.garment is None or outfit.lower is None or self._cloth is None:
             return
-        fitted = fit_cloth(self._cloth, vertices)
-        for made, albedo in (
-            (make_cloth(fitted, outfit.garment, scale, outfit.seed), outfit.cloth_albedo),
-            (make_trousers(fitted, outfit.trousers, outfit.seed), outfit.trousers_albedo),
-            (make_shoes(fitted, outfit.seed), outfit.shoes_albedo),
-        ):
-            if made is not None:
-                yield *made, albedo
+        body = fit_cloth(self._cloth, vertices)
+        tucked, seed = outfit.tucked, outfit.seed
+        garment = make_garment(body, outfit.garment, tucked, scale, seed)
+        yield garment, outfit.cloth_albedo, outfit.pattern
+        yield make_lower(body, outfit.lower, tucked, scale, seed), outfit.trousers_albedo, "plain"
+        yield make_shoes(body, seed), outfit.shoes_albedo, "plain"
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
         """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.comb import Comb
+from glsim.appearance.noise import smooth_noise
 from glsim.appearance.sphere import geodesic_sphere
 from glsim.appearance.styles import HairStyle
 from glsim.geometry.products import product
@@ -19,6 +20,8 @@ _SHARPNESS = 160.0
 #: Largest move out of the skin at once, mm; chosen.
 _PUSH_MM = 12.0
 #: A lock has a ring of vertices every so many mm, at least 5 and at most 14 rings.
+#: Distance of the relief within a lock, mm; chosen: strands part every few millimetres.
+_STRAND_MM = 6.0
 _STEP_MM, _RINGS = 18.0, (5, 14)
 
 
@@ -105,9 +108,9 @@ def grow_locks(
         length = np.where(brow & (style.comb in ("crown", "curls")), 0.5 * length, length)
     rings = int(np.clip(style.lock[1] / _STEP_MM, *_RINGS))
     path = _paths(anatomy, base, thickness, root, length, brow, comb, obstacle, style, rings, rng)
-    width = style.width * scale * rng.uniform(0.8, 1.7, style.locks)
+    width = style.width * scale * rng.uniform(0.55, 1.35, style.locks)
     long = style.lock[1] > 100
-    return make_ribbons(path, width, root, anatomy.centre, closed=long)
+    return make_ribbons(path, width, root, anatomy.centre, closed=long, rough_mm=1.2 * style.relief)
 
 
 def _over_forehead(local: Array) -> NDArray[np.bool_]:
@@ -131,7 +134,7 @@ def _paths(
     count = len(root)
     out = base[root] - obstacle.centre
     out /= np.linalg.norm(out, axis=1, keepdims=True)
-    height = thickness[root] * rng.uniform(0.55, 1.0, count)
+    height = thickness[root] * rng.uniform(0.3, 1.15, count)
     place: Array = base[root] + out * height[:, None]
     stray = rng.normal(0, 0.05 + 0.12 * style.lift, (count, 3))
     phase, pitch = rng.uniform(0, 2 * np.pi, count), rng.uniform(28, 48, count) * anatomy.scale
@@ -179,13 +182,20 @@ def _off_the_face(anatomy: Anatomy, lines: Array, style: HairStyle) -> Array:
 
 
 def make_ribbons(
-    lines: Array, width: Array, root: NDArray[np.int64], centre: Array, *, closed: bool
+    lines: Array,
+    width: Array,
+    root: NDArray[np.int64],
+    centre: Array,
+    *,
+    closed: bool,
+    rough_mm: float = 0.0,
 ) -> Locks:
     """Make ribbons with a ridge along (rings, N, 3) lines; closed ones can be seen from inside.
 
     Args:
         width: (N,) mm.
         root: (N,) index of the scalp's point that carries each lock.
+        rough_mm: height of the relief of strands.
     """
     rings, count = lines.shape[:2]
     along = np.gradient(lines, axis=0)
@@ -201,6 +211,11 @@ def make_ribbons(
     half = 0.5 * taper[:, None, None] * width[None, :, None]
     ridge = lines + 0.26 * half * out
     points = np.stack([lines - half * across, ridge, lines + half * across], axis=2)
+    if rough_mm:
+        # Strands of a lock part and cross: its surface is no smooth band.
+        places = points.reshape(-1, 3) / _STRAND_MM
+        rough = rough_mm * smooth_noise(places, len(places)).reshape(points.shape[:3])
+        points += (rough * taper[:, None, None])[..., None] * out[:, :, None]
     index = np.arange(rings * count * 3).reshape(rings, count, 3)
     pairs = ((0, 1), (1, 2), (2, 0)) if closed else ((0, 1), (1, 2))
     faces = []

@@ -13,6 +13,11 @@ Array = NDArray[np.floating[Any]]
 _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
 
 
+#: Scale of the logistic distribution with the standard deviation of the noise (0.40, measured:
+#: times the square root of 3 over pi), and the mean of its soft plus, measured.
+_LOGISTIC, _SOFT_MEAN = 0.22, 1.02
+
+
 def smooth_noise(points: Array, seed: int) -> NDArray[np.float32]:
     """Return (N,) float32 noise in [-1, 1] at (N, 3) points, with about one bump per unit length.
 
@@ -46,6 +51,17 @@ def _mixed(bits: NDArray[np.uint32]) -> NDArray[np.float32]:
     bits = (bits ^ (bits >> np.uint32(12))) * np.uint32(0x297A2D39)
     bits ^= bits >> np.uint32(15)
     return bits.astype(np.float32) * np.float32(2.0 / 0xFFFFFFFF) - np.float32(1.0)
+
+
+def openings(points: Array, seed: int) -> NDArray[np.float32]:
+    """Return (N,) float32 from 0 on, exponentially distributed with mean 1: how far light gets.
+
+    Light that falls between fibres is lost at a constant rate (Beer and Lambert), so that the
+    depths at which it returns are distributed so. Noise is nearly logistic; the soft plus of a
+    logistic number is exponential.
+    """
+    soft = np.logaddexp(0.0, smooth_noise(points, seed) / np.float32(_LOGISTIC))
+    return np.asarray(soft / np.float32(_SOFT_MEAN), np.float32)
 
 
 def ridges(points: Array, seed: int) -> NDArray[np.float32]:

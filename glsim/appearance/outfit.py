@@ -10,8 +10,9 @@ from typing import Final, Protocol, TypeVar
 import numpy as np
 
 from glsim.appearance.beard import BEARDS, BeardStyle
-from glsim.appearance.cloth import GARMENTS, Garment
+from glsim.appearance.garments import GARMENTS, LOWERS, Garment, Lower
 from glsim.appearance.glasses import GLASSES, GlassesStyle
+from glsim.appearance.patterns import Pattern
 from glsim.appearance.styles import STYLES, HairStyle
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
@@ -30,10 +31,25 @@ HAIR_COLOURS: Final = (
     ("grey", 0.11, (0.36, 0.62)),
     ("red", 0.03, (0.28, 0.45)),
 )
-#: Dyes of cotton, wool and polyester are clear beyond 750 to 800 nm, so that cloth of any colour
-#: has the reflectance of undyed fibre there, 0.5 to 0.8; carbon-black pigments stay dark. Shares
-#: chosen.
-BRIGHT_CLOTH, DARK_CLOTH, DARK_CLOTH_SHARE = (0.42, 0.85), (0.06, 0.22), 0.18
+#: Dyes of cotton, wool and polyester are clear beyond 750 to 800 nm, so that thin cloth of any
+#: colour has the reflectance of undyed fibre there, 0.5 to 0.8; coarse and hairy weaves, denim and
+#: wool, trap light between their yarns; carbon-black pigments stay dark. Share, range; chosen.
+CLOTH_ALBEDO: Final = (
+    (0.48, (0.50, 0.85)),
+    (0.30, (0.25, 0.50)),
+    (0.22, (0.06, 0.22)),
+)
+#: Patterns of the cloth and their shares; chosen. What is woven of two dyes is hardly seen in the
+#: infrared, what is of two fibres is, and prints with carbon black are.
+PATTERNS: Final[tuple[tuple[Pattern, float], ...]] = (
+    ("plain", 0.52),
+    ("mottled", 0.16),
+    ("stripes", 0.12),
+    ("checks", 0.08),
+    ("print", 0.12),
+)
+#: Share of garments that are tucked into a skirt; chosen.
+SKIRT_TUCKED: Final = 0.6
 BEARD_FROM_YEARS: Final = 18.0  # chosen
 #: Rims: black plastic to metal; chosen.
 RIM_ALBEDO: Final = (0.06, 0.55)
@@ -71,8 +87,10 @@ class Outfit:
     lens_albedo: float = 0.0
     garment: Garment | None = None
     cloth_albedo: float = 0.0
+    pattern: Pattern = "plain"
     trousers_albedo: float = 0.0
-    trousers: float = 1.0
+    tucked: bool = False
+    lower: Lower | None = None
     shoes_albedo: float = 0.0
     seed: int = 0
     words: Mapping[str, str] = field(default_factory=dict)
@@ -110,11 +128,12 @@ def draw_outfit(
     # The share is of all subjects: where the men are known, twice as many of these have a beard.
     of_men = rng("share of beard").random() < settings.beard * (1 if woman is None else 2)
     bearded = bool(of_men and not woman and age >= BEARD_FROM_YEARS)
-    hair = beard = glasses = garment = None
+    hair = beard = glasses = garment = lower = None
     beard_mm = brow_mm = rim_albedo = lens_albedo = cloth_albedo = trousers_albedo = (
         shoes_albedo
     ) = 0.0
-    trousers, lens = 1.0, "clear"
+    tucked, lens = False, "clear"
+    pattern: Pattern = "plain"
     if has_hair:
         draw = rng("hair")
         weights = _hair_weights(age, woman if woman is not None or not bearded else False)
@@ -146,10 +165,13 @@ def draw_outfit(
         cloth_albedo = note("cloth_albedo", _cloth_albedo(draw), 3)
         trousers_albedo = note("trousers_albedo", _cloth_albedo(draw), 3)
         shoes_albedo = note("shoes_albedo", _cloth_albedo(draw), 3)
-        trousers = 0.96 if draw.random() < 0.85 else 0.45
+        lower = LOWERS[_choose(_lower_weights(woman), draw)]
+        pattern = PATTERNS[_choose([share for _, share in PATTERNS], draw)][0]
+        words |= {"appearance.lower": lower.name, "appearance.pattern": pattern}
+        tucked = bool(draw.random() < (SKIRT_TUCKED if lower.skirt else garment.tucked))
     return Outfit(
         hair, beard, beard_mm, brow_mm, hair_albedo, glasses, lens, rim_albedo, lens_albedo,
-        garment, cloth_albedo, trousers_albedo, trousers, shoes_albedo,
+        garment, cloth_albedo, pattern, trousers_albedo, tucked, lower, shoes_albedo,
         int(rng("relief").integers(1 << 31)), words, numbers,
     )  # fmt: skip
 
@@ -179,6 +201,12 @@ def _hair_weights(age: float, woman: bool | None) -> list[float]:
     return [w * (can_be_bald if b else 1.0) for w, b in zip(weights, bald, strict=True)]
 
 
+def _lower_weights(woman: bool | None) -> list[float]:
+    """Weights of LOWERS; of people of unknown sex the mean of women and men."""
+    share = 0.5 if woman is None else float(woman)
+    return [share * lower.women + (1 - share) * lower.men for lower in LOWERS]
+
+
 def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
     share = np.cumsum(weights) / np.sum(weights)
     return int(np.searchsorted(share, rng.random(), side="right"))
@@ -189,8 +217,8 @@ def _pick(styles: Sequence[_Style], rng: np.random.Generator) -> _Style:
 
 
 def _cloth_albedo(rng: np.random.Generator) -> float:
-    dark = rng.random() < DARK_CLOTH_SHARE
-    return float(rng.uniform(*(DARK_CLOTH if dark else BRIGHT_CLOTH)))
+    _, span = CLOTH_ALBEDO[_choose([share for share, _ in CLOTH_ALBEDO], rng)]
+    return float(rng.uniform(*span))
 
 
 def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:

@@ -18,7 +18,8 @@ from glsim.faces.procedural.teeth import (
     UPPER_WIDTHS,
     teeth,
 )
-from glsim.faces.procedural.template import PART_SKIN, PART_TEETH
+from glsim.faces.procedural.template import PART_MOUTH_LINING, PART_SKIN, PART_TEETH
+from glsim.faces.procedural.topology import SLIT_MOUTH
 
 Array = np.ndarray
 
@@ -95,6 +96,36 @@ def test_teeth_are_single_teeth() -> None:
     mirrored = points * np.array([-1.0, 1.0, 1.0])
     a, b = (p[np.lexsort(np.round(p, 4).T)] for p in (points + 0.0, mirrored + 0.0))
     np.testing.assert_allclose(a, b, atol=1e-3)
+
+
+def test_an_open_mouth_is_round(people: list[HeadSubject]) -> None:
+    """The edges of wide open lips: an ellipse, not a diamond, whose middle is the widest place."""
+    template = head_model().template
+    edge = (template.slit == SLIT_MOUTH) & (template.ring == 0)
+    for person in people[:6]:
+        points = person.frames([{"AU27": 1.0}])[0][edge]
+        half = np.abs(points[:, 0] - points[:, 0].mean()).max()
+        corner = points[np.abs(points[:, 0]).argmax(), 1]
+        across = np.abs(points[:, 0] - points[:, 0].mean()) / half
+        low = points[:, 1] < corner - 1
+        deepest = corner - points[low, 1].min()
+        beside = low & (across > 0.55) & (across < 0.65)
+        # An ellipse keeps 0.8 of its height at 0.6 of its width, a diamond 0.4.
+        assert (corner - points[beside, 1]).mean() > 0.68 * deepest
+
+
+def test_the_tongue_lies_in_the_mouth_with_a_groove() -> None:
+    """Behind the teeth the floor is highest beside its middle, and lower at the cheeks."""
+    template = head_model().template
+    floor = (template.part == PART_MOUTH_LINING) & template.low
+    points = template.points[floor]
+    back = points[np.abs(points[:, 2] - np.percentile(points[:, 2], 40)) < 6]
+    x = np.abs(back[:, 0])
+    middle, beside, cheek = (
+        back[mask, 1].mean() for mask in (x < 1.0, (x > 3.5) & (x < 8), x > 14)
+    )
+    assert beside > middle + 0.3
+    assert beside > cheek + 1.5
 
 
 def test_closed_lips_hide_the_teeth_and_open_ones_show_them(people: list[HeadSubject]) -> None:

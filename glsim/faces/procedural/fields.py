@@ -108,7 +108,7 @@ def upper_weight(template: Template) -> Array:
     above = np.where((template.slit == SLIT_MOUTH) | inside, 0.0, above)
     # the opening is an ellipse at the lips, wider inside, where the jaw carries the whole floor
     deep = smoothstep(1.0, 5.0, template.ring * (template.slit == SLIT_MOUTH).astype(np.float64))
-    lips = 0.5 * np.clip(1.0 - (x / mouth.CORNER_X) ** (2.0 + 4.0 * deep), 0.0, 1.0) ** 0.7
+    lips = 0.5 * np.clip(1.0 - (x / mouth.CORNER_X) ** (2.3 + 3.7 * deep), 0.0, 1.0) ** 0.5
     spread = (
         6.0 + 1.0 * np.maximum(x - 16.0, 0.0) + 0.35 * np.maximum(0, 10 - template.points[:, 2])
     )

@@ -23,6 +23,11 @@ SULCUS_Y = -65.5
 RING_DEPTH = (2.0, 4.5, 7.0, 12.0, 20.0, 32.0, 44.0, 50.0)
 UPPER_SPREAD = (0.3, 2.0, 9.0, 11.0, 13.0, 13.0, 10.0, 4.0)
 LOWER_SPREAD = (0.3, 2.0, 8.5, 8.0, 4.0, 3.0, 5.0, 4.0)
+#: The cavity loses this share of its width per mm behind the lips: it is 34 mm wide at the back
+#: molars (Burris and Harris 2000, less the teeth) and half as wide at the throat. Height of the
+#: tongue's back over its edges, and depth of its groove, mm; chosen.
+NARROWING = 0.008
+TONGUE_MM, GROOVE_MM = 4.5, 1.2
 
 
 def stomion_line(x: Array) -> Array:
@@ -79,8 +84,16 @@ def mouth_rings(edge: Array, ring: IntArray, low: np.ndarray) -> Array:
     depth = np.asarray(RING_DEPTH)[level]
     spread = np.where(low, -np.asarray(LOWER_SPREAD)[level], np.asarray(UPPER_SPREAD)[level])
     corner = smoothstep(CORNER_X + 0.5, CORNER_X - 8.0, edge[:, 0])
+    # Behind the teeth the palate is a vault, narrower towards the throat; the tongue lies in it,
+    # with a groove along its middle.
+    deep = smoothstep(8.0, 22.0, depth)
+    vault = np.sqrt(np.clip(1.0 - (edge[:, 0] / (CORNER_X + 0.5)) ** 2, 0.0, 1.0))
+    round_off = corner + deep * (vault - corner)
     points = edge.copy()
-    points[:, 0] *= 1.0 - 0.004 * depth
-    points[:, 1] += corner * spread
-    points[:, 2] -= depth * (0.35 + 0.65 * corner)
+    points[:, 0] *= 1.0 - NARROWING * depth
+    points[:, 1] += round_off * spread
+    tongue = TONGUE_MM * bump(edge[:, 0], 11.0) - GROOVE_MM * bump(edge[:, 0], 3.0)
+    back = smoothstep(50.0, 38.0, depth)
+    points[:, 1] += np.where(low, deep * back * tongue, 0.0)
+    points[:, 2] -= depth * (0.35 + 0.65 * round_off)
     return points
