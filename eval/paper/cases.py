@@ -32,6 +32,10 @@ CASE_METRICS: Final = (
     "both_interior_rmse_mm",
 )
 
+#: The composite of networks that are no rows of the paper: without clean frames, no network
+#: learns which pixels have depth.
+OWN_COMPOSITE: Final = "input mask"
+
 #: Method -> metric -> mean over frames.
 Means = dict[str, dict[str, float]]
 
@@ -61,6 +65,8 @@ class PaperCase:
         values: filter or trivial prediction -> metric -> mean of each seed of the data.
         frames: of the filters, over all seeds.
         networks: row of tables 2 and 3 -> its scores; empty before a reproduction trained any.
+        others: title -> scores of the networks that are no rows of the paper, those without clean
+            frames among them.
     """
 
     protocol: DepthProtocol
@@ -68,6 +74,7 @@ class PaperCase:
     values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     frames: int = 0
     networks: dict[str, NetworkScores] = field(default_factory=dict)
+    others: dict[str, NetworkScores] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -146,7 +153,7 @@ def _read_case(folder: Path, case: PaperCase) -> PaperCase:
             _add_seed(case, path)
     place = case_folder(folder, case.protocol, case.mask)
     if (place / "table.csv").is_file() and (place / "runs").is_dir():
-        case.networks = _networks(place)
+        _add_networks(case, place)
     return case
 
 
@@ -166,18 +173,23 @@ def _add_seed(case: PaperCase, path: Path) -> None:
         raise DatasetError(f"{path}: is no table of glsim eval: {error!r}") from None
 
 
-def _networks(place: Path) -> dict[str, NetworkScores]:
-    """Return row -> scores of the trained rows; of several sizes the largest, as printed."""
+def _add_networks(case: PaperCase, place: Path) -> None:
+    """Add the scores of the trained networks; of several sizes of a row the largest, as printed."""
     means = read_means(place / "table.csv")
-    rows: dict[str, NetworkScores] = {}
+    baseline = {metric: means["noisy"][metric] for metric in CASE_METRICS}
     for group in sorted(_groups(place / "runs"), key=lambda group: group.size == "full"):
-        labels = [run.label for run in group.members if run.label in means]
-        if group.row is None or not labels:
+        labels = [run.label for run in group.members]
+        if group.row is None:
+            labels = [f"{label} [{OWN_COMPOSITE}]" for label in labels]
+        scored = [means[label] for label in labels if label in means]
+        if not scored:
             continue
-        values = {metric: [means[label][metric] for label in labels] for metric in CASE_METRICS}
-        baseline = {metric: means["noisy"][metric] for metric in CASE_METRICS}
-        rows[group.row] = NetworkScores(group, values, baseline)
-    return rows
+        values = {metric: [of_seed[metric] for of_seed in scored] for metric in CASE_METRICS}
+        scores = NetworkScores(group, values, baseline)
+        if group.row is None:
+            case.others[f"{group.title} [{OWN_COMPOSITE}]"] = scores
+        else:
+            case.networks[group.row] = scores
 
 
 def _groups(runs: Path) -> Sequence[SeedGroup]:
