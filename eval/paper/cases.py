@@ -1,9 +1,13 @@
-"""The four readings of how the paper scored: two depth protocols times two masks of clean maps.
+"""Read the scores of a reproduction in its four cases.
 
-A case is a protocol (see ``glsim.depth_protocol``) and a clean mask: dense, or BlenSor's, which has
-no surface where the noisy map has no depth. Filters are scored on data sets of their own, one per
-seed of people and noise, in FOLDER/filters/MASK/SEED/PROTOCOL; networks in ``case_folder``. Both
-hold table.csv and, for a map of zeros and the mean face, baselines.csv of ``glsim eval``.
+The paper does not say where depths are counted from, nor whether its clean maps have holes. So all
+is scored in four cases: a protocol (``glsim.depth_protocol``) times a mask of the clean maps, which
+are dense, or BlenSor's: without depth where the noisy map has none.
+
+    FOLDER/filters/MASK/SEED/PROTOCOL   the filters, on a data set per seed of people and noise
+    ``case_folder``                     the networks
+
+Each holds table.csv of ``glsim eval``, and baselines.csv with a map of zeros and the mean face.
 """
 
 from __future__ import annotations
@@ -42,7 +46,7 @@ Means = dict[str, dict[str, float]]
 
 @dataclass(frozen=True)
 class NetworkScores:
-    """A row of tables 2 and 3 in a case.
+    """The scores of a network in one case.
 
     Attributes:
         group: its trainings, one per seed.
@@ -57,7 +61,7 @@ class NetworkScores:
 
 @dataclass
 class PaperCase:
-    """All scores under one protocol and mask.
+    """The scores of all rows in one case.
 
     Attributes:
         protocol: where depths are counted from.
@@ -78,32 +82,56 @@ class PaperCase:
 
     @property
     def title(self) -> str:
-        """Its name in tables."""
+        """Name of the case in tables."""
         return f"protocol {self.protocol}, {MASKS.get(self.mask, self.mask)}"
 
     def mean(self, name: str, metric: str) -> float:
-        """Return the mean over seeds."""
+        """Return the mean of a metric of a filter over the seeds."""
         return statistics.fmean(self.values[name][metric])
 
     def ratios(self, name: str) -> list[float]:
-        """Return the MSE over the baseline's of each seed; none where that is 0."""
+        """Divide the MSE of a filter by the noisy input's, seed by seed.
+
+        Args:
+            name: of the filter, or of a trivial prediction.
+
+        Returns:
+            The ratios, without seeds in which the noisy input has no error.
+        """
         pairs = zip(self.values[name]["mse_mm2"], self.values["noisy"]["mse_mm2"], strict=True)
         return [value / base for value, base in pairs if base > 0]
 
 
 def mask_folder(out: Path, mask: str) -> Path:
-    """Return the folder of a mask's data, networks and tables: dense is the folder itself."""
+    """Return where the data, networks and tables of one mask of clean maps are.
+
+    Args:
+        out: folder of the reproduction, which holds those with dense clean maps itself.
+        mask: of the clean maps, a key of MASKS.
+    """
     return out if mask == "dense" else out / f"mask_{mask}"
 
 
 def case_folder(out: Path, protocol: DepthProtocol, mask: str = "dense") -> Path:
-    """Return the folder of a case's networks and tables; of the protocol depth: the mask's own."""
+    """Return where the networks and tables of one case are.
+
+    Args:
+        out: folder of the reproduction.
+        protocol: where depths are counted from.
+        mask: of the clean maps, a key of MASKS.
+    """
     folder = mask_folder(out, mask)
     return folder if protocol == "depth" else folder / f"protocol_{protocol}"
 
 
 def read_cases(folder: Path) -> list[PaperCase]:
-    """Read the four cases from the folder of a reproduction; what was not scored is empty.
+    """Read all scores of a reproduction.
+
+    Args:
+        folder: of ``glsim paper reproduce``.
+
+    Returns:
+        The four cases. One without scores has empty tables.
 
     Raises:
         DatasetError: for a table that cannot be read.
@@ -116,7 +144,10 @@ def read_cases(folder: Path) -> list[PaperCase]:
 
 
 def read_filter_cases(folder: Path) -> list[PaperCase]:
-    """Read the cases in which filters were scored.
+    """Read the scores of a reproduction, without the cases in which no filter was scored.
+
+    Args:
+        folder: of ``glsim paper reproduce``.
 
     Raises:
         DatasetError: if there is none, or for a table that cannot be read.
@@ -131,7 +162,17 @@ def read_filter_cases(folder: Path) -> list[PaperCase]:
 
 
 def read_means(path: Path) -> Means:
-    """Read a table.csv or baselines.csv of ``glsim eval``. Raises DatasetError."""
+    """Read a table of ``glsim eval``.
+
+    Args:
+        path: table.csv or baselines.csv.
+
+    Returns:
+        Method -> metric -> mean over frames.
+
+    Raises:
+        DatasetError: the file cannot be read, or is another table.
+    """
     means: Means = {}
     for row in _rows(path):
         try:

@@ -1,4 +1,4 @@
-"""``glsim paper``: what only the reproduction of the paper needs."""
+"""``glsim paper``: the commands that reproduce the paper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``glsim paper reproduce``: reproduce the paper's tables by a series of other commands.
+"""``glsim paper reproduce``: make the paper's tables and figures by a series of commands.
 
 Each command resumes its own work; this module only skips trainings that are finished.
 """
@@ -121,7 +121,7 @@ def reproduce(
 
 
 def _is_finished(run: Path) -> bool:
-    """Return whether the folder of a training is complete."""
+    """Return whether a training has ended and its best weights are there."""
     from glsim.files.atomic import read_json
 
     try:
