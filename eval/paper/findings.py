@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -249,6 +250,8 @@ def _photographs(path: Path) -> Iterator[str]:
             groups.setdefault(key, []).append(row)
     for (network, trained_on, holes), seeds in groups.items():
         ratio = statistics.fmean(float(row[name]) for row in seeds) / noisy_mm
+        if not math.isfinite(ratio):  # photographs.md says why
+            continue
         left = statistics.fmean(float(row["left_of_noise"]) for row in seeds)
         unlearnt = f" It has not learnt its own task: {left:.2f} of its noise is left."
         yield (
