@@ -28,8 +28,8 @@ def add_case_tables(document: Document, cases: Sequence[PaperCase]) -> None:
         "MSE over the noisy input's on the same frames, mean ± standard deviation over seeds, and "
         "the number of seeds. Above 1, a row loses to the noisy input in this case. Networks were "
         "trained in each case anew, on its own clean maps; a row with artefact removal is its "
-        "partner's network. Of networks that know which pixels are holes, the composite *input "
-        "mask* is shown: depth where the noisy map has depth.",
+        "partner's network. Of networks that know which pixels are holes, the composite `input "
+        "mask` is shown: depth where the noisy map has depth.",
         _table(cases, _MSE),
         "Interior RMSE (away from rims, valid in both maps) over the noisy input's: the error of "
         "the surface, which the MSE of all pixels hides.",

@@ -29,7 +29,7 @@ from glsim.files.atomic import wrap_read_errors, write_atomic
 EXPERIMENT_FILES: Final = ("experiments.md", "experiments.html")
 #: The figure's file, beside the page.
 FIGURE: Final = "experiments.png"
-_TITLE: Final = "Table 1 on other surfaces and with other noise"
+_TITLE: Final = "Experiments with the paper's table 1"
 #: Columns of MSE over the baseline's.
 _CHANGING: Final = ("median", "nlm", "bilateral")
 #: Relations of the printed table, in the words of their columns.
@@ -125,7 +125,7 @@ def experiment_document(scored: Sequence[ExperimentScores]) -> Document:
     """Return the page without its figure."""
     titles = list(dict.fromkeys(case.title for one in scored for case in one.cases))
     document = Document(
-        _TITLE,
+        "Other surfaces and other noise",
         [
             "The filters of table 1 on frames that differ from the paper's in one thing each. MSE "
             "over the baseline's, mean ± standard deviation over seeds; each seed has other people "
