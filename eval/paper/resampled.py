@@ -36,7 +36,10 @@ def resampled(clean_mm: Depth, factor: int) -> NDArray[np.uint16]:
     image = np.ascontiguousarray(clean_mm, np.float32)
     small = cv2.resize(image, (width // factor, height // factor), interpolation=cv2.INTER_AREA)
     large: NDArray[Any] = cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC)
-    return np.clip(np.rint(large), 0, np.iinfo(np.uint16).max).astype(np.uint16)
+    noisy: NDArray[np.uint16] = np.clip(np.rint(large), 0, np.iinfo(np.uint16).max).astype(
+        np.uint16
+    )
+    return noisy
 
 
 def write_resampled(dataset: Path, split: str, factor: int, mask: str, out: Path) -> list[Path]:
@@ -60,7 +63,7 @@ def write_resampled(dataset: Path, split: str, factor: int, mask: str, out: Path
     for number in range(len(frames)):
         key = frames.key(number)
         clean = np.rint(frames.load(number).clean_mm).astype(np.uint16)
-        noisy = resampled(clean, factor)
+        noisy = resampled(clean.astype(np.float32), factor)
         if mask == "as-noisy":
             clean[noisy == 0] = 0
         folder = out / key.subject

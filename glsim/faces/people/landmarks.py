@@ -121,12 +121,14 @@ class _MeanFace:
         return np.isin(self._regions, [REGIONS.index(name) for name in names])
 
     def _lips(self) -> NDArray[np.int64]:
-        return self._turned[self._in("lips")[self._turned]]
+        lips: NDArray[np.int64] = self._turned[self._in("lips")[self._turned]]
+        return lips
 
     def _profile(self, low: float, high: float) -> NDArray[np.int64]:
         """The midline's vertices that are turned to the front between two heights, mm."""
         x, y = self.points[self._turned, :2].T
-        return self._turned[(np.abs(x) < 1e-3) & (y > low) & (y < high)]
+        profile: NDArray[np.int64] = self._turned[(np.abs(x) < 1e-3) & (y > low) & (y < high)]
+        return profile
 
     def mirrored(self, vertices: list[int]) -> list[int]:
         """Return the vertices of the left half that mirror others. Raises MeshError."""
@@ -227,4 +229,5 @@ def _vertex_normals(points: NDArray[np.float64], faces: NDArray[np.int32]) -> ND
     for corner in faces.T:
         np.add.at(total, corner, areas)
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.divide(total, length, out=total, where=length > 0)
+    normals: NDArray[np.float64] = np.divide(total, length, out=total, where=length > 0)
+    return normals
