@@ -250,9 +250,11 @@ def _reason(
     where = f"{len(holding)} of {len(found)} scored cases"
     where += f" ({'; '.join(holding)})" if len(holding) < len(found) else ""
     side = {-1: "below", 0: "equal to", 1: "above"}[wanted]
+    count = len(nearest.values)
+    seeds = f"All {count} seeds are" if count > 1 else "The only seed is"
     if holding:
         return "direction reproduced", (
-            f"All seeds are {side} the noisy input, as printed, in {where}; "
+            f"{seeds} {side} the noisy input, as printed, in {where}; "
             f"ours {_beside(metric, nearest, printed)}.{_smaller(nearest.group)}"
         )
     if nearest.group is not None and nearest.group.size != "full":

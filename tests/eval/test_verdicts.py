@@ -187,8 +187,8 @@ def test_every_row_stands_in_every_case(tmp_path: Path) -> None:
     own = {"r2r-0 [input mask]": 90.0, "r2r-1 [input mask]": 110.0, "r2r-0 [soft]": 1.0}
     write_table(place / "table.csv", {"noisy": 100.0, "d7-0": 129.0} | own, "paper")
     page = write_verdicts(tmp_path)[0].read_text()
-    mse, interior = case_cells(page, "Median")
-    assert mse == ["0.965", "-", "-", "0.900 ± 0.000 (2)", "-"]
+    of_mse, interior = case_cells(page, "Median")
+    assert of_mse == ["0.965", "-", "-", "0.900 ± 0.000 (2)", "-"]
     assert interior == ["-", "-", "-", "1.000 ± 0.000 (2)", "-"]
     assert case_cells(page, "NLM")[0] == ["0.813", "-", "-", "0.200 ± 0.000 (2)", "-"]
     assert case_cells(page, "mean face")[0] == ["-", "-", "-", "2.250 ± 1.061 (2)", "-"]
