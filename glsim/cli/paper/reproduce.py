@@ -82,8 +82,8 @@ def reproduce(
     protocol_paper/ holds the networks and tables under the paper's protocol (nearest point at
     1 mm), mask_as-noisy/ those with BlenSor's mask, protocols.md table 1 under all four cases,
     experiments.html table 1 on other surfaces and with other noise. Rows with artefact removal are
-    their partners' networks. Each command is printed before it runs and can also be run by hand. A finished training is not repeated: delete its folder in runs/ to
-    train again.
+    their partners' networks. Each command is printed before it runs and can also be run by hand.
+    A finished training is not repeated: delete its folder in runs/ to train again.
     """
     root_command = context.find_root().command
     chosen = load_plan(size)
