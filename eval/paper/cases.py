@@ -1,9 +1,13 @@
-"""The four readings of how the paper scored: two depth protocols times two masks of clean maps.
+"""Read the scores of a reproduction in its four cases.
 
-A case is a protocol (see ``glsim.depth_protocol``) and a clean mask: dense, or BlenSor's, which has
-no surface where the noisy map has no depth. Filters are scored on data sets of their own, one per
-seed of people and noise, in FOLDER/filters/MASK/SEED/PROTOCOL; networks in ``case_folder``. Both
-hold table.csv and, for a map of zeros and the mean face, baselines.csv of ``glsim eval``.
+The paper does not say where depths are counted from, nor whether its clean maps have holes. So all
+is scored in four cases: a protocol (``glsim.depth_protocol``) times a mask of the clean maps, which
+are dense, or BlenSor's: without depth where the noisy map has none.
+
+    FOLDER/filters/MASK/SEED/PROTOCOL   the filters, on a data set per seed of people and noise
+    ``case_folder``                     the networks
+
+Each holds table.csv of ``glsim eval``, and baselines.csv with a map of zeros and the mean face.
 """
 
 from __future__ import annotations
@@ -32,13 +36,17 @@ CASE_METRICS: Final = (
     "both_interior_rmse_mm",
 )
 
+#: The composite of networks that are no rows of the paper: without clean frames, no network
+#: learns which pixels have depth.
+OWN_COMPOSITE: Final = "input mask"
+
 #: Method -> metric -> mean over frames.
 Means = dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True)
 class NetworkScores:
-    """A row of tables 2 and 3 in a case.
+    """The scores of a network in one case.
 
     Attributes:
         group: its trainings, one per seed.
@@ -53,7 +61,7 @@ class NetworkScores:
 
 @dataclass
 class PaperCase:
-    """All scores under one protocol and mask.
+    """The scores of all rows in one case.
 
     Attributes:
         protocol: where depths are counted from.
@@ -61,6 +69,8 @@ class PaperCase:
         values: filter or trivial prediction -> metric -> mean of each seed of the data.
         frames: of the filters, over all seeds.
         networks: row of tables 2 and 3 -> its scores; empty before a reproduction trained any.
+        others: title -> scores of the networks that are no rows of the paper, those without clean
+            frames among them.
     """
 
     protocol: DepthProtocol
@@ -68,35 +78,60 @@ class PaperCase:
     values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     frames: int = 0
     networks: dict[str, NetworkScores] = field(default_factory=dict)
+    others: dict[str, NetworkScores] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
-        """Its name in tables."""
+        """Name of the case in tables."""
         return f"protocol {self.protocol}, {MASKS.get(self.mask, self.mask)}"
 
     def mean(self, name: str, metric: str) -> float:
-        """Return the mean over seeds."""
+        """Return the mean of a metric of a filter over the seeds."""
         return statistics.fmean(self.values[name][metric])
 
     def ratios(self, name: str) -> list[float]:
-        """Return the MSE over the baseline's of each seed; none where that is 0."""
+        """Divide the MSE of a filter by the noisy input's, seed by seed.
+
+        Args:
+            name: of the filter, or of a trivial prediction.
+
+        Returns:
+            The ratios, without seeds in which the noisy input has no error.
+        """
         pairs = zip(self.values[name]["mse_mm2"], self.values["noisy"]["mse_mm2"], strict=True)
         return [value / base for value, base in pairs if base > 0]
 
 
 def mask_folder(out: Path, mask: str) -> Path:
-    """Return the folder of a mask's data, networks and tables: dense is the folder itself."""
+    """Return where the data, networks and tables of one mask of clean maps are.
+
+    Args:
+        out: folder of the reproduction, which holds those with dense clean maps itself.
+        mask: of the clean maps, a key of MASKS.
+    """
     return out if mask == "dense" else out / f"mask_{mask}"
 
 
 def case_folder(out: Path, protocol: DepthProtocol, mask: str = "dense") -> Path:
-    """Return the folder of a case's networks and tables; of the protocol depth: the mask's own."""
+    """Return where the networks and tables of one case are.
+
+    Args:
+        out: folder of the reproduction.
+        protocol: where depths are counted from.
+        mask: of the clean maps, a key of MASKS.
+    """
     folder = mask_folder(out, mask)
     return folder if protocol == "depth" else folder / f"protocol_{protocol}"
 
 
 def read_cases(folder: Path) -> list[PaperCase]:
-    """Read the four cases from the folder of a reproduction; what was not scored is empty.
+    """Read all scores of a reproduction.
+
+    Args:
+        folder: of ``glsim paper reproduce``.
+
+    Returns:
+        The four cases. One without scores has empty tables.
 
     Raises:
         DatasetError: for a table that cannot be read.
@@ -109,7 +144,10 @@ def read_cases(folder: Path) -> list[PaperCase]:
 
 
 def read_filter_cases(folder: Path) -> list[PaperCase]:
-    """Read the cases in which filters were scored.
+    """Read the scores of a reproduction, without the cases in which no filter was scored.
+
+    Args:
+        folder: of ``glsim paper reproduce``.
 
     Raises:
         DatasetError: if there is none, or for a table that cannot be read.
@@ -124,7 +162,17 @@ def read_filter_cases(folder: Path) -> list[PaperCase]:
 
 
 def read_means(path: Path) -> Means:
-    """Read a table.csv or baselines.csv of ``glsim eval``. Raises DatasetError."""
+    """Read a table of ``glsim eval``.
+
+    Args:
+        path: table.csv or baselines.csv.
+
+    Returns:
+        Method -> metric -> mean over frames.
+
+    Raises:
+        DatasetError: the file cannot be read, or is another table.
+    """
     means: Means = {}
     for row in _rows(path):
         try:
@@ -146,7 +194,7 @@ def _read_case(folder: Path, case: PaperCase) -> PaperCase:
             _add_seed(case, path)
     place = case_folder(folder, case.protocol, case.mask)
     if (place / "table.csv").is_file() and (place / "runs").is_dir():
-        case.networks = _networks(place)
+        _add_networks(case, place)
     return case
 
 
@@ -166,18 +214,23 @@ def _add_seed(case: PaperCase, path: Path) -> None:
         raise DatasetError(f"{path}: is no table of glsim eval: {error!r}") from None
 
 
-def _networks(place: Path) -> dict[str, NetworkScores]:
-    """Return row -> scores of the trained rows; of several sizes the largest, as printed."""
+def _add_networks(case: PaperCase, place: Path) -> None:
+    """Add the scores of the trained networks; of several sizes of a row the largest, as printed."""
     means = read_means(place / "table.csv")
-    rows: dict[str, NetworkScores] = {}
+    baseline = {metric: means["noisy"][metric] for metric in CASE_METRICS}
     for group in sorted(_groups(place / "runs"), key=lambda group: group.size == "full"):
-        labels = [run.label for run in group.members if run.label in means]
-        if group.row is None or not labels:
+        labels = [run.label for run in group.members]
+        if group.row is None:
+            labels = [f"{label} [{OWN_COMPOSITE}]" for label in labels]
+        scored = [means[label] for label in labels if label in means]
+        if not scored:
             continue
-        values = {metric: [means[label][metric] for label in labels] for metric in CASE_METRICS}
-        baseline = {metric: means["noisy"][metric] for metric in CASE_METRICS}
-        rows[group.row] = NetworkScores(group, values, baseline)
-    return rows
+        values = {metric: [of_seed[metric] for of_seed in scored] for metric in CASE_METRICS}
+        scores = NetworkScores(group, values, baseline)
+        if group.row is None:
+            case.others[f"{group.title} [{OWN_COMPOSITE}]"] = scores
+        else:
+            case.networks[group.row] = scores
 
 
 def _groups(runs: Path) -> Sequence[SeedGroup]:

@@ -1,4 +1,4 @@
-"""The sources of heads of a reproduction, in a sentence for every caption."""
+"""Name the sources of the heads of a reproduction, for captions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ _NAMES = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURC
 
 
 def data_note(dataset: Dataset) -> str:
-    """Name the face sources of a data set, their frames, and the sets that they replace."""
+    """Return a sentence for captions: sources, numbers of frames, absent face sets, sensor.
+
+    Args:
+        dataset: of the reproduction.
+    """
     held = Counter(str(pair.record["source"]) for pair in dataset)
     sources = ", ".join(f"{source_name(kind)} ({count:,})" for kind, count in held.items())
     note = f"Frames: {sources}."
@@ -24,5 +28,5 @@ def data_note(dataset: Dataset) -> str:
 
 
 def source_name(kind: str) -> str:
-    """Return the name of a face source in captions."""
+    """Return the name of a kind of face source in captions."""
     return _NAMES.get(kind, kind)

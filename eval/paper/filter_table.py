@@ -1,4 +1,4 @@
-"""The paper's table 1: the printed values of its filters beside ours."""
+"""Write table 1, the filters: the printed values beside ours."""
 
 from __future__ import annotations
 
@@ -15,7 +15,12 @@ from glsim.eval.scoring.run import Evaluation
 
 
 def filter_table(evaluation: Evaluation, table: ResultTable) -> Document:
-    """Write table 1 beside our values, and the relations of the paper that hold."""
+    """Return the page of table 1: values, relations that hold, and errors of the surface.
+
+    Args:
+        evaluation: the scores, with those of the trivial predictions.
+        table: the scores by method.
+    """
     trivial = trivial_rows(evaluation)
     shown = table | trivial
     ours = [*PAPER_FILTERS, *trivial]
@@ -104,13 +109,17 @@ NOTHING_LOSES_TO: Final = ("zero image", "mean face")
 
 
 def trivial_rows(evaluation: Evaluation) -> ResultTable:
-    """Return the scores of a map of zeros and of the mean face, if they were computed."""
+    """Return the scores of a map of zeros and of the mean face.
+
+    Args:
+        evaluation: the scores; without trivial predictions nothing is returned.
+    """
     scored = evaluation.baselines
     return {name: scored.entries(name) for name in NOTHING_LOSES_TO if name in scored.methods}
 
 
 def yes_or_no(value: bool) -> str:
-    """Return the text of a cell; "no" is bold."""
+    """Return "yes", or "no" in bold, for a cell of a table."""
     return "yes" if value else "**no**"
 
 

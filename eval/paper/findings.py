@@ -1,8 +1,9 @@
-"""Write findings.html: the relations of the paper's tables that hold, and the open questions."""
+"""Write findings.html: which relations of the printed tables hold in our scores, what is open."""
 
 from __future__ import annotations
 
 import csv
+import math
 import re
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -87,7 +88,13 @@ _QUESTIONS: Final = (
 
 
 def write_findings(folder: Path) -> list[Path]:
-    """Write the page of a reproduction; return the written files.
+    """Write findings.md and findings.html to the folder of a reproduction.
+
+    Args:
+        folder: of ``glsim paper reproduce``, with data, networks, tables and figures.
+
+    Returns:
+        The written files.
 
     Raises:
         ConfigError, DatasetError, DenoiserError: for a folder that holds no reproduction.
@@ -148,9 +155,14 @@ def _document(folder: Path) -> Document:
 
 
 def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
-    """Return row -> MSE, mean over seeds.
+    """Compute the MSE of each row of the tables, mm^2, as the mean over seeds.
 
-    A row with artefact removal is its partner's plus their difference in common seeds.
+    A row with artefact removal has its partner's MSE plus the mean difference between the two in
+    the seeds that both have.
+
+    Args:
+        folder: of a case, with table.csv.
+        groups: its trained networks.
     """
     means = read_means(folder / "table.csv")
     by_label = {method: values["mse_mm2"] for method, values in means.items()}
@@ -238,6 +250,8 @@ def _photographs(path: Path) -> Iterator[str]:
             groups.setdefault(key, []).append(row)
     for (network, trained_on, holes), seeds in groups.items():
         ratio = statistics.fmean(float(row[name]) for row in seeds) / noisy_mm
+        if not math.isfinite(ratio):  # photographs.md says why
+            continue
         left = statistics.fmean(float(row["left_of_noise"]) for row in seeds)
         unlearnt = f" It has not learnt its own task: {left:.2f} of its noise is left."
         yield (
@@ -247,7 +261,7 @@ def _photographs(path: Path) -> Iterator[str]:
 
 
 def _pictures(folder: Path) -> list[CaptionedPng]:
-    """Return the figures of ``glsim paper figures`` with their captions."""
+    """Read the figures that ``glsim paper figures`` drew, with their captions."""
     captions = folder / "captions.md"
     if not captions.is_file():
         return []

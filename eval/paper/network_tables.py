@@ -1,4 +1,4 @@
-"""The paper's tables 2 and 3: the printed values of its networks beside ours."""
+"""Write tables 2 and 3, the networks: the printed values beside ours."""
 
 from __future__ import annotations
 
@@ -43,9 +43,16 @@ _SURFACE_BLOCK: Final = {
 
 
 class _Scores:
-    """Scores of a network's seeds; ``part`` is its composite, "" for a network with a mask."""
+    """The scores of a network, seed by seed."""
 
     def __init__(self, group: SeedGroup, part: str, table: ResultTable) -> None:
+        """Look up the scores.
+
+        Args:
+            group: the trainings.
+            part: the composite of a network that returns probabilities; "" for one that does not.
+            table: the scores by the label of a method.
+        """
         self.group, self.part = group, part
         labels = {run.seed: f"{run.label} [{part}]" if part else run.label for run in group.members}
         self._entries = {seed: table[label] for seed, label in labels.items() if label in table}

@@ -11,7 +11,7 @@ import csv
 import io
 import math
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -22,11 +22,11 @@ import numpy as np
 from glsim.denoise import DEFAULT_COMPOSITE, Method, composed, load
 from glsim.denoise.frames import Frames
 from glsim.denoise.interface import Depth
-from glsim.errors import ConfigError
+from glsim.errors import ConfigError, DenoiserError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.score import score
 from glsim.eval.paper.runs import TrainedRun, find_trained_runs
-from glsim.eval.report.document import Document, TextTable
+from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.report.tables import TABLE_METRICS, format_number
 from glsim.files.atomic import read_json
 
@@ -83,7 +83,8 @@ def photograph_table(
     Raises:
         ConfigError: without runs.
         DatasetError: for an unreadable frame.
-        DenoiserError: for an unreadable network.
+        DenoiserError: for an unreadable network. One that returns what is no depth map, such as
+            negative depths after too few steps, is listed as not scored.
     """
     networks = _find(photo_runs, runs)
     methods = [load(item.run.spec) for item in networks]
@@ -91,6 +92,7 @@ def photograph_table(
     count = min(len(frames), _MOST_FRAMES)
     numbers = np.linspace(0, len(frames) - 1, count).round().astype(int)
     sums: dict[tuple[int, str], list[Scores]] = {}
+    faults: dict[tuple[int, str], list[str]] = {}
     for done, number in enumerate(numbers.tolist(), 1):
         sample = frames.load(number)
         truth = Truth(sample.clean_mm, sample.noisy_mm, sample.intrinsics.rays())
@@ -99,13 +101,21 @@ def photograph_table(
             sums.setdefault((place, ""), []).append(_scores(depth, truth))
         filled_mm = fill_holes(sample.noisy_mm)
         for place, method in enumerate(methods):
-            depth = _denoised(method, sample.noisy_mm)
-            sums.setdefault((place, _AS_IT_IS), []).append(_scores(depth, truth))
             kept = np.where(sample.noisy_mm > 0, method(filled_mm[None])[0], np.float32(0))
-            sums.setdefault((place, _FILLED), []).append(_scores(kept, truth))
+            depths = {_AS_IT_IS: _denoised(method, sample.noisy_mm), _FILLED: kept}
+            for holes, depth in depths.items():
+                try:
+                    sums.setdefault((place, holes), []).append(_scores(depth, truth))
+                except DenoiserError as error:
+                    faults.setdefault((place, holes), []).append(str(error))
         scoring(done, count)
-    means = {key: _mean(rows) for key, rows in sums.items()}
-    return _document(networks, means, count), _csv(networks, means)
+    # A mean over the other frames alone would favour a network that fails in some.
+    keys = dict.fromkeys([*sums, *faults])
+    means = {key: _mean([] if key in faults else sums[key]) for key in keys}
+    document = _document(networks, means, count)
+    if faults:
+        document.parts += [Heading("Not scored"), list(_unscored(networks, faults, count))]
+    return document, _csv(networks, means)
 
 
 def fill_holes(depth_mm: Depth) -> Depth:
@@ -167,6 +177,18 @@ def _scores(depth_mm: Depth, truth: Truth) -> Scores:
     return {name: scores[name] for name in _METRICS}
 
 
+def _unscored(
+    networks: Sequence[_Trained], faults: dict[tuple[int, str], list[str]], frames: int
+) -> Iterator[str]:
+    """Name the networks that returned what is no depth map, with the first reason."""
+    for (place, holes), reasons in faults.items():
+        item = networks[place]
+        yield (
+            f"{item.run.title}, seed {item.run.seed}, trained on {item.trained_on}, holes {holes}: "
+            f"{reasons[0]} in the first of {len(reasons)} frames of {frames} that cannot be scored"
+        )
+
+
 def _mean(rows: Sequence[Scores]) -> Scores:
     """Return the mean of each metric over the frames where it is defined."""
     means = {}
@@ -195,7 +217,7 @@ def _document(
             ratio = [value / base[_RATIO] for value in values[_RATIO]]
             rows.append([title, trained_on, str(len(places)), _cell(left), holes, *cells,
                          _cell(ratio)])  # fmt: skip
-            if holes == _FILLED:
+            if holes == _FILLED and all(map(math.isfinite, ratio)):
                 verdicts.append(
                     f"{title}, {trained_on}, holes filled: the interior error is "
                     f"{statistics.fmean(ratio):.2f} times the noisy input's."

@@ -1,4 +1,4 @@
-"""Table 1 under both protocols and both masks, over seeds, with the relations that hold."""
+"""Write protocols.md: table 1 in the four cases, and which of its relations hold in our scores."""
 
 from __future__ import annotations
 
@@ -23,7 +23,11 @@ _CHANGING: Final = ("median", "nlm", "bilateral")
 
 
 def protocol_document(cases: list[PaperCase]) -> Document:
-    """Return the page."""
+    """Return the page of table 1 in all cases.
+
+    Args:
+        cases: those in which filters were scored.
+    """
     frames = ", ".join(
         f"{case.frames} of {len(case.values['noisy']['mse_mm2'])} seeds ({case.title})"
         for case in cases
@@ -66,14 +70,14 @@ def dissimilarity_per_mse(ssim: float, mse_mm2: float) -> float:
 
 
 def _dissimilarities(case: PaperCase, name: str) -> list[float]:
-    """Return ``dissimilarity_per_mse`` of each seed."""
+    """Compute ``dissimilarity_per_mse`` of a filter seed by seed, without seeds of no error."""
     values = case.values[name]
     pairs = zip(values["ssim_16bit"], values["mse_mm2"], strict=True)
     return [dissimilarity_per_mse(ssim, mse) for ssim, mse in pairs if mse > 0]
 
 
 def _dissimilarity_table(cases: list[PaperCase]) -> TextTable:
-    """Tabulate the ratio of each case, and the printed one with its rounding error."""
+    """Tabulate ``dissimilarity_per_mse`` of each case below the printed one and its rounding."""
     printed = []
     for name in _OF_16_BIT:
         row = PRINTED_FILTERS[name]
@@ -143,12 +147,23 @@ _RELATIONS: Final[dict[str, Callable[[Mapping[str, float]], bool]]] = {
 
 
 def relations(mse: Mapping[str, float]) -> dict[str, bool]:
-    """Return which relations hold for MSEs by filter."""
+    """Test the relations of the printed table 1.
+
+    Args:
+        mse: filter -> MSE, mm^2, the noisy input included.
+
+    Returns:
+        Relation -> whether it holds.
+    """
     return {name: holds(mse) for name, holds in _RELATIONS.items()}
 
 
 def relation_table(cases: list[PaperCase]) -> TextTable:
-    """Tabulate the number of seeds of each case in which a relation holds."""
+    """Tabulate in how many seeds of each case a relation of the printed table 1 holds.
+
+    Args:
+        cases: those in which filters were scored.
+    """
     printed = relations({n: row.mse_mm2 for n, row in PRINTED_FILTERS.items()})
     rows = [["printed", *map(yes_or_no, printed.values())]]
     for case in cases:
@@ -162,7 +177,11 @@ def relation_table(cases: list[PaperCase]) -> TextTable:
 
 
 def largest_ratio_difference(case: PaperCase) -> float:
-    """Return the largest difference of a filter's MSE ratio from the printed one."""
+    """Return how far the filters' MSE over the baseline's is from the printed one, at most.
+
+    Args:
+        case: with scores of the filters.
+    """
     return max(
         abs(statistics.fmean(case.ratios(name)) - _printed_ratio(PRINTED_FILTERS[name]))
         for name in _CHANGING
@@ -174,7 +193,14 @@ def _printed_ratio(row: PrintedRow) -> float:
 
 
 def conclusions(cases: list[PaperCase]) -> Iterator[str]:
-    """Compare each case with the MSE and the SSIM that table 1 prints."""
+    """Compare each case with the MSE and the SSIM that table 1 prints.
+
+    Args:
+        cases: those in which filters were scored.
+
+    Yields:
+        A sentence for each case, and for each measure the case that comes nearest.
+    """
     printed = PRINTED_FILTERS["noisy"].mse_mm2
     for case in cases:
         mse, share = case.mean("noisy", "mse_mm2"), case.mean("noisy", "mse_flips_pct")
@@ -198,6 +224,6 @@ def conclusions(cases: list[PaperCase]) -> Iterator[str]:
 
 
 def _factor(case: PaperCase) -> float:
-    """Return the ratio of the baseline and the printed one, at least 1; infinite for 0."""
+    """Return the factor between the MSE of the noisy input and the printed baseline, 1 or more."""
     ratio = case.mean("noisy", "mse_mm2") / PRINTED_FILTERS["noisy"].mse_mm2
     return max(ratio, 1 / ratio) if ratio else float("inf")

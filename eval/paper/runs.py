@@ -1,4 +1,4 @@
-"""Find the runs of ``glsim train`` in FOLDER/*/, with their recipes and results.
+"""Find the trained networks in FOLDER/*/, with their recipes and results.
 
 This module reads only JSON. It opens each checkpoint once, by ``glsim.denoise.load``, to report
 truncated or foreign ones before scoring starts.
@@ -51,7 +51,7 @@ class TrainedRun:
 
     @property
     def network(self) -> tuple[str, str | None, str]:
-        """Title, row and size, which the seeds of a network share."""
+        """Title, row and size: equal for the seeds of a network."""
         return self.title, self.row, self.size
 
     @property
@@ -61,7 +61,10 @@ class TrainedRun:
 
 
 def find_trained_runs(folder: Path) -> tuple[list[TrainedRun], list[str]]:
-    """Find the runs in ``folder``, in the order of their names.
+    """Find the trained networks of a folder, in the order of their names.
+
+    Args:
+        folder: with a folder per run of ``glsim train``.
 
     Returns:
         The runs, and a reason for each checkpoint that is left out.
@@ -126,11 +129,15 @@ ARTEFACT_REMOVAL: Final = "AR "
 
 @dataclass(frozen=True)
 class SeedGroup:
-    """The runs of one network at one size with different seeds: a row of a table."""
+    """The trainings of one network at one size, one per seed: a row of a table.
+
+    Attributes:
+        members: the runs, in the order of their seeds.
+        twin: whether it is the row with artefact removal of a network that was trained without: it
+            is the same network, so that nothing is trained for it.
+    """
 
     members: Sequence[TrainedRun]
-    #: Whether it stands for the row with artefact removal of a network that was trained without:
-    #: the same network, seed by seed, so that nothing is trained for it.
     twin: bool = False
 
     @property
@@ -152,7 +159,14 @@ class SeedGroup:
 
 
 def group_by_network(trained: Sequence[TrainedRun]) -> list[SeedGroup]:
-    """Group runs by title, row and size; groups and runs in the order of seeds."""
+    """Put the seeds of each network together.
+
+    Args:
+        trained: runs in any order.
+
+    Returns:
+        A group per title, row and size; its runs are in the order of their seeds.
+    """
     groups: dict[tuple[str, str | None, str], list[TrainedRun]] = {}
     for run in sorted(trained, key=lambda run: run.seed):
         groups.setdefault(run.network, []).append(run)
@@ -171,7 +185,13 @@ def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
 
 
 def row_networks(runs: Path) -> dict[str, Method]:
-    """Return row of the paper's tables -> its network with the first seed; twins included.
+    """Load a network for each row of the paper's tables: that with the first seed.
+
+    Args:
+        runs: folder with a folder per run of ``glsim train``.
+
+    Returns:
+        Row -> network. A row with artefact removal has its partner's.
 
     Raises:
         ConfigError: if there is no such folder or no checkpoint in it.

@@ -1,4 +1,4 @@
-"""The page of verdicts: every value that the paper prints, beside ours, with the reason."""
+"""Write verdicts.html: each value that the paper prints beside ours, judged, with a reason."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from glsim.eval.paper.case_tables import add_case_tables
 from glsim.eval.paper.cases import FILTERS_FOLDER, PaperCase, case_folder, mask_folder, read_cases
 from glsim.eval.paper.filter_table import NOTHING_LOSES_TO
 from glsim.eval.paper.printed_values import PRINTED_NETWORKS
@@ -47,10 +48,14 @@ _EQUATIONS: Final = (
 
 
 def write_verdicts(folder: Path) -> list[Path]:
-    """Write the page of a reproduction's folder; return the written files.
+    """Write verdicts.md and verdicts.html to the folder of a reproduction.
 
     Args:
-        folder: of ``glsim paper reproduce``; what it has not scored is *not trained yet*.
+        folder: of ``glsim paper reproduce``. Values of rows without scores get the verdict *not
+            trained yet*.
+
+    Returns:
+        The written files.
 
     Raises:
         DatasetError: for a table that cannot be read.
@@ -65,7 +70,12 @@ def write_verdicts(folder: Path) -> list[Path]:
 
 
 def verdict_document(cases: Sequence[PaperCase], folder: Path) -> Document:
-    """Return the page; ``folder`` is named in the commands."""
+    """Return the page of verdicts.
+
+    Args:
+        cases: the four cases with their scores.
+        folder: of the reproduction, which the printed commands name.
+    """
     found = verdicts(cases)
     counts = Counter(verdict.name for verdict in found)
     document = Document(
@@ -87,6 +97,8 @@ def verdict_document(cases: Sequence[PaperCase], folder: Path) -> Document:
             _trivial_table(cases),
         ],
     )
+    document.parts += [Heading("Every row in every case")]
+    add_case_tables(document, cases)
     for table in dict.fromkeys(verdict.table for verdict in found):
         of_table = [verdict for verdict in found if verdict.table == table]
         document.parts += [
@@ -147,7 +159,7 @@ def _table(found: Sequence[Verdict]) -> TextTable:
 
 
 def _line(verdict: Verdict, folder: Path) -> str:
-    """Return the reason of a verdict, what would decide it, and the command that shows it."""
+    """Return a verdict in words: its reason, what would decide it, and the command to check it."""
     case = "" if verdict.case is None else f" (nearest: {verdict.case.title})"
     return (
         f"**{verdict.row}, {verdict.metric}**: {verdict.name}{case}. {verdict.reason} To decide: "
@@ -156,7 +168,10 @@ def _line(verdict: Verdict, folder: Path) -> str:
 
 
 def _command(verdict: Verdict, folder: Path) -> str:
-    """Return the command that scores a value again under its nearest case, or that trains it."""
+    """Return the command line that scores a value again in its nearest case.
+
+    Without scores it is the one that trains and scores all rows.
+    """
     case = verdict.case
     if case is None:
         return shlex.join(["glsim", "paper", "reproduce", "-o", str(folder)])

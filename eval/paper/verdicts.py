@@ -1,4 +1,8 @@
-"""A verdict on each value that the paper prints, from the scores of a reproduction's four cases."""
+"""Judge each value that the paper prints by our scores in the four cases.
+
+A case is a depth protocol and a mask of the clean maps (``glsim.eval.paper.cases``). A printed
+value is compared with ours in the case where ours is nearest to it.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +77,14 @@ class Verdict:
 
 @dataclass(frozen=True)
 class _Ours:
-    """Our values of a row in a case, by seed, and the noisy input's of the same frames."""
+    """Our values of a row in one case.
+
+    Attributes:
+        case: the case.
+        values: one value per seed: mm^2, dB or 1.
+        noisy: the same metric of the noisy input on the same frames, per seed.
+        group: the trainings of a network; None for a filter.
+    """
 
     case: PaperCase
     values: Sequence[float]
@@ -82,23 +93,36 @@ class _Ours:
 
     @property
     def mean(self) -> float:
+        """Mean over the seeds."""
         return statistics.fmean(self.values)
 
     @property
     def spread(self) -> float | None:
+        """Standard deviation over the seeds; None of fewer than two."""
         return statistics.stdev(self.values) if len(self.values) > 1 else None
 
     def sides(self) -> set[int]:
-        """Return on which sides of the noisy input the seeds lie: -1, 0 (equal), 1."""
+        """Compare each seed with the noisy input.
+
+        Returns:
+            The signs that occur: -1 (a seed is below the noisy input), 0 (equal), 1 (above).
+        """
         return {_side(v, noisy) for v, noisy in zip(self.values, self.noisy, strict=True)}
 
-    def largest_step(self) -> float:
-        """Return the largest difference of a seed from the noisy input."""
+    def largest_difference(self) -> float:
+        """Return the largest absolute difference of a seed from the noisy input."""
         return max(abs(v - noisy) for v, noisy in zip(self.values, self.noisy, strict=True))
 
 
 def verdicts(cases: Sequence[PaperCase]) -> list[Verdict]:
-    """Return the verdicts on all 39 values: tables in order, rows as printed."""
+    """Judge all 39 printed values.
+
+    Args:
+        cases: the four cases, as ``read_cases`` returns them.
+
+    Returns:
+        A verdict per value, in the order of the tables and of their rows.
+    """
     return [
         _judge(table, name, metric, cases)
         for table, rows in ROWS.items()
@@ -108,21 +132,28 @@ def verdicts(cases: Sequence[PaperCase]) -> list[Verdict]:
 
 
 def printed_row(table: int, name: str) -> PrintedRow:
-    """Return a printed row by the number of its table and its name in ROWS."""
+    """Return the printed values of a row.
+
+    Args:
+        table: 1, 2 or 3.
+        name: of the row, as in ROWS.
+    """
     return PRINTED_FILTERS[name] if table == 1 else PRINTED_NETWORKS[name]
 
 
 def _printed(row: PrintedRow, metric: str) -> float:
+    """Return a printed value by the name of our metric."""
     return {"mse_mm2": row.mse_mm2, "psnr_db": row.psnr_db, "ssim_16bit": row.ssim}[metric]
 
 
 def _side(value: float, noisy: float) -> int:
+    """Return the sign of value - noisy: 0 where the printed digits could not show it."""
     difference = value - noisy
     return 0 if abs(difference) < _ROUNDING else int(math.copysign(1, difference))
 
 
 def _candidates(table: int, name: str, metric: str, cases: Sequence[PaperCase]) -> Iterator[_Ours]:
-    """Yield our values of a row in each case that has any."""
+    """Yield our values of a metric of a row, case by case; cases without scores are left out."""
     for case in cases:
         if table == 1 and name in case.values:
             yield _Ours(case, case.values[name][metric], case.values["noisy"][metric])
@@ -133,48 +164,66 @@ def _candidates(table: int, name: str, metric: str, cases: Sequence[PaperCase]) 
 
 
 def _distance(metric: str, ours: float, printed: float) -> float:
-    """Return how far two values are from each other: a factor for MSE, else a difference."""
+    """Measure how far ours is from the printed value.
+
+    Returns:
+        The absolute logarithm of their ratio for MSE, their absolute difference for PSNR and SSIM;
+        infinite if ours is not finite, or no MSE above 0.
+    """
     if not math.isfinite(ours) or (metric == "mse_mm2" and ours <= 0):
         return math.inf
     return abs(math.log(ours / printed)) if metric == "mse_mm2" else abs(ours - printed)
 
 
 def _judge(table: int, name: str, metric: str, cases: Sequence[PaperCase]) -> Verdict:
+    """Judge one printed value: find the nearest case, then the reason."""
     row = printed_row(table, name)
     printed = _printed(row, metric)
     found = list(_candidates(table, name, metric, cases))
     if not found:
         return Verdict(
-            table,
-            row.title,
-            PRINTED_METRICS[metric],
-            printed,
-            None,
-            None,
-            None,
-            "not trained yet",
-            "There are no scores of this row.",
-            "The command beside it.",
+            table=table,
+            row=row.title,
+            metric=PRINTED_METRICS[metric],
+            printed=printed,
+            ours=None,
+            spread=None,
+            case=None,
+            name="not trained yet",
+            reason="There are no scores of this row.",
+            decides="The command beside it.",
         )
     nearest = min(found, key=lambda ours: _distance(metric, ours.mean, printed))
-    name_of, reason = _reason(table, name, metric, nearest, found)
+    verdict, reason = _reason(table, name, metric, nearest, found)
     return Verdict(
-        table,
-        row.title,
-        PRINTED_METRICS[metric],
-        printed,
-        nearest.mean,
-        nearest.spread,
-        nearest.case,
-        name_of,
-        reason,
-        _decides(table, name, metric, nearest),
+        table=table,
+        row=row.title,
+        metric=PRINTED_METRICS[metric],
+        printed=printed,
+        ours=nearest.mean,
+        spread=nearest.spread,
+        case=nearest.case,
+        name=verdict,
+        reason=reason,
+        decides=_decides(table, name, metric, nearest),
     )
 
 
 def _reason(
     table: int, name: str, metric: str, nearest: _Ours, found: Sequence[_Ours]
 ) -> tuple[VerdictName, str]:
+    """Apply the rules of VERDICTS to one printed value.
+
+    Args:
+        table: number of the table.
+        name: of the row, as in ROWS.
+        metric: our name of the metric.
+        nearest: ours in the case that comes nearest.
+        found: ours in all cases with scores.
+
+    Returns:
+        The verdict, and the sentence that explains it.
+    """
     printed = _printed(printed_row(table, name), metric)
     printed_noisy = _printed(PRINTED_FILTERS["noisy"], metric)
     off = abs(nearest.mean - printed)
@@ -188,7 +237,7 @@ def _reason(
             f"It is the noise of the paper's own frames; ours {_beside(metric, nearest, printed)}."
         )
     wanted = _side(printed, printed_noisy)
-    step = max(ours.largest_step() for ours in found)
+    step = max(ours.largest_difference() for ours in found)
     if metric == "ssim_16bit" and abs(printed - printed_noisy) > _OTHER_SCORING * max(
         step, _ROUNDING
     ):
@@ -201,9 +250,11 @@ def _reason(
     where = f"{len(holding)} of {len(found)} scored cases"
     where += f" ({'; '.join(holding)})" if len(holding) < len(found) else ""
     side = {-1: "below", 0: "equal to", 1: "above"}[wanted]
+    count = len(nearest.values)
+    seeds = f"All {count} seeds are" if count > 1 else "The only seed is"
     if holding:
         return "direction reproduced", (
-            f"All seeds are {side} the noisy input, as printed, in {where}; "
+            f"{seeds} {side} the noisy input, as printed, in {where}; "
             f"ours {_beside(metric, nearest, printed)}.{_smaller(nearest.group)}"
         )
     if nearest.group is not None and nearest.group.size != "full":
@@ -219,18 +270,19 @@ def _reason(
 
 
 def _smaller(group: SeedGroup | None) -> str:
-    """Say that a network was trained smaller than published: one step, too, can go that way."""
+    """Return a sentence for a network smaller than published, whose direction proves little."""
     if group is None or group.size == "full":
         return ""
     return f" It was trained smaller than published ({_steps(group)})."
 
 
 def _steps(group: SeedGroup) -> str:
+    """Describe the size of a network and its training."""
     return f"{group.members[0].steps} steps, {group.members[0].parameters:,} weights"
 
 
 def _beside(metric: str, nearest: _Ours, printed: float) -> str:
-    """Say where our value of the nearest case lies beside the printed one."""
+    """Compare our value in the nearest case with the printed one, in words."""
     if metric == "mse_mm2":
         return f"is {nearest.mean / printed:.2f} times the printed value in the nearest one"
     difference = nearest.mean - printed
@@ -239,6 +291,7 @@ def _beside(metric: str, nearest: _Ours, printed: float) -> str:
 
 
 def _decides(table: int, name: str, metric: str, nearest: _Ours) -> str:
+    """Return what would decide whether a printed value is right, in a sentence."""
     if metric == "ssim_16bit":
         return "The authors' program, data type and L for this row."
     if table == 1:

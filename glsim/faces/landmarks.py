@@ -27,7 +27,7 @@ def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
     if indices is None:
         raise ConfigError(
             f"{source.name}: does not know the landmarks of its faces: leave output.landmarks out, "
-            "or use procedural or ict-facekit"
+            "or use procedural, people or ict-facekit"
         )
     return np.asarray(indices, np.int64)
 

@@ -132,3 +132,28 @@ def test_grey_levels_are_the_same_depths_for_all_seeds_and_augmentations(tmp_pat
         marks = photograph_batches(str(photos), 10.0, [data], recipe).fingerprint
         spans.add((marks["near_mm"], marks["span_mm"]))
     assert len(spans) == 1
+
+
+def test_a_network_with_negative_depths_is_listed_and_the_others_are_scored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "glsim.denoise.inference", checkpoint_stand_in)
+    pairs = write_pairs(tmp_path / "pairs")
+    on_photos = {"photographs": 11, "sigma_grey": 25.5, "near_mm": 850.0, "span_mm": 100.0}
+    place = tmp_path / "photo_runs" / "sigma-25"
+    run_on(place / "d7-0", 0.2, 0, on_photos, 25.0)
+    run_on(place / "d7-1", -900.0, 1, on_photos, 25.0)  # moves depth far beyond 0
+    run_on(tmp_path / "runs" / "d7-0", 0.05, 0, {"manifest_crc32": "x"}, 25.0)
+    folders = ["--runs", str(tmp_path / "runs"), "--photo-runs", str(tmp_path / "photo_runs")]
+    out = tmp_path / "o"
+    assert main(["paper", "photographs", str(pairs), "-o", str(out), "-q", *folders]) == 0
+    text = (out / "photographs.md").read_text()
+    assert "## Not scored" in text
+    assert text.count("- DnCNN D7, seed 1, trained on 11 photographs") == 2
+    assert "negative depths in the first of" in text
+    assert "seed 0, trained" not in text
+    with (out / "photographs.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["trained_on"]]
+    lost = {(row["seed"], row["trained_on"]) for row in rows if row["mse_mm2"] == "nan"}
+    assert {seed for seed, _ in lost} == {"1"}
+    assert len(rows) == 6

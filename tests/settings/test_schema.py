@@ -147,7 +147,10 @@ def test_shares_may_be_text() -> None:
         ("split=[inf, 0, 0]", "the shares must be >= 0 and add up to 1"),
         ("split=a,b,c", "split.0: .*number.*got 'a'"),
         ("source=[]", "source: at least one is needed"),
-        ("source.kind=clay", "source.0.kind: 'clay' is not one of biwi, d3dfacs, facewarehouse, f"),
+        (
+            "source.kind=clay",
+            "source.0.kind: 'clay' is not one of biwi, board, d3dfacs, facewarehouse, f",
+        ),
         ("source.subjects=0", "source.0.subjects: .*greater than or equal to 1"),
         ("scene.wall_albedo=1.5", "scene.wall_albedo: .*less than or equal to 1"),
         ("output.format=gif", "output.format: 'gif' is not one of png, webdataset"),

@@ -1,4 +1,4 @@
-"""``glsim paper figures``, ``protocols``, ``findings``, ``page``: from a reproduction's folder."""
+"""``glsim paper figures``, ``protocols``, ``findings``, ``page``: pages of a reproduction."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def protocols(folder: FolderArgument) -> None:
 
 
 def findings(folder: FolderArgument) -> None:
-    """Write findings.html: what of the paper holds, what does not, and what is open."""
+    """Write findings.html: which relations of the paper's tables hold, and what is open."""
     from glsim.eval.paper.findings import write_findings
 
     print_written(write_findings(folder))

@@ -1,4 +1,4 @@
-"""Hours of the trainings of a plan, from the time of a step that is measured on this machine."""
+"""Estimate the hours that a plan trains, from steps that are timed on this machine."""
 
 from __future__ import annotations
 
@@ -19,13 +19,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Training:
-    """A kind of training in the plan: its recipe and its text for messages."""
+    """A recipe with the limits of the plan, and its title in messages."""
 
     recipe: Recipe
     title: str
 
     def steps(self, images: int | None) -> int | None:
-        """Return the largest number of steps; None if only patience or minutes limit it."""
+        """Return how many steps it can take at most.
+
+        Args:
+            images: images to train on; None if unknown.
+
+        Returns:
+            None if only patience or a time limits it.
+        """
         limits = self.recipe.training
         epochs = images and limits.max_epochs and limits.max_epochs * -(-images // limits.batch)
         return min((count for count in (limits.max_steps, epochs) if count), default=None)
@@ -71,7 +78,7 @@ def _hours(hours: float) -> str:
 
 
 def _without_place(command: Sequence[str]) -> tuple[str, ...]:
-    """Return the arguments of a training without what does not change its time."""
+    """Return the arguments of a training that decide its time: no seed, folder or data."""
     words, kept = iter(command[1:]), []
     for word in words:
         if word in ("--seed", "--data", "-o", "--protocol", "--photos", "--photo-sigma"):

@@ -1,4 +1,4 @@
-"""``glsim paper reproduce``: reproduce the paper's tables by a series of other commands.
+"""``glsim paper reproduce``: make the paper's tables and figures by a series of commands.
 
 Each command resumes its own work; this module only skips trainings that are finished.
 """
@@ -80,10 +80,10 @@ def reproduce(
     holds, what does not, and what it takes to find out), photographs.md (the networks of
     photo_runs/, trained on photographs, on depth), and the paper's figures in paper_figures/.
     protocol_paper/ holds the networks and tables under the paper's protocol (nearest point at
-    1 mm), mask_as-noisy/ those with BlenSor's mask, protocols.md table 1 under all four cases. Rows
-    with artefact removal are their partners' networks. Each command is printed before it runs and
-    can also be run by hand. A finished training is not repeated: delete its folder in runs/ to
-    train again.
+    1 mm), mask_as-noisy/ those with BlenSor's mask, protocols.md table 1 under all four cases,
+    experiments.html table 1 on other surfaces and with other noise. Rows with artefact removal are
+    their partners' networks. Each command is printed before it runs and can also be run by hand.
+    A finished training is not repeated: delete its folder in runs/ to train again.
     """
     root_command = context.find_root().command
     chosen = load_plan(size)
@@ -121,7 +121,7 @@ def reproduce(
 
 
 def _is_finished(run: Path) -> bool:
-    """Return whether the folder of a training is complete."""
+    """Return whether a training has ended and its best weights are there."""
     from glsim.files.atomic import read_json
 
     try:

@@ -14,7 +14,7 @@ from glsim.faces.action_units import SHAPES
 from glsim.faces.people.details import DETAILS
 from glsim.faces.people.files import BaseMesh, MorphTarget, read_base_mesh, read_target
 from glsim.faces.people.model import BodyModel, SparseShapes
-from glsim.faces.people.phenotype import phenotype_targets, phenotype_weights
+from glsim.faces.people.phenotype import MEAN_PERSON, phenotype_targets, phenotype_weights
 from glsim.faces.people.refinement import GROUPS, drawn_quads, refine
 from glsim.faces.people.regions import MASKS, label_regions, read_masks
 from glsim.faces.people.rig import read_rig
@@ -26,11 +26,6 @@ _MACRO: Final = "mpfb2/targets/macrodetails"
 _DETAIL: Final = "mpfb2/targets"
 _ACTION: Final = "faceunits01/targets/faceunits"
 
-#: The grown people, man and woman, on whose mean the lengths of ``refinement`` are measured.
-_MEAN: Final = {
-    "gender": 0.5, "age": 2 / 3, "muscle": 0.5, "weight": 0.5, "height": 0.5, "proportions": 0.5,
-    "cupsize": 0.5, "african": 1 / 3, "asian": 1 / 3, "caucasian": 1 / 3,
-}  # fmt: skip
 #: Actions without sides in the data: they are cut into two halves that overlap at the midline.
 _UNSIDED: Final = ("browInnerUp", "cheekPuff")
 #: Half the width of the blend between the two halves of an action without sides, mm: chosen.
@@ -48,7 +43,7 @@ def build_model(folder: Path) -> BodyModel:
     targets = _read_targets(folder, kept, joint_map)
     template = np.concatenate([base.vertices_mm[kept], joint_map.apply(base.vertices_mm)])
     reference = template.astype(np.float32)
-    targets.add(reference, phenotype_weights(_MEAN))
+    targets.add(reference, phenotype_weights(MEAN_PERSON))
     coarse = reference[: len(kept)].astype(np.float64)
     head = weights[kept, skeleton.names.index("head")]
     masks = read_masks(folder, base.texture[kept])

@@ -36,6 +36,8 @@ _LIMBS: Final = {  # region -> starts of the names of its bones
 }
 IRIS_MM: Final = 5.9  # the visible iris of an adult is 11.7 to 11.8 mm wide
 PUPIL_MM: Final = 2.0
+#: Distance of a brow's inner and outer end from the midline of the mean grown person, mm.
+BROW_MM: Final = (9.0, 54.0)
 
 # Hairline of the mean grown person: height above the eyes (mm) at z behind the nose tip (mm).
 _HAIRLINE_Z: Final = (-220.0, -150.0, -128.0, -118.0, -104.0, -96.0, -88.0, -74.0, -58.0, -40.0)
@@ -123,8 +125,18 @@ def _nose_half_width(y: _Array) -> _Array:
     return np.interp(y, (-52.0, -48.0, -32.0, -12.0, 4.0), (0.0, 18.0, 18.0, 12.0, 9.0), right=0.0)
 
 
+def brow_arch(x: _Array) -> _Array:
+    """Return the middle of a brow, mm above the eyes, at distances from the midline, mm."""
+    along = _along_brow(x)
+    return 17.0 + 6.0 * np.sin(np.pi * np.minimum(0.75 * along, 1.0)) - 5.0 * along**3
+
+
+def _along_brow(x: _Array) -> _Array:
+    """Return the place along a brow, 0 at its inner and 1 at its outer end."""
+    return np.clip((x - BROW_MM[0]) / (BROW_MM[1] - BROW_MM[0]), 0.0, 1.0)
+
+
 def _on_brow(x: _Array, y: _Array) -> NDArray[np.bool_]:
-    """Arches 45 mm long and 7 mm high, from 9 mm beside the midline on, 20 mm above the eyes."""
-    along = np.clip((x - 9.0) / 45.0, 0.0, 1.0)
-    arch = 17.0 + 6.0 * np.sin(np.pi * np.minimum(0.75 * along, 1.0)) - 5.0 * along**3
-    return (x > 9.0) & (x < 54.0) & (np.abs(y - arch) < 4.0 - 2.0 * along)
+    """Brows are 45 mm long and 7 mm high, thinner outside."""
+    inside = (x > BROW_MM[0]) & (x < BROW_MM[1])
+    return inside & (np.abs(y - brow_arch(x)) < 4.0 - 2.0 * _along_brow(x))

@@ -15,6 +15,7 @@ from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.neck import Neck
 from glsim.faces.people.cache import load_model
 from glsim.faces.people.files import data_folder
+from glsim.faces.people.landmarks import landmark_vertices
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.regions import REGIONS
 from glsim.faces.people.subject import FRAMINGS, BodySubject
@@ -89,6 +90,11 @@ class People:
         """Names of the regions that ``regions`` refers to."""
         return REGIONS
 
+    @property
+    def landmarks(self) -> NDArray[np.int64]:
+        """(68,) vertices of the landmarks in the order of Multi-PIE, the same for all subjects."""
+        return self._landmarks
+
     def subjects(self, count: int | None) -> list[str]:
         """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
         if count is None:
@@ -144,6 +150,10 @@ class People:
                 self._subjects.popitem(last=False)
         self._subjects.move_to_end(name)
         return self._subjects[name]
+
+    @cached_property
+    def _landmarks(self) -> NDArray[np.int64]:
+        return landmark_vertices(self._model)
 
     @cached_property
     def _model(self) -> BodyModel:

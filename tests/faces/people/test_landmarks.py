@@ -1,0 +1,138 @@
+"""The 68 landmarks of people: mirrored, in order, on the surface, and moved by the face alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.faces.action_units import shape_weights
+from glsim.faces.base import FaceKey
+from glsim.faces.landmarks import LANDMARKS, landmark_vertices
+from glsim.faces.people import People
+from glsim.faces.people.cache import load_model
+from glsim.faces.people.phenotype import MEAN_PERSON, phenotype_weights
+from glsim.faces.people.regions import REGIONS
+from glsim.frame import Frame
+from glsim.pipeline import simulate
+from tests.support.landmark_order import MIDLINE, MIRROR, assert_order
+from tests.support.people import needs_anny
+from tests.support.scenes import settings_for
+
+pytestmark = needs_anny
+
+PEOPLE = [f"a{number:04d}" for number in range(12)]
+BROWS, NOSE, LIPS, INNER_LIPS = slice(17, 27), slice(27, 31), slice(48, 60), slice(60, 68)
+UPPER_LIDS, LOWER_LIDS = [37, 38, 43, 44], [41, 40, 47, 46]
+
+
+@pytest.fixture(scope="module")
+def people() -> People:
+    return People(seed=3)
+
+
+def points_of(people: People, subject: str, actions: Mapping[str, float]) -> NDArray[np.float64]:
+    """The landmarks of a person at rest with some action units, (68, 3) mm."""
+    vertices = people.neutral(subject)[0].copy()
+    load_model().actions.add(vertices, shape_weights(actions))
+    return vertices[landmark_vertices(people)].astype(np.float64)
+
+
+def test_left_is_the_mirror_of_right_on_the_mean_person(people: People) -> None:
+    mean = load_model().body(phenotype_weights(MEAN_PERSON))[0]
+    points = mean[landmark_vertices(people)]
+    np.testing.assert_allclose(points[MIRROR] * [-1, 1, 1], points, atol=0.01)
+    assert np.flatnonzero(np.arange(LANDMARKS) == MIRROR).tolist() == MIDLINE
+    assert_order(points.astype(np.float64))
+
+
+def test_they_are_68_different_vertices_of_visible_skin(people: People) -> None:
+    vertices, model = landmark_vertices(people), load_model()
+    assert vertices.shape == (LANDMARKS,)
+    assert len(set(vertices.tolist())) == LANDMARKS
+    assert np.isin(vertices, model.faces).all()
+    names = np.array(REGIONS)[people.regions[vertices]]
+    assert set(names) <= {"skin", "brow", "nose", "lips", "lids"}
+    # Right of the midline: the mask of the lips is not quite symmetric.
+    assert (names[BROWS] == "brow").all()
+    assert (names[NOSE] == "nose").all()
+    assert (names[[48, 49, 50, 51, 57, 58, 59]] == "lips").all()
+    assert (names[INNER_LIPS] == "lips").all()
+    assert (names[36:42] == "lids").all()
+
+
+@pytest.mark.parametrize("subject", PEOPLE)
+def test_all_but_the_outermost_points_follow_each_other_in_everybody(
+    people: People, subject: str
+) -> None:
+    """A person differs between sides: parts keep their order, not their mirror images."""
+    points = points_of(people, subject, {})
+    x, y, z = points.T
+    for part in (range(3, 14), range(17, 22), range(22, 27), range(31, 36), range(48, 55)):
+        assert (np.diff(x[list(part)]) > 0).all(), part
+    assert (np.diff(y[:9]) < 2.0).all()  # a broad chin is flat
+    assert (np.diff(y[:6]) < 0).all()
+    assert (np.diff(y[27:31]) < 0).all()
+    assert z[30] > z[[27, 28, 29, 31, 32, 33, 34, 35]].max()
+    for eye in (np.arange(36, 42), np.arange(42, 48)):
+        assert y[eye[[1, 2]]].min() > y[eye[[4, 5]]].max()
+        assert x[eye[0]] == x[eye].min()
+        assert x[eye[3]] == x[eye].max()
+    assert y[17:27].min() > y[[37, 38, 43, 44]].min()
+    assert y[48:68].max() < y[31:36].min()
+    across = np.linalg.norm(points[45] - points[36])
+    assert 70.0 < across < 110.0  # between the outer corners of the eyes
+
+
+def test_actions_move_the_points_of_their_parts_alone(people: People) -> None:
+    rest = points_of(people, "a0003", {})
+    still = [*range(3), *range(14, 17), 27, 28, 29, 30]
+    opened = points_of(people, "a0003", {"AU27": 1.0})
+    gap = opened[62, 1] - opened[66, 1] - (rest[62, 1] - rest[66, 1])
+    assert gap > 15.0
+    above = [*still, *range(17, 36), 51, 62]
+    np.testing.assert_allclose(opened[above, 1], rest[above, 1], atol=3.0)
+    closed = points_of(people, "a0003", {"AU43": 0.5})  # the model's lids meet at about 0.7
+    before, after = (p[UPPER_LIDS, 1] - p[LOWER_LIDS, 1] for p in (rest, closed))
+    assert (before > 4.0).all()
+    assert (np.abs(after) < 0.5 * before).all()
+    off_the_eyes = [*range(17), *range(27, 36), *range(48, 68)]
+    np.testing.assert_allclose(closed[off_the_eyes], rest[off_the_eyes], atol=1.0)
+    raised = points_of(people, "a0003", {"AU1": 1.0, "AU2": 1.0})
+    assert (raised[BROWS, 1] > rest[BROWS, 1] + 1.0).all()
+
+
+class OnePerson(People):
+    """One subject's frame."""
+
+    def subjects(self, count: int | None) -> list[str]:
+        return ["a0004"]
+
+    def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
+        return super().frames(subject, 10)[:1]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("yaw_deg", [0.0, 40.0])
+def test_a_frame_shows_them_where_the_surface_is(context: moderngl.Context, yaw_deg: float) -> None:
+    """Without hair and glasses all are visible from the front, and half of them when turned."""
+    layers = ("clean", "noisy")
+    settings = settings_for(
+        pose={"distance_mm": 700, "yaw_deg": yaw_deg},
+        output={"crop": 200, "landmarks": True, "layers": layers},
+        appearance={"hair": 0.0, "glasses": 0.0, "cloth": 0.0},
+    )
+    (frame,) = simulate(settings, sources=[OnePerson(3)], context=context, layers=layers)
+    assert isinstance(frame, Frame)
+    assert frame.landmarks is not None
+    seen = frame.landmarks.visible
+    far_side = [*range(9, 17)] if yaw_deg > 0 else []
+    assert seen[17:68].sum() >= (34 if yaw_deg else 50)
+    assert not yaw_deg or seen[far_side].sum() < seen[:8].sum()
+    column, row = np.floor(frame.landmarks.pixels[seen]).astype(int).T
+    depth_m = frame.clean[row, column] / 1000.0
+    off_mm = 1000.0 * np.abs(depth_m - frame.landmarks.points_m[seen, 2])
+    assert np.median(off_mm) < 1.5
