@@ -153,6 +153,10 @@ def tune(
     sys.setswitchinterval(0.0005)
     workshop = Workshop(settings, open_sources, command, start, own_sensor, real, backend)
     workshop.prepare()
-    from glsim.tune.server import serve  # takes seconds, while the first frame is drawn
+    from functools import partial
 
-    serve(workshop, address, lambda text: console.print(text, soft_wrap=True))
+    from glsim.tune.page import open_page  # takes seconds, while the first frame is drawn
+    from glsim.tune.server import serve
+
+    say = partial(console.print, soft_wrap=True)
+    serve(partial(open_page, workshop), workshop.stop, address, say, "glsim tune")
