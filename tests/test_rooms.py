@@ -120,7 +120,7 @@ HOMES = {
     "huggingface_hub": ("glsim.exports.hub",),
     "rosbags": ("glsim.exports", "glsim.recordings.bag"),
     "av": ("glsim.recordings.mkv",),
-    "OpenEXR": ("glsim.map_files",),
+    "OpenEXR": ("glsim.files.exr",),
     "bm3d": ("glsim.denoise.filters.block_matching",),
     "fsspec": ("glsim.files.cloud",),
     "ray": ("glsim.ray_cluster", "glsim.dataset.ray_renderer", "glsim.train.data.ray_blocks"),
