@@ -121,6 +121,7 @@ HOMES = {
     "rosbags": ("glsim.exports", "glsim.recordings.bag"),
     "av": ("glsim.recordings.mkv",),
     "OpenEXR": ("glsim.files.exr",),
+    "watchfiles": ("glsim.files.arrivals",),
     "bm3d": ("glsim.denoise.filters.block_matching",),
     "fsspec": ("glsim.files.cloud",),
     "ray": ("glsim.ray_cluster", "glsim.dataset.ray_renderer", "glsim.train.data.ray_blocks"),
