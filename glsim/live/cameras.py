@@ -39,7 +39,7 @@ class Camera(ABC):
     """
 
     package: ClassVar[str]
-    frames = None
+    frames: int | None = None
     title: str
     camera: Intrinsics
 

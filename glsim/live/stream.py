@@ -104,8 +104,9 @@ class LiveStream:
         depths = frame.depth_mm[::4, ::4]
         depths = depths[depths > 0]
         if depths.size:
-            new = np.percentile(depths, _ENDS) / STEP_MM
-            self._ends = new if self._ends is None else self._ends + _SHARE * (new - self._ends)
+            new = np.asarray(np.percentile(depths, _ENDS) / STEP_MM, np.float64)
+            before = new if self._ends is None else self._ends
+            self._ends = np.asarray(before + _SHARE * (new - before), np.float64)
         if self._ends is None:
             return [0.0, 1.0]
         return [round(float(end), 1) for end in self._ends]
@@ -113,4 +114,5 @@ class LiveStream:
 
 def _in_steps(depth_mm: NDArray[np.floating]) -> NDArray[np.uint16]:
     steps = np.rint(np.asarray(depth_mm, np.float32) / np.float32(STEP_MM))
-    return np.minimum(steps, np.iinfo(np.uint16).max).astype(np.uint16)
+    most = np.iinfo(np.uint16).max
+    return np.asarray(np.minimum(steps, most), np.uint16)

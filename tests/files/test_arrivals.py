@@ -159,7 +159,8 @@ class Listener:
     """Takes the arrivals of a folder on a thread of its own."""
 
     def __init__(self, folder: Path) -> None:
-        self.found, self.seen = watcher(folder), []
+        self.found = watcher(folder)
+        self.seen: list[str] = []
         self.error: Exception | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -227,7 +228,7 @@ def test_without_word_of_the_system_the_folder_is_listed(
         raise OSError("OS file watch limit reached")
 
     for watch in (none_left, silent):
-        monkeypatch.setattr(arrivals.watchfiles, "watch", watch)
+        monkeypatch.setattr("watchfiles.watch", watch)
         folder = tmp_path / watch.__name__
         folder.mkdir()
         listener = Listener(folder)
@@ -253,7 +254,7 @@ def test_a_full_folder_is_listed_for_a_twentieth_of_the_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = [100.0]
-    monkeypatch.setattr(arrivals.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
 
     class Slow:
         """A folder that takes 0.3 s to list."""
@@ -264,8 +265,8 @@ def test_a_full_folder_is_listed_for_a_twentieth_of_the_time(
 
         def __exit__(self, *_: object) -> None: ...
 
-    monkeypatch.setattr(arrivals.os, "scandir", lambda folder: Slow())
-    monkeypatch.setattr(arrivals.watchfiles, "watch", lambda *_, **__: iter([set()] * 3000))
+    monkeypatch.setattr("os.scandir", lambda folder: Slow())
+    monkeypatch.setattr("watchfiles.watch", lambda *_, **__: iter([set()] * 3000))
     counted = listings(monkeypatch)
 
     def tick(self: FolderArrivals, names: object) -> None:

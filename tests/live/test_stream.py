@@ -13,7 +13,6 @@ from glsim.cli import main
 from glsim.denoise import load_denoiser
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import encode_png
-from glsim.live import source as source_file
 from glsim.live.source import RecordingSource
 from glsim.live.stream import STEP_MM, LiveStream
 from glsim.recordings.recording import open_recording
@@ -91,8 +90,8 @@ def test_a_recording_is_not_faster_than_a_camera(
         slept.append(seconds)
         clock[0] += seconds
 
-    monkeypatch.setattr(source_file.time, "monotonic", lambda: clock[0])
-    monkeypatch.setattr(source_file.time, "sleep", sleep)
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("time.sleep", sleep)
     source = RecordingSource(open_recording(folder))
     for _ in range(4):
         source.next()
