@@ -106,7 +106,15 @@ def chromium_page(*, webgl: bool = False, **options: Any) -> Iterator[Any]:
 
 @contextmanager
 def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float]]:
-    """Run ``glsim tune`` with these words and open its page; arguments as in ``chromium_page``.
+    """Run ``glsim tune`` with these words and open its page, as ``served_page`` does."""
+    with served_page(["tune", *words], **options) as (page, first_s):
+        page.wait_for_selector("[data-stage]")
+        yield page, first_s
+
+
+@contextmanager
+def served_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float]]:
+    """Run a command of glsim that serves a page and open it; arguments as in ``chromium_page``.
 
     Yields Playwright's page, and the seconds from the command to the first picture.
     """
@@ -114,29 +122,27 @@ def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float
         log = Path(folder) / "log"
         start = time.perf_counter()
         with log.open("wb") as out:
-            command = [sys.executable, "-m", "glsim", "tune", *words, "--no-browser", "--port", "0"]
+            command = [sys.executable, "-m", "glsim", *words, "--no-browser", "--port", "0"]
             environment = {**os.environ, "COLUMNS": "300"}
             server = subprocess.Popen(command, stdout=out, stderr=out, env=environment)
         try:
             with chromium_page(**options) as page:
                 page.goto(_address(server, log))
                 page.wait_for_selector("#tune-view[data-shown]")
-                first_s = time.perf_counter() - start
-                page.wait_for_selector("[data-stage]")
-                yield page, first_s
+                yield page, time.perf_counter() - start
         finally:
             server.terminate()
             server.wait(60)
 
 
 def _address(server: subprocess.Popen[bytes], log: Path) -> str:
-    """Return the address that `glsim tune` prints. Raises GlsimError if it prints none."""
+    """Return the address that the command prints. Raises GlsimError if it prints none."""
     end = time.monotonic() + _PATIENCE_S
     while time.monotonic() < end and server.poll() is None:
         if found := re.search(r"http://\S+", log.read_text()):
             return found[0]
         time.sleep(0.02)
-    raise GlsimError(f"glsim tune gave no address: {log.read_text().strip()}")
+    raise GlsimError(f"glsim gave no address: {log.read_text().strip()}")
 
 
 def shown(page: Any) -> int:

@@ -26,7 +26,10 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "tutorials", "generated/tutorials/*.py", "**/sg_execution_times.rst"]
+exclude_patterns = [
+    "_build", "tutorials", "gallery", "generated/tutorials/*.py", "generated/gallery/*.py",
+    "**/sg_execution_times.rst",
+]  # fmt: skip
 nitpicky = False
 suppress_warnings = [
     "config.cache",  # functions below are no plain values
@@ -77,9 +80,9 @@ if importlib.util.find_spec("glsim") is None:
 
 sphinx_gallery_conf = {
     "first_notebook_cell": NOTEBOOK_SETUP,
-    "examples_dirs": "tutorials",
-    "gallery_dirs": "generated/tutorials",
-    "filename_pattern": r"/\d_",  # all are run
+    "examples_dirs": ["tutorials", "gallery"],
+    "gallery_dirs": ["generated/tutorials", "generated/gallery"],
+    "filename_pattern": r"/\d+_",  # all are run
     "ignore_pattern": r"__init__\.py",
     "within_subsection_order": "FileNameSortKey",
     "download_all_examples": False,

@@ -3,7 +3,7 @@
     GlsimError
     |- ConfigError    a setting, a parameter or a sensor file is wrong (CLI exit status 2)
     |- ShaderError    a GLSL file does not parse, compile or link
-    |- DeviceError    no OpenGL context of the requested kind is available
+    |- DeviceError    no OpenGL context of the requested kind, or no camera, is available
     |- MeshError      a face cannot be read or cannot be rendered
     |- DatasetError   a data set on disk is invalid, or cannot be written
     |- TrainError     a training cannot start, continue or be saved
@@ -57,7 +57,7 @@ class ShaderError(GlsimError):
 
 
 class DeviceError(GlsimError):
-    """No OpenGL context of the requested kind is available."""
+    """No OpenGL context of the requested kind, or no camera, is available."""
 
 
 class MeshError(GlsimError):

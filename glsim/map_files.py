@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.depth_arrays import refuse_millimetres
-from glsim.errors import ConfigError, DatasetError, require_package
-from glsim.exports.formats.arrays import encode_exr, encode_npy
+from glsim.errors import ConfigError, DatasetError
+from glsim.exports.formats.arrays import encode_npy
+from glsim.files.exr import decode_exr, encode_exr, require_exr
 from glsim.files.npy import map_npy
 from glsim.files.png import (
     MAX_IMAGE_BYTES,
@@ -167,22 +168,15 @@ def _read_array(path: Path, suffix: str) -> NDArray[Any]:
 
 
 def _read_exr(path: Path) -> NDArray[Any]:
-    require_package("OpenEXR", f"{path}: reading it", "formats")
-    import OpenEXR
-
+    require_exr(f"{path}: reading it")
     try:
-        read_regular(path, 4 * MAX_IMAGE_BYTES)  # no pipe, and no larger file
-        with OpenEXR.File(str(path), header_only=True) as header:
-            low, high = header.header()["dataWindow"]
-        if (high[0] - low[0] + 1) * (high[1] - low[1] + 1) > MAX_MAP_PX:
-            raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
-        with OpenEXR.File(str(path), separate_channels=True) as opened:
-            channels = {name: channel.pixels for name, channel in opened.channels().items()}
+        channels = decode_exr(read_regular(path, 4 * MAX_IMAGE_BYTES), MAX_MAP_PX)
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
-    except (RuntimeError, ValueError, KeyError, TypeError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise DatasetError(f"{path}: is no readable OpenEXR file ({reason})") from None
+    except ValueError as error:
+        raise DatasetError(f"{path}: is no readable OpenEXR file ({error})") from None
+    if channels is None:
+        raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
     names = [name for name in _EXR_CHANNELS if name in channels] or list(channels)[:1]
     if not names:
         raise DatasetError(f"{path}: has no channel")

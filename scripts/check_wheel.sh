@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Builds the wheel and the sdist, checks both, and uses the wheel as a stranger would: in a fresh
 # environment, outside the checkout, without PyTorch. Usage: scripts/check_wheel.sh [--root DIR]
-#   --root DIR  installs into a Debian 12 root instead, made with
-#               debootstrap --variant=minbase bookworm DIR; needs root and a network
+#   --root DIR  installs into a Debian root (12 or 13) instead, made with
+#               debootstrap --variant=minbase bookworm DIR (or trixie); needs root and a network
 set -euo pipefail
 cd "$(dirname "$0")/.."
 debian=

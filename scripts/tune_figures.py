@@ -1,8 +1,8 @@
-"""Make docs/figures/tune*.png and tune.webp: python -m scripts.tune_figures.
+"""Make docs/figures/tune*.png, live.png and tune.webp: python -m scripts.tune_figures.
 
-Photographs of the pages of ``glsim tune`` in Chromium, light and dark, and a moving picture of a
-minute's work: a slider, a turned surface, a mistake in the code, A beside B. Needs the extra
-glsim[tune], Playwright, Pillow and Chromium; takes a minute or two.
+Photographs of the pages of ``glsim tune`` and ``glsim live`` in Chromium, light and dark, and a
+moving picture of a minute's work: a slider, a turned surface, a mistake in the code, A beside B.
+Needs the extra glsim[tune], Playwright, Pillow and Chromium; takes a minute or two.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from typing import Any, Final
 
 from PIL import Image
 
-from benchmarks.tune import after, chromium_page, shown, tune_page
+from benchmarks.tune import after, chromium_page, served_page, shown, tune_page
+from glsim.cli import main as main_of_glsim
 from glsim.files.atomic import write_atomic
 from glsim.gl.includes import SHADER_ROOT
 from glsim.tune.static_page import write_static_page
@@ -50,6 +51,24 @@ def main() -> None:
                 page.wait_for_selector("body[data-frames]")
                 page.wait_for_timeout(1500)
                 _write(_photograph(page), FIGURES / name)
+
+    _photograph_live(FIGURES / "live.png")
+
+
+def _photograph_live(file: Path) -> None:
+    """Photograph ``glsim live`` on frames of one person before a wall."""
+    with tempfile.TemporaryDirectory() as folder:
+        data = str(Path(folder) / "a person")
+        size = ["--subjects", "1", "--frames-per-subject", "12", "-q"]
+        layers = ["--layers", "clean,noisy,infrared"]
+        if status := main_of_glsim(["generate", "-o", data, *size, *layers, *_SCENE]):
+            raise SystemExit(status)
+        with served_page(["live", data, "-d", "face", "--around", "face"]) as (page, _):
+            page.locator('[aria-label="colours of depth"]').click()
+            page.locator(".q-item", has_text="nearest 0.5 m").click()
+            page.mouse.move(900, 740)
+            page.wait_for_timeout(9000)  # the rate stands
+            _write(_photograph(page), file)
 
 
 def _open(page: Any, stage: str) -> None:

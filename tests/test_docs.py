@@ -21,7 +21,7 @@ PAGES = [
     ROOT / "README.md",
     *sorted(p for p in DOCS.rglob("*.md") if not {"generated", "_build"} & {*p.parts}),
 ]
-TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
+SCRIPTS = sorted([*(DOCS / "tutorials").glob("*.py"), *(DOCS / "gallery").glob("*.py")])
 #: Where a user imports from; nothing deeper.
 PUBLIC = ("glsim", "glsim.train", "glsim.transforms")
 _BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
@@ -51,8 +51,8 @@ def test_pages_import_public_names_only(page: Path) -> None:
         assert private_imports(code) == []
 
 
-@pytest.mark.parametrize("script", TUTORIALS, ids=lambda p: p.name)
-def test_tutorials_import_public_names_only(script: Path) -> None:
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.name)
+def test_scripts_import_public_names_only(script: Path) -> None:
     assert private_imports(script.read_text(encoding="utf-8")) == []
 
 

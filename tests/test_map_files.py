@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.cli import main
 from glsim.errors import ConfigError, DatasetError
-from glsim.exports.formats.arrays import encode_exr
+from glsim.files.exr import encode_exr
 from glsim.map_files import SUFFIXES, encode_map, format_of, read_map_mm
 
 UNITS = (900 + np.random.default_rng(0).normal(0, 3, (24, 32))).astype(np.uint16)
@@ -102,8 +102,16 @@ def test_openexr_that_is_not_installed_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("glsim.errors.find_spec", lambda name: None)
-    with pytest.raises(ConfigError, match=r"needs OpenEXR, .* pip install 'glsim\[formats\]'"):
-        read_map_mm(write(tmp_path / "a.exr", METRES), 1.0)
+    (tmp_path / "a.exr").write_bytes(b"any")
+    asked = pytest.raises(ConfigError, match=r"needs OpenEXR, .* pip install 'glsim\[formats\]'")
+    with asked:
+        read_map_mm(tmp_path / "a.exr", 1.0)
+    with asked:
+        encode_map(METRES, "exr", 1.0)
+    write(tmp_path / "noisy.png", UNITS)
+    out = tmp_path / "out.exr"
+    assert main(["denoise", str(tmp_path / "noisy.png"), "-o", str(out), "-d", "median"]) == 2
+    assert not out.exists()
 
 
 def test_denoise_and_corrupt_take_all_formats(

@@ -66,7 +66,8 @@ def test_tables_of_contents_reach_every_page(generated: dict[str, str]) -> None:
     }
     texts |= {f"generated/reference/{name}": text for name, text in generated.items()}
     named = {target for page, text in texts.items() for target in entries(page, text)}
-    wanted = {*texts, "generated/tutorials/index"} - {"index"}
+    galleries = {"generated/tutorials/index", "generated/gallery/index"}
+    wanted = {*texts, *galleries} - {"index"}
     assert wanted - named == set(), "name these pages in a table of contents (docs/*/index.md)"
     assert named - wanted == set(), "a table of contents names pages that do not exist"
 

@@ -1,8 +1,13 @@
 """Structural similarity (SSIM) with explicit constants.
 
 Wang et al. 2004, equation 13, with a uniform window and sample covariances, the defaults of
-scikit-image's ``structural_similarity``; tests compare the two. The value depends so much on K1, K2
-and L that it means nothing without them: PRESETS lists the constants we print.
+scikit-image's ``structural_similarity``; tests compare the two. It is computed here because its
+three presets share the statistics of the windows, and the maps of all denoisers those of the clean
+map: scikit-image takes 5.5 times the processor time (69 against 12.5 ms for a map of 512 x 424).
+The readings of the paper need a constant of its own beside the variances, which it has not.
+
+The value depends so much on K1, K2 and L that it means nothing without them: PRESETS lists the
+constants we print.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -12,11 +11,16 @@ import typer
 
 from glsim.cli.common import (
     MORE,
+    PAGE_PORT,
     BackendOption,
     ConfigOption,
+    HostOption,
+    NoBrowserOption,
+    PortOption,
     PresetOption,
     SeedOption,
     SetOption,
+    announce_page,
     console,
     overrides,
     print_written,
@@ -68,27 +72,9 @@ def tune(
             rich_help_panel=MORE,
         ),
     ] = None,
-    host: Annotated[
-        str,
-        typer.Option(
-            help="Address to listen on; others than loopback are reachable.", rich_help_panel=MORE
-        ),
-    ] = "127.0.0.1",
-    port: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            max=65535,
-            help="Port; a free one is taken if it is in use.",
-            rich_help_panel=MORE,
-        ),
-    ] = 8137,
-    no_browser: Annotated[
-        bool,
-        typer.Option(
-            "--no-browser", help="Print the address and open no browser.", rich_help_panel=MORE
-        ),
-    ] = False,
+    host: HostOption = "127.0.0.1",
+    port: PortOption = PAGE_PORT,
+    no_browser: NoBrowserOption = False,
     assignments: SetOption = None,
     seed: SeedOption = None,
     preset: PresetOption = None,
@@ -107,11 +93,10 @@ def tune(
 
         print_written(write_static_page(static, [sensor] if sensor else [], backend=backend))
         return
-    from glsim.errors import ConfigError
+    from glsim.errors import ConfigError, require_package
 
     for needed in ("nicegui", "tomlkit"):
-        if find_spec(needed) is None:
-            raise ConfigError(f"glsim tune needs {needed}: pip install 'glsim[tune]'")
+        require_package(needed, "glsim tune", "tune")
     from glsim.sensors.sensor import sensor_of
     from glsim.settings.schema import load_settings
     from glsim.tune.address import listen
@@ -143,9 +128,7 @@ def tune(
     settings, open_sources = opener(settings, face)
     command = face_command(face, source, root, preset, config, seed)
     address = listen(host, port)
-    console.print(f"glsim tune: {address.url}", soft_wrap=True)
-    if not no_browser:
-        address.open_browser()
+    announce_page(address, "tune", no_browser)
     # A single process draws here, so it may use all cores.
     os.environ.setdefault("LP_NUM_THREADS", str(available_workers()))
     # The page's libraries load in another thread while the face is made: at Python's default of
@@ -153,6 +136,10 @@ def tune(
     sys.setswitchinterval(0.0005)
     workshop = Workshop(settings, open_sources, command, start, own_sensor, real, backend)
     workshop.prepare()
-    from glsim.tune.server import serve  # takes seconds, while the first frame is drawn
+    from functools import partial
 
-    serve(workshop, address, lambda text: console.print(text, soft_wrap=True))
+    from glsim.tune.page import open_page  # takes seconds, while the first frame is drawn
+    from glsim.tune.server import serve
+
+    say = partial(console.print, soft_wrap=True)
+    serve(partial(open_page, workshop), workshop.stop, address, say, "glsim tune")

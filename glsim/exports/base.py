@@ -19,7 +19,7 @@ class Export:
         encode: returns the files of one frame, each as the end of its name and its bytes.
         write: writes all frames to a new path and returns their number.
         file: name of what ``write`` makes in the output folder.
-        library: package that ``write`` imports; it comes with glsim[formats].
+        library: package that it imports; it comes with glsim[formats].
         replaces: whether ``write`` replaces an older file.
     """
 

@@ -1,6 +1,9 @@
 """Notice images and arrays as they appear in a folder, each once it is complete, in name order.
 
-The folder is listed again and again, which works on every file system; nothing has to be installed.
+The system says which names change (watchfiles). What other machines write into a network folder it
+does not say, so the folder is also listed again and again, for a twentieth of the time at most:
+10,000 files, listed 100 times a second, took half a core, and a new one was noticed after 57 ms.
+
 A PNG file is complete if it ends as PNG files end, a .npy file if it has the bytes that its header
 tells of, so that a file that is being written is never read in half, whether its writer renames it
 or not. Other files do not tell: they are complete if they have not changed for SETTLED_S.
@@ -9,18 +12,24 @@ or not. Other files do not tell: they are complete if they have not changed for 
 from __future__ import annotations
 
 import errno
+import math
 import os
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
+
+import watchfiles
 
 from glsim.errors import DatasetError
 from glsim.files.npy import map_npy
 
-#: Seconds between two looks at the folder: less than a frame of a camera with 30 Hz.
+#: Seconds between two looks at what waits: less than a frame of a camera with 30 Hz.
 POLL_S: Final = 0.01
+#: Time between two listings of the folder, as a multiple of what one takes. Chosen.
+LISTING_SHARE: Final = 20
 #: A file that is not complete and has not grown for this long, seconds, is not waited for: chosen;
 #: a camera of 30 Hz writes 60 files in that time.
 STALLED_S: Final = 2.0
@@ -72,79 +81,102 @@ class FolderArrivals:
         """Watch a folder for wanted names; those with a leading dot are temporary files."""
         self._folder, self._wanted = folder, wanted
         self._known: dict[str, int] = {}  # name -> inode of what was given out
+        self._new: dict[str, int] = {}  # name -> inode of what was not given out as it is now
         self._stalled: dict[str, int] = {}  # name -> size of what was given out incomplete
         self._waiting: dict[str, _Waiting] = {}
         self._absent_s: dict[str, float] = {}  # name -> the last look at which it was not there
-        self._first: set[str] | None = None
+        self._first: set[str] = set()  # what was there at the first listing
         self._looked_s = time.monotonic()
+        self._list_again_s = -math.inf  # before the first listing
 
     def __iter__(self) -> Iterator[Arrival]:
         """Yield files without end. Raises DatasetError if the folder cannot be read any more."""
-        while True:
-            arrival = self.look()
-            if arrival is None:
-                time.sleep(POLL_S)
+        self._list()
+        for names in _changes(self._folder):
+            if time.monotonic() >= self._list_again_s:
+                self._list()
             else:
-                yield arrival
+                self._note(names)
+            yield from self._ready()
 
     def look(self) -> Arrival | None:
-        """Return the next file if there is one now."""
-        before_s, self._looked_s = self._looked_s, time.monotonic()
-        new = self._new_names()
-        if self._first is None:
-            self._first = set(new)
-        for name in new:
-            self._absent_s.setdefault(name, before_s)
-        for name in sorted(new, key=natural_order):
+        """List the folder, and return the next file if there is one now."""
+        self._list()
+        return next(self._ready(), None)
+
+    def _ready(self) -> Iterator[Arrival]:
+        """Yield the noticed files that are complete or given up, to the first that is neither."""
+        for name in sorted(self._new, key=natural_order):
             path = self._folder / name
             try:
                 status, complete = path.stat(), self._is_complete(path)
             except OSError:  # removed since, or not ours to read: reading it says why
                 if path.exists():
-                    return self._given(name, new[name], Arrival(path, None, False))
+                    yield self._given(Arrival(path, None, False))
                 continue
+            now_s = time.monotonic()
             if complete:
                 # When it was renamed or completed; a clock that is off cannot put this into a time
                 # when the file was not there, or into the future.
                 age_s = time.time() - status.st_ctime
-                appeared_s = max(self._looked_s - age_s, self._absent_s[name])
-                appeared_s = min(appeared_s, self._looked_s)
+                appeared_s = min(max(now_s - age_s, self._absent_s[name]), now_s)
                 live = name not in self._first
-                arrival = Arrival(path, appeared_s if live else None, True)
-                return self._given(name, new[name], arrival)
-            now_s = time.monotonic()
+                yield self._given(Arrival(path, appeared_s if live else None, True))
+                continue
             waiting = self._waiting.get(name)
             if waiting is None or waiting.size != status.st_size:
                 self._waiting[name] = _Waiting(status.st_size, now_s)
             elif now_s - waiting.grown_s > STALLED_S:
                 self._stalled[name] = status.st_size
-                return self._given(name, new[name], Arrival(path, None, False))
-            return None
-        return None
+                yield self._given(Arrival(path, None, False))
+                continue
+            return
 
-    def _new_names(self) -> dict[str, int]:
-        """Return name -> inode of the files that were not given out as they are now."""
+    def _list(self) -> None:
+        """Notice all files that were not given out as they are now."""
+        start_s = time.monotonic()
         try:
             with os.scandir(self._folder) as entries:
                 there = {
                     entry.name: entry.inode()
                     for entry in entries
-                    if not entry.name.startswith(".")
-                    and self._wanted(entry.name)
-                    and entry.is_file()
+                    if self._may_be(entry.name) and entry.is_file()
                 }
         except OSError as error:
             raise DatasetError(
                 f"{self._folder}: cannot be watched any more: {error.strerror}"
             ) from None
-        for gone in self._known.keys() - there.keys():
-            del self._known[gone]
-            self._stalled.pop(gone, None)
-        return {
+        self._take(there, gone=self._known.keys() - there.keys())
+        if self._list_again_s == -math.inf:
+            self._first = set(self._new)
+        end_s = time.monotonic()
+        self._list_again_s = end_s + max(POLL_S, LISTING_SHARE * (end_s - start_s))
+
+    def _note(self, names: Collection[str]) -> None:
+        """Notice what has changed; the rest of the folder is not looked at."""
+        there: dict[str, int] = {}
+        for name in filter(self._may_be, names):
+            path = self._folder / name
+            if path.is_file():
+                with suppress(OSError):  # removed since
+                    there[name] = path.stat().st_ino
+        self._take({**self._new, **there}, gone={*names} - there.keys())
+
+    def _take(self, there: dict[str, int], gone: Collection[str]) -> None:
+        before_s, self._looked_s = self._looked_s, time.monotonic()
+        for name in gone:
+            self._known.pop(name, None)
+            self._stalled.pop(name, None)
+        self._new = {
             name: inode
             for name, inode in there.items()
             if self._known.get(name) != inode or self._has_grown(name)
         }
+        for name in self._new:
+            self._absent_s.setdefault(name, before_s)
+
+    def _may_be(self, name: str) -> bool:
+        return not name.startswith(".") and self._wanted(name)
 
     def _has_grown(self, name: str) -> bool:
         """Return whether a file that stalled has changed since."""
@@ -170,13 +202,29 @@ class FolderArrivals:
             return False
         return time.monotonic() - waiting.grown_s > SETTLED_S
 
-    def _given(self, name: str, inode: int, arrival: Arrival) -> Arrival:
-        self._known[name] = inode
+    def _given(self, arrival: Arrival) -> Arrival:
+        name = arrival.path.name
+        self._known[name] = self._new.pop(name)
         self._waiting.pop(name, None)
         self._absent_s.pop(name, None)
         if arrival.complete:
             self._stalled.pop(name, None)
         return arrival
+
+
+def _changes(folder: Path) -> Iterator[set[str]]:
+    """Yield names of a folder that have changed, none after POLL_S without one, for ever."""
+    wait_ms = round(1000 * POLL_S)
+    try:
+        for changes in watchfiles.watch(
+            folder, watch_filter=None, debounce=wait_ms, step=1, rust_timeout=wait_ms,
+            yield_on_timeout=True, recursive=False,
+        ):  # fmt: skip
+            yield {Path(path).name for _, path in changes}
+    except (OSError, RuntimeError):  # the user's watches are used up, or the folder is gone
+        while True:
+            time.sleep(POLL_S)
+            yield set()
 
 
 def _has_all_numbers(path: Path) -> bool:

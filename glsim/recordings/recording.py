@@ -135,7 +135,7 @@ class Recording:
 
         """
         numbers = _chosen(len(self.files), most or len(self.files))
-        frames = [self._read(self.files[number]) for number in numbers]
+        frames = [self.frame(number) for number in numbers]
         where = str(self.path)
         check_sizes([(frame.name, frame.depth_mm.shape) for frame in frames], where)
         for frame in frames:
@@ -172,7 +172,9 @@ class Recording:
             )
         return frames
 
-    def _read(self, file: FrameFile | StreamFrame | _PairFrame) -> DepthFrame:
+    def frame(self, number: int) -> DepthFrame:
+        """Read one frame. Raises DatasetError if it cannot be read."""
+        file = self.files[number]
         depth = with_nan(file.depth_mm()).astype(np.float32)
         stated = file.pair.intrinsics if isinstance(file, _PairFrame) else None
         camera = stated or self.camera_of(depth.shape)

@@ -16,7 +16,7 @@ from pathlib import Path
 from glsim.errors import ConfigError
 
 _TICKET_PAGE = """<!doctype html><meta charset="utf-8"><meta name="referrer" content="no-referrer">
-<title>glsim tune</title><script>location.replace({url})</script>
+<title>glsim</title><script>location.replace({url})</script>
 """
 
 

@@ -47,8 +47,8 @@ class Desk(Protocol):
         """Call a function of assets/tune.js."""
         ...
 
-    async def change_theme(self) -> None:
-        """Change between dark and light."""
+    async def change_theme(self) -> bool:
+        """Change between dark and light; return whether the page is dark now."""
         ...
 
     def set_value(self, name: str, value: Any) -> None:

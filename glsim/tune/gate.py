@@ -113,7 +113,7 @@ class Gate:
         """
         target = json.dumps(f"/?s={link}" if link and _LINK.fullmatch(link) else "/")
         cookie = f"{self._cookie}={self._secret}; Path=/; HttpOnly; SameSite=Strict; {_AGE}"
-        page = f"<!doctype html><title>glsim tune</title><script>location.replace({target})"
+        page = f"<!doctype html><title>glsim</title><script>location.replace({target})"
         head = [
             (b"content-type", b"text/html; charset=utf-8"),
             (b"cache-control", b"no-store"),
@@ -139,7 +139,7 @@ async def _refuse(scope: Message, send: Send) -> None:
     head = [(b"content-type", b"text/plain; charset=utf-8"), *HEADERS]
     await send({"type": "http.response.start", "status": 403, "headers": head})
     text = (
-        b"glsim tune: open the address that the command printed last: it lets one browser in, "
+        b"glsim: open the address that the command printed last: it lets one browser in, "
         b"once. Then the command prints the next one.\n"
     )
     await send({"type": "http.response.body", "body": text})

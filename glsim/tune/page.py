@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import time
-from contextlib import suppress
 from typing import Any
 
 from nicegui import Client, background_tasks, ui
@@ -20,6 +18,7 @@ from glsim.tune.packet import pack
 from glsim.tune.sections import Sections
 from glsim.tune.side_by_side import SideBySide
 from glsim.tune.state import History, StageCode, Tuning
+from glsim.tune.tab import Tab
 from glsim.tune.topbar import TopBar
 from glsim.tune.watched_files import WatchedFiles
 from glsim.tune.workshop import Workshop
@@ -29,37 +28,26 @@ _REST, _REST_PLAYING = 0.15, 1.5
 #: Pause between two updates of the panel while the page plays, seconds: one takes the browser as
 #: long as a picture.
 _REST_PANEL = 0.5
-#: Longest wait of a browser's request for a picture, and of the server's end after Ctrl-C, seconds.
-_WAITING = 2.0
-
-_HEAD = """
-<link rel="stylesheet" href="/tune/assets/tune.css">
-<script>window.tuneCall = (name, ...given) => window.glsimTune
-  ? window.glsimTune[name](...given) : (window.tuneQueue ??= []).push([name, given]);</script>
-<script type="module" src="/tune/assets/tune.js"></script>
-"""
 
 
-class Page:
-    """One open tab: its history of tunings, its bench and its elements."""
+class Page(Tab):
+    """One open tab of the tuner: its history of tunings, its bench and its elements."""
 
     def __init__(
         self, workshop: Workshop, client: Client, start: Tuning, wanted: Tuning | None
     ) -> None:
         """Start from a tuning; undo leads from ``wanted``, of a link or the disk, to it."""
-        self.workshop, self.client, self.tab = workshop, client, client.id
+        super().__init__(client)
+        self.workshop = workshop
         self.history = History(start)
         self._asked: Tuning | None = None
         self._open(wanted)
         self.bench = workshop.bench()
         self.picture: DrawnFrame | None = None
         self.selected = ""
-        self._number = 0
-        self._packet: bytes | None = None
-        self._drawing = self._wanted = self._closed = False
+        self._drawing = self._wanted = False
         self._files = WatchedFiles()
         self._after_painting = AfterPainting(self._newest, lambda: self.top.playing)
-        self._presented = asyncio.Event()
         self._ahead: tuple[Tuning, int | None, asyncio.Task[DrawnFrame]] | None = None
 
     # what is shown
@@ -70,8 +58,8 @@ class Page:
         Args:
             problem: a message about the address.
         """
-        ui.add_head_html(_HEAD)
-        self.dark = ui.dark_mode(None)
+        self.add_head()
+        self.follow_system_theme()
         ui.on("tune_shown", self._after_painting.painted)
         with ui.element("main").classes("tune"):
             with ui.element("header").classes("top"):
@@ -91,7 +79,7 @@ class Page:
         """Draw the first picture; called when the browser is connected."""
         self.call("build", "tune-view", "tune-figures", [r.help for r in Reason], self.tab)
         await self.refresh()
-        self.editor.theme(await self._is_dark())
+        self.editor.theme(await self.is_dark())
         if self._asked is not None:
             await self._ask_code(self._asked)
         await self.workshop.read_recording()
@@ -132,19 +120,14 @@ class Page:
         """Free what the tab holds, until its next picture; called when it is closed or hidden."""
         self.top.playing = False
         self._ahead = None
-        self._packet = self.comparison.packet = None
+        self.comparison.packet = None
+        await super().rest()
         await self.workshop.on_gl(self.bench.close)
 
-    async def close(self) -> None:
-        """Free all; called when the browser has gone."""
-        self._closed = True
-        await self.rest()
-
-    def call(self, name: str, *given: Any) -> None:
-        """Call a function of assets/tune.js."""
-        if not self._closed:
-            listed = ", ".join(json.dumps(value) for value in (name, *given))
-            self.client.run_javascript(f"tuneCall({listed})")
+    @property
+    def other_packet(self) -> bytes | None:
+        """The picture of setting B."""
+        return self.comparison.packet
 
     def _new_stage(self) -> None:
         self.editor.new_stage()
@@ -218,28 +201,19 @@ class Page:
             self.picture = await self._drawn(tuning)
 
     async def packet_after(self, number: int) -> bytes | None:
-        """Wait up to 2 s for a picture later than ``number``; return its packet, None without one.
-
-        The browser always has such a request open, which saves announcing a picture through the
-        socket. While the page plays, a request also starts the drawing of the next picture.
-        """
+        """Return the next picture as ``Tab`` does; while the page plays, begin to draw it."""
         if self.top.playing and number == self._number and not self._drawing:
             self.top.next_frame()
-        if self._packet is None or self._number <= number:
-            self._presented.clear()
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._presented.wait(), _WAITING)
-        return self._packet if self._number > number else None
+        return await super().packet_after(number)
 
     def _present(self) -> None:
         """Show the newest picture, and measure it beside the next one's drawing."""
         picture = self.picture
         if picture is None or self._closed:
             return
-        self._number += 1
-        self._packet = pack(picture.frame, number=self._number)
         self._after_painting.expect()
-        self._presented.set()
+        number = self._number + 1
+        self.publish(pack(picture.frame, number=number), number)
         with self.client:
             self.editor.problem("")
         self._follow_painted()
@@ -296,17 +270,11 @@ class Page:
 
     # looks, and files that change elsewhere
 
-    async def change_theme(self) -> None:
+    async def change_theme(self) -> bool:
         """Change between dark and light."""
-        dark = await self._is_dark()
-        self.dark.set_value(not dark)
-        self.editor.theme(not dark)
-        self.call("themed")
-
-    async def _is_dark(self) -> bool:
-        """Ask the browser whether the page is dark, by system or user choice."""
-        script = "document.body.classList.contains('body--dark')"
-        return bool(await self.client.run_javascript(script, timeout=60.0))
+        dark = await super().change_theme()
+        self.editor.theme(dark)
+        return dark
 
     async def _watch(self) -> None:
         """Reload the sensor's own files when an editor outside has changed them."""
@@ -314,6 +282,14 @@ class Page:
             self.bench.reload()
             self.sections.reload()
             await self.refresh()
+
+
+def open_page(workshop: Workshop, client: Client, link: str) -> Page:
+    """Build the page of a new tab. link: of its address, or ""."""
+    wanted, problem = workshop.wanted(link)
+    page = Page(workshop, client, workshop.start, wanted)
+    page.build(problem)
+    return page
 
 
 def _figures(picture: DrawnFrame) -> dict[str, Any]:

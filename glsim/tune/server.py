@@ -1,4 +1,4 @@
-"""Serve the page: one GL thread, one bench per open tab, loopback unless asked otherwise."""
+"""Serve a page to the user's browsers alone, on loopback unless asked otherwise."""
 
 from __future__ import annotations
 
@@ -11,14 +11,11 @@ from pathlib import Path
 from fastapi import Response
 from nicegui import Client, app, ui
 
-from glsim.errors import ConfigError
 from glsim.tune.address import Address
 from glsim.tune.connection import TimedConnection
 from glsim.tune.gate import Gate
 from glsim.tune.kept import cookie_secret
-from glsim.tune.page import Page
-from glsim.tune.state import Tuning, tuning_of_link
-from glsim.tune.workshop import Workshop
+from glsim.tune.tab import Tab
 
 ASSETS = Path(__file__).parent / "assets"
 
@@ -32,13 +29,23 @@ _IDLE_S = 10  # the page asks for its next picture all the time
 _CONNECTIONS, _LARGEST_HEAD, _LARGEST_MESSAGE = 100, 1 << 17, 1 << 20
 
 
-def serve(workshop: Workshop, address: Address, say: Callable[[str], None]) -> None:
-    """Serve the page at an address until the process is interrupted.
+def serve(
+    open_tab: Callable[[Client, str], Tab],
+    stop: Callable[[], object],
+    address: Address,
+    say: Callable[[str], None],
+    title: str,
+) -> None:
+    """Serve a page at an address until the process is interrupted.
 
     Args:
+        open_tab: builds the elements of a new tab; takes NiceGUI's client and the address' link.
+        stop: called at the end.
+        address: to serve at.
         say: prints the next address when one was used.
+        title: of the page.
     """
-    pages: dict[str, Page] = {}
+    tabs: dict[str, Tab] = {}
 
     cookie = f"glsim_tune_{address.port}"
     app.add_middleware(
@@ -49,40 +56,37 @@ def serve(workshop: Workshop, address: Address, say: Callable[[str], None]) -> N
 
     @app.get("/tune/other/{tab}")
     async def other_picture(tab: str) -> Response:
-        return _answer(pages[tab].comparison.packet if tab in pages else None, 404)
+        return _answer(tabs[tab].other_packet if tab in tabs else None, 404)
 
     @app.get("/tune/next/{tab}")
     async def next_picture(tab: str, after: int) -> Response:
-        if tab not in pages:
+        if tab not in tabs:
             return Response(status_code=404)
-        return _answer(await pages[tab].packet_after(after), 204)
+        return _answer(await tabs[tab].packet_after(after), 204)
 
     @app.post("/tune/closed/{tab}")
     async def closed(tab: str) -> None:
-        if tab in pages:
-            await pages[tab].rest()
+        if tab in tabs:
+            await tabs[tab].rest()
 
-    @ui.page("/", title="glsim tune")
+    @ui.page("/", title=title)
     async def index(client: Client, s: str = "") -> None:
-        wanted, problem = _wanted(workshop, s)
-        page = Page(workshop, client, workshop.start, wanted)
-        page.build(problem)
-        pages[client.id] = page
+        tab = tabs[client.id] = open_tab(client, s)
 
         async def forget() -> None:
-            pages.pop(client.id, None)
-            await page.close()
+            tabs.pop(client.id, None)
+            await tab.close()
 
         client.on_delete(forget)
         await client.connected(timeout=60)
-        await page.begin()
+        await tab.begin()
 
-    app.on_shutdown(workshop.stop)
+    app.on_shutdown(stop)
     try:
         ui.run(
             host=address.host, port=address.port, fd=address.listening.fileno(), show=False,
             reload=False, show_welcome_message=False, dark=None, tailwind=False,
-            reconnect_timeout=_PATIENCE, title="glsim tune",
+            reconnect_timeout=_PATIENCE, title=title,
             favicon=ASSETS / "icon.svg",
             # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
             gzip_middleware_factory=None,
@@ -104,20 +108,6 @@ def _use(address: Address, say: Callable[[str], None], ticket: str) -> bool:
     if valid:
         say(f"another browser: {address.url}")
     return valid
-
-
-def _wanted(workshop: Workshop, link: str) -> tuple[Tuning | None, str]:
-    """Return the tuning of a link, without one that on the disk, and a message about it."""
-    try:
-        kept = None if link else workshop.kept.load()
-        wanted = tuning_of_link(link) if link else kept
-        if wanted is not None:
-            workshop.check(wanted)
-    except ConfigError as error:
-        return None, str(error)
-    if kept in (None, workshop.start):
-        return wanted, ""
-    return wanted, "these are your last settings: undo (Ctrl+Z) leads to those of the command"
 
 
 def _answer(packet: bytes | None, without: int) -> Response:

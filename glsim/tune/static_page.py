@@ -29,7 +29,7 @@ _ASSETS = Path(__file__).parent / "assets"
 #: The modules of the script, each after those that it imports.
 MODULES = (
     "maps.js", "charts.js", "packet.js", "images.js", "surface_mesh.js", "surface_points.js",
-    "surface.js", "figures.js", "tune.js",
+    "surface.js", "figures.js", "rate.js", "tune.js",
     "static/functions.js", "static/declarations.js", "static/captures.js", "static/chain.js",
     "static/editor.js", "static/measure.js", "static/panel.js", "static/page.js",
 )  # fmt: skip

@@ -8,13 +8,11 @@ from typing import Any
 from nicegui import background_tasks, ui
 
 from glsim.sensors.sensor import sensor_names
+from glsim.tune.buttons import icon_button, scale_menu
 from glsim.tune.desk import Desk
 from glsim.tune.outputs import Outputs
 from glsim.tune.side_by_side import SideBySide
 from glsim.tune.state import Tuning
-
-#: Ranges of colours of the difference, mm.
-_SCALES_MM = (2, 5, 10, 20, 50, 100)
 
 
 class TopBar:
@@ -38,24 +36,21 @@ class TopBar:
         self._sensor.style("width: 168px")
         self._time()
         ui.element("span").classes("grow")
-        self._undo = self._button("undo", "undo (Ctrl+Z)", self.undo)
-        self._redo = self._button("redo", "redo (Ctrl+Shift+Z)", self.redo)
+        self._undo = icon_button("undo", "undo (Ctrl+Z)", self.undo)
+        self._redo = icon_button("redo", "redo (Ctrl+Shift+Z)", self.redo)
         ui.keyboard(self._key, ignore=["input", "textarea", "select"])
         with ui.button("A | B").props('flat dense aria-label="compare"'), ui.menu():
             ui.menu_item("Keep these settings as B", comparison.keep)
             ui.menu_item("Change places of A and B", comparison.swap)
             ui.menu_item("Show A alone", comparison.drop)
-        with ui.button("± 10 mm").props("flat dense") as self._scale, ui.menu():
-            self._scale.tooltip("range of colours of the difference")
-            for mm in _SCALES_MM:
-                ui.menu_item(f"± {mm} mm", lambda mm=mm: self._to_scale(mm))
-        self._button("fit_screen", "show the whole surface", lambda: page.call("fit"))
+        scale_menu(page.call)
+        icon_button("fit_screen", "show the whole surface", lambda: page.call("fit"))
         self.outputs = Outputs(page)
-        self._button("contrast", "dark or light", page.change_theme)
+        icon_button("contrast", "dark or light", page.change_theme)
 
     def _time(self) -> None:
         now = self._page.history.now
-        self._play = self._button("play_arrow", "play or stop", self.toggle_play)
+        self._play = icon_button("play_arrow", "play or stop", self.toggle_play)
         ui.label("frame").classes("word")
         self._frame = ui.number(value=now.frame, min=0, format="%d", on_change=self._to_frame)
         self._frame.props('dense outlined aria-label="frame"').classes("number")
@@ -66,11 +61,6 @@ class TopBar:
         self._seed = ui.number(value=self._seed_now(), min=0, format="%d", on_change=self._to_seed)
         self._seed.props('dense outlined debounce=400 aria-label="seed"').classes("number")
         self._seed.style("width: 62px").tooltip("other people, other noise")
-
-    def _button(self, icon: str, help: str, action: Any) -> ui.button:
-        name = help.partition(" (")[0]
-        button = ui.button(icon=icon, on_click=action).props(f'flat dense aria-label="{name}"')
-        return button.tooltip(help)
 
     def refresh(self) -> None:
         """Show the current tuning."""
@@ -144,7 +134,3 @@ class TopBar:
     async def _key(self, event: Any) -> None:
         if event.action.keydown and str(event.key).lower() == "z" and event.modifiers.ctrl:
             await (self.redo() if event.modifiers.shift else self.undo())
-
-    def _to_scale(self, mm: int) -> None:
-        self._scale.text = f"± {mm} mm"
-        self._page.call("scale", mm)

@@ -11,12 +11,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from glsim.errors import GlsimError
+from glsim.errors import ConfigError, GlsimError
 from glsim.faces.base import FaceSource
 from glsim.settings.schema import Settings
 from glsim.tune.bench import Bench
 from glsim.tune.kept import KeptTuning
-from glsim.tune.state import Tuning
+from glsim.tune.state import Tuning, tuning_of_link
 from glsim.tune.trust import check_link, code_of
 
 log = logging.getLogger(__name__)
@@ -55,9 +55,18 @@ class Workshop:
         """The place of the last tuning on the disk."""
         return KeptTuning(self.start, self.command)
 
-    def check(self, tuning: Tuning) -> None:
-        """Raise ConfigError for a link that names a file elsewhere."""
-        check_link(tuning, self.own_sensor, Path.cwd())
+    def wanted(self, link: str) -> tuple[Tuning | None, str]:
+        """Return the tuning of a link, without one that on the disk, and a message about it."""
+        try:
+            kept = None if link else self.kept.load()
+            wanted = tuning_of_link(link) if link else kept
+            if wanted is not None:  # it may name a file elsewhere
+                check_link(wanted, self.own_sensor, Path.cwd())
+        except ConfigError as error:
+            return None, str(error)
+        if kept in (None, self.start):
+            return wanted, ""
+        return wanted, "these are your last settings: undo (Ctrl+Z) leads to those of the command"
 
     def forbidden_code(self, tuning: Tuning) -> list[str]:
         """Return the Python stages that a tuning would run and nobody has allowed yet.

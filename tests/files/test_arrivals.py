@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -151,3 +153,126 @@ def test_a_file_without_an_end_is_taken_when_it_has_settled(
     (tmp_path / "2.tif").write_bytes(b"old")
     os.utime(tmp_path / "2.tif", (1.0, 1.0))
     assert names(found) == ["2.tif"], "what was there long ago is not waited for"
+
+
+class Listener:
+    """Takes the arrivals of a folder on a thread of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.found = watcher(folder)
+        self.seen: list[str] = []
+        self.error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            for arrival in self.found:
+                self.seen.append(arrival.path.name)
+        except DatasetError as error:
+            self.error = error
+
+    def wait_for(self, names: list[str]) -> None:
+        end = time.monotonic() + 60
+        while self.seen != names and self.error is None and time.monotonic() < end:
+            time.sleep(0.005)
+        assert self.seen == names
+
+
+def listings(monkeypatch: pytest.MonkeyPatch) -> list[None]:
+    """One entry for each time that a folder is listed."""
+    counted: list[None] = []
+    plain = FolderArrivals._list
+
+    def counting(self: FolderArrivals) -> None:
+        counted.append(None)
+        plain(self)
+
+    monkeypatch.setattr(FolderArrivals, "_list", counting)
+    return counted
+
+
+def test_the_system_says_what_is_new_and_the_folder_is_hardly_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To list 10,000 files a hundred times a second took half a core."""
+    monkeypatch.setattr(arrivals, "LISTING_SHARE", 1e9)  # never again
+    counted = listings(monkeypatch)
+    (tmp_path / "0.png").write_bytes(PNG)
+    listener = Listener(tmp_path)
+    listener.wait_for(["0.png"])
+    time.sleep(0.1)  # watchfiles has begun
+    expected = ["0.png"]
+    for number in range(1, 6):
+        write_atomic(PNG, tmp_path / f"{number}.png")
+        expected.append(f"{number}.png")
+        listener.wait_for(expected)
+    with (tmp_path / "6.png").open("wb") as half:
+        half.write(PNG[:30])
+        half.flush()
+        time.sleep(0.1)
+        assert listener.seen == expected
+        half.write(PNG[30:])
+    listener.wait_for([*expected, "6.png"])
+    write_atomic(PNG, tmp_path / "6.png")  # replaced
+    listener.wait_for([*expected, "6.png", "6.png"])
+    assert len(counted) == 1
+
+
+def test_without_word_of_the_system_the_folder_is_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As for files that another machine writes into a network folder, or without watches left."""
+
+    def none_left(*_: object, **__: object) -> Iterator[set[tuple[int, str]]]:
+        raise OSError("OS file watch limit reached")
+
+    for watch in (none_left, silent):
+        monkeypatch.setattr("watchfiles.watch", watch)
+        folder = tmp_path / watch.__name__
+        folder.mkdir()
+        listener = Listener(folder)
+        for number in range(1, 4):
+            write_atomic(PNG, folder / f"{number}.png")
+            listener.wait_for([f"{n}.png" for n in range(1, number + 1)])
+        for file in folder.iterdir():
+            file.unlink()
+        folder.rmdir()
+        end = time.monotonic() + 60
+        while listener.error is None and time.monotonic() < end:
+            time.sleep(0.01)
+        assert "cannot be watched any more" in str(listener.error)
+
+
+def silent(*_: object, **__: object) -> Iterator[set[tuple[int, str]]]:
+    while True:
+        time.sleep(0.01)
+        yield set()
+
+
+def test_a_full_folder_is_listed_for_a_twentieth_of_the_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+
+    class Slow:
+        """A folder that takes 0.3 s to list."""
+
+        def __enter__(self) -> list[object]:
+            clock[0] += 0.3
+            return []
+
+        def __exit__(self, *_: object) -> None: ...
+
+    monkeypatch.setattr("os.scandir", lambda folder: Slow())
+    monkeypatch.setattr("watchfiles.watch", lambda *_, **__: iter([set()] * 3000))
+    counted = listings(monkeypatch)
+
+    def tick(self: FolderArrivals, names: object) -> None:
+        clock[0] += 0.01
+
+    monkeypatch.setattr(FolderArrivals, "_note", tick)
+    assert list(watcher(tmp_path)) == []
+    assert clock[0] > 130
+    assert len(counted) == pytest.approx((clock[0] - 100) / 6.3, abs=1.1)

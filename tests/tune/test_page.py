@@ -70,15 +70,19 @@ class Server:
         return int(re.findall(r":(\d+)/", self.address)[0])
 
 
-def start(folder: Path, *options: str) -> Server:
-    """Start the command in a folder, and wait for its address."""
+def start(folder: Path, *options: str, command: str = "tune", path: Path | None = None) -> Server:
+    """Start a command that serves a page in a folder, and wait for its address.
+
+    path: a folder with Python modules.
+    """
     log = folder / "log"
-    command = [sys.executable, "-m", "glsim", "tune", *options, "--no-browser"]
+    words = [sys.executable, "-m", "glsim", command, *options, "--no-browser"]
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
-    environment = {**kept, "PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "300"}
+    places = [str(p) for p in (path, Path(__file__).parents[2]) if p is not None]
+    environment = {**kept, "PYTHONPATH": os.pathsep.join(places), "COLUMNS": "300"}
     environment["GLSIM_CACHE"] = str(folder / "cache")
     with log.open("wb") as out:
-        process = subprocess.Popen(command, cwd=folder, env=environment, stdout=out, stderr=out)
+        process = subprocess.Popen(words, cwd=folder, env=environment, stdout=out, stderr=out)
     for _ in range(PATIENCE_MS // 100):
         if re.search(r"http://\S+\s", log.read_text()) or process.poll() is not None:
             break

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import struct
 import zipfile
-import zlib
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from glsim.exports.base import Export
 from glsim.exports.formats.cameras import centre_at_zero, coefficients
 from glsim.exports.frames import ExportFrame
 from glsim.files.atomic import to_json
+from glsim.files.exr import encode_exr
 
 #: The first time that a ZIP file can hold: the same frame gives the same bytes.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)
@@ -72,54 +71,6 @@ def geometry_arrays(frame: ExportFrame) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def encode_exr(depth_m: NDArray[np.float32]) -> bytes:
-    """Return an OpenEXR file of one part with the float32 channel Y; 16 rows a ZIP block.
-
-    Y is luminance: programs read a file with this channel alone as one grey image.
-    The container is written here (OpenEXR file layout, version 2, Academy Software Foundation):
-    the wheels of OpenCV 5 are built without OpenEXR.
-    """
-    height, width = depth_m.shape
-    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
-    channel = b"Y\0" + struct.pack("<iB3xii", 2, 0, 1, 1) + b"\0"  # FLOAT, every pixel
-    attributes = [
-        ("channels", "chlist", channel),
-        ("compression", "compression", b"\x03"),  # ZIP_COMPRESSION
-        ("dataWindow", "box2i", window),
-        ("displayWindow", "box2i", window),
-        ("lineOrder", "lineOrder", b"\0"),  # rows from the top
-        ("pixelAspectRatio", "float", struct.pack("<f", 1)),
-        ("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0)),
-        ("screenWindowWidth", "float", struct.pack("<f", 1)),
-    ]
-    header = struct.pack("<ii", 20000630, 2)
-    for name, kind, value in attributes:
-        header += f"{name}\0{kind}\0".encode() + struct.pack("<i", len(value)) + value
-    header += b"\0"
-    rows = np.ascontiguousarray(depth_m, "<f4")
-    blocks = []
-    for top in range(0, height, _EXR_ROWS):
-        raw = rows[top : top + _EXR_ROWS].tobytes()
-        packed = _predicted(raw)
-        data = packed if len(packed) < len(raw) else raw
-        blocks.append(struct.pack("<ii", top, len(data)) + data)
-    starts = np.cumsum([len(header) + 8 * len(blocks), *map(len, blocks[:-1])])
-    return header + starts.astype("<u8").tobytes() + b"".join(blocks)
-
-
-#: Rows in a block of EXR's ZIP compression.
-_EXR_ROWS = 16
-
-
-def _predicted(raw: bytes) -> bytes:
-    """Compress as EXR's ZIP does: even bytes, odd bytes, differences plus 128, deflate."""
-    data = np.frombuffer(raw, np.uint8)
-    order = np.concatenate([data[0::2], data[1::2]])
-    change = order.copy()
-    change[1:] = order[1:] - order[:-1] + np.uint8(128)  # modulo 256
-    return zlib.compress(change.tobytes(), 4)
-
-
 ARRAYS = (
     Export(
         "npy",
@@ -128,8 +79,9 @@ ARRAYS = (
     ),
     Export(
         "exr",
-        "float depth, metres, OpenEXR",
+        "float depth, metres, OpenEXR (needs OpenEXR)",
         lambda frame: ((f"_{name}.exr", encode_exr(z)) for name, z in frame.depth_m.items()),
+        library="OpenEXR",
     ),
     Export(
         "npz",

@@ -22,11 +22,14 @@ function rangeOf(values, counts = () => true) {
 }
 
 // The values at the ends of the colours of all layers: {kind: [low, high]}. Depths reach from the nearest to
-// the farthest clean surface, disparities over the pixels that found the right one.
-export function endsOf(picture, differenceMm) {
+// the farthest clean surface, or as the server says, disparities over the pixels that found the right one.
+// spanMm: most that depths reach; 0 for no bound.
+export function endsOf(picture, differenceMm, spanMm = 0) {
   const { clean, reason, infrared, infrared_right: right, disparity } = picture.layers;
-  const depths = rangeOf(clean),
-    light = [0, Math.max(rangeOf(infrared)[1], right ? rangeOf(right)[1] : 0)];
+  const [near, far] = picture.head.depth_ends || rangeOf(clean),
+    depths = [near, spanMm ? Math.min(far, near + spanMm / picture.head.depth_unit_mm) : far],
+    brightest = (image) => (image ? rangeOf(image)[1] : 0),
+    light = [0, Math.max(brightest(infrared), brightest(right))];
   return {
     clean: depths,
     noisy: depths,

@@ -5,10 +5,11 @@ import { Figures } from "./figures.js";
 import { endsOf, LayerImage } from "./images.js";
 import { DEPTH, DISPARITY, GREY, gradient, SIGNED } from "./maps.js";
 import { unpack, valueAt } from "./packet.js";
+import { Rate } from "./rate.js";
 import { Surface } from "./surface.js";
 
-// The tiles in their order; a picture shows those of its layers.
-const KINDS = [
+// The tiles in their order, of layers and their titles; a picture shows those of its layers.
+let kinds = [
   ["clean", "clean"],
   ["noisy", "noisy"],
   ["disparity", "disparity"],
@@ -25,6 +26,7 @@ const state = {
   cursor: null,
   line: null,
   differenceMm: 10,
+  spanMm: 0,
   times: [],
   painted: 0,
   pressed: 0,
@@ -34,11 +36,13 @@ const state = {
 const RETRY_MS = 1000;
 const MAPS = { clean: DEPTH, noisy: DEPTH, disparity: DISPARITY, difference: SIGNED, infrared: GREY, infrared_right: GREY };
 const shows = (picture, kind) => kind === "difference" || kind in picture.layers;
+const titleOf = (kind) => kinds.find(([name]) => name === kind)[1];
 const images = {},
   others = {},
   keys = {};
 let surface,
   figures,
+  rate,
   root,
   words = [];
 
@@ -80,13 +84,15 @@ function keepSlidersNamed() {
   later();
 }
 
-function build(view, panel, reasonWords) {
+// panel: of the figures, or null. live: {kinds, frames} of a page that plays a camera or a recording.
+function build(view, panel, reasonWords, live) {
   keepSlidersNamed();
+  if (live) kinds = live.kinds;
   root = view;
   words = reasonWords;
   root.textContent = "";
   const tiles = make(root, "div", "tiles");
-  for (const [kind, title] of KINDS) {
+  for (const [kind, title] of kinds) {
     const tile = make(tiles, "figure", "tile");
     const caption = make(tile, "figcaption");
     make(caption, "span", "", title);
@@ -110,11 +116,11 @@ function build(view, panel, reasonWords) {
   const ghost = make(make(caption, "label", "key"), "input");
   ghost.type = "checkbox";
   ghost.checked = true;
-  ghost.after("clean one over it");
+  ghost.after(`${titleOf("clean")} one over it`);
   const canvas = make(tile, "canvas");
   canvas.tabIndex = 0;
   canvas.dataset.kind = "surface";
-  canvas.setAttribute("aria-label", "noisy surface: drag or arrow keys turn it");
+  canvas.setAttribute("aria-label", `${titleOf("noisy")} surface: drag or arrow keys turn it`);
   surface = new Surface(canvas);
   ghost.addEventListener("change", () => {
     surface.ghost = ghost.checked;
@@ -124,11 +130,12 @@ function build(view, panel, reasonWords) {
   const strip = make(root, "div", "strip");
   state.readout = make(strip, "div", "readout", "move over an image; drag a line with Shift for its profile");
   state.profile = make(strip, "canvas", "profile");
-  figures = new Figures(panel);
+  figures = panel && new Figures(panel);
+  rate = live && new Rate(document.getElementById("tune-rate"), live.frames);
   new ResizeObserver(() => {
     redraw();
     surface.draw();
-    figures.draw();
+    figures?.draw();
     drawProfile();
   }).observe(root);
 }
@@ -136,7 +143,7 @@ function build(view, panel, reasonWords) {
 // Show the tiles of the picture's layers, in two rows; the surface takes what is left of the second.
 function arrange() {
   let tiles = 1;
-  for (const [kind] of KINDS) {
+  for (const [kind] of kinds) {
     const shown = shows(state.picture, kind);
     images[kind].canvas.parentElement.hidden = !shown;
     tiles += shown;
@@ -238,7 +245,7 @@ function listen(canvas) {
 
 function redraw() {
   if (!state.picture || !state.view) return;
-  for (const [kind] of KINDS) {
+  for (const [kind] of kinds) {
     const other = state.other && kind !== "clean" && shows(state.other, kind) ? others[kind] : null;
     images[kind].draw(state.view, state.cursor, state.line, other, state.split);
   }
@@ -252,15 +259,17 @@ function readout() {
   const unit = p.head.depth_unit_mm;
   const has = (name) => shows(p, name),
     value = (name) => valueAt(p, name, x, y);
-  const [clean, noisy, reason] = ["clean", "noisy", "reason"].map(value);
+  const [clean, noisy] = ["clean", "noisy"].map(value);
   const depth = (d) => (d ? `${text(d * unit)} mm` : "none");
   const difference = clean && noisy ? `${((noisy - clean) * unit).toFixed(0)} mm` : "–";
   const px = has("disparity") && value("disparity");
   const disparity = has("disparity") ? `disparity ${px ? `${px.toFixed(2)} px` : "none"}  ` : "";
-  const infrared = ["infrared", "infrared_right"].filter(has).map(value).join(" and ");
+  const counts = ["infrared", "infrared_right"].filter(has).map(value).join(" and ");
+  const infrared = counts && `infrared ${counts} counts  `;
+  const reason = has("reason") ? `reason: ${words[value("reason")] ?? value("reason")}` : "";
   state.readout.textContent =
-    `(${x}, ${y})  clean ${depth(clean)}  noisy ${depth(noisy)}  difference ${difference}  ` +
-    `${disparity}infrared ${infrared} counts  reason: ${words[reason] ?? reason}`;
+    `(${x}, ${y})  ${titleOf("clean")} ${depth(clean)}  ${titleOf("noisy")} ${depth(noisy)}  difference ${difference}  ` +
+    `${disparity}${infrared}${reason}`;
 }
 
 // Depths of clean and noisy along the line; without a line, along the row of the middle.
@@ -330,9 +339,9 @@ function showKeys() {
 // Show a picture: {head, layers, left, top, width, height}, as packet.js unpacks it.
 function display(picture) {
   state.picture = picture;
-  state.ends = endsOf(picture, state.differenceMm);
+  state.ends = endsOf(picture, state.differenceMm, state.spanMm);
   arrange();
-  for (const [kind] of KINDS) images[kind].set(shows(picture, kind) ? picture : null, state.ends[kind]);
+  for (const [kind] of kinds) images[kind].set(shows(picture, kind) ? picture : null, state.ends[kind]);
   if (state.other) paintOther();
   showKeys();
   if (state.fitted !== [picture.left, picture.top, picture.width, picture.height].join() && !state.keep) fit();
@@ -367,6 +376,7 @@ function show(picture) {
   window.emitEvent("tune_shown", { number: state.shown });
   return onScreen().then(() => {
     state.painted += 1;
+    rate?.painted(picture.head);
     if (since) state.times.push(performance.now() - since);
   });
 }
@@ -382,7 +392,7 @@ async function showOther(address) {
 
 // Paint B in the colours of A.
 function paintOther() {
-  for (const [kind] of KINDS) others[kind].set(shows(state.other, kind) ? state.other : null, state.ends[kind]);
+  for (const [kind] of kinds) others[kind].set(shows(state.other, kind) ? state.other : null, state.ends[kind]);
 }
 
 // The time from a key or a movement in the panel to the picture that it gives.
@@ -398,8 +408,8 @@ for (const kind of ["keydown", "pointermove"]) {
 }
 
 window.glsimTune = {
-  build: (view, panel, words, tab) => {
-    build(document.getElementById(view), document.getElementById(panel), words);
+  build: (view, panel, words, tab, live) => {
+    build(document.getElementById(view), document.getElementById(panel), words, live);
     if (tab === undefined) return; // no server
     state.tab = tab;
     follow(tab);
@@ -420,10 +430,14 @@ window.glsimTune = {
     if (state.other) paintOther();
     redraw();
   },
+  span: (mm) => {
+    state.spanMm = mm;
+    if (state.picture) display(state.picture);
+  },
   statistics: (now, other) => figures.show(now, other),
   recording: (real, here) => figures.showReal(real, here),
   themed: () => {
-    figures.draw();
+    figures?.draw();
     drawProfile();
   },
   state,
