@@ -25,6 +25,7 @@ from glsim.compare.classifier import tell_apart
 from glsim.compare.patches import KINDS, Patches, edge_patches, surface_patches
 from glsim.compare.replayer import Replayer
 from glsim.files.atomic import write_atomic
+from glsim.geometry.mesh import Mesh
 from glsim.gl.context import open_context
 from glsim.measures.boards import find_corners
 from glsim.measures.frame import DepthFrame, FrameSet
@@ -92,7 +93,8 @@ class Fit:
         self._shadow_side = measure_silhouettes(real.frames).shadow_side
         self.patches = self.cut(real.frames)
         self._boards = VirtualCamera(sensor, context)
-        self._meshes, shown = [], []
+        self._meshes: list[Mesh] = []
+        shown: list[DepthFrame] = []
         for frame in real.frames:
             corners = None if frame.infrared is None else find_corners(frame.infrared)
             if corners is not None and len(shown) < _BOARDS:

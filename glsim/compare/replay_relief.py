@@ -53,7 +53,7 @@ class NoiseFloor:
         if self.at.size == 0:
             return np.full(frame.depth_mm.shape, np.inf)
         driver = np.maximum(_driver(frame), _CLASSES[0])
-        return np.interp(np.log(driver), np.log(self.at), self.variance_mm2)
+        return np.asarray(np.interp(np.log(driver), np.log(self.at), self.variance_mm2))
 
 
 def measure_noise_floor(
@@ -129,7 +129,7 @@ def _local_variance(difference_mm: Array, known: Mask, sigma_px: float) -> Array
     def blur(image: Array) -> Array:
         return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT))
 
-    weight = np.maximum(blur(known * 1.0), 1e-6)
-    filled = np.where(known, difference_mm, 0.0)
+    weight = np.maximum(blur(known.astype(np.float64)), 1e-6)
+    filled: Array = np.where(known, difference_mm, 0.0).astype(np.float64)
     mean = blur(filled) / weight
-    return np.maximum(blur(filled**2) / weight - mean**2, 0.0)
+    return np.maximum(blur(filled * filled) / weight - mean * mean, 0.0)

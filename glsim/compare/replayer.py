@@ -78,7 +78,10 @@ class Replayer:
         """Return the surfaces of a real frame with their reflectivity; None if it has no depth."""
         depth, light, noise = frame.depth_mm, frame.infrared, self._noise.variance(frame)
         if self._mirrored:
-            depth, noise = (np.ascontiguousarray(image[:, ::-1]) for image in (depth, noise))
+            depth, noise = (
+                np.ascontiguousarray(depth[:, ::-1]),
+                np.ascontiguousarray(noise[:, ::-1]),
+            )
             light = None if light is None else np.ascontiguousarray(light[:, ::-1])
         holes_px = _WIDEST_HOLE_PX[light is not None]
         surfaces = find_surfaces(depth, self._smooth_px, holes_px, noise)
