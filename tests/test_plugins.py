@@ -117,7 +117,7 @@ def test_settings_of_a_packages_source_are_checked_as_any(lab: Path) -> None:
         assert done.returncode == 2
         assert message in done.stderr
     done = glsim_in(lab, "generate", "--plan", "--source", "clai")
-    assert "'clai' is not one of biwi, clay" in done.stderr
+    assert "'clai' is not one of biwi, board, clay" in done.stderr
 
 
 @pytest.mark.parametrize(

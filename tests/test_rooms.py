@@ -84,6 +84,7 @@ HOMES = {
         "glsim.pipeline",
         "glsim.validate",
         "glsim.fit.stereo_sensor",
+        "glsim.compare.replayer",
         "glsim.tune.bench",
         "glsim.cli",
     ),

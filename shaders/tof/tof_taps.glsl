@@ -43,9 +43,8 @@ const float HALO_MIDDLE = 0.332485, HALO_SIDE = 0.234939, HALO_OUTER = 0.0891;
 out vec4 phasor_a; // as light_a
 out vec4 phasor_b; // third frequency; infrared counts; flags, 2: saturated
 
-// Turns phasors by the phase of light that comes from farther away, m.
-void delay(inout vec4 a, inout vec4 b, float delay_m) {
-    vec3 angle = TWO_PI * cycles(delay_m), c = cos(angle), s = sin(angle);
+// Turns phasors by angles, given as cosines and sines per frequency.
+void turn(inout vec4 a, inout vec4 b, vec3 c, vec3 s) {
     a = vec4(a.x * c.x - a.y * s.x, a.x * s.x + a.y * c.x, a.z * c.y - a.w * s.y, a.z * s.y + a.w * c.y);
     b.xy = vec2(b.x * c.z - b.y * s.z, b.x * s.z + b.y * c.z);
 }
@@ -80,12 +79,16 @@ void main() {
         haze_a += 0.25 * haze * textureLod(u_light_a, away, 0.0);
         haze_b += 0.25 * haze * textureLod(u_light_b, away, 0.0);
     }
-    if (halo_delay_mm > 0.0) {
-        delay(a, b, -0.001 * halo * halo_delay_mm);
-        delay(late_a, late_b, 0.001 * (1.0 - halo) * halo_delay_mm);
-    }
-    a += late_a + haze_a;
-    b += late_b + haze_b;
+    vec3 later = TWO_PI * cycles(0.001 * halo_delay_mm), cosine = cos(later), sine = sin(later);
+    turn(late_a, late_b, cosine, sine);
+    a += late_a;
+    b += late_b;
+    // The phase that both have together on an even surface is taken off.
+    vec3 real_part = core + halo * cosine, imaginary_part = halo * sine;
+    vec3 size = sqrt(real_part * real_part + imaginary_part * imaginary_part);
+    turn(a, b, real_part / size, -imaginary_part / size);
+    a += haze_a;
+    b += haze_b;
     // Pixels without surface and light measure nothing: noise must not depend on a frame's window.
     bool seen = beside_light || textureLod(u_clean, here, 0.0).r > 0.0;
     bool dead = dead_border && (pixel.x == 0 || pixel.x == int(u_frame_size_px.x) - 1);

@@ -28,9 +28,9 @@ REAL = Path(
 
 
 def walls(slant_deg: float) -> Mesh:
-    """Four walls side by side, 0.9 to 2.8 m away, turned about the y axis."""
+    """Four walls side by side, 0.9 to 2.8 m away, turned about the y axis, where there is light."""
     distances = (900.0, 1400.0, 2000.0, 2800.0)
-    limits = np.linspace(-300.0, 300.0, len(distances) + 1) / IMAGE.fx
+    limits = np.linspace(-230.0, 230.0, len(distances) + 1) / IMAGE.fx
     slope = float(np.tan(np.radians(slant_deg)))
     parts = []
     for z, left, right in zip(distances, limits[:-1], limits[1:], strict=True):

@@ -41,7 +41,11 @@ def test_the_kinects_frequencies_reach_18_75_m() -> None:
         ("far_mm = 4500", "far_mm = 100", "near_mm 500 must be less than range_gate.far_mm 100"),
         ("[[rig.emitter]]", "[nothing]", "no such setting 'nothing'"),
         ('use = "tof_bilateral"', 'use = "tof_bilatral"', "did you mean 'tof_bilateral'"),
-        ('use = "tof_taps"', 'use = "tof_light"\nname = "more"', "reads the layer 'phasor_a'"),
+        (
+            'use = "tof_multipath"',
+            'use = "tof_bilateral"\nname = "more"',
+            "reads the layer 'phasor_a'",
+        ),
     ],
 )  # fmt: skip
 def test_what_cannot_work_is_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:

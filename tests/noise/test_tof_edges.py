@@ -87,7 +87,11 @@ def test_silhouettes_before_nothing_grow_and_stay_in_place(context: moderngl.Con
     assert (layers["reason"][grown] == Reason.GROWN).all()
     rim = 2 * (clean.any(axis=0).sum() + clean.any(axis=1).sum())
     assert 0.3 < grown.sum() / rim < 2.3
-    assert np.abs(1000 * depth[depth > 0] - 900).max() < 2.5  # halo and haze come from aside
+    # Halo and haze come from aside; a rim lacks half of the late light, so that it is too near.
+    assert np.abs(1000 * depth[clean] - 900).max() < 5.0
+    late_mm = 0.87 * 70.0  # a pixel with nothing behind it has the halo's light, and the core's
+    assert (1000 * depth[grown] > 897.5).all()
+    assert (1000 * depth[grown] < 902.5 + late_mm).all()
     noisy = cam.shoot(scene)
     assert (noisy["depth"] > 0)[clean].mean() > 0.995
     assert 0.3 < ((noisy["depth"] > 0) & ~clean).sum() / rim < 2.3

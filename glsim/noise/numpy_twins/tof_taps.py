@@ -111,18 +111,17 @@ def _blurred(view: StageView, light: Image, p: Parameters) -> tuple[Image, NDArr
         late += _HALO_OUTER * p["halo"] * beside(dx, dy)
     for dx, dy in ((-4, -4), (4, -4), (-4, 4), (4, 4)):
         haze += np.float32(0.25) * p["haze"] * beside(dx, dy)
-    if p["halo_delay_mm"] > 0:
-        metres = np.float32(0.001) * p["halo_delay_mm"]
-        total = _delayed(view, total, -p["halo"] * metres)
-        late = _delayed(view, late, (one - p["halo"]) * metres)
-    return total + late + haze, beside_light
+    later = TWO_PI * np.float32(0.001) * p["halo_delay_mm"] * frequencies(view) / half_wave_m_mhz()
+    late = _turned(late, np.cos(later), np.sin(later))
+    real, imaginary = core + p["halo"] * np.cos(later), p["halo"] * np.sin(later)
+    size = np.sqrt(real * real + imaginary * imaginary)
+    return _turned(total + late, real / size, -imaginary / size) + haze, beside_light
 
 
-def _delayed(view: StageView, light: Image, delay_m: np.float32) -> Image:
-    """Turn the phasors of (h, w, 8) light by the phase of a way that is longer by ``delay_m``."""
-    angle = TWO_PI * delay_m * frequencies(view) / half_wave_m_mhz()
+def _turned(light: Image, c: Image, s: Image) -> Image:
+    """Turn the phasors of (h, w, 8) light by angles, given as cosines and sines per frequency."""
     turned = light.copy()
-    real, imaginary, c, s = light[..., 0:6:2], light[..., 1:6:2], np.cos(angle), np.sin(angle)
+    real, imaginary = light[..., 0:6:2], light[..., 1:6:2]
     turned[..., 0:6:2] = real * c - imaginary * s
     turned[..., 1:6:2] = real * s + imaginary * c
     return turned
