@@ -105,7 +105,7 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     from glsim.fit.sensor_file import base_sensor, sensor_toml
     from glsim.fit.wiggling import fit_wiggling
     from glsim.measures.frame import frame_set
-    from tests.fit.test_wiggling import EMITTER_M, WIDE_LIGHT, FRAMES, IMAGE, walls
+    from tests.fit.test_wiggling import EMITTER_M, FRAMES, IMAGE, WIDE_LIGHT, walls
 
     waves = {"harmonic_2": 0.015, "harmonic_5": 0.0}  # phases are drawn
     changes = {"tof_fast": waves | WIDE_LIGHT}
