@@ -128,7 +128,14 @@ class Fit:
         return measure_print_edges(frames)
 
     def differences(self, values: _Values) -> Array:
-        """Return all differences, in units that count alike; each kind of patch weighs as much."""
+        """Compare the real half with its replay: the residuals of the least squares.
+
+        Returns:
+            (N,) simulated minus real quantiles of patch features, in interquartile ranges of the
+            real ones, and simulated minus real depth and light beside printed edges, over
+            ``_EDGE_MM`` and ``_EDGE_LIGHT``. Each kind of patch has the same total weight, and so
+            have the printed edges.
+        """
         parts = []
         simulated = self.cut(self.replay(values))
         for kind in KINDS:
@@ -219,7 +226,7 @@ def judge(half: Fit, real: FrameSet, values: _Values) -> dict[str, tuple[float, 
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Fit, judge, write."""
+    """Fit the sensor to half of the frames, compare both with the other half, write the results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fit_kinect_v2", description=__doc__)
     parser.add_argument("real", type=Path)
     parser.add_argument("-o", "--out", type=Path, default=Path("fit_kinect_v2"))

@@ -106,7 +106,10 @@ def chromium_page(*, webgl: bool = False, **options: Any) -> Iterator[Any]:
 
 @contextmanager
 def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float]]:
-    """Run ``glsim tune`` with these words and open its page, as ``served_page`` does."""
+    """Run ``glsim tune`` with these command-line arguments and open its page in a browser.
+
+    Yields what ``served_page`` yields.
+    """
     with served_page(["tune", *words], **options) as (page, first_s):
         page.wait_for_selector("[data-stage]")
         yield page, first_s
@@ -114,7 +117,11 @@ def tune_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float
 
 @contextmanager
 def served_page(words: Sequence[str], **options: Any) -> Iterator[tuple[Any, float]]:
-    """Run a command of glsim that serves a page and open it; arguments as in ``chromium_page``.
+    """Run a command of glsim that serves a page and open the page in a browser.
+
+    Args:
+        words: the command and its arguments.
+        **options: of the browser's window, as in ``chromium_page``.
 
     Yields Playwright's page, and the seconds from the command to the first picture.
     """

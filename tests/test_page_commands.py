@@ -114,7 +114,7 @@ def test_the_pages_are_found() -> None:
 
 
 def test_no_command_hides_in_an_indented_block() -> None:
-    """Blocks without a language are not run."""
+    """The test above runs fenced shell blocks only, so commands must not be indented blocks."""
     found = [
         f"{path.name}: {line}"
         for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]

@@ -82,7 +82,7 @@ class PaperCase:
 
     @property
     def title(self) -> str:
-        """Name of the case in tables."""
+        """Name the case as tables do: its depth protocol and its mask of clean maps."""
         return f"protocol {self.protocol}, {MASKS.get(self.mask, self.mask)}"
 
     def mean(self, name: str, metric: str) -> float:
@@ -103,7 +103,7 @@ class PaperCase:
 
 
 def mask_folder(out: Path, mask: str) -> Path:
-    """Return where the data, networks and tables of one mask of clean maps are.
+    """Return the folder of the data, networks and tables of one mask of clean maps.
 
     Args:
         out: folder of the reproduction, which holds those with dense clean maps itself.
@@ -113,7 +113,7 @@ def mask_folder(out: Path, mask: str) -> Path:
 
 
 def case_folder(out: Path, protocol: DepthProtocol, mask: str = "dense") -> Path:
-    """Return where the networks and tables of one case are.
+    """Return the folder of the networks and tables of one case, a depth protocol and a mask.
 
     Args:
         out: folder of the reproduction.

@@ -80,7 +80,7 @@ class ExperimentScores:
 
 
 def read_experiments(reproduction: Path) -> list[ExperimentScores]:
-    """Read the scored experiments of a reproduction's folder.
+    """Read the scores of all experiments from the folder of a reproduction of the paper.
 
     Raises:
         DatasetError: there is none, or a table cannot be read.
@@ -259,7 +259,10 @@ def _subject_sums(values: Mapping[str, list[float]], people: Sequence[str]) -> S
 
 
 def _order_table(scored: Sequence[ExperimentScores], titles: Sequence[str]) -> TextTable:
-    """Tabulate the order of the mean MSE, smallest first; what is equal within 0.1 % is =."""
+    """Tabulate the filters of each experiment in the order of their mean MSE, smallest first.
+
+    Filters whose MSE differ by less than 0.1 % are joined by "=".
+    """
     rows = [["printed", *[_order({n: row.mse_mm2 for n, row in _ORDERED.items()})] * len(titles)]]
     for one in scored:
         cells = []

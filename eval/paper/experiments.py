@@ -69,10 +69,10 @@ EXPERIMENTS: Final = {
 
 
 def experiment_folder(reproduction: Path, name: str) -> Path:
-    """Return the folder of an experiment in that of a reproduction."""
+    """Return the folder of an experiment within the folder of a reproduction."""
     return reproduction / EXPERIMENTS_FOLDER / name
 
 
 def data_folder(reproduction: Path, name: str, mask: str, seed: int) -> Path:
-    """Return the folder of an experiment's maps with one clean mask and seed."""
+    """Return the folder of an experiment's depth maps, made with one clean mask and one seed."""
     return experiment_folder(reproduction, name) / FILTERS_FOLDER / mask / str(seed) / "data"

@@ -1,4 +1,4 @@
-"""Write table 1, the filters: the printed values beside ours."""
+"""Write the paper's table 1, the scores of the filters: printed values beside ours."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ def _document(folder: Path) -> Document:
 
 
 def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
-    """Compute the MSE of each row of the tables, mm^2, as the mean over seeds.
+    """Average the MSE of each row of the paper's tables over the seeds, mm^2.
 
     A row with artefact removal has its partner's MSE plus the mean difference between the two in
     the seeds that both have.

@@ -27,7 +27,7 @@ _HOOD_FRONT: Final = ((0, 0), (2, 6), (5, 14), (10, 18), (16, 17), (21, 10), (23
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """The edge of a piece of cloth.
+    """The free edge of a piece of cloth: a hem, a cuff or a neckline.
 
     Args:
         ends: (E, 2) points of the cloth, in the order of its triangles.

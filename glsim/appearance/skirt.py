@@ -57,18 +57,11 @@ class Between:
 
 def make_skirt(
     body: ClothBody, lower: Lower, over: bool, scale: float, seed: int
-) -> tuple[Binding, NDArray[np.int32], NDArray[np.int32]] | None:
-    """Return a skirt, its triangles and those that cast shadows; None for a source without legs.
+) -> tuple[Binding, NDArray[np.int32], NDArray[np.int32]]:
+    """Return a skirt, its triangles and those that cast shadows, of a body with legs.
 
-    Args:
-        body: the subject.
-        lower: what is worn.
-        over: whether the garment is tucked into it.
-        scale: size of the subject over that of a mean adult.
-        seed: of the folds.
+    Arguments as of ``tailor.make_lower``.
     """
-    if not body.legs:
-        return None
     cloth, skin = body.cloth, body.skin
     on_leg = np.isfinite(cloth.leg)
     top = body.waist_mm + 12.0

@@ -179,6 +179,13 @@ BackendOption = Annotated[
     ),
 ]
 
+CalibratedDeviceOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Sensor file of glsim fit: the device's fixed pattern and wiggling are subtracted "
+        "before denoising."
+    ),
+]
 HostOption = Annotated[
     str,
     typer.Option(

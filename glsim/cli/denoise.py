@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glsim.cli.common import MORE, console, print_message
+from glsim.cli.common import MORE, CalibratedDeviceOption, console, print_message
 from glsim.errors import ConfigError, DatasetError, did_you_mean
 
 if TYPE_CHECKING:
@@ -65,13 +65,7 @@ def denoise(
             help="A name of glsim eval --list, or a checkpoint; face is the shipped network.",
         ),
     ] = "face",
-    device: Annotated[
-        Path | None,
-        typer.Option(
-            help="Sensor file of glsim fit: the device's fixed pattern and wiggling are subtracted "
-            "before denoising."
-        ),
-    ] = None,
+    device: CalibratedDeviceOption = None,
     watch: Annotated[
         Path | None,
         typer.Option(

@@ -11,6 +11,7 @@ import typer
 from glsim.cli.common import (
     MORE,
     PAGE_PORT,
+    CalibratedDeviceOption,
     HostOption,
     NoBrowserOption,
     PortOption,
@@ -64,14 +65,7 @@ def live(
             help="face: denoise only around the nearest head; the rest stays as measured."
         ),
     ] = None,
-    device: Annotated[
-        Path | None,
-        typer.Option(
-            help="Sensor file of glsim fit: the device's fixed pattern and wiggling are subtracted "
-            "before denoising.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
+    device: CalibratedDeviceOption = None,
     depth_unit_mm: Annotated[
         float | None,
         typer.Option(

@@ -88,7 +88,7 @@ def draw_experiments(reproduction: Path, names: Sequence[str]) -> bytes | None:
 
 
 def _first(reproduction: Path, name: str) -> Sample | None:
-    """Return the first frame with a dense clean map; None if the maps were removed."""
+    """Load the first test frame of an experiment with dense clean maps; None if it was deleted."""
     folder = experiment_folder(reproduction, name) / FILTERS_FOLDER / "dense"
     data = min(folder.glob("*/data"), default=None)
     if data is None:
