@@ -26,9 +26,6 @@ REAL = Path(
     )
 )
 
-#: A light that falls less to the corners than a Kinect's, whose noise there hides waves of 1 mm.
-WIDE_LIGHT = {"fall_off": 0.155, "tail": 0.07}
-
 
 def walls(slant_deg: float) -> Mesh:
     """Four walls side by side, 0.9 to 2.8 m away, turned about the y axis."""
@@ -56,7 +53,7 @@ def test_harmonics_come_back_from_walls_at_several_distances(
     changes = {
         "harmonic_2": 0.015, "harmonic_2_phase_deg": 60.0,
         "harmonic_5": 0.006, "harmonic_5_phase_deg": -100.0,
-        "harmonic_phase_spread": 0.0, **WIDE_LIGHT,
+        "harmonic_phase_spread": 0.0,
     }  # fmt: skip
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     shot = camera.capture(walls(slant_deg), FRAMES, None, changes={"tof_fast": changes})
@@ -75,7 +72,7 @@ def test_harmonics_come_back_from_walls_at_several_distances(
 
 def test_a_sensor_without_harmonics_has_none(context: moderngl.Context) -> None:
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
-    changes = {"tof_fast": {"harmonic_2": 0.0, "harmonic_5": 0.0, **WIDE_LIGHT}}
+    changes = {"tof_fast": {"harmonic_2": 0.0, "harmonic_5": 0.0}}
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
     found = measure_recording(frame_set("walls", shot.encoded, camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE, EMITTER_M)

@@ -105,10 +105,9 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     from glsim.fit.sensor_file import base_sensor, sensor_toml
     from glsim.fit.wiggling import fit_wiggling
     from glsim.measures.frame import frame_set
-    from tests.fit.test_wiggling import EMITTER_M, FRAMES, IMAGE, WIDE_LIGHT, walls
+    from tests.fit.test_wiggling import EMITTER_M, FRAMES, IMAGE, walls
 
-    waves = {"harmonic_2": 0.015, "harmonic_5": 0.0}  # phases are drawn
-    changes = {"tof_fast": waves | WIDE_LIGHT}
+    changes = {"tof_fast": {"harmonic_2": 0.015, "harmonic_5": 0.0}}  # phases are drawn
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
     statistics = measure_recording(frame_set("walls", shot.encoded, camera=IMAGE))
