@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from glsim.scene import decoration, seating, storage, tables
+from glsim.scene import dark_things, decoration, seating, storage, tables
 from glsim.scene.shapes import Shape, bounds_mm, moved
 from glsim.scene.shell import Opening, Wall
 
@@ -27,7 +27,8 @@ ALONG_WALLS: dict[str, tuple[tuple[float, Maker], ...]] = {
         (0.22, lambda rng, _: storage.cabinet(rng)),
         (0.30, tables.desk),
         (0.07, lambda rng, _: decoration.plant(rng)),
-        (0.07, lambda rng, _: storage.moving_box(rng)),
+        (0.04, lambda rng, _: storage.moving_box(rng)),
+        (0.03, lambda rng, _: dark_things.bag(rng)),
     ),
     "living-room": (
         (0.20, storage.shelf),
@@ -37,6 +38,8 @@ ALONG_WALLS: dict[str, tuple[tuple[float, Maker], ...]] = {
         (0.10, lambda rng, clutter: storage.sideboard(rng, clutter, with_television=True)),
         (0.09, lambda rng, _: decoration.plant(rng)),
         (0.07, lambda rng, _: decoration.floor_lamp(rng)),
+        (0.06, lambda rng, _: dark_things.loudspeaker(rng)),
+        (0.04, lambda rng, _: dark_things.piano(rng)),
     ),
     "empty": (),
 }
@@ -47,14 +50,16 @@ FREE_STANDING: dict[str, tuple[tuple[float, Maker], ...]] = {
         (0.20, lambda rng, _: seating.chair(rng)),
         (0.20, lambda rng, _: decoration.plant(rng)),
         (0.10, lambda rng, _: storage.waste_bin(rng)),
-        (0.15, lambda rng, _: storage.moving_box(rng)),
+        (0.08, lambda rng, _: storage.moving_box(rng)),
+        (0.07, lambda rng, _: dark_things.bag(rng)),
     ),
     "living-room": (
         (0.35, lambda rng, _: seating.chair(rng)),
         (0.20, tables.low_table),
         (0.20, lambda rng, _: decoration.plant(rng)),
         (0.15, lambda rng, _: decoration.floor_lamp(rng)),
-        (0.10, lambda rng, _: storage.moving_box(rng)),
+        (0.05, lambda rng, _: storage.moving_box(rng)),
+        (0.05, lambda rng, _: dark_things.bag(rng)),
     ),
     "empty": (),
 }

@@ -27,6 +27,7 @@ ALBEDOS = {
     "cloth": (0.45, 0.95),  # rec, and darker (chosen)
     "leather": (0.15, 0.60),  # chosen
     "black plastic": (0.06, 0.25),  # rec: black print
+    "lacquer": (0.02, 0.08),  # chosen: dark and glossy, most light leaves in the mirror direction
     "metal": (0.25, 0.60),  # chosen; real ones also have highlights
     "paper": (0.50, 0.95),  # rec: the board's white paper is 0.8 to 1
     "leaves": (0.50, 0.70),  # PROSPECT, rec

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from glsim.scene.dark_things import cable, cables_behind, telephone
 from glsim.scene.materials import draw_albedo
 from glsim.scene.shapes import Shape, bounds_mm, box, moved, plate, rod, turned_body
 
@@ -52,6 +53,10 @@ def desk(rng: Rng, clutter: float) -> list[Shape]:
         thing = small_thing(rng)
         x, z = rng.uniform(-0.45, 0.45) * width, rng.uniform(-0.3, 0.38) * depth
         things.append(moved(thing, x, z=z, turn_deg=rng.uniform(-40, 40)))
+    shapes += cables_behind(rng, int(rng.integers(1, 5)), width, -depth / 2, height)
+    if rng.random() < 0.5:  # a charger's cable hangs over the front or a side
+        edge = rng.uniform(-0.4, 0.4) * width
+        shapes += cable(rng, (edge, height + 3, depth / 2 + 4), (edge, 200.0, depth / 2 + 30))
     return shapes + _apart(things, width, depth, height)
 
 
@@ -104,7 +109,7 @@ def screen(rng: Rng) -> list[Shape]:
 def television(rng: Rng) -> list[Shape]:
     """A television on two feet."""
     width = rng.uniform(900, 1300)  # 40 to 58 inches
-    height, plastic = width * 0.5625, draw_albedo(rng, "black plastic")
+    height, plastic = width * 0.5625, draw_albedo(rng, "lacquer")
     w, h, glass = width / 2 - 10, height - 10, draw_albedo(rng, "screen")
     pane = plate([(-w, 10, 0), (w, 10, 0), (w, h, 0), (-w, h, 0)], glass, region="screen")
     feet = [box((24, 64, 240), (s * width / 3, 0, -25), plastic) for s in (-1, 1)]
@@ -112,9 +117,9 @@ def television(rng: Rng) -> list[Shape]:
 
 
 def small_thing(rng: Rng) -> list[Shape]:
-    """A cup, a bottle, a pile of paper or books, a box, or a desk lamp."""
-    kind = rng.choice(["cup", "bottle", "papers", "books", "box", "lamp"],
-                      p=[0.25, 0.12, 0.2, 0.2, 0.13, 0.1])  # fmt: skip
+    """A cup, a bottle, a pile of paper or books, a box, a telephone, or a desk lamp."""
+    kind = rng.choice(["cup", "bottle", "papers", "books", "box", "telephone", "lamp"],
+                      p=[0.22, 0.12, 0.2, 0.18, 0.1, 0.08, 0.1])  # fmt: skip
     if kind == "cup":
         pot, radius = draw_albedo(rng, "pot"), rng.uniform(36, 46)
         high = rng.uniform(80, 110)
@@ -131,7 +136,7 @@ def small_thing(rng: Rng) -> list[Shape]:
     if kind == "box":
         size = rng.uniform(90, 260), rng.uniform(60, 200), rng.uniform(80, 240)
         return [box(size, (0, 0, 0), draw_albedo(rng, "paper"), edge_mm=3)]
-    return desk_lamp(rng)
+    return telephone(rng) if kind == "telephone" else desk_lamp(rng)
 
 
 def book_pile(rng: Rng, count: int) -> list[Shape]:
