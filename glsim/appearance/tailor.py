@@ -16,9 +16,10 @@ from glsim.appearance.garments import Garment, Lower
 from glsim.appearance.noise import smooth_noise
 from glsim.appearance.rims import Edge, collar, find_edge, hem, rib
 from glsim.appearance.shell import Shell
-from glsim.appearance.skin_grid import SkinGrid, surface_normals
+from glsim.appearance.skin_grid import SkinGrid
 from glsim.appearance.skirt import make_skirt
 from glsim.appearance.tubes import hang
+from glsim.geometry.mesh import vertex_normals
 from glsim.settings.seeds import keyed_rng
 
 #: Lengths of an arm and a leg, mm, over which their shares count near a cut.
@@ -135,7 +136,7 @@ def _cut(
         return None
     grid, blend = body.cloth.grid.clipped(inside)
     places = blend.of(surface)
-    edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
+    edge = find_edge(grid.faces, places, vertex_normals(places, grid.faces))
     return grid, places, blend.of(cuts.T).argmin(axis=1), edge
 
 
