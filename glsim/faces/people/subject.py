@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from glsim.faces.action_units import shape_weights
 from glsim.faces.people.albedo import draw_albedo
 from glsim.faces.people.identity import BodyIdentity, sample_identity
+from glsim.faces.people.lids import lids_of
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.movement import movement
 from glsim.faces.people.posture import BodyShape, Posture, draw_posture
@@ -60,7 +61,10 @@ class BodySubject:
         """
         model, stance = self._model, self.stance(sequence, framing)
         rest = self.rest_mm.copy()
-        model.actions.add(rest, shape_weights(expression))
+        weights = shape_weights(expression)
+        lids = lids_of(model)
+        model.actions.add(rest, {n: w for n, w in weights.items() if n not in lids.actions})
+        lids.close(rest, weights)
         turns = dict(stance.posture.turns)
         further = movement(self._seed, self.name, sequence, framing, time_s)
         for bone, turn in further.items():
