@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.faces.action_units import shape_weights
 from glsim.faces.people.landmarks import landmark_vertices
 from glsim.faces.people.model import BodyModel
 
@@ -84,3 +85,12 @@ class Lids:
 def lids_of(model: BodyModel) -> Lids:
     """Return the lids of a model; made once."""
     return Lids(model)
+
+
+def add_expression(
+    model: BodyModel, rest_mm: NDArray[np.float32], expression: Mapping[str, float]
+) -> None:
+    """Move (V, 3) points of a person at rest by action units -> intensities, in place."""
+    weights, lids = shape_weights(expression), lids_of(model)
+    model.actions.add(rest_mm, {n: w for n, w in weights.items() if n not in lids.actions})
+    lids.close(rest_mm, weights)

@@ -10,10 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.action_units import shape_weights
 from glsim.faces.people.albedo import draw_albedo
 from glsim.faces.people.identity import BodyIdentity, sample_identity
-from glsim.faces.people.lids import lids_of
+from glsim.faces.people.lids import add_expression
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.movement import movement
 from glsim.faces.people.posture import BodyShape, Posture, draw_posture
@@ -61,10 +60,7 @@ class BodySubject:
         """
         model, stance = self._model, self.stance(sequence, framing)
         rest = self.rest_mm.copy()
-        weights = shape_weights(expression)
-        lids = lids_of(model)
-        model.actions.add(rest, {n: w for n, w in weights.items() if n not in lids.actions})
-        lids.close(rest, weights)
+        add_expression(model, rest, expression)
         turns = dict(stance.posture.turns)
         further = movement(self._seed, self.name, sequence, framing, time_s)
         for bone, turn in further.items():

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.faces.action_units import shape_weights
 from glsim.faces.base import FaceKey
 from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.people import People
 from glsim.faces.people.cache import load_model
+from glsim.faces.people.lids import add_expression
 from glsim.faces.people.phenotype import MEAN_PERSON, phenotype_weights
 from glsim.faces.people.regions import REGIONS
 from glsim.frame import Frame
@@ -37,7 +37,7 @@ def people() -> People:
 def points_of(people: People, subject: str, actions: Mapping[str, float]) -> NDArray[np.float64]:
     """The landmarks of a person at rest with some action units, (68, 3) mm."""
     vertices = people.neutral(subject)[0].copy()
-    load_model().actions.add(vertices, shape_weights(actions))
+    add_expression(load_model(), vertices, actions)
     return vertices[landmark_vertices(people)].astype(np.float64)
 
 
