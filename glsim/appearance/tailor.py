@@ -34,6 +34,8 @@ _SCOOP_MM, _ARMHOLE = 72.0, 0.72
 _BUST_FOLDS: Final = 0.65
 #: What cuts a garment off.
 _NECK, _CUFF, _HEM = 0, 1, 2
+#: Where the nearest cut of an edge is farther away, mm, the skin itself ends there.
+_UNCUT_MM: Final = 1.0
 
 #: One can look into cloth so far, mm: it has an inner side there, in the wide legs of shorts, which
 #: look ahead when people sit, nearly everywhere; chosen.
@@ -128,8 +130,8 @@ def _cut(
     """Cut cloth off where one of (K, N) distances is below 0.
 
     Returns:
-        The grid, (M, 3) places, (M,) which distance is the smallest, and the edge; None if nothing
-        is left.
+        The grid, (M, 3) places, (M,) which distance is the smallest (_HEM where the skin ends), and
+        the edge; None if nothing is left.
     """
     inside = cuts.min(axis=0)
     if (inside > 0)[body.cloth.grid.faces].any(axis=1).sum() < 20:
@@ -137,7 +139,9 @@ def _cut(
     grid, blend = body.cloth.grid.clipped(inside)
     places = blend.of(surface)
     edge = find_edge(grid.faces, places, vertex_normals(places, grid.faces))
-    return grid, places, blend.of(cuts.T).argmin(axis=1), edge
+    distances = blend.of(cuts.T)
+    uncut = distances.min(axis=1) > _UNCUT_MM  # the skin itself ends there, below the shoulders
+    return grid, places, np.where(uncut, _HEM, distances.argmin(axis=1)), edge
 
 
 def _sewn(
@@ -191,7 +195,7 @@ def _sewn(
     drop = np.concatenate(stiff).astype(np.float32) if is_collar else None
     shell = Shell(whole, body.rest_mm, np.concatenate(placed) - skin, drop)
     rims = edge.places[strips[-1][0]][::4]
-    away = np.linalg.norm(places[:, None] - rims, axis=2).min(axis=1)
+    away = np.linalg.norm(places[:, None] - rims, axis=2).min(axis=1, initial=np.inf)
     open_to = grid.faces[(away < seen_mm)[grid.faces].all(axis=1)]
     both = np.concatenate([whole.faces, open_to[:, ::-1], *turned]).astype(np.int32)
     return shell, both, np.concatenate(casts).astype(np.int32)
