@@ -174,7 +174,7 @@ def _read_exr(path: Path) -> NDArray[Any]:
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:
-        raise DatasetError(f"{path}: is no readable OpenEXR file ({error})") from None
+        raise DatasetError(f"{path}: {error}") from None
     if channels is None:
         raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
     names = [name for name in _EXR_CHANNELS if name in channels] or list(channels)[:1]

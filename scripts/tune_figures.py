@@ -115,12 +115,12 @@ def _film(page: Any, file: Path) -> None:
 
 
 def _move_slider(page: Any, take: Callable[..., None]) -> None:
-    page.click('[data-stage="tof_floor"] button.name')
-    slider = page.locator('[data-name="tof_floor.sigma_mm"] .q-slider__track-container')
+    """Move a slider of the open stage."""
+    slider = page.locator('[data-name="tof_taps.read_variance"] .q-slider__track-container')
     slider.focus()
     for _ in range(12):
         number = shown(page)
-        for _ in range(6):
+        for _ in range(10):
             page.keyboard.press("ArrowRight")
         after(page, number)
         page.wait_for_timeout(400)
@@ -139,6 +139,9 @@ def _turn(page: Any, take: Callable[..., None]) -> None:
 
 
 def _mistake(page: Any, take: Callable[..., None]) -> None:
+    page.click('[data-stage="tof_floor"] button.name')
+    page.wait_for_selector('[data-name="tof_floor.sigma_mm"]')
+    page.wait_for_timeout(400)
     page.click(".cm-content")
     page.keyboard.press("Control+Home")
     page.keyboard.press("ArrowDown")

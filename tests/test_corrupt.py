@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import zlib
+from pathlib import Path
 
 import moderngl
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glsim.cli import main
 from glsim.corrupt import Corrupter
 from glsim.errors import ConfigError
+from glsim.files.png import encode_png, stated_unit_mm
 from glsim.frame import Frame
 from glsim.geometry import depth_map
 from glsim.reason import Reason
@@ -190,3 +193,18 @@ def test_the_surface_of_a_map_is_where_it_was_seen(context: moderngl.Context) ->
     assert both.sum() > 0.9 * (seen > 0).sum()
     assert np.abs(seen - again)[both].max() < 1e-5
     assert depth_map.surface(np.zeros_like(seen), rig()) is None
+
+
+@pytest.mark.parametrize(
+    ("clean_states_mm", "given", "stated_mm"),
+    [(None, [], None), (0.1, ["--depth-unit-mm", "0.1"], 0.1), (1.0, [], 1.0),
+     (None, ["--depth-unit-mm", "0.5"], 0.5)],
+)  # fmt: skip
+def test_a_noisy_map_states_its_step_as_the_clean_one_does(
+    tmp_path: Path, clean_states_mm: float | None, given: list[str], stated_mm: float | None
+) -> None:
+    clean, noisy = tmp_path / "clean.png", tmp_path / "noisy.png"
+    clean.write_bytes(encode_png(np.full((32, 40), 9000, np.uint16), clean_states_mm))
+    command = ["corrupt", str(clean), "-o", str(noisy), "-s", "ideal", "--backend", "numpy"]
+    assert main([*command, *given]) == 0
+    assert stated_unit_mm(noisy) == stated_mm

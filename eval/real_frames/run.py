@@ -70,7 +70,8 @@ def score_frame(
         try:
             parts = compose(method(raw[None]), raw)
         except Exception as error:  # any error of a denoiser
-            raise DenoiserError(f"{method.label}: frame {frame.name}: {error}") from error
+            text = str(error).removeprefix(f"{method.label}: ")
+            raise DenoiserError(f"{method.label}: frame {frame.name}: {text}") from error
         for part, depth in parts.items():
             name = f"{method.label} [{part}]" if part else method.label
             tallies[name] = truth.tally(depth)

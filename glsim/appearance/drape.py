@@ -10,8 +10,8 @@ import numpy as np
 from glsim.appearance.anatomy import Array
 from glsim.appearance.cloth import ClothBody
 from glsim.appearance.folds import limb_folds, trunk_folds
-from glsim.appearance.skin_grid import surface_normals
 from glsim.appearance.tubes import Tube, hang
+from glsim.geometry.mesh import vertex_normals
 
 #: Cloth that rests on the skin lies this far off, mm, besides its thickness; chosen.
 _REST_MM: Final = 1.5
@@ -87,7 +87,7 @@ def drape(body: ClothBody, fit: Fit, limbs: tuple[Tube, ...], joint: float, seed
     room = np.maximum(room, 0.0)
     amount = fit.fold * np.clip(0.35 + room / 14.0, 0.35, 1.35)
     height = np.maximum(amount * fold, -0.4 * room)
-    out = surface_normals(body.cloth.grid.faces, surface)
+    out = vertex_normals(surface, body.cloth.grid.faces)
     return np.asarray(surface + height[:, None] * out)
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Array, Mask
 from glsim.appearance.binding import Motion, Points
-from glsim.appearance.skin_grid import SkinGrid, point_normals, vertex_normals
+from glsim.appearance.skin_grid import SkinGrid, point_normals
+from glsim.geometry.mesh import vertex_normals
 from glsim.geometry.products import product
 
 
@@ -128,7 +129,7 @@ def _beside(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.int64]:
     a, b, c = (skin_mm[grid.triangles[:, k]] for k in range(3))
     facing = np.cross(b - a, c - a)
     facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-9)
-    smooth = vertex_normals(grid, skin_mm)[grid.triangles]  # (T, 3, 3)
+    smooth = vertex_normals(skin_mm, grid.triangles)[grid.triangles]  # (T, 3, 3)
     flat = np.einsum("tki,ti->tk", smooth, facing)
     turned = np.stack([np.roll(grid.triangles, -k, axis=1) for k in range(3)], axis=1)
     order = np.argsort(flat.ravel(), kind="stable")  # the best one is written last

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Array, Mask
 from glsim.appearance.scalp import Anchors
+from glsim.geometry.mesh import vertex_normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,20 +182,5 @@ def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.fl
     Args:
         skin_mm: (B, 3) of its base.
     """
-    normal = grid.anchors.place(vertex_normals(grid, skin_mm))  # type: ignore[arg-type]
+    normal = grid.anchors.place(vertex_normals(skin_mm, grid.triangles))  # type: ignore[arg-type]
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.float64)
-
-
-def vertex_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (B, 3) unit normals of the base."""
-    return surface_normals(grid.triangles, skin_mm)
-
-
-def surface_normals(triangles: NDArray[np.int64], points_mm: Array) -> NDArray[np.float64]:
-    """Return (N, 3) unit normals of (N, 3) points: of the triangles, weighted by their areas."""
-    a, b, c = (points_mm[triangles[:, k]] for k in range(3))
-    facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
-    corners = triangles.ravel()
-    columns = [np.bincount(corners, facing[:, k], len(points_mm)) for k in range(3)]
-    summed = np.stack(columns, axis=1)
-    return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-9))

@@ -16,9 +16,10 @@ from glsim.appearance.garments import Garment, Lower
 from glsim.appearance.noise import smooth_noise
 from glsim.appearance.rims import Edge, collar, find_edge, hem, rib
 from glsim.appearance.shell import Shell
-from glsim.appearance.skin_grid import SkinGrid, surface_normals
+from glsim.appearance.skin_grid import SkinGrid
 from glsim.appearance.skirt import make_skirt
 from glsim.appearance.tubes import hang
+from glsim.geometry.mesh import vertex_normals
 from glsim.settings.seeds import keyed_rng
 
 #: Lengths of an arm and a leg, mm, over which their shares count near a cut.
@@ -33,6 +34,8 @@ _SCOOP_MM, _ARMHOLE = 72.0, 0.72
 _BUST_FOLDS: Final = 0.65
 #: What cuts a garment off.
 _NECK, _CUFF, _HEM = 0, 1, 2
+#: Where the nearest cut of an edge is farther away, mm, the skin itself ends there.
+_UNCUT_MM: Final = 1.0
 
 #: One can look into cloth so far, mm: it has an inner side there, in the wide legs of shorts, which
 #: look ahead when people sit, nearly everywhere; chosen.
@@ -127,16 +130,18 @@ def _cut(
     """Cut cloth off where one of (K, N) distances is below 0.
 
     Returns:
-        The grid, (M, 3) places, (M,) which distance is the smallest, and the edge; None if nothing
-        is left.
+        The grid, (M, 3) places, (M,) which distance is the smallest (_HEM where the skin ends), and
+        the edge; None if nothing is left.
     """
     inside = cuts.min(axis=0)
     if (inside > 0)[body.cloth.grid.faces].any(axis=1).sum() < 20:
         return None
     grid, blend = body.cloth.grid.clipped(inside)
     places = blend.of(surface)
-    edge = find_edge(grid.faces, places, surface_normals(grid.faces, places))
-    return grid, places, blend.of(cuts.T).argmin(axis=1), edge
+    edge = find_edge(grid.faces, places, vertex_normals(places, grid.faces))
+    distances = blend.of(cuts.T)
+    uncut = distances.min(axis=1) > _UNCUT_MM  # the skin itself ends there, below the shoulders
+    return grid, places, np.where(uncut, _HEM, distances.argmin(axis=1)), edge
 
 
 def _sewn(
@@ -190,7 +195,7 @@ def _sewn(
     drop = np.concatenate(stiff).astype(np.float32) if is_collar else None
     shell = Shell(whole, body.rest_mm, np.concatenate(placed) - skin, drop)
     rims = edge.places[strips[-1][0]][::4]
-    away = np.linalg.norm(places[:, None] - rims, axis=2).min(axis=1)
+    away = np.linalg.norm(places[:, None] - rims, axis=2).min(axis=1, initial=np.inf)
     open_to = grid.faces[(away < seen_mm)[grid.faces].all(axis=1)]
     both = np.concatenate([whole.faces, open_to[:, ::-1], *turned]).astype(np.int32)
     return shell, both, np.concatenate(casts).astype(np.int32)

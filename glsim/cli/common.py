@@ -6,6 +6,7 @@ import functools
 import inspect
 import json
 import logging
+import math
 import re
 import shlex
 import signal
@@ -29,7 +30,7 @@ from glsim.cli.completion import preset_words, sensor_words
 from glsim.cli.old_spellings import new_spelling
 from glsim.cli.streams import open_closed_streams, printable, replace_what_a_stream_lacks
 from glsim.errors import ConfigError, GlsimError
-from glsim.files.atomic import without_nan, write_atomic
+from glsim.files.atomic import check_can_write, without_nan, write_atomic
 from glsim.settings.presets import preset_names, preset_title
 
 if TYPE_CHECKING:
@@ -354,7 +355,9 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
-        raise ConfigError(f"{option} {text}: give two numbers, x,y") from None
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ConfigError(f"{option} {text}: give two numbers, x,y")
     return x, y
 
 
@@ -378,6 +381,13 @@ STDOUT = Path("-")
 def print_json(content: object) -> None:
     """Print a JSON value to stdout, NaN as null."""
     sys.stdout.write(_json(content))
+
+
+def check_outputs(*files: Path | None) -> None:
+    """Raise DatasetError for a file that cannot be written; None and ``STDOUT`` are skipped."""
+    for file in files:
+        if file is not None and file != STDOUT:
+            check_can_write(file)
 
 
 def write_json(content: object, file: Path) -> list[Path]:

@@ -10,6 +10,7 @@ import typer
 from glsim.cli.common import (
     STDOUT,
     JsonFileOption,
+    check_outputs,
     options,
     print_message,
     print_written,
@@ -101,6 +102,7 @@ def compare(
         raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")
     if assignments and replay_sensor is None:
         raise ConfigError("--set changes the sensor of --replay: add --replay SENSOR")
+    check_outputs(json_file, figure_file, out)
     real = read_frame_set(first, depth_unit_mm, focal_px, frames)
     if second is not None:
         simulated = read_frame_set(second, depth_unit_mm, focal_px, frames)

@@ -67,14 +67,15 @@ def corrupt(
     Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres.
     A folder is read with its sub-folders; every .png keeps its name. The noise of a map depends on
     the seed and on its name. Maps that cannot be read are reported and skipped. Of a folder that
-    glsim wrote, only the clean depth is taken.
+    glsim wrote, only the clean depth is taken. Noisy PNGs state their step if the clean one does,
+    or if it is not 1 mm.
     """
     import numpy as np
 
     from glsim.corrupt import Corrupter
     from glsim.denoise.depth_files import left_out_of
     from glsim.files.atomic import flush_outputs, write_atomic
-    from glsim.files.png import encode_png, read_depth_png
+    from glsim.files.png import encode_png, read_depth_png, stated_unit_mm
     from glsim.map_files import check_stated_unit, encode_map, format_of, read_map_mm
     from glsim.recordings.names import left_out_text
     from glsim.settings.schema import load_settings
@@ -94,6 +95,7 @@ def corrupt(
         for source, target, name in pairs:
             try:
                 check_stated_unit(source, unit_mm)
+                stated = unit_mm if unit_mm != 1 or stated_unit_mm(source) is not None else None
                 whole = source.suffix.lower() == ".png" == target.suffix.lower()
                 depth: NDArray[Any] = (
                     read_depth_png(source) if whole else read_map_mm(source, unit_mm)
@@ -109,10 +111,12 @@ def corrupt(
                 corrupter = Corrupter(settings, shape, backend, focal, centre)
                 by_shape[shape] = stack.enter_context(corrupter)
             if depth.dtype == np.uint16:
-                data = encode_png(by_shape[shape].corrupt(depth, name).noisy)
+                data = encode_png(by_shape[shape].corrupt(depth, name).noisy, stated)
             else:
                 frame = by_shape[shape].corrupt_depth(depth / np.float32(1000), sequence=name)
-                data = encode_map(frame.noisy_m, format_of(target), unit_mm)
+                data = encode_map(
+                    frame.noisy_m, format_of(target), unit_mm, state_unit=stated is not None
+                )
             write_atomic(data, target, sync=len(pairs) == 1)
     if len(pairs) > 1:
         flush_outputs([target for _, target, _ in pairs], out)

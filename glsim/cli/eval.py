@@ -10,6 +10,7 @@ import typer
 from glsim.cli.common import (
     MORE,
     WorkersOption,
+    check_outputs,
     console,
     print_message,
     print_written,
@@ -107,6 +108,7 @@ FiguresOption = Annotated[
 FocalOption = Annotated[
     float | None,
     typer.Option(
+        min=1,
         help="Focal length of plain depth files, pixels. Default: the Kinect V2's.",
         rich_help_panel=MORE,
     ),
@@ -233,6 +235,7 @@ def score_denoisers(
     if noisy_input and unfiltered not in specs:
         specs = [unfiltered, *specs]
     count = worker_count(workers)
+    check_outputs(out / "table.md")
     if truth not in get_args(TruthLayer):
         raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
     figures = figures_wanted(figures)

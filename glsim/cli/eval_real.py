@@ -11,6 +11,7 @@ import typer
 from glsim.cli.common import (
     JsonOption,
     WorkersOption,
+    check_outputs,
     print_json,
     print_message,
     print_table,
@@ -68,6 +69,7 @@ def evaluate_real(
     from glsim.worker_processes import worker_count
 
     opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
+    check_outputs(out / "table.md", markdown)
     specs = list(denoiser or _DEFAULT)
     figures = figures_wanted(figures)
     count = worker_count(workers)

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from glsim.cli.common import (
     JsonOption,
+    check_outputs,
     make_console,
     options,
     print_json,
@@ -115,6 +116,7 @@ def fit(
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
+    check_outputs(out)
     recording = open_recording(frames, depth_unit_mm, infrared=infrared)
     if (matching := stereo_base(recording, base)) is not None:
         fit_stereo_recording(recording, matching, out, focal_px, centre_px, as_json=as_json)

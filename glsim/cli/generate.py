@@ -275,11 +275,13 @@ def generate(
 
         print_plan(settings, worker_count(workers), price_per_core_hour, frames_per_second, as_json)
         return
-    if as_json:
-        raise ConfigError("--json is of the plan: add --plan")
+    _refuse_without("--plan", None, json=as_json, price_per_core_hour=price_per_core_hour,
+                    frames_per_second=frames_per_second)  # fmt: skip
     if out is None:
         raise ConfigError("give -o DIR, the folder of the data set (or --plan to print the plan)")
     _refuse_together(part=part, merge=merge, slurm=slurm, ray=ray)
+    _refuse_without("--slurm", slurm, slurm_set=slurm_set)
+    _refuse_without("--part or --slurm", slurm if part is None else part, leave=leave)
     from glsim.cli.generate_parts import make_one_part, merge_all_parts, submit_parts
 
     options = {"workers": worker_count(workers), "backend": backend, "portable": portable}
@@ -297,6 +299,13 @@ def generate(
         with generation_progress() as progress:
             summary = run(settings, out, **options, ray=ray, progress=progress)  # type: ignore[arg-type]
         print_summary(summary, out)
+
+
+def _refuse_without(wanted: str, value: object, **given: object) -> None:
+    """Raise ConfigError for an option that does nothing without another one."""
+    for name, option in given.items():
+        if value is None and option not in (None, False):
+            raise ConfigError(f"--{name.replace('_', '-')} does nothing alone: add {wanted}")
 
 
 def _refuse_together(**given: object) -> None:

@@ -13,6 +13,7 @@ from glsim.cli.common import (
     STDOUT,
     BackendOption,
     JsonFileOption,
+    check_outputs,
     options,
     print_message,
     print_table,
@@ -76,6 +77,7 @@ def validate(
         raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
     if figure_file is not None:
         require_package("matplotlib", "--figure", "eval")
+    check_outputs(json_file, markdown_file, figure_file)
     context = open_context(backend)
     try:
         captures = Captures(VirtualCamera(sensor, context, seed, frames))

@@ -241,6 +241,8 @@ def find_maps(inputs: Sequence[str], out: Path, form: str | None = None) -> list
         pairs = [(pairs[0][0], out)]
     elif out.is_file():
         raise ConfigError(f"-o {out}: is a file; for several maps give a folder")
+    elif out.suffix.lower() in SUFFIXES and not out.is_dir():
+        raise ConfigError(f"-o {out}: is the name of one map; for several give that of a folder")
     elif form is not None:
         pairs = [(source, target.with_suffix(FORMATS[form][0])) for source, target in pairs]
     if _shared([target for _, target in pairs]):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.depth_protocol import MEANING, DepthProtocol
-from glsim.errors import ConfigError, DenoiserError, did_you_mean
+from glsim.errors import ConfigError, DenoiserError, GlsimError, did_you_mean
 
 #: A smaller depth, mm, is none from a camera: no depth camera measures nearer.
 MIN_MEASURED_MM: Final = 50.0
@@ -134,6 +134,7 @@ class Method:
         version: identifies the source file of the denoiser.
         infrared: whether it uses infrared.
         protocol: where the depths of its training are counted from; None for both.
+        own_code: whether the function is the user's, so that its errors are those of a denoiser.
     """
 
     label: str
@@ -144,6 +145,7 @@ class Method:
     version: str = ""
     infrared: bool = False
     protocol: DepthProtocol | None = None
+    own_code: bool = False
 
     def check_protocol(self, protocol: DepthProtocol) -> None:
         """Raise ConfigError if the denoiser was trained under another protocol."""
@@ -165,7 +167,8 @@ class Method:
             infrared: (H, W) counts of the frame, for denoisers that use them.
 
         Raises:
-            DenoiserError: if the result is not two images of the frame's size.
+            DenoiserError: if the result is not two images of the frame's size, and for errors of
+                the user's own code.
         """
         result = self._run(self.function, noisy_mm, now, infrared)
         return self._checked(result, noisy_mm.shape[1:])
@@ -182,14 +185,27 @@ class Method:
         valid = stack > 0
         arguments = (stack, valid, now) if self.temporal else (stack[now], valid[now])
         if not self.infrared:
-            return function(*arguments)
+            return self._call(function, arguments)
         if infrared is not None and infrared.shape != stack.shape[1:]:
             raise DenoiserError(
                 f"{self.label}: infrared of shape {infrared.shape} for depth of shape "
                 f"{stack.shape[1:]}: give the infrared image of the same camera and crop"
             )
         counts = None if infrared is None else infrared.astype(np.float32)
-        return function(*arguments, infrared=counts)
+        return self._call(function, arguments, infrared=counts)
+
+    def _call(
+        self, function: Callable[..., Any], arguments: tuple[Any, ...], **keywords: Any
+    ) -> Any:
+        if not self.own_code:
+            return function(*arguments, **keywords)
+        try:
+            return function(*arguments, **keywords)
+        except GlsimError:
+            raise
+        except Exception as error:  # the user's code may raise anything
+            text = " ".join(str(error).split())
+            raise DenoiserError(f"{self.label}: {type(error).__name__}: {text}") from error
 
     def check_map(self, depth_mm: NDArray[Any]) -> None:
         """Raise ConfigError for an array that is no depth map, (H, W) millimetres."""

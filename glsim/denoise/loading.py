@@ -7,7 +7,7 @@ import importlib
 import importlib.resources
 import sys
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from types import ModuleType
@@ -51,7 +51,8 @@ def from_callable(module: str, name: str, parameters: dict[str, str], label: str
             function = functools.partial(function, **keywords)
     except Exception as error:
         raise DenoiserError(f"{label}: cannot make {name}: {error}") from error
-    return as_method(label, function, _version(getattr(sys.modules[module], "__file__", None)))
+    method = as_method(label, function, _version(getattr(sys.modules[module], "__file__", None)))
+    return replace(method, own_code=True)
 
 
 @dataclass(frozen=True)

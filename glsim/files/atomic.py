@@ -118,6 +118,23 @@ def cannot_write(path: Path, error: OSError) -> DatasetError:
     return DatasetError(f"cannot write {path}: {error.strerror or error}: {advice}")
 
 
+def check_can_write(file: Path) -> None:
+    """Raise DatasetError if a file cannot be written, before the work whose result it takes.
+
+    Its folder need not be there: ``write_atomic`` makes it.
+    """
+    if _is_device(file):
+        return
+    with wrap_write_errors(file):
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        folder = next(parent for parent in file.absolute().parents if os.path.lexists(parent))
+        if not folder.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        if not os.access(folder, os.W_OK | os.X_OK, effective_ids=True):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
 def is_refusal(error: BaseException) -> bool:
     """Return whether a write failed for want of rights: of the user, or of the file system."""
     cause = error.__cause__

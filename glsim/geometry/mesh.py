@@ -54,3 +54,20 @@ class Mesh:
                 f"albedo must be one number per vertex ({len(self.vertices_mm)}), "
                 f"not {self.albedo.shape}"
             )
+
+
+def vertex_normals(
+    points: NDArray[np.floating], triangles: NDArray[np.integer]
+) -> NDArray[np.float64]:
+    """Return (N, 3) unit normals of points: of the triangles around, weighted by their areas.
+
+    Args:
+        points: (N, 3). One without a triangle has the normal 0.
+        triangles: (F, 3), counter-clockwise seen from outside.
+    """
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+    corners = triangles.ravel()
+    columns = [np.bincount(corners, facing[:, k], len(points)) for k in range(3)]
+    summed = np.stack(columns, axis=1)
+    return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-9))

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator, with_config
 
 from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.geometry.exposure import Exposure
@@ -61,16 +61,17 @@ class _ImagerTable(TomlTable, allow_inf_nan=False):
     position_m: tuple[_Metres, _Metres, _Metres]
 
 
-class _DistortionTable(TomlTable, allow_inf_nan=False):
-    k1: float = 0.0
-    k2: float = 0.0
-    k3: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k4: float = 0.0
-    k5: float = 0.0
-    k6: float = 0.0
-    limit_tan: float = Field(0.0, ge=0, le=10)
+def _check_limit(lens: Distortion) -> Distortion:
+    if not 0 <= lens.limit_tan <= 10:
+        raise ValueError(f"limit_tan {lens.limit_tan:g}: must lie in [0, 10]")
+    return lens
+
+
+#: The lens, whose table has the fields of Distortion and no others.
+_Lens = Annotated[
+    with_config(ConfigDict(extra="forbid", allow_inf_nan=False))(Distortion),
+    AfterValidator(_check_limit),
+]
 
 
 class _ExposureTable(TomlTable, allow_inf_nan=False):
@@ -90,7 +91,7 @@ class RigTable(TomlTable, allow_inf_nan=False):
     emitter: tuple[_EmitterTable, ...] = ()
     imager: tuple[_ImagerTable, ...] = ()
     border_px: tuple[_Border, _Border, _Border, _Border] = (0, 0, 0, 0)
-    distortion: _DistortionTable = _DistortionTable()
+    distortion: _Lens = Distortion()
     deliver: Literal["undistorted", "raw"] = "undistorted"
     near_m: float = Field(0.1, gt=0)
     far_m: float = Field(12.0, gt=0)
@@ -131,7 +132,7 @@ class RigTable(TomlTable, allow_inf_nan=False):
         return SensorRig(
             Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
             tuple(Emitter(e.position_m, e.spread_m, e.path_from_m, e.shares) for e in self.emitter),
-            Distortion(**self.distortion.model_dump()),
+            self.distortion,
             self.deliver,
             self.near_m,
             self.far_m,

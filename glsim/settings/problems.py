@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -11,6 +12,8 @@ from glsim.errors import did_you_mean
 #: Characters of a given value that are shown.
 _SHOWN = 60
 _DISTRIBUTION = "give a number, or a distribution such as { uniform = [1, 2] }"
+#: Pydantic's names of a setting that there is not: in a model, in a dataclass.
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _TABLE = "is a table: set one of its entries"
 
 
@@ -19,11 +22,11 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
 
     A misspelt name comes before what it leaves missing.
     """
-    problems = sorted(error.errors(), key=lambda p: p["type"] != "extra_forbidden")
+    problems = sorted(error.errors(), key=lambda p: p["type"] not in _UNKNOWN)
     problem = problems[0]
     path = [str(part) for part in problem["loc"] if not _is_internal(str(part))]
     name = ".".join(path)
-    if problem["type"] == "extra_forbidden":
+    if problem["type"] in _UNKNOWN:
         known = problem.get("ctx", {}).get("known") or _fields_at(model, path[:-1])
         return path, f"no such setting {name!r} ({did_you_mean(path[-1], known)})"
     text = _text(dict(problem))
@@ -68,4 +71,6 @@ def _fields_at(model: type[BaseModel], path: list[str]) -> list[str]:
         models = [a for a in inner if isinstance(a, type) and issubclass(a, BaseModel)]
         if models:
             model = models[0]
+        elif is_dataclass(field.annotation):
+            return [entry.name for entry in fields(field.annotation)]
     return list(model.model_fields)

@@ -38,7 +38,10 @@ def read_toml(file: Path) -> dict[str, Any]:
         raise ConfigError(f"{file}: {error.strerror or error}") from None
     except RecursionError:
         raise ConfigError(f"{file}: is nested too deeply") from None
-    except ValueError as error:  # no UTF-8, no TOML, a number of thousands of digits
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise ConfigError(f"{file}: line {line} is no UTF-8 text: save the file as UTF-8") from None
+    except ValueError as error:  # no TOML, a number of thousands of digits
         raise ConfigError(f"{file}: {' '.join(str(error).split())[:200]}") from None
 
 

@@ -192,7 +192,7 @@ def test_errors_name_the_place(
 ) -> None:
     out = str(tmp_path / "out")
     cases = [
-        ([str(pair), "-d", "planted_denoisers:broken"], 1, "0000_depth: out of film"),
+        ([str(pair), "-d", "planted_denoisers:broken"], 1, "0000_depth: ValueError: out of film"),
         ([str(pair), "-d", "guided", "-d", "guided"], 2, "given twice"),
         ([str(pair), "--board", "five"], 2, "such as 5x7"),
         ([str(tmp_path / "nowhere")], 2, "no such folder"),

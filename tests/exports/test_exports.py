@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from glsim.errors import ConfigError, DatasetError
 from glsim.exports import FORMATS, export_dataset
 from glsim.exports.formats.cameras import centre_at_zero, open3d_json, ros_yaml
 from glsim.exports.formats.points import encode_pcd, encode_ply, point_cloud
+from glsim.exports.formats.rosbag import write_rosbag
 from glsim.exports.frames import ExportFrame, export_frames, kept_lens
 from glsim.files.exr import decode_exr, encode_exr
 from glsim.geometry.camera import Distortion, Intrinsics
@@ -169,7 +171,7 @@ def test_the_exr_holds_the_depth_bit_by_bit() -> None:
         np.testing.assert_array_equal(channels["Y"], depth)
         assert data == encode_exr(depth)
     assert decode_exr(data, depth.size - 1) is None
-    with pytest.raises(ValueError, match="Unable to open"):
+    with pytest.raises(ValueError, match="is cut short, or no OpenEXR file"):
         decode_exr(data[:90], depth.size)
 
 
@@ -264,6 +266,24 @@ def test_a_bag_has_the_images_and_cameras_in_order(
     for frame, pair in zip(frames, dataset, strict=True):
         expected = np.where(pair.noisy_mm > 0, pair.noisy_mm / np.float32(1000), np.nan)
         np.testing.assert_array_equal(frame, expected.astype(np.float32))
+
+
+def test_frames_without_times_are_a_thirtieth_of_a_second_apart_in_a_bag(
+    data: Path, tmp_path: Path
+) -> None:
+    highlevel = pytest.importorskip("rosbags.highlevel", exc_type=ImportError)
+
+    frames = list(islice(export_frames(open_dataset(data), ("noisy",)), 3))
+    times_s = (0.0, 0.0, 5.0, 5.0)
+    still = [
+        replace(frames[0], stem=f"test/s000/scan_{n:05d}", record={"time_s": time_s})
+        for n, time_s in enumerate(times_s)
+    ]
+    write_rosbag(iter(still), tmp_path / "frames.bag", 1)
+    with highlevel.AnyReader([tmp_path / "frames.bag"]) as reader:
+        topic = [c for c in reader.connections if c.topic == "/camera/depth/image_rect"]
+        stamps = [stamp * 1e-9 for _, stamp, _ in reader.messages(topic)]
+    np.testing.assert_allclose(stamps, [1.0, 1.0 + 1 / 30, 6.0, 6.0 + 1 / 30], atol=1e-6)
 
 
 def test_the_command_exports_frames_and_names_mistakes(

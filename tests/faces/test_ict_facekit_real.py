@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from glsim import frames, load_settings
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.ict_facekit import IctFaceKit
 from glsim.faces.ict_facekit.load import load_model
@@ -144,3 +146,25 @@ def test_the_landmarks_of_the_real_face_are_in_the_order_of_multi_pie(
     assert np.argmax(z) == 30  # the tip of the nose
     assert y[[37, 38, 43, 44]].min() > y[[40, 41, 46, 47]].max()  # upper and lower lids
     assert y[51] > y[62] > y[66] > y[57]  # lips from above
+
+
+def test_heads_wear_cloth_that_ends_below_with_their_skin(real_model: IctFaceKit) -> None:
+    """Their skin ends below the shoulders, where no garment is cut: that edge is no collar."""
+
+    def clean_mm(wear: str) -> list[NDArray[np.int32]]:
+        source = {"kind": "ict-facekit", "root": real_model.root, "subjects": 6}
+        overrides = {
+            "sensor": "ideal",
+            "source": [source | {"frames_per_subject": 1}],
+            "appearance": {"wear": wear, "hair": 0, "glasses": 0, "beard": 0},
+            "pose": {"motion": 0},
+        }
+        made = frames(load_settings(overrides=overrides))
+        return [np.asarray(frame.clean, np.int32) for frame in made]
+
+    for dressed, bare in zip(clean_mm("always"), clean_mm("never"), strict=True):
+        nearer = (bare > 0) & (dressed > 0) & (dressed < bare - 1)
+        assert nearer.sum() > 300
+        rows = np.flatnonzero(nearer.any(axis=1))
+        lowest = np.flatnonzero((bare > 0).any(axis=1)).max()
+        assert rows.mean() > 0.5 * lowest + 0.25 * np.flatnonzero((bare > 0).any(axis=1)).min()

@@ -15,6 +15,7 @@ from glsim.measures.static import static_pairs, view_change
 from glsim.measures.temporal import measure_temporal
 from glsim.measures.validity import measure_invalid
 from tests.support.planted_frames import CAMERA, SHAPE, noisy, plane, shadowed
+from tests.support.real_cameras import needs_real_cameras, real_depths
 
 
 def _frames(*depths: np.ndarray, infrared: list[np.ndarray] | None = None) -> list[DepthFrame]:
@@ -55,6 +56,23 @@ def test_large_noise_is_static_and_a_small_shift_is_not() -> None:
     near = _frames(noisy(plane(900.0), 1.2, 1), noisy(plane(904.0), 1.2, 2))
     assert static_pairs(near) == []
     assert "more than 4 mm" in view_change(*near)
+
+
+def test_noise_of_wide_windows_is_static() -> None:
+    """Noise of 13 px and 6 mm, as cameras have that match windows; a turn by 1 degree is none."""
+    wall = plane(1500.0, 0.2)
+    still = _frames(noisy(wall, 6.0, 1, smooth=13), noisy(wall, 6.0, 2, smooth=13))
+    assert static_pairs(still) == [(0, 1)]
+    turned = plane(1500.0, 0.2 + np.radians(1.0))
+    moved = _frames(noisy(wall, 6.0, 1, smooth=13), noisy(turned, 6.0, 2, smooth=13))
+    assert static_pairs(moved) == []
+
+
+@needs_real_cameras
+def test_a_real_camera_of_two_infrared_images_stands_still() -> None:
+    """Two frames of a wall before a D435, and of another on a robot before it drives."""
+    assert static_pairs(_frames(*real_depths("d435_wall_2frames"))) == [(0, 1)]
+    assert static_pairs(_frames(*real_depths("d435_robot_room"))) == [(0, 1)]
 
 
 def test_noise_that_grows_over_the_radius_grows_in_the_table() -> None:

@@ -22,6 +22,9 @@ FILES = {
     "focal.toml": SENSOR.format(rig="focal = [60, 60]", rest=""),
     "missing.toml": SENSOR.format(rig="", rest=""),
     "emitter.toml": SENSOR.format(rig=RIG, rest="[[rig.emitter]]\nposition = [0.1, 0, 0]"),
+    "lens.toml": SENSOR.format(rig=RIG, rest="[rig.distortion]\nk7 = 0.1"),
+    "lens_nan.toml": SENSOR.format(rig=RIG, rest="[rig.distortion]\nk1 = nan"),
+    "lens_limit.toml": SENSOR.format(rig=RIG, rest="[rig.distortion]\nlimit_tan = 11"),
     "parameter.toml": SENSOR.format(rig=RIG, rest=AXIAL + "base_sigma = 2"),
     "kind.toml": SENSOR.format(rig=RIG, rest=AXIAL + "base_sigma_mm = { unifrom = [1, 2] }"),
     "stage.toml": SENSOR.format(rig=RIG, rest='[[stage]]\nuse = "axail"'),
@@ -37,6 +40,9 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
     ("words", "parts"),
     [
         (["--sensor", "focal.toml"], ["focal.toml: ", "'rig.focal'", "'focal_px'"]),
+        (["--sensor", "lens.toml"], ["no such setting 'rig.distortion.k7'", "k1", "limit_tan"]),
+        (["--sensor", "lens_nan.toml"], ["rig.distortion.k1: must be a finite number"]),
+        (["--sensor", "lens_limit.toml"], ["rig.distortion: limit_tan 11", "[0, 10]"]),
         (["--sensor", "missing.toml"], ["missing.toml: rig.focal_px: is missing"]),
         (
             ["--sensor", "emitter.toml"],

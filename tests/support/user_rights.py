@@ -26,5 +26,6 @@ def ordinary_user() -> Iterator[Path]:
         if root:
             os.seteuid(0)
         for path in [folder, *folder.rglob("*")]:
-            path.chmod(0o700)
+            if not path.is_symlink():
+                path.chmod(0o700)
         shutil.rmtree(folder)

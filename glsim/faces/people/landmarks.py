@@ -18,6 +18,7 @@ from glsim.faces.people.files import FETCH_AGAIN
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.phenotype import MEAN_PERSON, phenotype_weights
 from glsim.faces.people.regions import BROW_MM, REGIONS, brow_arch
+from glsim.geometry.mesh import vertex_normals
 
 #: The contour in front of the ear, then along the edge of the mandible: y and z from the tip of the
 #: nose, mm. Chosen on the mean person from the side.
@@ -111,7 +112,7 @@ class _MeanFace:
         points = model.body(phenotype_weights(MEAN_PERSON))[0].astype(np.float64)
         self.tip = model.landmarks["nose_tip"]
         self.points = points - points[self.tip]
-        self._normals = _vertex_normals(self.points, model.faces)
+        self._normals = vertex_normals(self.points, model.faces)
         self._regions = model.regions
         in_front = self._in("skin", "brow", "lips", "nose", "lids") & (self.points[:, 2] > -110.0)
         self._right = np.flatnonzero(in_front & (self.points[:, 0] < 1e-3))
@@ -219,15 +220,3 @@ class _MeanFace:
                 found[side, share] = int(lids[near][off[near].argmin()])
         upper = [found[1, 1 / 3], found[1, 2 / 3]]
         return [outer, *upper, inner, found[-1, 2 / 3], found[-1, 1 / 3]]
-
-
-def _vertex_normals(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return (V, 3) unit normals, those of the triangles around weighted by their areas."""
-    a, b, c = points[faces].transpose(1, 0, 2)
-    areas = np.cross(b - a, c - a)
-    total = np.zeros_like(points)
-    for corner in faces.T:
-        np.add.at(total, corner, areas)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    normals: NDArray[np.float64] = np.divide(total, length, out=total, where=length > 0)
-    return normals

@@ -43,9 +43,14 @@ class SparseShapes:
         Raises KeyError for an unknown shape.
         """
         for name, weight in weights.items():
-            number = self._number[name]
-            part = slice(self.starts[number], self.starts[number + 1])
-            values_mm[self.points[part]] += np.float32(weight) * self.offsets_mm[part]
+            points, offsets_mm = self.shape(name)
+            values_mm[points] += np.float32(weight) * offsets_mm
+
+    def shape(self, name: str) -> tuple[NDArray[np.int32], _Floats]:
+        """Return the points (E,) that a shape moves, and their offsets (E, 3); else KeyError."""
+        number = self._number[name]
+        part = slice(self.starts[number], self.starts[number + 1])
+        return self.points[part], self.offsets_mm[part]
 
 
 @dataclass(frozen=True, eq=False)

@@ -182,7 +182,7 @@ def _arm(
         elbow_to = np.array([0.7 * sign, -1.0, -0.2])
     else:  # a fist under the chin, beside the midline
         hand = norm(joints[f"finger3-1.{side}"] - wrist)
-        target = body.chin + np.array([sign * 30.0, -hand - 52.0, 16.0])
+        target = body.chin + np.array([sign * 30.0, -hand - 33.0, 24.0])
         elbow_to = np.array([0.55 * sign, -1.0, 0.2])
         curl = _FIST_DEG
     place = _elbow(shoulder, target, upper, lower, elbow_to)

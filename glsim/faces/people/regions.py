@@ -39,6 +39,10 @@ PUPIL_MM: Final = 2.0
 #: Distance of a brow's inner and outer end from the midline of the mean grown person, mm.
 BROW_MM: Final = (9.0, 54.0)
 
+#: The mean grown person's chin begins so far below the lower lip, mm, under the fold; its landmark
+#: is the foremost point from there on.
+_CHIN_BELOW_LIP_MM: Final = 14.0
+
 # Hairline of the mean grown person: height above the eyes (mm) at z behind the nose tip (mm).
 _HAIRLINE_Z: Final = (-220.0, -150.0, -128.0, -118.0, -104.0, -96.0, -88.0, -74.0, -58.0, -40.0)
 _HAIRLINE_Y: Final = (-62.0, -58.0, -40.0, -10.0, 2.0, 26.0, 44.0, 58.0, 66.0, 71.0)
@@ -115,8 +119,9 @@ def label_regions(
         paint("sclera", eye)
         paint("iris", eye & (off < IRIS_MM))
         paint("pupil", eye & (off < PUPIL_MM))
-    skin_face = face & (x < 3.0) & (y < -75.0) & (y > -120.0) & ~inside_mouth
-    chin = int(np.flatnonzero(skin_face)[points[skin_face, 2].argmax()])
+    lower_lip = y[(label == REGIONS.index("lips")) & (x < 3.0)].min()
+    below = face & (x < 3.0) & (y < lower_lip - _CHIN_BELOW_LIP_MM) & (y > -120.0)
+    chin = int(np.flatnonzero(below)[points[below, 2].argmax()])
     return label, {"nose_tip": tip, "chin": chin}
 
 

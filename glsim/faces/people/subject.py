@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.action_units import shape_weights
 from glsim.faces.people.albedo import draw_albedo
 from glsim.faces.people.identity import BodyIdentity, sample_identity
+from glsim.faces.people.lids import add_expression
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.movement import movement
 from glsim.faces.people.posture import BodyShape, Posture, draw_posture
@@ -60,7 +60,7 @@ class BodySubject:
         """
         model, stance = self._model, self.stance(sequence, framing)
         rest = self.rest_mm.copy()
-        model.actions.add(rest, shape_weights(expression))
+        add_expression(model, rest, expression)
         turns = dict(stance.posture.turns)
         further = movement(self._seed, self.name, sequence, framing, time_s)
         for bone, turn in further.items():

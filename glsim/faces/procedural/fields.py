@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.faces.procedural import mouth
 from glsim.faces.procedural.ears import EAR_ROOT
@@ -26,6 +25,7 @@ from glsim.faces.procedural.template import (
 )
 from glsim.faces.procedural.topology import SLIT_MOUTH
 from glsim.faces.procedural.volumes import EYE_CENTER
+from glsim.geometry.mesh import vertex_normals
 
 RIGID_EYE_MM = (15.0, 27.0)  # distance from an eye's centre: rigid within, free beyond
 MIDLINE_MM = 4.0  # rounds |x| in Gaussians of both sides
@@ -80,20 +80,6 @@ def widen(p: FieldPoints, half_width: float, weight: Array) -> Array:
 def front_weight(p: FieldPoints) -> Array:
     """Return (N,) weights: 1 on the face, 0 behind the ears."""
     return smoothstep(-95.0, -45.0, p.z)
-
-
-def vertex_normals(points: Array, faces: NDArray[np.int32]) -> Array:
-    """Return unit normals (V, 3), weighted by area."""
-    corners = points[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.stack(
-        [
-            sum(np.bincount(faces[:, k], normal[:, axis], len(points)) for k in range(3))
-            for axis in range(3)
-        ],
-        axis=1,
-    )
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
 
 
 def upper_weight(template: Template) -> Array:

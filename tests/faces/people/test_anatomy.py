@@ -12,6 +12,7 @@ from glsim.errors import ConfigError
 from glsim.faces.action_units import SHAPES, shape_weights, shapes_of
 from glsim.faces.people.cache import load_model
 from glsim.faces.people.identity import sample_identity
+from glsim.faces.people.landmarks import landmark_vertices
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.regions import REGIONS
 from glsim.faces.people.subject import BodySubject
@@ -153,3 +154,26 @@ def test_closed_lids_cover_the_eyes(model: BodyModel) -> None:
                     for a, b in ((before[:, i, :2], before[:, (i + 1) % 3, :2]) for i in range(3))
                 ]
                 assert np.all(turn, axis=0).any() == covered
+
+
+@needs_anny
+@pytest.mark.parametrize("further", [{}, {"AU7": 1.0}, {"AU45": 1.0}])
+def test_closed_lids_meet_and_do_not_cross(model: BodyModel, further: dict[str, float]) -> None:
+    """The upper edge ends a quarter of a millimetre below the lower one; AU7 raises the lower."""
+    landmarks = landmark_vertices(model)
+    for name in ("a0000", "a0002", "a0004", "a0006", "a0012"):
+        closed = shown(model, name, {"AU43": 1.0, **further})[landmarks]
+        gap_mm = closed[[37, 38, 43, 44], 1] - closed[[41, 40, 47, 46], 1]
+        np.testing.assert_allclose(gap_mm, -0.25, atol=0.05)
+
+
+@needs_anny
+def test_the_chin_is_the_foremost_point_between_lower_lip_and_jaw(model: BodyModel) -> None:
+    landmarks = landmark_vertices(model)
+    assert REGIONS[model.regions[model.landmarks["chin"]]] == "skin"
+    for name in ("a0000", "a0003", "a0004", "a0012"):
+        face = shown(model, name, {})
+        chin, lip, jaw = face[model.landmarks["chin"]], face[landmarks[57]], face[landmarks[8]]
+        assert lip[1] - chin[1] > 8.0
+        assert chin[1] - jaw[1] > 8.0
+        assert chin[2] > jaw[2] + 3.0
