@@ -150,12 +150,12 @@ def _table(found: Sequence[Verdict]) -> TextTable:
         rows.append(
             [
                 f"{verdict.row}, {verdict.metric}",
+                f"**{verdict.name}**",
                 format_number(verdict.printed, _UNITS[verdict.metric]),
                 ours,
-                f"**{verdict.name}**",
             ]
         )
-    return TextTable(["value", "printed", "ours", "verdict"], rows)
+    return TextTable(["value", "verdict", "printed", "ours"], rows)
 
 
 def _line(verdict: Verdict, folder: Path) -> str:
