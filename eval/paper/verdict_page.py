@@ -184,6 +184,7 @@ def _command(verdict: Verdict, folder: Path) -> str:
     else:
         data = mask_folder(folder, case.mask) / "data"
         place = case_folder(folder, case.protocol, case.mask)
-        more = ["--table", str(verdict.table), "--runs", str(place / "runs"), "-o", str(place)]
+        # One table alone would leave the rows of the other out of the folder's scores.
+        more = ["--table", "2", "--table", "3", "--runs", str(place / "runs"), "-o", str(place)]
     words = ["glsim", "paper", "tables", str(data), "--no-figures", "--protocol", case.protocol]
     return shlex.join([*words, *more])
