@@ -23,7 +23,7 @@ EXAMPLES = """
 
 glsim paper reproduce -o reproduced               small, for a CPU
 
-glsim paper reproduce -o tiny --size tiny         every step once, as a check: five minutes
+glsim paper reproduce -o tiny --size tiny         every step once, as a check: two minutes
 
 glsim paper reproduce -o paper --size full        the paper's size, for a GPU
 
