@@ -96,6 +96,7 @@ def test_the_tiny_plan_from_nothing_to_the_verdicts(tmp_path: Path) -> None:
     assert (out / "verdicts.html").is_file()
     cases = {case.title: case for case in read_cases(out)}
     assert len(cases) == 4
+    assert f"| relation | printed | {' | '.join(cases)} |" in (out / "findings.md").read_text()
     for case in cases.values():
         assert {*case.networks} == {*PRINTED_NETWORKS}
         assert len(case.others) == 3  # the mask-aware one, and two without clean frames
@@ -130,7 +131,8 @@ def _check_protocols(out: Path) -> None:
     assert "| printed | 1.000 | 1.000 | 0.965 | 0.813 | 0.956 |" in page
     assert "Bilateral is below Median" in page
     findings = (out / "findings.md").read_text()
-    assert "| relation | printed | protocol depth | protocol paper |" in findings
+    dense = "| protocol depth, dense clean maps | protocol paper, dense clean maps |"
+    assert f"| relation | printed {dense}" in findings
     assert (
         "| deeper DnCNNs have a smaller MSE: D64 < D20 < D7 | yes "
         "| not scored: D20, D64 not trained | not scored: D64 not trained |" in findings
