@@ -30,7 +30,7 @@ def add_case_tables(document: Document, cases: Sequence[PaperCase]) -> None:
         "trained in each case anew, on its own clean maps; a row with artefact removal is its "
         "partner's network. Of networks that know which pixels are holes, the composite `input "
         "mask` is shown: depth where the noisy map has depth.",
-        _table(cases, _MSE),
+        _with_printed(_table(cases, _MSE)),
         "Interior RMSE (away from rims, valid in both maps) over the noisy input's: the error of "
         "the surface, which the MSE of all pixels hides.",
         _table(cases, _INTERIOR),
@@ -40,19 +40,26 @@ def add_case_tables(document: Document, cases: Sequence[PaperCase]) -> None:
 
 
 def _table(cases: Sequence[PaperCase], metric: str) -> TextTable:
-    base = PRINTED_FILTERS["noisy"].mse_mm2
+    """Return the rows of both tables: a title, and a cell per case."""
     rows = []
     for name in (*_FILTERS, *NOTHING_LOSES_TO):
         printed = PRINTED_FILTERS.get(name)
-        shown = f"{printed.mse_mm2 / base:.3f}" if printed and metric == _MSE else "-"
         title = printed.title if printed else name
-        rows.append([title, shown, *(_cell(_filter_ratios(case, name, metric)) for case in cases)])
-    for row, values in PRINTED_NETWORKS.items():
-        shown = f"{values.mse_mm2 / base:.1f}" if metric == _MSE else "-"
-        rows.append([row, shown, *_network_cells(cases, metric, _of_row(row))])
+        rows.append([title, *(_cell(_filter_ratios(case, name, metric)) for case in cases)])
+    for row in PRINTED_NETWORKS:
+        rows.append([row, *_network_cells(cases, metric, _of_row(row))])
     for title in dict.fromkeys(title for case in cases for title in case.others):
-        rows.append([title, "-", *_network_cells(cases, metric, _of_title(title))])
-    return TextTable(["row", "printed", *(case.title for case in cases)], rows)
+        rows.append([title, *_network_cells(cases, metric, _of_title(title))])
+    return TextTable(["row", *(case.title for case in cases)], rows)
+
+
+def _with_printed(table: TextTable) -> TextTable:
+    """Return a table of MSE with a column of the printed ratios after that of the titles."""
+    base = PRINTED_FILTERS["noisy"].mse_mm2
+    printed = {row.title: f"{row.mse_mm2 / base:.3f}" for row in PRINTED_FILTERS.values()}
+    printed |= {name: f"{row.mse_mm2 / base:.1f}" for name, row in PRINTED_NETWORKS.items()}
+    rows = [[title, printed.get(title, "-"), *cells] for title, *cells in table.rows]
+    return TextTable([table.head[0], "printed", *table.head[1:]], rows)
 
 
 _Choose = Callable[[PaperCase], NetworkScores | None]

@@ -7,12 +7,19 @@ import math
 import re
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Final
 
 from glsim.dataset import open_dataset
-from glsim.depth_protocol import MEANING, DepthProtocol
-from glsim.eval.paper.cases import case_folder, read_filter_cases, read_means
+from glsim.depth_protocol import MEANING
+from glsim.eval.paper.cases import (
+    MASKS,
+    PaperCase,
+    case_folder,
+    read_filter_cases,
+    read_means,
+)
 from glsim.eval.paper.data_note import data_note
 from glsim.eval.paper.figures.write import FOLDER as FIGURES_FOLDER
 from glsim.eval.paper.filter_table import yes_or_no
@@ -111,16 +118,16 @@ def write_findings(folder: Path) -> list[Path]:
 
 def _document(folder: Path) -> Document:
     cases = read_filter_cases(folder)
-    protocols = {
-        name: place
-        for name in MEANING
-        if ((place := case_folder(folder, name)) / "table.csv").is_file()
+    places = {
+        PaperCase(protocol, mask).title: place
+        for protocol, mask in product(MEANING, MASKS)
+        if ((place := case_folder(folder, protocol, mask)) / "table.csv").is_file()
     }
     groups = {
-        name: with_twins(group_by_network(find_trained_runs(place / "runs")[0]))
-        for name, place in protocols.items()
+        title: with_twins(group_by_network(find_trained_runs(place / "runs")[0]))
+        for title, place in places.items()
     }
-    mse = {name: _mse_by_row(place, groups[name]) for name, place in protocols.items()}
+    mse = {title: _mse_by_row(place, groups[title]) for title, place in places.items()}
     relations = _network_relations(mse)
     document = Document(
         "What holds, what does not, what is open",
@@ -128,7 +135,7 @@ def _document(folder: Path) -> Document:
             'Kendrick, Yap and Tan, "Synthetic Data Generation for Demonstrating Noise Reduction '
             'in Facial Depth Imaging". The printed numbers beside ours are in paper_table_1.md to '
             f"paper_table_3.md. {data_note(open_dataset(folder / 'data'))}",
-            [f"protocol {name}: {text}" for name, text in MEANING.items() if name in protocols],
+            [f"protocol {name}: {text}" for name, text in MEANING.items()],
             Heading("Table 1, filters"),
             "In how many sets of other people and other noise a relation of the printed table "
             "holds:",
@@ -189,8 +196,8 @@ def _mse_by_row(folder: Path, groups: Sequence[SeedGroup]) -> dict[str, float]:
     return mse
 
 
-def _network_relations(mse: Mapping[DepthProtocol, Mse]) -> TextTable:
-    """Tabulate the relations of the printed tables that hold under each protocol."""
+def _network_relations(mse: Mapping[str, Mse]) -> TextTable:
+    """Tabulate the relations of the printed tables that hold in each case, by its title."""
     printed = {row.title: row.mse_mm2 for row in PRINTED_FILTERS.values()}
     printed |= {title: row.mse_mm2 for title, row in PRINTED_NETWORKS.items()}
     table = []
@@ -201,12 +208,12 @@ def _network_relations(mse: Mapping[DepthProtocol, Mse]) -> TextTable:
             absent = f"not scored: {', '.join(missing)} not trained"
             cells.append(absent if missing else yes_or_no(holds(values)))
         table.append([text, *cells])
-    return TextTable(["relation", "printed", *(f"protocol {name}" for name in mse)], table)
+    return TextTable(["relation", "printed", *mse], table)
 
 
-def _ranges(mse: Mapping[DepthProtocol, Mse]) -> Iterator[str]:
+def _ranges(mse: Mapping[str, Mse]) -> Iterator[str]:
     """Describe the range of the networks' MSE relative to the noisy input's."""
-    for name, values in mse.items():
+    for title, values in mse.items():
         networks = {row: values[row] for row in PRINTED_NETWORKS if row in values}
         if not networks or _BASELINE not in values:
             continue
@@ -215,7 +222,7 @@ def _ranges(mse: Mapping[DepthProtocol, Mse]) -> Iterator[str]:
             PRINTED_NETWORKS[row].mse_mm2 / PRINTED_FILTERS["noisy"].mse_mm2 for row in networks
         ]
         yield (
-            f"protocol {name}: the networks have {min(ratios):.2f} to {max(ratios):.2f} times the "
+            f"{title}: the networks have {min(ratios):.2f} to {max(ratios):.2f} times the "
             f"MSE of the noisy input ({format_number(values[_BASELINE])} mm²); printed are "
             f"{min(printed):.1f} to {max(printed):.1f} times."
         )

@@ -85,7 +85,9 @@ def verdict_document(cases: Sequence[PaperCase], folder: Path) -> Document:
             'in Facial Depth Imaging", tables 1 to 3. Ours is the mean over seeds ± their standard '
             "deviation, under the case that comes nearest: depth as measured or with the nearest "
             "point at 1 mm, dense clean maps or BlenSor's mask. The case is chosen for each value "
-            "alone, which favours the paper.",
+            "alone, which favours the paper. The command beside a value scores it again in that "
+            "case (of table 1 the first seed), into the folder that this page reads; "
+            f"`{shlex.join(['glsim', 'paper', 'page', str(folder)])}` then judges anew.",
             TextTable(
                 ["verdict", "values", "it says"],
                 [[name, str(counts[name]), text] for name, text in VERDICTS.items()],
@@ -150,12 +152,12 @@ def _table(found: Sequence[Verdict]) -> TextTable:
         rows.append(
             [
                 f"{verdict.row}, {verdict.metric}",
+                f"**{verdict.name}**",
                 format_number(verdict.printed, _UNITS[verdict.metric]),
                 ours,
-                f"**{verdict.name}**",
             ]
         )
-    return TextTable(["value", "printed", "ours", "verdict"], rows)
+    return TextTable(["value", "verdict", "printed", "ours"], rows)
 
 
 def _line(verdict: Verdict, folder: Path) -> str:
@@ -182,6 +184,7 @@ def _command(verdict: Verdict, folder: Path) -> str:
     else:
         data = mask_folder(folder, case.mask) / "data"
         place = case_folder(folder, case.protocol, case.mask)
-        more = ["--table", str(verdict.table), "--runs", str(place / "runs"), "-o", str(place)]
-    words = ["glsim", "paper", "tables", str(data), "--protocol", case.protocol, *more]
-    return shlex.join(words)
+        # One table alone would leave the rows of the other out of the folder's scores.
+        more = ["--table", "2", "--table", "3", "--runs", str(place / "runs"), "-o", str(place)]
+    words = ["glsim", "paper", "tables", str(data), "--no-figures", "--protocol", case.protocol]
+    return shlex.join([*words, *more])

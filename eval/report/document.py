@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from glsim.files.markdown import markdown_table
+
+#: A cell that starts with a number, also a bold one: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
+_NUMBER: Final = re.compile(r"\W{0,3}\d")
+#: Cells of a column of numbers that hold none.
+_NO_VALUE: Final = frozenset(("", "-", "nan", "not scored"))
 
 
 @dataclass(frozen=True)
@@ -15,9 +22,25 @@ class TextTable:
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
 
+    def numeric_columns(self) -> list[bool]:
+        """Tell columns of numbers, which are aligned on the right, from columns of text.
+
+        Returns:
+            One value per column: whether it has numbers, and at least as many of them as of
+            other cells. The first column holds names, and is none.
+        """
+        return [index > 0 and _is_numeric([row[index] for row in self.rows])
+                for index in range(len(self.head))]  # fmt: skip
+
     def markdown(self) -> str:
         """Return Markdown without a final line break."""
         return "\n".join(markdown_table(self.head, self.rows))
+
+
+def _is_numeric(cells: Sequence[str]) -> bool:
+    filled = [cell for cell in cells if cell not in _NO_VALUE]
+    numbers = sum(1 for cell in filled if _NUMBER.match(cell))
+    return numbers > 0 and 2 * numbers >= len(filled)
 
 
 @dataclass(frozen=True)

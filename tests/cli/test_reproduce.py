@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from itertools import product
 from pathlib import Path
@@ -85,7 +86,6 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert (again["state"], again["steps"]) == ("finished", 1)
 
 
-@pytest.mark.long
 def test_the_tiny_plan_from_nothing_to_the_verdicts(tmp_path: Path) -> None:
     """Every step of a reproduction: no value is left without scores, in any of the four cases."""
     out = tmp_path / "o"
@@ -96,8 +96,10 @@ def test_the_tiny_plan_from_nothing_to_the_verdicts(tmp_path: Path) -> None:
     assert (out / "verdicts.html").is_file()
     cases = {case.title: case for case in read_cases(out)}
     assert len(cases) == 4
+    assert f"| relation | printed | {' | '.join(cases)} |" in (out / "findings.md").read_text()
     for case in cases.values():
         assert {*case.networks} == {*PRINTED_NETWORKS}
+        assert len(case.others) == 3  # the mask-aware one, and two without clean frames
         assert case.networks["AR D20"].values == case.networks["D20"].values
         zeros, noisy = (case.values[name]["mse_mm2"] for name in ("zero image", "noisy"))
         assert all(zero > 0 for zero in zeros)
@@ -106,6 +108,13 @@ def test_the_tiny_plan_from_nothing_to_the_verdicts(tmp_path: Path) -> None:
         assert list(out.rglob(name)), name
     # Nothing was trained for the rows with artefact removal.
     assert not list(out.rglob("paper-ar-*"))
+    # The commands beside the values score them again, and leave all others as they are.
+    commands = set(re.findall(r"`glsim (paper tables [^`]*)`", page))
+    assert len(commands) > 3
+    for command in commands:
+        assert main([*shlex.split(command), "-q"]) == 0
+    assert main(["paper", "page", str(out), "-q"]) == 0
+    assert (out / "verdicts.md").read_text() == page
 
 
 def _check_protocols(out: Path) -> None:
@@ -122,7 +131,8 @@ def _check_protocols(out: Path) -> None:
     assert "| printed | 1.000 | 1.000 | 0.965 | 0.813 | 0.956 |" in page
     assert "Bilateral is below Median" in page
     findings = (out / "findings.md").read_text()
-    assert "| relation | printed | protocol depth | protocol paper |" in findings
+    dense = "| protocol depth, dense clean maps | protocol paper, dense clean maps |"
+    assert f"| relation | printed {dense}" in findings
     assert (
         "| deeper DnCNNs have a smaller MSE: D64 < D20 < D7 | yes "
         "| not scored: D20, D64 not trained | not scored: D64 not trained |" in findings
@@ -149,7 +159,7 @@ def test_shipped_plans_fit_the_commands(size: str, capsys: pytest.CaptureFixture
     """Every row that is trained in all four cases, and options that the commands know."""
     assert main(["paper", "reproduce", "-o", "x", "--size", size, "--plan", "--no-hours"]) == 0
     lines = [shlex.split(line)[1:] for line in capsys.readouterr().out.splitlines()]
-    scored = {"tiny": 4 * 6, "small": 4 * 13 + 2 * 3, "full": 4 * 18}[size]
+    scored = {"tiny": 4 * 8, "small": 4 * 13 + 2 * 3, "full": 4 * 24}[size]
     assert lines[-4][-4:] == ["--photo-runs", "x/photo_runs", "-o", "x"]
     assert [line[1:] for line in lines[-3:]] == [
         ["figures", "x"],

@@ -134,7 +134,8 @@ def test_networks_of_a_folder_and_what_is_missing(
     runs = tmp_path / "runs"
     write_run(runs / "d7-small", 0.1, row="D7", title="small", size="small")
     write_run(runs / "d7-full", 0.2, row="D7", title="full", size="full")
-    write_run(runs / "ours", 0.3, row=None, title="ours", size="own", soft=True)
+    write_run(runs / "ours", 0.3, row=None, title="U-Net, blind", size="own", soft=True)
+    write_run(runs / "more", 0.4, row=None, title="U-Net, again", size="own", soft=True)
     groups = group_by_network(find_trained_runs(runs)[0])
     columns = network_columns(groups, ("D7", "D20"))
     assert [column.title.partition(",")[0] for column in columns] == ["D7\nfull"]
@@ -144,7 +145,7 @@ def test_networks_of_a_folder_and_what_is_missing(
 
     def small(frame: Any, maps: Any, rows: Any, note: str) -> Any:
         figure = panel_figure(frame, maps, ("depth",), note)
-        drawn[note + str(len(drawn))] = [title.partition("\n")[0] for title in maps]
+        drawn[note + str(len(drawn))] = [*maps]
         return figure
 
     monkeypatch.setattr(write, "panel_figure", small)
@@ -155,13 +156,19 @@ def test_networks_of_a_folder_and_what_is_missing(
     assert names == {*(f"figure_{n}.png" for n in (1, 2, 3, 5, 6)), "captions.md",
                      "paper_figures.html"}  # fmt: skip
     assert all(cv2.imread(str(path)) is not None for path in paths if path.suffix == ".png")
-    assert list(drawn.values()) == [
+    assert [[title.partition("\n")[0] for title in titles] for titles in drawn.values()] == [
         ["noisy", "Median", "NLM", "Adaptive", "Bilateral"],
         ["noisy", "D7"],
-        ["noisy", "ours, mask-aware", "ours, face"],
+        ["noisy", "ours, mask-aware", "ours, mask-aware", "ours, face"],
     ]
+    # Networks of the same size are told apart by their titles.
+    last = list(drawn.values())[-1]
+    assert {title.partition("\n")[2] for title in last[1:3]} == {
+        "blind, 10 steps",
+        "again, 10 steps",
+    }
     text = (tmp_path / "paper_figures" / "captions.md").read_text()
-    assert "Missing, without a checkpoint: D20, D64, AR D7, AR D20, AR D64." in text
+    assert "Missing, without a checkpoint: D20, D64, AR D20, AR D64." in text
     assert "figure_4: no network of Restormer, UNet" in text
     assert text.count("embedded heads") >= 5
 

@@ -15,14 +15,18 @@ from glsim.eval.paper.figures.frames import (
     FigureFrame,
     choose_frame,
     denoise,
-    network_column,
     network_columns,
 )
 from glsim.eval.paper.figures.frustum import frustum_figure
 from glsim.eval.paper.figures.panels import PanelRow, panel_figure
 from glsim.eval.paper.figures.surfaces import surfaces_figure
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
-from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network
+from glsim.eval.paper.runs import (
+    ARTEFACT_REMOVAL,
+    SeedGroup,
+    find_trained_runs,
+    group_by_network,
+)
 from glsim.eval.report.document import CaptionedPng, Document
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.report.page import html_page
@@ -80,7 +84,10 @@ def write_paper_figures(
     note = data_note(dataset)
     pictures, absent = [], []
     for figure in _figures(dataset, groups, note):
-        missing = [row for row in figure.rows if not any(group.row == row for group in groups)]
+        drawn = {group.row for group in groups}
+        missing = [
+            row for row in figure.rows if not {row, row.removeprefix(ARTEFACT_REMOVAL)} & drawn
+        ]
         if figure.rows and len(missing) == len(figure.rows):
             absent.append(f"{figure.name}: no network of {', '.join(missing)} in {runs}")
             continue
@@ -114,7 +121,7 @@ def _figures(dataset: Dataset, groups: Sequence[SeedGroup], note: str) -> list[_
     of_facewarehouse = choose_frame(dataset, "facewarehouse")
     shown = source_name(of_facewarehouse.pair.record["source"])
     filters = [Column(f"{PRINTED_FILTERS[name][0]}\n", name) for name in _FILTERS]
-    ours = [network_column(group, "ours, mask-aware") for group in groups if group.row is None]
+    ours = [_own_column(group) for group in groups if group.row is None]
     beside = [
         *network_columns(groups, (_THEIRS,)),
         *ours,
@@ -153,7 +160,7 @@ def _figures(dataset: Dataset, groups: Sequence[SeedGroup], note: str) -> list[_
         _Figure(
             "figure_5",
             "DnCNN with 7, 20 and 64 layers, without and with artefact removal (AR): depth, error, "
-            "and normal maps.",
+            "and normal maps. A row with AR that was not trained is its partner's network.",
             panels(network_columns(groups, _DNCNN), ("depth", "error", "normals")),
             _DNCNN,
         ),
@@ -165,6 +172,12 @@ def _figures(dataset: Dataset, groups: Sequence[SeedGroup], note: str) -> list[_
             panels(beside, ("depth", "error", "side", "normals")),
         ),
     ]
+
+
+def _own_column(group: SeedGroup) -> Column:
+    """Return the column of a network that is no row of the paper, named by what tells it apart."""
+    run, what = group.members[0], group.title.rpartition(", ")[2]
+    return Column(f"ours, mask-aware\n{what}, {run.steps:,} steps", run.spec)
 
 
 def _panels(

@@ -21,9 +21,9 @@ from glsim.errors import DatasetError, GlsimError
 EXAMPLES = """
 [bold]Examples[/bold]
 
-glsim paper reproduce -o reproduced               small, for a CPU
+glsim paper reproduce -o reproduced               small, for a CPU: an hour of one core
 
-glsim paper reproduce -o tiny --size tiny         every step once, as a check: five minutes
+glsim paper reproduce -o tiny --size tiny         every step once, as a check: two minutes
 
 glsim paper reproduce -o paper --size full        the paper's size, for a GPU
 
