@@ -277,7 +277,7 @@ function readout() {
   const has = (name) => shows(p, name),
     value = (name) => valueAt(p, name, x, y);
   const [clean, noisy] = ["clean", "noisy"].map(value);
-  const depth = (d) => (d ? `${unit < 1 ? (d * unit).toFixed(1) : text(d * unit)} mm` : "none");
+  const depth = (d) => (d ? `${text(d * unit)} mm` : "none");
   const difference = clean && noisy ? `${((noisy - clean) * unit).toFixed(unit < 1 ? 1 : 0)} mm` : "–";
   const px = has("disparity") && value("disparity");
   const disparity = has("disparity") ? `disparity ${px ? `${px.toFixed(2)} px` : "none"}  ` : "";
