@@ -55,6 +55,26 @@ export function valueStep(depth, numbers) {
   return step;
 }
 
+// Whether noise moves pixels between two of one depth across the border of a step.
+function isDithered(depth, width, height, step, numbers) {
+  let places = 0,
+    dithered = 0,
+    measured = 0;
+  for (let y = 0, i = 0; y < height; y++)
+    for (let x = 0; x < width; x++, i++) {
+      if (!(depth[i] > 0)) continue;
+      measured++;
+      for (const by of [x > 0 && x < width - 1 && 1, y > 0 && y < height - 1 && width]) {
+        if (!by || depth[i - by] !== depth[i + by] || !(depth[i - by] > 0)) continue;
+        const apart = Math.abs(depth[i] - depth[i - by]);
+        if (apart >= numbers.dither_steps * step) continue;
+        places++;
+        if (apart > numbers.same_mm) dithered++;
+      }
+    }
+  return dithered > numbers.dither_side * Math.sqrt(measured) && dithered > numbers.dither_share * places;
+}
+
 // Whether rounding and the form of surfaces explain all noise of a map.
 export function isClean(depth, width, height, numbers) {
   const [near, far, farther] = [1, 2, 4].map((step) => () => estimateNoise(depth, width, height, step, numbers));
@@ -63,6 +83,7 @@ export function isClean(depth, width, height, numbers) {
     [nearMost, farMost] = numbers.clean_mm;
   if (nearMm === null || farMm === null || nearMm >= nearMost || farMm >= farMost) return false;
   const step = valueStep(depth, numbers);
+  if (isDithered(depth, width, height, step, numbers)) return false;
   if (nearMm < nearMost * step && farMm < farMost * step) return true;
   const fartherMm = farther();
   if (fartherMm === null) return true;
