@@ -28,16 +28,18 @@ CLEAN_MM: Final = (0.33, 0.56)
 #: 7.2 unrounded, 5.6 in steps of 0.1 mm, 3.84 of 0.2 mm. Boards before two TrueDepth cameras (24
 #: frames, 0.1 mm) have at most 3.5, simulated heads before one 3.5 to 5.1.
 FORM_GROWTH: Final = ((0.1, 5.2), (1.0, 3.8))
-#: Frames below those bounds are noisy if their steps are dithered: noise that is smaller than a
-#: step moves single pixels across its border. Counted are places, along rows and columns, between
-#: two pixels of one depth, and those of them with another depth. On clean surfaces these lie on
-#: ridges and in valleys, whose length grows with the side of the image; under noise they are
-#: everywhere and grow with its area. Least number over the square root of the measured pixels, and
-#: over the places. Measured on 146 clean maps, heads, dressed people, walls and rooms at 0.4 to 3.5
-#: m, each in steps of 1, 0.5 and 0.1 mm: at most 3.35. 31 maps of azure-kinect at 0.4 to 1.5 m and
-#: 10 of truedepth at 0.4 and 0.6 m: at least 3.64, and 0.055 of the places. The share guards large
-#: clean images of many surfaces: clean walls and rooms have at most 0.004.
-DITHER_SIDE, DITHER_SHARE = 3.5, 0.04
+#: Frames in whole millimetres below those bounds are noisy if their steps are dithered: noise
+#: smaller than a step moves single pixels across its border. Counted are places, along rows and
+#: columns, between two pixels of one depth, and those of them with another depth. On clean surfaces
+#: these lie on ridges and in valleys, whose length grows with the side of the image; under noise
+#: they are everywhere and grow with its area. Least number over the square root of the measured
+#: pixels, and the least of that times the share of the places. Measured on 254 clean maps, heads,
+#: dressed people, walls and rooms at 0.4 to 3.5 m: heads and rooms have at most 2.0; dressed people
+#: at most 3.5, but then at most 0.24. 31 maps of azure-kinect at 0.4 to 1.5 m and 10 of truedepth
+#: at 0.4 and 0.6 m: at least 3.6 and 0.35. In finer steps folds of cloth have as many as noise.
+DITHER_SIDE, DITHER_DENSITY = 3.0, 0.3
+#: Least step of such maps, mm.
+DITHER_LEAST_MM: Final = 0.9
 #: Largest difference of such a pixel, steps. Chosen: a larger one is relief or an edge.
 DITHER_STEPS: Final = 2.5
 #: Depths nearer to each other than this, mm, are one value: float32 resolves 0.0005 mm at 4 m.
@@ -96,7 +98,12 @@ def value_step_mm(depth_mm: Depth) -> float:
 
 
 def is_dithered(depth_mm: Depth, step_mm: float) -> bool:
-    """Return whether noise dithers the steps of a (H, W) map of values in steps of ``step_mm``."""
+    """Return whether noise dithers the steps of a (H, W) map of values in steps of ``step_mm``.
+
+    False for steps finer than whole millimetres.
+    """
+    if step_mm < DITHER_LEAST_MM:
+        return False
     places = dithered = 0
     for image in (depth_mm, depth_mm.T):
         before, middle, after = image[:, :-2], image[:, 1:-1], image[:, 2:]
@@ -106,7 +113,7 @@ def is_dithered(depth_mm: Depth, step_mm: float) -> bool:
         places += np.count_nonzero(level)
         dithered += np.count_nonzero(level & (apart_mm > SAME_MM))
     side = math.sqrt(np.count_nonzero(depth_mm))
-    return dithered > DITHER_SIDE * side and dithered > DITHER_SHARE * places
+    return dithered > DITHER_SIDE * side and dithered**2 > DITHER_DENSITY * side * places
 
 
 def estimate_noise_mm(depth_mm: Depth, step_px: int = 1) -> float | None:

@@ -57,6 +57,7 @@ export function valueStep(depth, numbers) {
 
 // Whether noise moves pixels between two of one depth across the border of a step.
 function isDithered(depth, width, height, step, numbers) {
+  if (step < numbers.dither_least_mm) return false;
   let places = 0,
     dithered = 0,
     measured = 0;
@@ -72,7 +73,8 @@ function isDithered(depth, width, height, step, numbers) {
         if (apart > numbers.same_mm) dithered++;
       }
     }
-  return dithered > numbers.dither_side * Math.sqrt(measured) && dithered > numbers.dither_share * places;
+  const side = Math.sqrt(measured);
+  return dithered > numbers.dither_side * side && dithered ** 2 > numbers.dither_density * side * places;
 }
 
 // Whether rounding and the form of surfaces explain all noise of a map.
