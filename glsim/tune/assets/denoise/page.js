@@ -212,7 +212,7 @@ function start() {
   const { wasm } = window.ort.env;
   wasm.wasmPaths = new URL("onnxruntime/", location.href).href;
   wasm.proxy = true; // in a worker, so that the page stays alive
-  if (!window.crossOriginIsolated) wasm.numThreads = 1; // threads need headers that plain servers do not send
+  wasm.numThreads = 1; // more need headers that plain servers do not send
   chosenNetwork(); // reads the first network
 }
 

@@ -366,7 +366,7 @@ function start() {
   const words = Object.fromEntries(facts.reasons.map((r, code) => [code, `${r.name.toLowerCase().replaceAll("_", " ")}: ${r.help}`]));
   view.build("view", "figures", words);
   new ResizeObserver(() => view.fit()).observe(at("view"));
-  at("denoise").hidden = !facts.denoise;
+  if (facts.denoise) Object.assign(at("denoise"), { href: "denoise.html", hidden: false });
   readAddress();
   listen();
   try {
