@@ -136,12 +136,18 @@ def _write_reference(_app: Any) -> None:
 
 
 def _add_tuner(app: Any, error: Exception | None) -> None:
-    """Put the tuner's page beside the site, if this version of glsim makes one."""
+    """Put the tuner's page beside the site, if this version of glsim makes one.
+
+    The page that denoises is with it, unless onnxruntime-web cannot be fetched.
+    """
     if error is None and app.builder.name == "html":
         folder = Path(app.outdir) / "tuner"
         shutil.rmtree(folder, ignore_errors=True)
         if _has_tuner():
-            command = [sys.executable, "-m", "glsim", "tune", "--static", str(folder)]
+            glsim = [sys.executable, "-m", "glsim"]
+            fetched = subprocess.run([*glsim, "fetch", "onnxruntime-web"], check=False, cwd=ROOT)
+            denoise = [] if fetched.returncode else ["--denoise"]
+            command = [*glsim, "tune", "--static", str(folder), *denoise]
             subprocess.run(command, check=True, cwd=ROOT)
 
 

@@ -25,7 +25,7 @@ AROUND: Final = ("face",)
 HEAD_MM: Final = (280.0, 220.0)
 #: Focal length over the width of the image: Kinect V2 0.71, Azure Kinect 0.79, D435 0.60 to 0.67,
 #: TrueDepth 0.68. A wrong one makes the box a little too large or too small.
-_FOCAL_SHARE: Final = 0.7
+FOCAL_SHARE: Final = 0.7
 #: Least area of a person, of a box of HEAD_MM at its distance: smaller pieces are hands and noise.
 #: Chosen.
 _LEAST_SHARE: Final = 0.15
@@ -46,7 +46,7 @@ def head_box(depth_mm: Depth) -> Box | None:
     """
     coarse = np.ascontiguousarray(depth_mm[::_COARSE_PX, ::_COARSE_PX])
     labels = pieces(coarse, coarse > 0)
-    focal_px = _FOCAL_SHARE * depth_mm.shape[1]
+    focal_px = FOCAL_SHARE * depth_mm.shape[1]
     nearest: tuple[float, Mask] | None = None
     areas = np.bincount(labels.ravel())
     areas[0] = 0

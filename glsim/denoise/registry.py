@@ -35,7 +35,7 @@ _FILTERS: Final[dict[str, type]] = {
 #: Name of the shipped network, the default of ``glsim denoise``.
 SHIPPED: Final = "face"
 #: The networks that glsim ships, in the folder shipped/: name -> help.
-_NETWORKS: Final = {
+NETWORKS: Final = {
     SHIPPED: "The shipped network, for heads and rooms before any depth camera.",
     "face-ir": "The shipped network that also sees the infrared image.",
     "face-video": "The shipped network that also sees up to four earlier frames.",
@@ -57,22 +57,22 @@ _SUFFIXES = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt", ".safetensors")
 def denoiser_names() -> list[str]:
     """Return the names of the denoisers: filters, shipped networks, and those of other packages."""
     filters = [*PAPER_FILTERS, *(name for name in _FILTERS if name not in PAPER_FILTERS)]
-    networks = [name for name in _NETWORKS if name == SHIPPED or is_shipped(name)]
+    networks = [name for name in NETWORKS if name == SHIPPED or is_shipped(name)]
     return [*filters, *networks, *_plugins()]
 
 
 def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
     """Return what a denoiser does, in one line, and parameter -> (default, help)."""
-    kind = NetworkOptions if name in _NETWORKS else _filter(name)
+    kind = NetworkOptions if name in NETWORKS else _filter(name)
     parameters = {
         field.name: (field.default, str(field.metadata.get("help", "")))
         for field in (dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ())
     }
-    return _NETWORKS.get(name) or (kind.__doc__ or name).splitlines()[0], parameters
+    return NETWORKS.get(name) or (kind.__doc__ or name).splitlines()[0], parameters
 
 
 def _plugins() -> list[str]:
-    return plugin_names("denoisers", [*_FILTERS, *_NETWORKS])
+    return plugin_names("denoisers", [*_FILTERS, *NETWORKS])
 
 
 def _filter(name: str) -> Any:
@@ -109,7 +109,7 @@ def load(spec: str) -> Method:
     name, _, tail = text.partition(":")
     if name in _FILTERS:
         return as_method(label, build(_FILTERS[name], _assignments(tail, spec), spec))
-    if name in _NETWORKS:
+    if name in NETWORKS:
         return from_shipped(name, label, _network_options(tail, spec))
     if name in _plugins():
         found = _filter(name)

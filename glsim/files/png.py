@@ -45,7 +45,7 @@ _SHORT, _LONG = 3, 4
 _GREY, _RGB = 0, 2
 _NO_FILTER = 0
 #: Keyword of the text chunk with the step of a depth map, mm.
-_UNIT_KEYWORD = b"glsim depth_unit_mm"
+UNIT_KEYWORD = b"glsim depth_unit_mm"
 #: Bytes of a file's beginning that hold that chunk, and more: signature, IHDR, the chunk.
 _HEAD_BYTES = 256
 #: Least and largest step of a depth file, mm: those of --depth-unit-mm.
@@ -76,7 +76,7 @@ def encode_png(
     stream = isal_zlib.compress(rows, _ISAL_LEVEL)
     chunks = [_chunk(b"IHDR", header), _chunk(b"IDAT", stream), _chunk(b"IEND", b"")]
     if depth_unit_mm is not None:
-        text = _UNIT_KEYWORD + b"\0" + f"{depth_unit_mm:g}".encode()
+        text = UNIT_KEYWORD + b"\0" + f"{depth_unit_mm:g}".encode()
         chunks.insert(1, _chunk(b"tEXt", text))
     return b"".join([_SIGNATURE, *chunks])
 
@@ -93,7 +93,7 @@ def stated_unit_mm(path: Path, *, inside: Path | None = None) -> float | None:
         return None
     at = 8 + 12 + 13  # behind the signature and IHDR
     keyword, _, text = head[at + 8 :].partition(b"\0")
-    if head[:8] != _SIGNATURE or head[at + 4 : at + 8] != b"tEXt" or keyword != _UNIT_KEYWORD:
+    if head[:8] != _SIGNATURE or head[at + 4 : at + 8] != b"tEXt" or keyword != UNIT_KEYWORD:
         return None
     (length,) = struct.unpack(">I", head[at : at + 4])
     try:

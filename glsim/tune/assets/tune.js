@@ -6,7 +6,7 @@ import { endsOf, LayerImage } from "./images.js";
 import { DEPTH, DISPARITY, GREY, gradient, SIGNED } from "./maps.js";
 import { unpack, valueAt } from "./packet.js";
 import { Rate } from "./rate.js";
-import { Surface } from "./surface.js";
+import { Surface, View } from "./surface.js";
 
 // The tiles in their order, of layers and their titles; a picture shows those of its layers.
 let kinds = [
@@ -40,7 +40,7 @@ const titleOf = (kind) => kinds.find(([name]) => name === kind)[1];
 const images = {},
   others = {},
   keys = {};
-let surface,
+let seen,
   figures,
   rate,
   root,
@@ -84,7 +84,8 @@ function keepSlidersNamed() {
   later();
 }
 
-// panel: of the figures, or null. live: {kinds, frames} of a page that plays a camera or a recording.
+// panel: of the figures, or null. live: {kinds, frames, pair} of a page that shows what a denoiser makes of
+// maps. frames: of a recording that is played, for its rate; pair: both surfaces side by side, not as a ghost.
 function build(view, panel, reasonWords, live) {
   keepSlidersNamed();
   if (live) kinds = live.kinds;
@@ -111,33 +112,48 @@ function build(view, panel, reasonWords, live) {
     listen(canvas);
     tile.addEventListener("dblclick", () => enlarge(tile));
   }
-  const tile = make(tiles, "figure", "tile");
-  const caption = make(tile, "figcaption", "", "surface");
-  const ghost = make(make(caption, "label", "key"), "input");
-  ghost.type = "checkbox";
-  ghost.checked = true;
-  ghost.after(`${titleOf("clean")} one over it`);
-  const canvas = make(tile, "canvas");
-  canvas.tabIndex = 0;
-  canvas.dataset.kind = "surface";
-  canvas.setAttribute("aria-label", `${titleOf("noisy")} surface: drag or arrow keys turn it`);
-  surface = new Surface(canvas);
-  ghost.addEventListener("change", () => {
-    surface.ghost = ghost.checked;
-    surface.draw();
-  });
-  tile.addEventListener("dblclick", () => enlarge(tile));
+  if (live?.pair) {
+    tiles.classList.add("pair");
+    seen = new View(0.25, 0.1);
+    for (const name of ["clean", "noisy"]) tiles.prepend(surfaceTile(tiles, [name], "noisy", `${titleOf(name)} surface`));
+  } else {
+    seen = new View(0.5, 0.2);
+    surfaceTile(tiles, ["noisy", "clean"], "clean", "surface");
+  }
   const strip = make(root, "div", "strip");
   state.readout = make(strip, "div", "readout", "move over an image; drag a line with Shift for its profile");
   state.profile = make(strip, "canvas", "profile");
   figures = panel && new Figures(panel);
-  rate = live && new Rate(document.getElementById("tune-rate"), live.frames);
+  rate = live?.frames !== undefined && new Rate(document.getElementById("tune-rate"), live.frames);
   new ResizeObserver(() => {
     redraw();
-    surface.draw();
+    seen.draw();
     figures?.draw();
     drawProfile();
   }).observe(root);
+}
+
+// Add a tile with a surface, of which the second layer is the ghost.
+function surfaceTile(tiles, names, middle, title) {
+  const tile = make(tiles, "figure", "tile solid");
+  const caption = make(tile, "figcaption", "", title);
+  const canvas = make(tile, "canvas");
+  canvas.tabIndex = 0;
+  canvas.dataset.kind = "surface";
+  canvas.setAttribute("aria-label", `${titleOf(names[0])} surface: drag or arrow keys turn it`);
+  const surface = new Surface(canvas, seen, names, middle);
+  if (names.length > 1) {
+    const ghost = make(make(caption, "label", "key"), "input");
+    ghost.type = "checkbox";
+    ghost.checked = true;
+    ghost.after(`${titleOf("clean")} one over it`);
+    ghost.addEventListener("change", () => {
+      surface.ghost = ghost.checked;
+      surface.draw();
+    });
+  }
+  tile.addEventListener("dblclick", () => enlarge(tile));
+  return tile;
 }
 
 // Show the tiles of the picture's layers, in two rows; the surface takes what is left of the second.
@@ -149,7 +165,8 @@ function arrange() {
     tiles += shown;
   }
   root.querySelector(".tiles").style.setProperty("--columns", Math.ceil(tiles / 2));
-  surface.canvas.parentElement.classList.toggle("wide", tiles % 2 === 1);
+  for (const { canvas } of seen.surfaces) canvas.parentElement.classList.toggle("wide", tiles % 2 === 1);
+  if (!images.infrared) return;
   const left = images.infrared.canvas.parentElement.querySelector("figcaption span");
   left.textContent = shows(state.picture, "infrared_right") ? "infrared, left" : "infrared";
 }
@@ -160,7 +177,7 @@ function enlarge(tile) {
   for (const other of tiles.children) other.classList.toggle("big", one && other === tile);
   fit();
   redraw();
-  surface.draw();
+  seen.draw();
 }
 
 // Show the whole window of the picture.
@@ -261,7 +278,7 @@ function readout() {
     value = (name) => valueAt(p, name, x, y);
   const [clean, noisy] = ["clean", "noisy"].map(value);
   const depth = (d) => (d ? `${text(d * unit)} mm` : "none");
-  const difference = clean && noisy ? `${((noisy - clean) * unit).toFixed(0)} mm` : "–";
+  const difference = clean && noisy ? `${((noisy - clean) * unit).toFixed(unit < 1 ? 1 : 0)} mm` : "–";
   const px = has("disparity") && value("disparity");
   const disparity = has("disparity") ? `disparity ${px ? `${px.toFixed(2)} px` : "none"}  ` : "";
   const counts = ["infrared", "infrared_right"].filter(has).map(value).join(" and ");
@@ -348,7 +365,7 @@ function display(picture) {
   redraw();
   readout();
   drawProfile();
-  surface.set(picture);
+  for (const surface of seen.surfaces) surface.set(picture);
 }
 
 // Show the pictures of the server: a request waits there until a later one than the last is drawn.

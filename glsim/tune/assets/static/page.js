@@ -6,6 +6,7 @@ import { compilePatterns, describe, flatten, StageError, toWebgl } from "./decla
 import { Editor } from "./editor.js";
 import { pictureOf, statisticsOf } from "./measure.js";
 import { drawPanel, make, short } from "./panel.js";
+import { followTheme } from "./theme.js";
 import "../tune.js";
 
 const facts = window.glsimFacts; // written by glsim.tune.static_page
@@ -310,12 +311,6 @@ function openSensor() {
   changed();
 }
 
-function theme(dark) {
-  document.body.classList.toggle("body--dark", dark);
-  at("theme").setAttribute("aria-pressed", String(dark));
-  view.themed();
-}
-
 function listen() {
   at("sensor").addEventListener("change", (e) => {
     Object.assign(state, { sensor: e.target.value, values: {}, code: {}, camera: 0 });
@@ -358,10 +353,7 @@ function listen() {
   });
   at("stages").addEventListener("change", showPanel);
   at("range").addEventListener("change", (e) => view.scale(Number(e.target.value)));
-  at("theme").addEventListener("click", () => theme(!document.body.classList.contains("body--dark")));
-  const wish = matchMedia("(prefers-color-scheme: dark)");
-  wish.addEventListener("change", () => theme(wish.matches));
-  theme(wish.matches);
+  followTheme(at("theme"), view.themed);
   window.addEventListener("hashchange", () => {
     readAddress();
     openSensor();
@@ -374,6 +366,7 @@ function start() {
   const words = Object.fromEntries(facts.reasons.map((r, code) => [code, `${r.name.toLowerCase().replaceAll("_", " ")}: ${r.help}`]));
   view.build("view", "figures", words);
   new ResizeObserver(() => view.fit()).observe(at("view"));
+  if (facts.denoise) Object.assign(at("denoise"), { href: "denoise.html", hidden: false });
   readAddress();
   listen();
   try {
