@@ -67,11 +67,9 @@ def _check_limit(lens: Distortion) -> Distortion:
     return lens
 
 
-#: The lens, whose table has the fields of Distortion and no others.
-_Lens = Annotated[
-    with_config(ConfigDict(extra="forbid", allow_inf_nan=False))(Distortion),
-    AfterValidator(_check_limit),
-]
+# The table of a lens has the fields of Distortion and no others.
+with_config(ConfigDict(extra="forbid", allow_inf_nan=False))(Distortion)
+_Lens = Annotated[Distortion, AfterValidator(_check_limit)]
 
 
 class _ExposureTable(TomlTable, allow_inf_nan=False):

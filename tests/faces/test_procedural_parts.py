@@ -7,7 +7,6 @@ import pytest
 
 from glsim.faces.procedural import REGIONS, sample_identity
 from glsim.faces.procedural.asymmetry import asymmetry_field
-from glsim.faces.procedural.fields import vertex_normals
 from glsim.faces.procedural.parameters import FACTORS, PARAMETERS, mean_identity
 from glsim.faces.procedural.subject import HeadSubject, head_model, make_subject, neutral_head
 from glsim.faces.procedural.teeth import (
@@ -20,6 +19,7 @@ from glsim.faces.procedural.teeth import (
 )
 from glsim.faces.procedural.template import PART_MOUTH_LINING, PART_SKIN, PART_TEETH
 from glsim.faces.procedural.topology import SLIT_MOUTH
+from glsim.geometry.mesh import vertex_normals
 
 Array = np.ndarray
 
