@@ -110,8 +110,8 @@ def is_dithered(depth_mm: Depth, step_mm: float) -> bool:
         apart_mm = np.abs(middle - before)
         level = (before == after) & (before > 0) & (middle > 0)
         level &= apart_mm < DITHER_STEPS * step_mm
-        places += np.count_nonzero(level)
-        dithered += np.count_nonzero(level & (apart_mm > SAME_MM))
+        places += int(np.count_nonzero(level))
+        dithered += int(np.count_nonzero(level & (apart_mm > SAME_MM)))
     side = math.sqrt(np.count_nonzero(depth_mm))
     return dithered > DITHER_SIDE * side and dithered**2 > DITHER_DENSITY * side * places
 

@@ -124,7 +124,7 @@ def test_a_whole_frame_is_that_of_glsim_denoise(
     found = _denoised(page, {"noisy.png": map_file}, "face")
     wanted = read_depth_png(tmp_path / "out.png") * np.float32(0.1)
     assert not np.array_equal(found, measured[0].noisy.ravel())
-    _check_same(np.rint(found * 10) / np.float32(10), wanted)
+    _check_same((np.rint(found * 10) / np.float32(10)).astype(np.float32), wanted)
     with page.expect_download() as waiting:
         page.click("#save")
     saved = tmp_path / waiting.value.suggested_filename
