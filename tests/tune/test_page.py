@@ -126,6 +126,9 @@ def page(server: Server, browser: Any) -> Iterator[Any]:
     opened.goto(server.address)
     opened.wait_for_selector("#tune-view[data-shown]")
     opened.wait_for_selector("[data-stage]")
+    opened.set_default_timeout(60_000)  # compiled by now: a broken page must not wait for an hour
+    opened.wait_for_timeout(500)  # errors of drawing come after the first frame
+    assert not opened.said, opened.said
     yield opened
     context.close()
 

@@ -124,7 +124,7 @@ function build(view, panel, reasonWords, live) {
   state.readout = make(strip, "div", "readout", "move over an image; drag a line with Shift for its profile");
   state.profile = make(strip, "canvas", "profile");
   figures = panel && new Figures(panel);
-  rate = live?.frames !== undefined && new Rate(document.getElementById("tune-rate"), live.frames);
+  rate = live?.frames === undefined ? undefined : new Rate(document.getElementById("tune-rate"), live.frames);
   new ResizeObserver(() => {
     redraw();
     seen.draw();
