@@ -17,7 +17,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-_NETWORKS = ("face", "face-ir", "face-video")
+_NETWORKS = ("face", "face-video")
 _SIZES = ((128, 128), (424, 512))
 #: Frames before the timed ones, so that video has its neighbours, and timed frames.
 _BEFORE, _TIMED = 4, 5
@@ -53,9 +53,8 @@ def _time_single() -> None:
             noise = np.random.default_rng(0).normal(0, 2, (_BEFORE + _TIMED, height, width))
             times = []
             for frame in (900 + noise).astype(np.float32):
-                infrared = np.full_like(frame, 1000) if name == "face-ir" else None
                 start = time.perf_counter()
-                stream.push(frame, infrared)
+                stream.push(frame)
                 times.append(1000 * (time.perf_counter() - start))
             cells.append(statistics.median(times[_BEFORE:]))
         print(f"{name:12}" + "".join(f"{cell:18.0f}" for cell in cells), flush=True)

@@ -19,7 +19,7 @@ generate() {
     [ "$source" != ict-facekit ] || root=(--root "$model")
     "$glsim" generate -q -o "$out/$name-$source" --source "$source" "${root[@]}" --subjects "$people" \
         --frames-per-subject "$frames" --depth-unit-mm 0.1 --split 0.94,0.06,0 --set devices=4096 \
-        --layers clean,expected,noisy,infrared --seed "$seed" "$@"
+        --layers clean,expected,noisy --seed "$seed" "$@"
 }
 # Frames of the same camera.
 video=(--set redraw=sequence --set source.frames_per_sequence=8)
@@ -63,7 +63,6 @@ stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
 "$glsim" train face "${stills[@]}" --set data.target=expected --resume -o "$out/face-first"
 "$glsim" train face "${more[@]}" --set data.target=expected --from "$out/face-first/best.pt" --set optimiser.lr=1.2e-3 \
     --steps 7100 --resume -o "$out/face"
-"$glsim" train face-ir "${more[@]}" --set data.target=expected --from "$out/face/best.pt" --resume -o "$out/face-ir"
 # Videos of moving heads.
 for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
     wall=("${near_wall[@]}")
@@ -83,6 +82,6 @@ for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_102
 done
 
 "$glsim" train face-video "${videos[@]}" --set data.target=expected --from "$out/face/best.pt" --resume -o "$out/face-video"
-for network in face face-ir face-video; do
+for network in face face-video; do
     "$glsim" export "$out/$network/best.pt" -o "glsim/denoise/shipped/$network.onnx"
 done

@@ -66,7 +66,7 @@ def start_file(start: str) -> Iterator[Path]:
     else:
         raise TrainError(
             f"{start}: no such checkpoint: give a best.pt, an ONNX file of glsim export, or the "
-            "name of a shipped network (face, face-ir, face-video)"
+            "name of a shipped network (face, face-video)"
         )
 
 

@@ -36,7 +36,7 @@ glsim denoise --watch recording/ -o denoised/ --around face      the nearest hea
 
 glsim denoise --watch recording/ -o denoised/            maps as they appear, until Ctrl-C
 
-glsim denoise noisy.png -o clean.png -d face-ir --infrared infrared.png
+glsim denoise noisy.png -o clean.png -d runs/face-ir/best.pt --infrared infrared.png
 
 glsim denoise noisy.png -o clean.png --out-unit-mm 0.1   whole millimetres cost accuracy
 
@@ -295,7 +295,7 @@ def _infrared_images(sources: list[Path], infrared: Path | None, method: Method)
     from glsim.denoise.depth_files import infrared_files
 
     if infrared is not None and not method.infrared:
-        raise ConfigError(f"--infrared: {method.label} does not use infrared; face-ir does")
+        raise ConfigError(f"--infrared: {method.label} does not use infrared")
     return infrared_files(sources, infrared) if method.infrared else ()
 
 

@@ -34,7 +34,7 @@ glsim live recording.bag -d quadric --around face
 
 glsim live --camera realsense                        needs: pip install pyrealsense2
 
-glsim live --camera azure-kinect -d face-ir --device my_kinect.toml
+glsim live --camera azure-kinect -d face-video --device my_kinect.toml
 """
 
 

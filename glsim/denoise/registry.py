@@ -37,7 +37,6 @@ SHIPPED: Final = "face"
 #: The networks that glsim ships, in the folder shipped/: name -> help.
 NETWORKS: Final = {
     SHIPPED: "The shipped network, for heads and rooms before any depth camera.",
-    "face-ir": "The shipped network that also sees the infrared image.",
     "face-video": "The shipped network that also sees up to four earlier frames.",
 }
 

@@ -62,7 +62,7 @@ def test_masked_filters_look_at_valid_pixels_only(spec: str) -> None:
 @pytest.mark.parametrize(
     "spec",
     [
-        pytest.param(name, marks=pytest.mark.long if name in ("face-ir", "face-video") else ())
+        pytest.param(name, marks=pytest.mark.long if name == "face-video" else ())
         for name in (*denoiser_names(), *(f"{name}:cleanup=3" for name in MASKED))
     ],
 )

@@ -7,43 +7,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
 import glsim
 from glsim.cli import main
-from glsim.denoise import checkpoint, load
+from glsim.denoise import load
 from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.loading import shipped_file
 from glsim.denoise.onnx_file import Runtime, load_onnx
 from glsim.denoise.onnx_inputs import read_inputs
 from glsim.errors import DenoiserError
 from glsim.files.png import encode_png, read_depth_png
-from glsim.train.models.registry import build_model
 from glsim.train.onnx_export import TOLERANCE_MM, export_onnx
 from tests.support.dataset_fakes import make, make_settings, make_tasks
-from tests.support.networks import BACKBONES, frames
+from tests.support.networks import INPUTS, frames, write_checkpoint
 
 RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
-MODEL: dict[str, Any] = {"kind": "mask_aware", "uncertainty": True, "surfaces": True}
-INPUTS: dict[str, dict[str, Any]] = {
-    "face-ir": {"infrared": True},
-    "face-video": {"before": 4},
-    "all": {"infrared": True, "before": 2, "after": 1},
-}
-
-
-def write_checkpoint(path: Path, name: str) -> Path:
-    spec = MODEL | INPUTS[name] | {"backbone": BACKBONES["small_unet-silu"]}
-    torch.manual_seed(3)
-    model = build_model(spec)
-    with torch.no_grad():
-        for parameter in model.parameters():
-            if not parameter.any():
-                parameter.normal_(std=0.05)
-    content = {"recipe": {"model": spec}, "model": model.state_dict()}
-    checkpoint.save(path, content | {"data": {}, "progress": {}, "validation": {}})
-    return path
 
 
 @pytest.fixture(scope="module", params=list(INPUTS))
@@ -92,7 +71,7 @@ def test_every_input_has_an_effect_and_may_be_missing(network: Path) -> None:
 
 
 def test_infrared_of_another_size_is_refused(tmp_path: Path) -> None:
-    denoise = glsim.load_denoiser(str(write_checkpoint(tmp_path / "best.pt", "face-ir")))
+    denoise = glsim.load_denoiser(str(write_checkpoint(tmp_path / "best.pt", "infrared")))
     stack, infrared = sequence()
     assert denoise(stack[1], infrared=infrared).depth_mm.shape == stack[1].shape
     with pytest.raises(glsim.GlsimError, match="infrared of shape"):
@@ -103,7 +82,7 @@ def test_infrared_of_another_size_is_refused(tmp_path: Path) -> None:
 
 def test_a_stream_gives_a_network_its_earlier_frames(tmp_path: Path) -> None:
     denoise = glsim.load_denoiser(
-        str(write_checkpoint(tmp_path / "best.pt", "face-video")), composite="hard"
+        str(write_checkpoint(tmp_path / "best.pt", "video")), composite="hard"
     )
     stack, _ = sequence()
     stream = denoise.stream()
@@ -114,7 +93,7 @@ def test_a_stream_gives_a_network_its_earlier_frames(tmp_path: Path) -> None:
 
 
 def test_an_option_limits_the_earlier_frames(tmp_path: Path) -> None:
-    path = write_checkpoint(tmp_path / "best.pt", "face-video")
+    path = write_checkpoint(tmp_path / "best.pt", "video")
     limited, whole = load(f"{path}:before=1"), load(str(path))
     assert (limited.before, whole.before) == (1, 4)
     stack, _ = sequence()
@@ -122,7 +101,7 @@ def test_an_option_limits_the_earlier_frames(tmp_path: Path) -> None:
 
 
 def test_bytes_that_are_no_network_have_no_inputs() -> None:
-    with shipped_file("face-ir") as path:
+    with shipped_file("face") as path:
         whole = path.read_bytes()
     for data in (
         b"",
@@ -192,6 +171,6 @@ def test_eval_gives_networks_their_infrared_and_neighbours(tmp_path: Path) -> No
 
 def test_a_network_that_is_not_shipped_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("glsim.denoise.loading._SHIPPED_PACKAGE", "no_such_package")
-    for name in ("face", "face-ir", "face-video"):
+    for name in ("face", "face-video"):
         with pytest.raises(DenoiserError, match=f"has no {name}.onnx"):
             load(name)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from glsim.denoise import checkpoint
 from glsim.train.models.base import DepthModel
 from glsim.train.models.registry import build_model
 
@@ -34,12 +36,30 @@ WRAPPERS: dict[str, dict[str, Any]] = {
     "uncertain": {"kind": "mask_aware", "uncertainty": True},
     "surfaces": {"kind": "mask_aware", "uncertainty": True, "surfaces": True},
 }
+#: Further inputs of ``mask_aware`` networks.
+INPUTS: dict[str, dict[str, Any]] = {
+    "infrared": {"infrared": True},
+    "video": {"before": 4},
+    "all": {"infrared": True, "before": 2, "after": 1},
+}
 
 
 def build(wrapper: str, backbone: str) -> DepthModel:
     """A model without parameters that are all 0, as after some training."""
+    return _with_weights(WRAPPERS[wrapper] | {"backbone": BACKBONES[backbone]})
+
+
+def write_checkpoint(path: Path, inputs: str) -> Path:
+    """Write a network with one of the ``INPUTS``; return its path."""
+    spec = WRAPPERS["surfaces"] | INPUTS[inputs] | {"backbone": BACKBONES["small_unet-silu"]}
+    content = {"recipe": {"model": spec}, "model": _with_weights(spec).state_dict()}
+    checkpoint.save(path, content | {"data": {}, "progress": {}, "validation": {}})
+    return path
+
+
+def _with_weights(spec: dict[str, Any]) -> DepthModel:
     torch.manual_seed(3)
-    model = build_model(WRAPPERS[wrapper] | {"backbone": BACKBONES[backbone]})
+    model = build_model(spec)
     with torch.no_grad():
         for parameter in model.parameters():
             if not parameter.any():

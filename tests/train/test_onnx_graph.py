@@ -102,7 +102,7 @@ def test_it_can_be_done_again(exported: bytes) -> None:
     assert again.SerializeToString() == once.SerializeToString()
 
 
-@pytest.mark.parametrize("name", ["face", "face-ir", "face-video"])
+@pytest.mark.parametrize("name", ["face", "face-video"])
 def test_the_shipped_networks_have_shapes(name: str) -> None:
     with shipped_file(name) as path:
         graph = onnx.load(path).graph
@@ -112,7 +112,7 @@ def test_the_shipped_networks_have_shapes(name: str) -> None:
     assert len(known.intersection(slices)) > 0.98 * len(slices)
 
 
-@pytest.mark.parametrize("name", ["face", "face-ir", "face-video"])
+@pytest.mark.parametrize("name", ["face", "face-video"])
 def test_the_shapes_hold_for_other_sizes(name: str) -> None:
     """Onnxruntime warns where the shape of a result is not the one that was written down."""
     script = (

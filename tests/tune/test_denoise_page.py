@@ -75,7 +75,7 @@ def opened(site: Path) -> Iterator[tuple[Any, list[str], list[str]]]:
 
 @pytest.fixture(scope="module")
 def measured() -> list[Any]:
-    """Five frames of a head before a wall, 512 x 424, with infrared."""
+    """Five frames of a head before a wall, 512 x 424."""
     settings = load_settings(
         overrides={
             "seed": 5,
@@ -140,7 +140,7 @@ def test_a_whole_frame_is_that_of_glsim_denoise(
 def test_each_network_gets_what_it_takes(
     opened: tuple[Any, list[str], list[str]], measured: list[Any]
 ) -> None:
-    """Crops of 128 px: with infrared and earlier frames where the network uses them."""
+    """Crops of 128 px, with earlier frames where the network uses them; infrared is left out."""
     page, errors, _ = opened
     crop = np.s_[120:248, 190:318]
     names = page.evaluate("Object.keys(glsimFacts.networks)")
@@ -149,16 +149,14 @@ def test_each_network_gets_what_it_takes(
         method = load(name)
         frame = measured[0]
         files = {"frame_9_noisy.png": encode_png(frame.noisy[crop])}
-        if method.infrared:
-            files["frame_9_infrared.png"] = encode_png(frame.infrared[crop])
-        infrared = frame.infrared[crop] if method.infrared else None
+        files["frame_9_infrared.png"] = encode_png(frame.infrared[crop])
         denoiser = MapDenoiser(method)
-        _check_same(_denoised(page, files, name), denoiser(frame.noisy[crop], infrared).depth_mm)
+        _check_same(_denoised(page, files, name), denoiser(frame.noisy[crop]).depth_mm)
         if not method.temporal:
             continue
         stream = denoiser.stream()
         for number, each in enumerate(measured):
-            expected = stream.push(each.noisy[crop], infrared and each.infrared[crop]).depth_mm
+            expected = stream.push(each.noisy[crop]).depth_mm
             files[f"frame_{number + 9}_noisy.png"] = encode_png(each.noisy[crop])
         _denoised(page, files, name)
         for _ in measured[1:]:

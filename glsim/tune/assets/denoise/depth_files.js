@@ -63,15 +63,11 @@ export function millimetres(map, step) {
 
 const INFRARED = /_(infrared|ir)$/i;
 const stem = (name) => name.replace(/\.\w+$/, "");
-const PAIR = /_(depth|noisy)$/i;
 
-// Order files as a sequence (frame_9 before frame_10) and put infrared images beside their maps:
-// those named as a map with _ir or _infrared instead of _depth or _noisy, or behind its name.
+// Order depth maps as a sequence (frame_9 before frame_10); infrared images beside them are left out.
 export function arrange(maps) {
-  const sorted = [...maps].sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }));
-  const images = new Map(sorted.filter((m) => INFRARED.test(stem(m.name))).map((m) => [stem(m.name).replace(INFRARED, ""), m]));
-  const depths = sorted.filter((m) => !INFRARED.test(stem(m.name)));
-  return depths.map((map) => ({ ...map, infrared: images.get(stem(map.name).replace(PAIR, "")) || images.get(stem(map.name)) || null }));
+  const depths = maps.filter((map) => !INFRARED.test(stem(map.name)));
+  return depths.sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }));
 }
 
 // Whole steps of depth, halves to even as NumPy rounds; nothing but 0 becomes 0. Throws Error beyond 16 bits.

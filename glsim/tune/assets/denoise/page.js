@@ -33,11 +33,10 @@ function chosenNetwork() {
   return networks.get(name);
 }
 
-// The images that a network takes of map `now`: itself, its infrared, and earlier maps of its size.
+// The images that a network takes of map `now`: itself and earlier maps of its size.
 function inputsOf(now, depth) {
   const map = state.maps[now],
-    inputs = { noisy_mm: [depth], infrared: [], before_mm: [] };
-  if (map.infrared && alike(map.infrared, map)) inputs.infrared = [Float32Array.from(map.infrared.values)];
+    inputs = { noisy_mm: [depth], before_mm: [] };
   for (let k = now - 1; k >= 0 && alike(state.maps[k], map); k--) inputs.before_mm.push(millimetres(state.maps[k], step()));
   return inputs;
 }
@@ -45,9 +44,7 @@ const alike = (a, b) => a.width === b.width && a.height === b.height;
 
 // What a network would use and was not given.
 function missing(images, inputs) {
-  const words = { infrared: "no infrared image", before_mm: "no earlier maps" };
-  const none = Object.keys(images).filter((name) => !inputs[name]?.length);
-  return none.length ? `, ${none.map((name) => words[name]).join(" and ")}: depth alone` : "";
+  return "before_mm" in images && !inputs.before_mm.length ? ", no earlier maps: this one alone" : "";
 }
 
 // A picture of tune.js of two maps in millimetres.
