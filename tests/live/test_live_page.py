@@ -12,7 +12,6 @@ import pytest
 from glsim.files.png import encode_png
 from tests.live.test_stream import frames
 from tests.support.camera_stand_ins import write_camera_module
-from tests.support.networks import write_checkpoint
 from tests.tune.test_page import (
     PATIENCE_MS,
     Server,
@@ -45,7 +44,6 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     (folder / "recording").mkdir()
     for number, depth in enumerate(frames(5)):
         (folder / "recording" / f"{number}.png").write_bytes(encode_png(depth))
-    write_checkpoint(folder / "infrared.pt", "infrared")
     running = start(folder, "recording", "-d", "median:size=5", "--port", "0", command="live")
     yield running
     running.process.terminate()
@@ -123,9 +121,9 @@ def test_pause_keeps_the_frame_and_another_denoiser_is_shown_on_it(page: Any) ->
     assert page.evaluate("glsimTune.state.picture.head.source_frame") == frame
     assert layer(page, "clean") == layer(page, "noisy") != denoised
     number = shown(page)
-    choose(page, "infrared.pt")
+    choose(page, "bm3d")  # no extra of the tests brings it
     page.wait_for_selector(".q-notification")
-    assert "uses infrared, which recording does not give" in page.inner_text(".q-notification")
+    assert "bm3d needs bm3d, which is not installed" in page.inner_text(".q-notification")
     playwright.expect(page.locator('[aria-label="denoiser"]')).to_have_value("noisy")
     choose(page, "median:size=5")
     after(page, number)

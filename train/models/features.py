@@ -123,16 +123,14 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     """
     measured = noisy_mm > 0
     depth_mm = torch.where(measured, noisy_mm, torch.inf)
-    samples = list(_taps(depth_mm, torch.inf))
+    samples = torch.cat(list(_taps(depth_mm, torch.inf)), 1)
     nearest_mm = _extreme(torch.minimum, depth_mm, torch.inf)
     farthest_mm = _extreme(torch.maximum, torch.where(measured, noisy_mm, 0.0), 0.0)
     surfaces = []
     for extreme in (nearest_mm, farthest_mm):
-        total, count = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
-        for sample in samples:
-            same_surface = (sample - extreme).abs() < _SURFACE_MM  # false for inf, and inf - inf
-            total += torch.where(same_surface, sample, 0.0)
-            count += same_surface
+        same_surface = (samples - extreme).abs() < _SURFACE_MM  # false for inf, and inf - inf
+        total = torch.where(same_surface, samples, 0.0).sum(1, keepdim=True)
+        count = same_surface.to(fill_mm.dtype).sum(1, keepdim=True)
         surfaces.append(torch.where(count > 0, total / count.clamp_min(1), fill_mm))
     return torch.cat(surfaces, dim=1)
 
@@ -217,22 +215,18 @@ def local_mean(values: Tensor, known: Tensor) -> Tensor:
 
 def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
     """Average 5x5 measured depths with Tukey's weights around ``near_mm``: one mean-shift step."""
-    offset_sum, weight_sum = torch.zeros_like(near_mm), torch.zeros_like(near_mm)
-    for sample in _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, 1):
-        offset = (sample - near_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
-        weight = tukey(offset / _SURFACE_MM)
-        offset_sum += weight * offset
-        weight_sum += weight
-    return near_mm + offset_sum / weight_sum.clamp_min(TINY)
+    samples = torch.cat(list(_taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, 1)), 1)
+    ratio = ((samples - near_mm) / _SURFACE_MM).clamp(-1, 1)
+    weight = tukey(ratio)
+    offset_mm = _SURFACE_MM * (weight * ratio).sum(1, keepdim=True)
+    return near_mm + offset_mm / weight.sum(1, keepdim=True).clamp_min(TINY)
 
 
 def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
     """Return the share (0 to 1) of 3x3 samples, 6 px apart, on the surface of ``near_mm``."""
-    weight_sum = torch.zeros_like(near_mm)
-    samples = torch.where(valid > 0, depth_mm, torch.inf)
-    for sample in _taps(samples, torch.inf, _SUPPORT_STEP, 1):
-        weight_sum += tukey((sample - near_mm).clamp(-_SURFACE_MM, _SURFACE_MM) / _SURFACE_MM)
-    return weight_sum / 9
+    depths = torch.where(valid > 0, depth_mm, torch.inf)
+    samples = torch.cat(list(_taps(depths, torch.inf, _SUPPORT_STEP, 1)), 1)
+    return tukey(((samples - near_mm) / _SURFACE_MM).clamp(-1, 1)).mean(1, keepdim=True)
 
 
 def tukey(ratio: Tensor) -> Tensor:

@@ -52,22 +52,12 @@ def shrunk_mean(values: Tensor, known: Tensor, radius: int, sigma: float) -> Ten
 def blurred(images: Tensor, radius: int, sigma: float) -> Tensor:
     """Blur (B, C, H, W) images by a Gaussian of ``sigma`` px; pixels outside are 0.
 
-    Sums of shifted images: OpenCV takes ten times as long for a convolution with a tall kernel.
+    Rows, then columns as rows: onnxruntime computes a convolution of one row at a time four times
+    as fast as a sum of shifted images, and twice as fast as a convolution of images.
     """
-    tap = [math.exp(-0.5 * (x / sigma) ** 2) for x in range(radius + 1)]
-    total = tap[0] + 2.0 * sum(tap[1:])
-    for axis in (-1, -2):
-        border = (radius, radius) if axis == -1 else (0, 0, radius, radius)
-        around = F.pad(images, border)
-        images = _shifted(around, axis, radius, radius) * (tap[0] / total)
-        for x in range(1, radius + 1):
-            both = _shifted(around, axis, radius - x, radius + x)
-            both = both + _shifted(around, axis, radius + x, radius - x)
-            images = images + both * (tap[x] / total)
+    taps = [math.exp(-0.5 * (x / sigma) ** 2) for x in range(-radius, radius + 1)]
+    kernel = (torch.tensor(taps) / sum(taps)).to(images)[None, None]
+    for _ in range(2):
+        rows = images.reshape(-1, 1, images.shape[-1])
+        images = F.conv1d(rows, kernel, padding=radius).reshape(images.shape).transpose(-1, -2)
     return images
-
-
-def _shifted(padded: Tensor, axis: int, before: int, after: int) -> Tensor:
-    """Cut pixels off the ends of an axis, -1 or -2; constant bounds keep an ONNX file small."""
-    kept = slice(before, -after if after else None)
-    return padded[..., kept] if axis == -1 else padded[..., kept, :]
