@@ -4,8 +4,7 @@
 trees to tell wrong pixels (the truth has no depth there, or is more than 30 mm away) from right
 ones by all that surrounds them, and prints how many wrong ones are left when 5 % of the outermost
 right ones are lost: with depth alone, infrared, and earlier frames, beside the shipped network.
-What trees cannot tell from 81 pixels, a network of one frame will hardly tell: an estimate of the
-Bayes error from above.
+The trees know the sensor, which the network does not: the Bayes error is at most theirs.
 """
 
 from __future__ import annotations
@@ -154,24 +153,26 @@ def _windows(image: Depth, asked: Mask, reach_px: int) -> Depth:
     return np.asarray(windows[asked].reshape(-1, side * side))
 
 
-def left_over(doubt: list[Depth], seen: list[View]) -> tuple[float, float]:
-    """Drop the most doubtful measured pixels until ``_RING_LOST`` of the ring is lost.
+def bound_of(doubt: list[Depth], seen: list[View]) -> float:
+    """Return the doubt above which pixels are dropped, so that ``_RING_LOST`` of rings are lost."""
+    of_rings = np.concatenate([d[v.ring] for d, v in zip(doubt, seen, strict=True)])
+    return float(np.quantile(of_rings, 1 - _RING_LOST))
+
+
+def row(name: str, kept: list[Mask], seen: list[View]) -> str:
+    """Return a row of the table: wrong pixels that stay and right ones that are lost, of a frame.
 
     Args:
-        doubt: (H, W) of each view, larger where a pixel is more likely wrong.
+        name: of the row.
+        kept: (H, W) pixels of each view that stay.
         seen: the views.
-
-    Returns:
-        Wrong pixels that stay, of a frame, and right pixels that are lost, of a frame.
     """
-    of_ring = np.concatenate([d[v.ring] for d, v in zip(doubt, seen, strict=True)])
-    bound = np.quantile(of_ring, 1 - _RING_LOST)
-    stay = [np.count_nonzero(v.wrong & (d <= bound)) for d, v in zip(doubt, seen, strict=True)]
-    lost = [
-        np.count_nonzero((v.depth_mm > 0) & ~v.wrong & (d > bound))
-        for d, v in zip(doubt, seen, strict=True)
-    ]
-    return float(np.mean(stay)), float(np.mean(lost))
+    pairs = list(zip(kept, seen, strict=True))
+    wrong = sum(np.count_nonzero(v.wrong & k) for k, v in pairs) / len(pairs)
+    lost = sum(np.count_nonzero((v.depth_mm > 0) & ~v.wrong & ~k) for k, v in pairs) / len(pairs)
+    of_rings = sum(np.count_nonzero(v.ring & ~k) for k, v in pairs)
+    share = of_rings / sum(np.count_nonzero(v.ring) for v in seen)
+    return f"| {name} | {wrong:.0f} | {lost:.0f} | {100 * share:.1f} % |"
 
 
 def by_trees(
@@ -199,42 +200,29 @@ def main() -> None:
     parser.add_argument("--subjects", type=int, default=60, help="for training; half as many judge")
     given = parser.parse_args()
     method = load(given.denoiser)
-    print("| scene | seen | wrong pixels a frame | right pixels lost | of the ring lost |")
+    print("| scene | by | wrong pixels a frame | right pixels lost | of the ring lost |")
     print("|---|---|---|---|---|")
     for scene in ("alone", "before a wall"):
         wall = scene != "alone"
         training = views(given.sensor, given.subjects, 101, wall=wall)
         judged = views(given.sensor, given.subjects // 2, 102, wall=wall)
-
-        def row(name: str, stay: float, lost: float, ring: float, scene: str = scene) -> None:
-            print(
-                f"| {scene} | {name} | {stay:.0f} | {lost:.0f} | {100 * ring:.1f} % |", flush=True
-            )
-
-        row("input", float(np.mean([v.wrong.sum() for v in judged])), 0, 0)
+        measured = [v.depth_mm > 0 for v in judged]
+        print(f"| {scene} {row('input', measured, judged)}", flush=True)
         results = [
             method(np.concatenate([v.before_mm, v.depth_mm[None]]), _FRAMES - 1) for v in judged
         ]
         for composite in ("measured", "hard"):
             kept = [
-                composed(result, v.depth_mm, composite) > 0
-                for result, v in zip(results, judged, strict=True)
+                composed(result, view.depth_mm, composite) > 0
+                for result, view in zip(results, judged, strict=True)
             ]
-            pairs = list(zip(kept, judged, strict=True))
-            row(
-                f"`{given.denoiser}`, {composite}",
-                float(np.mean([np.count_nonzero(v.wrong & k) for k, v in pairs])),
-                float(
-                    np.mean([np.count_nonzero((v.depth_mm > 0) & ~v.wrong & ~k) for k, v in pairs])
-                ),
-                sum(np.count_nonzero(v.ring & ~k) for k, v in pairs)
-                / sum(np.count_nonzero(v.ring) for v in judged),
-            )
-        doubt = [np.where(v.near_rims, 1 - r[1], 0) for r, v in zip(results, judged, strict=True)]
-        row(f"`{given.denoiser}`, its probability", *left_over(doubt, judged), _RING_LOST)
+            name = f"`{given.denoiser}`, composite {composite}"
+            print(f"| {scene} {row(name, kept, judged)}", flush=True)
         for name, (infrared, earlier) in _SEEN.items():
             doubt = by_trees(training, judged, infrared=infrared, earlier=earlier)
-            row(f"trees: {name}", *left_over(doubt, judged), _RING_LOST)
+            bound = bound_of(doubt, judged)
+            kept = [m & (d <= bound) for m, d in zip(measured, doubt, strict=True)]
+            print(f"| {scene} {row(f'trees: {name}', kept, judged)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the networks that the package ships: data, trainings, glsim/denoise/shipped/*.onnx. Resumes.
+# Makes the networks that the package ships: data, trainings, FOLDER/*.onnx; says whether they are the shipped ones. Resumes.
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
 #   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 6 GB of data and the runs, default build/shipped.
 # Four hours on two cores with bfloat16, half an hour of it for the data. The results are in docs/model_card.md.
@@ -65,6 +65,8 @@ stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
     --steps 7100 --resume -o "$out/face"
 # Videos of moving heads.
 for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
+    config=(--config "train/data/$camera.toml")
+    [ $camera != randomised ] || config=(--preset randomised)
     wall=("${near_wall[@]}")
     [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
     for source in procedural ict-facekit people; do
@@ -73,7 +75,7 @@ for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_102
         for set in "video-$camera" "video-$camera-fast"; do
             rate=30 # frames per second; with 8, a slow turn of the head is as fast as a quick one
             [ $set = "video-$camera" ] || rate=8
-            made=("${video[@]}" --set source.frames_per_second=$rate --config "train/data/$camera.toml")
+            made=("${video[@]}" --set source.frames_per_second=$rate "${config[@]}")
             generate "$set" $source $people 16 "${made[@]}"
             generate "$set-wall" $source $((people * 2 / 3)) 16 --split 0.8,0.2,0 "${wall[@]}" "${made[@]}"
             videos+=(--data "$out/$set-$source" --data "$out/$set-wall-$source")
@@ -82,6 +84,13 @@ for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_102
 done
 
 "$glsim" train face-video "${videos[@]}" --set data.target=expected --from "$out/face/best.pt" --resume -o "$out/face-video"
+# The shipped files are replaced by hand, once the model card has been made again.
 for network in face face-video; do
-    "$glsim" export "$out/$network/best.pt" -o "glsim/denoise/shipped/$network.onnx"
+    made="$out/$network.onnx" shipped="glsim/denoise/shipped/$network.onnx"
+    "$glsim" export "$out/$network/best.pt" -o "$made"
+    if cmp -s "$made" "$shipped"; then
+        echo "$made: the shipped network, byte for byte"
+    else
+        echo "$made: not the shipped network: sha256 $(sha256sum <"$made" | cut -c 1-16), shipped $(sha256sum <"$shipped" | cut -c 1-16)"
+    fi
 done
