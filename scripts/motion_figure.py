@@ -6,6 +6,7 @@ shutter: the error of depth over the speed, and where it lies. Takes under a min
 
 from __future__ import annotations
 
+import argparse
 import io
 from collections.abc import Mapping
 from pathlib import Path
@@ -107,6 +108,7 @@ def draw() -> Figure:
 
 def main() -> None:
     """Render, measure and write the figure."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     drawn = io.BytesIO()
     draw().savefig(drawn, format="png", dpi=120, metadata={"Software": "glsim"})
     write_atomic(drawn.getvalue(), FIGURE)

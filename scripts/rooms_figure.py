@@ -6,6 +6,7 @@ under a minute and needs glsim fetch people.
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 from typing import Final
 
@@ -40,6 +41,7 @@ def row(frame: Frame) -> Picture:
 
 def main() -> None:
     """Render the people and write the figure."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     columns = []
     for preset, seed in _SEEDS.items():
         settings = load_settings(

@@ -6,6 +6,7 @@ it, and the infrared. Takes under a minute and needs glsim fetch people.
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 from typing import Final
 
@@ -91,6 +92,7 @@ def column(sensor: str, name: str, distance_mm: float) -> Picture:
 
 def main() -> None:
     """Render the sensors and write the figure."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     names = [caption("", _MARGIN_PX, _CAPTION_PX)]
     names += [caption(row, _MARGIN_PX, _TILE_PX) for row in _ROWS]
     columns = [column(name, *how) for name, how in _SENSORS.items()]

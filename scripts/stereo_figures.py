@@ -7,6 +7,7 @@ librealsense do. Takes under a minute.
 
 from __future__ import annotations
 
+import argparse
 import io
 from collections.abc import Mapping
 from pathlib import Path
@@ -213,6 +214,7 @@ def filters() -> Figure:
 
 def main() -> None:
     """Render and write the figures."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     for draw in (search, waves, steps, filters):
         drawn = io.BytesIO()
         figure = draw()

@@ -7,6 +7,7 @@ Needs the extra glsim[tune], Playwright, Pillow and Chromium; takes a minute or 
 
 from __future__ import annotations
 
+import argparse
 import io
 import tempfile
 from collections.abc import Callable
@@ -32,6 +33,7 @@ _SHORT, _LONG = 140, 1500
 
 def main() -> None:
     """Write all figures."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     for dark, name in ((False, "tune.png"), (True, "tune_dark.png")):
         scheme = "dark" if dark else "light"
         with tune_page(["kinect-v2", *_SCENE], color_scheme=scheme) as (page, _):

@@ -9,6 +9,7 @@ from typing import Any
 from glsim.errors import ConfigError
 from glsim.eval.transfer.study import FaceFamily, SensorFamily, TransferStudy
 from glsim.faces.people.files import data_folder
+from glsim.faces.sources.ict_facekit import IctFaceKitSettings
 from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
 from glsim.settings.tables import parse_table, read_toml
 
@@ -110,4 +111,6 @@ def _missing_source(family: FaceFamily) -> str | None:
             return "give its folder with --ict-root FaceXModel"
         if not family.root.is_dir():
             raise ConfigError(f"--ict-root {family.root}: no such folder")
+        if not IctFaceKitSettings.likeness(family.root, ()):
+            raise ConfigError(f"--ict-root {family.root}: is not ICT-FaceKit's folder FaceXModel")
     return None

@@ -69,6 +69,8 @@ DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.plan.paper_split."""
+FARTHEST_MM = DEPTH_UNIT_MM[1] * 65_535
+"""The largest depth that a file of 16 bits can hold, mm."""
 POSE_LIMITS = {"motion": (0.0, 5.0)}
 """Limits of numbers of [pose]. Chosen: turns of 30 degrees within a sequence."""
 VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
@@ -100,6 +102,8 @@ class PoseSettings(TomlTable):
             raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {limit:g}]")
         if self.distance_mm.bounds()[1] <= 0:
             raise ValueError("distance_mm is never above 0: faces are in front of the sensor")
+        if self.distance_mm.bounds()[0] > FARTHEST_MM:
+            raise ValueError(f"distance_mm is above {FARTHEST_MM:.0f}: files of 16 bits end there")
         return self
 
 

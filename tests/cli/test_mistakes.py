@@ -135,6 +135,7 @@ generate -o new --seed -1
 generate -o new --seed 99999999999999999999
 generate -o new --set pose.distance_mm=-900
 generate -o new --set pose.distance_mm=inf
+generate -o new --set pose.distance_mm=1e12
 generate -o new --config latin.toml
 generate -o new --config empty
 generate -o new --sensor blank.toml
@@ -291,6 +292,7 @@ transfer -o new --steps 0 --plan
 transfer -o new --sensor file.toml --plan
 transfer -o new --network file.onnx --small
 transfer -o new --ict-root nothing --plan
+transfer -o new --ict-root . --plan
 paper nothing
 paper tables empty
 paper page nothing
