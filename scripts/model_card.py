@@ -56,8 +56,8 @@ _COLUMNS: Final = {
     "flying_px": "flying [px]",
 }
 _SENSORS: Final = (
-    *("kinect-v2", "kinect-v2-fast", "kinect-v2-fankhauser", "kinect-v2-paper"),
-    *("kinect-v1", "azure-kinect", "led3d", "ideal"),
+    *("kinect-v2", "kinect-v2-sdk", "kinect-v2-fast", "kinect-v2-fankhauser", "kinect-v2-paper"),
+    *("kinect-v1", "azure-kinect", "realsense-d435", "truedepth", "led3d", "ideal"),
 )
 _POSE: Final = {"yaw_deg": {"uniform": [-30, 30]}, "pitch_deg": {"uniform": [-15, 15]}}
 

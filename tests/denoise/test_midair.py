@@ -1,0 +1,54 @@
+"""The benchmark of wrong pixels: what counts as wrong, and that trees find it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.midair import View, bound_of, by_trees, features, row
+
+
+def view(seed: int) -> View:
+    """A disc at 900 mm, which the camera measures 2 px wider and, there, 60 mm farther."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.mgrid[:64, :64]
+    away_px = np.hypot(rows - 32, columns - 32)
+    clean = np.where(away_px < 20, 900.0, 0.0)
+    frames = []
+    for _ in range(5):
+        noisy = np.where(away_px < 22, clean + rng.normal(0, 2, clean.shape), 0)
+        frames.append(np.where((away_px >= 20) & (away_px < 22), 960.0, noisy))
+    infrared = np.where(away_px < 20, 1000.0, 50.0)
+    stack = np.asarray(frames, np.float32)
+    return View(stack[-1], clean.astype(np.float32), infrared.astype(np.float32), stack[:-1])
+
+
+def test_wrong_pixels_and_the_ring_are_those_of_the_truth() -> None:
+    seen = view(1)
+    outside = (seen.depth_mm > 0) & (seen.clean_mm == 0)
+    np.testing.assert_array_equal(seen.wrong, outside)
+    assert not (seen.ring & seen.wrong).any()
+    assert 100 < np.count_nonzero(seen.ring) < 160  # about 2 pi 20
+    assert (seen.near_rims | ~seen.ring).all()
+    moved = seen._replace(clean_mm=np.where(seen.clean_mm > 0, seen.clean_mm - 60, 0))
+    np.testing.assert_array_equal(moved.wrong, seen.depth_mm > 0)
+
+
+@pytest.mark.parametrize(("infrared", "earlier", "count"), [(0, 0, 94), (1, 0, 146), (1, 1, 177)])
+def test_what_trees_see(infrared: int, earlier: int, count: int) -> None:
+    seen = view(2)
+    table = features(seen, seen.near_rims, infrared=bool(infrared), earlier=bool(earlier))
+    assert table.shape == (np.count_nonzero(seen.near_rims), count)
+    assert np.isfinite(table[:, 0]).all()
+
+
+def test_trees_find_what_can_be_told() -> None:
+    training, judged = [view(n) for n in range(6)], [view(n) for n in (10, 11)]
+    doubt = by_trees(training, judged, infrared=False, earlier=False)
+    bound = bound_of(doubt, judged)
+    measured = [v.depth_mm > 0 for v in judged]
+    kept = [m & (d <= bound) for m, d in zip(measured, doubt, strict=True)]
+    assert row("input", measured, judged) == f"| input | {judged[0].wrong.sum()} | 0 | 0.0 % |"
+    name, wrong, _, ring = row("trees", kept, judged).strip("| ").split(" | ")
+    assert (name, wrong) == ("trees", "0")
+    assert float(ring.split()[0]) <= 5.0
