@@ -1,7 +1,7 @@
 """Shrink an exported ONNX graph, and speed up its loading, without changing its results.
 
-onnxslim keeps the exporter's long names and equal constants: 3.0 MB for an earlier `face`, ours 1.8 MB;
-onnxscript's optimizer had no result for its 12,000 nodes within minutes.
+onnxslim keeps the exporter's long names and equal constants: 3.0 MB for an earlier `face`, ours
+1.8 MB; onnxscript's optimizer had no result for its 12,000 nodes within minutes.
 """
 
 from __future__ import annotations
