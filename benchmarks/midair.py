@@ -58,13 +58,13 @@ class View(NamedTuple):
         """Measured pixels within ``_REACH_PX`` of a hole or of a step that a wrong pixel makes."""
         reach = np.ones((2 * _REACH_PX + 1,) * 2, np.uint8)
         span = cv2.dilate(self.depth_mm, reach) - cv2.erode(self.depth_mm, reach)
-        return (self.depth_mm > 0) & (span > _WRONG_MM)
+        return np.asarray((self.depth_mm > 0) & (span > _WRONG_MM))
 
     @property
     def wrong(self) -> Mask:
         """Measured pixels that are not on the surface of the truth."""
         apart = np.abs(self.depth_mm - self.clean_mm) > _WRONG_MM
-        return (self.depth_mm > 0) & ((self.clean_mm == 0) | apart)
+        return np.asarray((self.depth_mm > 0) & ((self.clean_mm == 0) | apart))
 
     @property
     def ring(self) -> Mask:
@@ -72,7 +72,9 @@ class View(NamedTuple):
         right = (self.depth_mm > 0) & ~self.wrong
         shown = np.where(right, self.depth_mm, 0)
         square = np.ones((3, 3), np.uint8)
-        return right & (cv2.dilate(shown, square) - cv2.erode(shown, square) > _WRONG_MM)
+        return np.asarray(
+            right & (cv2.dilate(shown, square) - cv2.erode(shown, square) > _WRONG_MM)
+        )
 
 
 def views(sensor: str, subjects: int, seed: int, *, wall: bool) -> list[View]:
@@ -106,7 +108,9 @@ def views(sensor: str, subjects: int, seed: int, *, wall: bool) -> list[View]:
         depth, clean, light = (
             np.asarray(image, np.float32) for image in (last.noisy, last.clean, last.infrared)
         )
-        found.append(View(depth, clean, light, np.float32([frame.noisy for frame in before])))
+        found.append(
+            View(depth, clean, light, np.asarray([frame.noisy for frame in before], np.float32))
+        )
     return found
 
 
@@ -120,13 +124,12 @@ def features(view: View, asked: Mask, *, infrared: bool, earlier: bool) -> NDArr
     middle = around.shape[1] // 2
     side = 2 * _REACH_PX + 1
     for step in (1, side, side + 1, side - 1):  # bends along rows, columns and diagonals
-        for apart in (1, 2):
-            bend = around[:, middle - apart * step] + around[:, middle + apart * step]
-            columns.append(bend)
+        for reach in (step, 2 * step):
+            columns.append(around[:, middle - reach] + around[:, middle + reach])
     columns += [np.isfinite(_windows(shown, asked, r)).sum(1) for r in (1, 2, 4)]
     columns += [(np.abs(around) < _WRONG_MM).sum(1)]
     if infrared:
-        light = view.infrared * (view.depth_mm / 1000) ** 2  # as bright as at 1 m
+        light = view.infrared * (view.depth_mm / np.float32(1000)) ** 2  # as bright as at 1 m
         near = np.log(_windows(light, asked, 2) + 1)
         columns += list((near - near[:, near.shape[1] // 2, None]).T)
         columns += [near[:, near.shape[1] // 2], np.log(view.infrared[asked] + 1)]
