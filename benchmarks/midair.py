@@ -1,9 +1,9 @@
-"""Which measured pixels in mid-air can be told from surface pixels at all, and by what.
+"""Estimate how many wrong pixels at silhouettes can be recognised, and from which images.
 
 ``python -m benchmarks.midair [SENSOR]`` simulates heads alone and before walls, trains boosted
-trees to tell wrong pixels (the truth has no depth there, or is more than 30 mm away) from right
-ones by all that surrounds them, and prints how many wrong ones are left when 5 % of the outermost
-right ones are lost: with depth alone, infrared, and earlier frames, beside the shipped network.
+trees to recognise wrong pixels (the truth has no depth there, or differs by more than 30 mm) by
+the pixels around them, and prints how many wrong ones stay when 5 % of the outermost right ones
+are lost: with depth alone, infrared, and earlier frames, beside the shipped network.
 The trees know the sensor, which the network does not: the Bayes error is at most theirs.
 """
 
@@ -55,20 +55,20 @@ class View(NamedTuple):
 
     @property
     def near_rims(self) -> Mask:
-        """Measured pixels within ``_REACH_PX`` of a hole or of a step that a wrong pixel makes."""
+        """Mask of measured pixels within 4 px of a hole or of a depth step above 30 mm."""
         reach = np.ones((2 * _REACH_PX + 1,) * 2, np.uint8)
         span = cv2.dilate(self.depth_mm, reach) - cv2.erode(self.depth_mm, reach)
         return np.asarray((self.depth_mm > 0) & (span > _WRONG_MM))
 
     @property
     def wrong(self) -> Mask:
-        """Measured pixels that are not on the surface of the truth."""
+        """Mask of measured pixels without true depth, or more than 30 mm off it."""
         apart = np.abs(self.depth_mm - self.clean_mm) > _WRONG_MM
         return np.asarray((self.depth_mm > 0) & ((self.clean_mm == 0) | apart))
 
     @property
     def ring(self) -> Mask:
-        """Right pixels beside a wrong pixel, a hole, or a step."""
+        """Mask of right pixels that touch a wrong pixel, a hole, or a step above 30 mm."""
         right = (self.depth_mm > 0) & ~self.wrong
         shown = np.where(right, self.depth_mm, 0)
         square = np.ones((3, 3), np.uint8)
@@ -78,7 +78,14 @@ class View(NamedTuple):
 
 
 def views(sensor: str, subjects: int, seed: int, *, wall: bool) -> list[View]:
-    """Simulate heads that stand still for five frames, each by a device of its own."""
+    """Simulate one view of each head: five frames of one device, in which nothing moves.
+
+    Args:
+        sensor: name of the sensor.
+        subjects: number of heads.
+        seed: of the heads, poses, devices and noise.
+        wall: whether a wall stands 1.45 to 2.2 m from the camera.
+    """
     drawn: dict[str, Any] = {"per": "sequence"}
     scene = {"wall_mm": drawn | {"uniform": [1450, 2200]}} if wall else {}
     settings = load_settings(
@@ -115,41 +122,65 @@ def views(sensor: str, subjects: int, seed: int, *, wall: bool) -> list[View]:
 
 
 def features(view: View, asked: Mask, *, infrared: bool, earlier: bool) -> NDArray[np.float32]:
-    """Return what surrounds each asked pixel, (N, F); NaN where nothing was measured."""
-    own = view.depth_mm[asked]
-    columns = [own]
-    shown = np.where(view.depth_mm > 0, view.depth_mm, np.nan).astype(np.float32)
-    around = _windows(shown, asked, _REACH_PX) - own[:, None]
-    columns += list(np.clip(around, -_MOST_MM, _MOST_MM).T)
-    middle = around.shape[1] // 2
-    side = 2 * _REACH_PX + 1
-    for step in (1, side, side + 1, side - 1):  # bends along rows, columns and diagonals
-        for reach in (step, 2 * step):
-            columns.append(around[:, middle - reach] + around[:, middle + reach])
-    columns += [np.isfinite(_windows(shown, asked, r)).sum(1) for r in (1, 2, 4)]
-    columns += [(np.abs(around) < _WRONG_MM).sum(1)]
+    """Compute what the trees see of each pixel.
+
+    Args:
+        view: the measured images.
+        asked: (H, W) mask of N pixels.
+        infrared: whether to add infrared.
+        earlier: whether to add the earlier frames.
+
+    Returns:
+        (N, F) numbers; NaN where nothing was measured.
+    """
+    columns = _depth_columns(view, asked)
     if infrared:
-        light = view.infrared * (view.depth_mm / np.float32(1000)) ** 2  # as bright as at 1 m
-        near = np.log(_windows(light, asked, 2) + 1)
-        columns += list((near - near[:, near.shape[1] // 2, None]).T)
-        columns += [near[:, near.shape[1] // 2], np.log(view.infrared[asked] + 1)]
-        raw = np.log(_windows(view.infrared, asked, 2) + 1)  # holes have infrared too
-        columns += list((raw - raw[:, raw.shape[1] // 2, None]).T)
+        columns += _infrared_columns(view, asked)
     if earlier:
-        past = np.where(view.before_mm > 0, view.before_mm, np.nan)
-        apart = np.stack([_windows(frame, asked, 1) - own[:, None] for frame in past])  # (4, N, 9)
-        known = np.isfinite(apart)
-        count = np.maximum(known.sum(0), 1)
-        mean = np.nansum(apart, 0) / count
-        spread = np.sqrt(np.nansum((apart - mean) ** 2, 0) / count)
-        for part in (known.mean(0), mean, spread):
-            columns += list(np.clip(part, -_MOST_MM, _MOST_MM).T)
-        columns += list(np.clip(apart[:, :, 4], -_MOST_MM, _MOST_MM))
+        columns += _earlier_columns(view, asked)
     return np.stack([np.asarray(column, np.float32) for column in columns], 1)
 
 
+def _depth_columns(view: View, asked: Mask) -> list[NDArray[Any]]:
+    """Return the depth, differences of depth in 9x9 px, second differences, mm, and counts."""
+    own = view.depth_mm[asked]
+    shown = np.where(view.depth_mm > 0, view.depth_mm, np.nan).astype(np.float32)
+    around = _windows(shown, asked, _REACH_PX) - own[:, None]
+    columns = [own, *np.clip(around, -_MOST_MM, _MOST_MM).T]
+    middle = around.shape[1] // 2
+    side = 2 * _REACH_PX + 1
+    for step in (1, side, side + 1, side - 1):  # along rows, columns and diagonals
+        for reach in (step, 2 * step):
+            columns.append(around[:, middle - reach] + around[:, middle + reach])
+    columns += [np.isfinite(_windows(shown, asked, r)).sum(1) for r in (1, 2, 4)]
+    columns.append((np.abs(around) < _WRONG_MM).sum(1))
+    return columns
+
+
+def _infrared_columns(view: View, asked: Mask) -> list[NDArray[Any]]:
+    """Return logarithms of infrared in 5x5 px, relative and own, with and without fall-off."""
+    at_1_m = view.infrared * (view.depth_mm / np.float32(1000)) ** 2
+    near = np.log(_windows(at_1_m, asked, 2) + 1)
+    raw = np.log(_windows(view.infrared, asked, 2) + 1)  # holes have infrared, but no distance
+    own, own_raw = (log[:, log.shape[1] // 2] for log in (near, raw))
+    return [*(near - own[:, None]).T, own, own_raw, *(raw - own_raw[:, None]).T]
+
+
+def _earlier_columns(view: View, asked: Mask) -> list[NDArray[Any]]:
+    """Return share, mean and spread of earlier depths in 3x3 px, and each at the pixel itself."""
+    past = np.where(view.before_mm > 0, view.before_mm, np.nan)
+    own = view.depth_mm[asked, None]
+    apart = np.stack([_windows(frame, asked, 1) - own for frame in past])  # (4, N, 9)
+    known = np.isfinite(apart)
+    count = np.maximum(known.sum(0), 1)
+    mean = np.nansum(apart, 0) / count
+    spread = np.sqrt(np.nansum((apart - mean) ** 2, 0) / count)
+    columns = [column for part in (known.mean(0), mean, spread) for column in part.T]
+    return [np.clip(column, -_MOST_MM, _MOST_MM) for column in (*columns, *apart[:, :, 4])]
+
+
 def _windows(image: Depth, asked: Mask, reach_px: int) -> Depth:
-    """Return the (N, side * side) windows around the asked pixels; NaN outside the image."""
+    """Cut the square window around each of N pixels, (N, side * side); NaN outside the image."""
     side = 2 * reach_px + 1
     padded = np.pad(image, reach_px, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side))
@@ -157,18 +188,21 @@ def _windows(image: Depth, asked: Mask, reach_px: int) -> Depth:
 
 
 def bound_of(doubt: list[Depth], seen: list[View]) -> float:
-    """Return the doubt above which pixels are dropped, so that ``_RING_LOST`` of rings are lost."""
+    """Return the threshold of the probability of being wrong that costs 5 % of the ring pixels."""
     of_rings = np.concatenate([d[v.ring] for d, v in zip(doubt, seen, strict=True)])
     return float(np.quantile(of_rings, 1 - _RING_LOST))
 
 
 def row(name: str, kept: list[Mask], seen: list[View]) -> str:
-    """Return a row of the table: wrong pixels that stay and right ones that are lost, of a frame.
+    """Count a frame's remaining wrong pixels and lost right pixels, as a row of the table.
 
     Args:
-        name: of the row.
-        kept: (H, W) pixels of each view that stay.
+        name: text of the first cell.
+        kept: (H, W) mask of the pixels that stay, for each view.
         seen: the views.
+
+    Returns:
+        Markdown: name, wrong pixels, lost right pixels, lost share of the ring.
     """
     pairs = list(zip(kept, seen, strict=True))
     wrong = sum(np.count_nonzero(v.wrong & k) for k, v in pairs) / len(pairs)
@@ -181,7 +215,17 @@ def row(name: str, kept: list[Mask], seen: list[View]) -> str:
 def by_trees(
     training: list[View], seen: list[View], *, infrared: bool, earlier: bool
 ) -> list[Depth]:
-    """Return the (H, W) probability that a pixel is wrong, by trees that saw other heads."""
+    """Train trees on views and predict for other ones.
+
+    Args:
+        training: views to learn from.
+        seen: views to judge, of other heads.
+        infrared: whether the trees see infrared.
+        earlier: whether they see the earlier frames.
+
+    Returns:
+        (H, W) probability of being wrong for each of ``seen``; 0 away from rims.
+    """
     given = {"infrared": infrared, "earlier": earlier}
     data = np.concatenate([features(v, v.near_rims, **given) for v in training])
     wrong = np.concatenate([v.wrong[v.near_rims] for v in training])
@@ -196,7 +240,7 @@ def by_trees(
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table of both scenes as Markdown."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.midair", description=__doc__)
     parser.add_argument("sensor", nargs="?", default="kinect-v2")
     parser.add_argument("-d", "--denoiser", default="face", help="a network without infrared")

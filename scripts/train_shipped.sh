@@ -23,15 +23,19 @@ generate() {
 }
 # Frames of the same camera.
 video=(--set redraw=sequence --set source.frames_per_sequence=8)
-near_wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
-far_wall=(--set 'scene.wall_mm={ uniform = [2550, 4500] }')
+
+# choose CAMERA: sets config, the camera's settings, and wall, a wall behind the head.
+choose() {
+    config=(--config "train/data/$1.toml") wall=(--set 'scene.wall_mm={ uniform = [900, 2500] }')
+    case $1 in
+        randomised) config=(--preset randomised) ;;
+        any_camera_1024) wall=(--set 'scene.wall_mm={ uniform = [2550, 4500] }') ;;
+    esac
+}
 
 # Cameras that nobody built at four resolutions, and any Kinect V2; a third stands before a wall.
 for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
-    config=(--config "train/data/$camera.toml")
-    [ $camera != randomised ] || config=(--preset randomised)
-    wall=("${near_wall[@]}")
-    [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
+    choose $camera
     for source in procedural ict-facekit people; do
         people=60 frames=12
         [ $camera != randomised ] || people=120
@@ -65,10 +69,7 @@ stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
     --steps 7100 --resume -o "$out/face"
 # Videos of moving heads.
 for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
-    config=(--config "train/data/$camera.toml")
-    [ $camera != randomised ] || config=(--preset randomised)
-    wall=("${near_wall[@]}")
-    [ $camera != any_camera_1024 ] || wall=("${far_wall[@]}")
+    choose $camera
     for source in procedural ict-facekit people; do
         people=30
         [ $source != people ] || people=15

@@ -70,7 +70,7 @@ SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.plan.paper_split."""
 FARTHEST_MM = DEPTH_UNIT_MM[1] * 65_535
-"""The largest depth that a file of 16 bits can hold, mm."""
+"""Largest depth of 16-bit files in the coarsest step, mm."""
 POSE_LIMITS = {"motion": (0.0, 5.0)}
 """Limits of numbers of [pose]. Chosen: turns of 30 degrees within a sequence."""
 VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}

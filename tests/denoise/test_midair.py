@@ -1,4 +1,4 @@
-"""The benchmark of wrong pixels: what counts as wrong, and that trees find it."""
+"""Check the benchmark of wrong pixels: their definition, the trees' inputs and the table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from benchmarks.midair import View, bound_of, by_trees, features, row
 
 
 def view(seed: int) -> View:
-    """A disc at 900 mm, which the camera measures 2 px wider and, there, 60 mm farther."""
+    """Make a disc at 900 mm that is measured 2 px too wide, with 960 mm in that band."""
     rng = np.random.default_rng(seed)
     rows, columns = np.mgrid[:64, :64]
     away_px = np.hypot(rows - 32, columns - 32)

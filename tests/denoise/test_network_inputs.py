@@ -25,11 +25,11 @@ from tests.support.networks import INPUTS, frames, write_checkpoint
 RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
 
 
-@pytest.fixture(scope="module", params=list(INPUTS))
+@pytest.fixture(scope="module", params=[name for name in INPUTS if name != "frame"])
 def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder: Path = tmp_path_factory.mktemp("net") / request.param
     folder.mkdir()
-    export_onnx(write_checkpoint(folder / "best.pt", request.param), folder / "net.onnx")
+    export_onnx(write_checkpoint(folder / "best.pt", inputs=request.param), folder / "net.onnx")
     return folder
 
 
@@ -71,7 +71,7 @@ def test_every_input_has_an_effect_and_may_be_missing(network: Path) -> None:
 
 
 def test_infrared_of_another_size_is_refused(tmp_path: Path) -> None:
-    denoise = glsim.load_denoiser(str(write_checkpoint(tmp_path / "best.pt", "infrared")))
+    denoise = glsim.load_denoiser(str(write_checkpoint(tmp_path / "best.pt", inputs="infrared")))
     stack, infrared = sequence()
     assert denoise(stack[1], infrared=infrared).depth_mm.shape == stack[1].shape
     with pytest.raises(glsim.GlsimError, match="infrared of shape"):
@@ -82,7 +82,7 @@ def test_infrared_of_another_size_is_refused(tmp_path: Path) -> None:
 
 def test_a_stream_gives_a_network_its_earlier_frames(tmp_path: Path) -> None:
     denoise = glsim.load_denoiser(
-        str(write_checkpoint(tmp_path / "best.pt", "video")), composite="hard"
+        str(write_checkpoint(tmp_path / "best.pt", inputs="video")), composite="hard"
     )
     stack, _ = sequence()
     stream = denoise.stream()
@@ -93,7 +93,7 @@ def test_a_stream_gives_a_network_its_earlier_frames(tmp_path: Path) -> None:
 
 
 def test_an_option_limits_the_earlier_frames(tmp_path: Path) -> None:
-    path = write_checkpoint(tmp_path / "best.pt", "video")
+    path = write_checkpoint(tmp_path / "best.pt", inputs="video")
     limited, whole = load(f"{path}:before=1"), load(str(path))
     assert (limited.before, whole.before) == (1, 4)
     stack, _ = sequence()
@@ -117,7 +117,7 @@ def test_the_command_finds_infrared_and_earlier_frames(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write_checkpoint(Path("all.pt"), "all")
+    write_checkpoint(Path("all.pt"), inputs="all")
     stack, infrared = sequence()
     Path("maps").mkdir()
     Path("light").mkdir()
@@ -148,7 +148,7 @@ def test_the_command_finds_infrared_and_earlier_frames(
 
 def test_eval_gives_networks_their_infrared_and_neighbours(tmp_path: Path) -> None:
     make(tmp_path / "data", make_settings(layers=("clean", "noisy", "infrared")), make_tasks(4, 5))
-    spec = f"net@{write_checkpoint(tmp_path / 'all.pt', 'all')}"
+    spec = f"net@{write_checkpoint(tmp_path / 'all.pt', inputs='all')}"
     from glsim.dataset import open_dataset
     from glsim.eval.scoring.blocks import FrameBlock, ScoringJob
 

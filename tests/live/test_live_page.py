@@ -127,6 +127,9 @@ def test_pause_keeps_the_frame_and_another_denoiser_is_shown_on_it(page: Any) ->
     playwright.expect(page.locator('[aria-label="denoiser"]')).to_have_value("noisy")
     choose(page, "median:size=5")
     after(page, number)
+    # The box that went back to "noisy" may draw that once more before.
+    page.wait_for_function("""() => { const { noisy, clean } = glsimTune.state.picture.layers;
+        return clean.some((d, i) => d !== noisy[i]); }""")
     assert layer(page, "clean") == denoised
     page.click('[aria-label="pause or go on"]')
     after(page, shown(page))

@@ -102,7 +102,9 @@ def test_a_recording_is_not_faster_than_a_camera(
 def test_the_denoiser_changes_and_a_wrong_one_leaves_the_former(
     folder: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    infrared = str(write_checkpoint(tmp_path_factory.mktemp("net") / "infrared.pt", "infrared"))
+    infrared = str(
+        write_checkpoint(tmp_path_factory.mktemp("net") / "infrared.pt", inputs="infrared")
+    )
     stream = live(folder, "noisy")
     layers = unpack(stream.again(1))[1]
     np.testing.assert_array_equal(layers["clean"], layers["noisy"])
@@ -146,7 +148,7 @@ def test_bags_and_matroska_files_play_with_their_infrared(tmp_path: Path) -> Non
 def test_infrared_reaches_the_network_that_uses_it(tmp_path: Path) -> None:
     (tmp_path / "recording").mkdir()
     write_static_pair(tmp_path / "recording", scene(), 2.0)
-    network = str(write_checkpoint(tmp_path / "infrared.pt", "infrared"))
+    network = str(write_checkpoint(tmp_path / "infrared.pt", inputs="infrared"))
     stream = live(tmp_path / "recording", network)
     head, layers = unpack(stream.again(1))
     assert [name for name, _ in head["layers"]] == ["noisy", "clean", "infrared"]
@@ -189,7 +191,7 @@ def test_mistakes_are_one_line(
     pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
     (tmp_path / "recording").mkdir()
     (tmp_path / "recording" / "a.png").write_bytes(encode_png(frames(1)[0]))
-    write_checkpoint(tmp_path / "infrared.pt", "infrared")
+    write_checkpoint(tmp_path / "infrared.pt", inputs="infrared")
     monkeypatch.chdir(tmp_path)
     assert main(["live", *words, "--no-browser"]) in (1, 2)
     error = capsys.readouterr().err

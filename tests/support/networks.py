@@ -36,35 +36,43 @@ WRAPPERS: dict[str, dict[str, Any]] = {
     "uncertain": {"kind": "mask_aware", "uncertainty": True},
     "surfaces": {"kind": "mask_aware", "uncertainty": True, "surfaces": True},
 }
-#: Further inputs of ``mask_aware`` networks.
+#: Images besides the frame that ``mask_aware`` networks take.
 INPUTS: dict[str, dict[str, Any]] = {
+    "frame": {},
     "infrared": {"infrared": True},
     "video": {"before": 4},
     "all": {"infrared": True, "before": 2, "after": 1},
 }
 
 
-def build(wrapper: str, backbone: str) -> DepthModel:
-    """A model without parameters that are all 0, as after some training."""
-    return _with_weights(WRAPPERS[wrapper] | {"backbone": BACKBONES[backbone]})
-
-
-def write_checkpoint(path: Path, inputs: str) -> Path:
-    """Write a network with one of the ``INPUTS``; return its path."""
-    spec = WRAPPERS["surfaces"] | INPUTS[inputs] | {"backbone": BACKBONES["small_unet-silu"]}
-    content = {"recipe": {"model": spec}, "model": _with_weights(spec).state_dict()}
-    checkpoint.save(path, content | {"data": {}, "progress": {}, "validation": {}})
-    return path
-
-
-def _with_weights(spec: dict[str, Any]) -> DepthModel:
+def build(wrapper: str, backbone: str, inputs: str = "frame") -> DepthModel:
+    """Build a model without parameters that are all 0, as after some training."""
     torch.manual_seed(3)
-    model = build_model(spec)
+    model = build_model(_spec(wrapper, backbone, inputs))
     with torch.no_grad():
         for parameter in model.parameters():
             if not parameter.any():
                 parameter.normal_(std=0.05)
     return model
+
+
+def write_checkpoint(
+    path: Path,
+    wrapper: str = "surfaces",
+    backbone: str = "small_unet-silu",
+    inputs: str = "frame",
+) -> Path:
+    """Write a checkpoint of the model that ``build`` makes of the same names; return ``path``."""
+    content = {
+        "recipe": {"model": _spec(wrapper, backbone, inputs)},
+        "model": build(wrapper, backbone, inputs).state_dict(),
+    }
+    checkpoint.save(path, content | {"data": {}, "progress": {}, "validation": {}})
+    return path
+
+
+def _spec(wrapper: str, backbone: str, inputs: str) -> dict[str, Any]:
+    return WRAPPERS[wrapper] | INPUTS[inputs] | {"backbone": BACKBONES[backbone]}
 
 
 def frames(count: int = 2, height: int = 53, width: int = 67) -> Tensor:

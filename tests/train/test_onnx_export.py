@@ -10,24 +10,16 @@ import pytest
 import torch
 
 from glsim.cli import main
-from glsim.denoise import checkpoint, load
+from glsim.denoise import load
 from glsim.denoise.inference import TorchNetwork, load_network
 from glsim.denoise.network import NetworkDenoiser
 from glsim.denoise.onnx_file import Runtime, load_onnx
 from glsim.errors import DenoiserError, TrainError
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.onnx_export import TOLERANCE_MM, export_onnx
-from tests.support.networks import BACKBONES, WRAPPERS, build, frames
+from tests.support.networks import frames, write_checkpoint
 
 RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
-
-
-def write_checkpoint(path: Path, wrapper: str, backbone: str) -> DepthModel:
-    model = build(wrapper, backbone)
-    recipe = {"model": WRAPPERS[wrapper] | {"backbone": BACKBONES[backbone]}}
-    content = {"recipe": recipe, "model": model.state_dict()}
-    checkpoint.save(path, content | {"data": {}, "progress": {}, "validation": {}})
-    return model
 
 
 @pytest.mark.parametrize(

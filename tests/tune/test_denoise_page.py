@@ -75,7 +75,7 @@ def opened(site: Path) -> Iterator[tuple[Any, list[str], list[str]]]:
 
 @pytest.fixture(scope="module")
 def measured() -> list[Any]:
-    """Five frames of a head before a wall, 512 x 424."""
+    """Simulate five frames of a head before a wall, 512 x 424 px."""
     settings = load_settings(
         overrides={
             "seed": 5,
@@ -140,7 +140,7 @@ def test_a_whole_frame_is_that_of_glsim_denoise(
 def test_each_network_gets_what_it_takes(
     opened: tuple[Any, list[str], list[str]], measured: list[Any]
 ) -> None:
-    """Crops of 128 px, with earlier frames where the network uses them; infrared is left out."""
+    """Compare the page with Python on crops of 128 px: depth alone, then with earlier frames."""
     page, errors, _ = opened
     crop = np.s_[120:248, 190:318]
     names = page.evaluate("Object.keys(glsimFacts.networks)")

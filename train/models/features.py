@@ -6,7 +6,7 @@ Each feature depends only on a neighbourhood of its pixel: a crop has the featur
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import reduce
 from typing import Final, NamedTuple
 
@@ -123,7 +123,7 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     """
     measured = noisy_mm > 0
     depth_mm = torch.where(measured, noisy_mm, torch.inf)
-    samples = torch.cat(list(_taps(depth_mm, torch.inf)), 1)
+    samples = _taps(depth_mm, torch.inf)
     nearest_mm = _extreme(torch.minimum, depth_mm, torch.inf)
     farthest_mm = _extreme(torch.maximum, torch.where(measured, noisy_mm, 0.0), 0.0)
     surfaces = []
@@ -140,26 +140,27 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
 
     The 5x5 samples are 3 px apart, within 50 mm of ``fill_mm``, with Tukey's weights.
     """
-    total, weight_sum = torch.zeros_like(fill_mm), torch.zeros_like(fill_mm)
-    depths = torch.where((noisy_mm > 0) & known, noisy_mm, torch.inf)
-    for depth, value in zip(_taps(depths, torch.inf), _taps(values, 0.0), strict=True):
-        weight = tukey((depth - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM) / _SURFACE_MM)
-        total += weight * value
-        weight_sum += weight
-    return total / weight_sum.clamp_min(TINY)
+    depths = _taps(torch.where((noisy_mm > 0) & known, noisy_mm, torch.inf), torch.inf)
+    weight = tukey(((depths - fill_mm) / _SURFACE_MM).clamp(-1, 1))
+    total = (weight * _taps(values, 0.0)).sum(1, keepdim=True)
+    return total / weight.sum(1, keepdim=True).clamp_min(TINY)
 
 
-def _taps(
-    image: Tensor, outside: float, step_px: int = _TAP_STEP, taps: int = _TAPS
-) -> Iterator[Tensor]:
-    """Yield the image shifted to each sample of a grid; pixels beyond the image are ``outside``."""
+def _taps(image: Tensor, outside: float, step_px: int = _TAP_STEP, taps: int = _TAPS) -> Tensor:
+    """Return the samples of a grid around each pixel of (B, 1, H, W), one in each channel.
+
+    Pixels beyond the image are ``outside``.
+    """
     height, width = image.shape[-2:]
     reach = taps * step_px
     around = F.pad(image, (reach,) * 4, value=outside)
     steps = range(0, 2 * reach + 1, step_px)
-    for down in steps:
-        for right in steps:
-            yield around[..., down : down + height, right : right + width]
+    shifted = [
+        around[..., down : down + height, right : right + width]
+        for down in steps
+        for right in steps
+    ]
+    return torch.cat(shifted, dim=1)
 
 
 def _extreme(
@@ -215,7 +216,7 @@ def local_mean(values: Tensor, known: Tensor) -> Tensor:
 
 def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
     """Average 5x5 measured depths with Tukey's weights around ``near_mm``: one mean-shift step."""
-    samples = torch.cat(list(_taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, 1)), 1)
+    samples = _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, 1)
     ratio = ((samples - near_mm) / _SURFACE_MM).clamp(-1, 1)
     weight = tukey(ratio)
     offset_mm = _SURFACE_MM * (weight * ratio).sum(1, keepdim=True)
@@ -224,8 +225,7 @@ def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
 
 def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
     """Return the share (0 to 1) of 3x3 samples, 6 px apart, on the surface of ``near_mm``."""
-    depths = torch.where(valid > 0, depth_mm, torch.inf)
-    samples = torch.cat(list(_taps(depths, torch.inf, _SUPPORT_STEP, 1)), 1)
+    samples = _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, _SUPPORT_STEP, 1)
     return tukey(((samples - near_mm) / _SURFACE_MM).clamp(-1, 1)).mean(1, keepdim=True)
 
 
