@@ -38,6 +38,8 @@ SHIPPED: Final = "face"
 NETWORKS: Final = {
     SHIPPED: "The shipped network, for heads and rooms before any depth camera.",
     "face-video": "The shipped network that also sees up to four earlier frames.",
+    "face-kinect-v2": "Heads before a Kinect V2, either decoder; goes with --composite trimmed.",
+    "face-realsense": "Heads before a RealSense D4xx.",
 }
 
 #: The columns of the paper's table 1, in its order.
