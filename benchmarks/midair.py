@@ -193,23 +193,27 @@ def bound_of(doubt: list[Depth], seen: list[View]) -> float:
     return float(np.quantile(of_rings, 1 - _RING_LOST))
 
 
-def row(name: str, kept: list[Mask], seen: list[View]) -> str:
-    """Count a frame's remaining wrong pixels and lost right pixels, as a row of the table.
+def row(name: str, shown: list[Depth], seen: list[View]) -> str:
+    """Count a map's wrong measured pixels and lost right pixels, as a row of the table.
 
     Args:
         name: text of the first cell.
-        kept: (H, W) mask of the pixels that stay, for each view.
+        shown: (H, W) depth map of each view, 0 = none: what a denoiser delivers, or the input
+            without the pixels that it recognised.
         seen: the views.
 
     Returns:
         Markdown: name, wrong pixels, lost right pixels, lost share of the ring.
     """
-    pairs = list(zip(kept, seen, strict=True))
-    wrong = sum(np.count_nonzero(v.wrong & k) for k, v in pairs) / len(pairs)
-    lost = sum(np.count_nonzero((v.depth_mm > 0) & ~v.wrong & ~k) for k, v in pairs) / len(pairs)
-    of_rings = sum(np.count_nonzero(v.ring & ~k) for k, v in pairs)
+    wrong = lost = of_rings = 0
+    for depth_mm, view in zip(shown, seen, strict=True):
+        off = (view.clean_mm == 0) | (np.abs(depth_mm - view.clean_mm) > _WRONG_MM)
+        missed = (depth_mm == 0) | off
+        wrong += np.count_nonzero((view.depth_mm > 0) & (depth_mm > 0) & off)
+        lost += np.count_nonzero((view.depth_mm > 0) & ~view.wrong & missed)
+        of_rings += np.count_nonzero(view.ring & missed)
     share = of_rings / sum(np.count_nonzero(v.ring) for v in seen)
-    return f"| {name} | {wrong:.0f} | {lost:.0f} | {100 * share:.1f} % |"
+    return f"| {name} | {wrong / len(seen):.0f} | {lost / len(seen):.0f} | {100 * share:.1f} % |"
 
 
 def by_trees(
@@ -253,23 +257,23 @@ def main() -> None:
         wall = scene != "alone"
         training = views(given.sensor, given.subjects, 101, wall=wall)
         judged = views(given.sensor, given.subjects // 2, 102, wall=wall)
-        measured = [v.depth_mm > 0 for v in judged]
+        measured = [v.depth_mm for v in judged]
         print(f"| {scene} {row('input', measured, judged)}", flush=True)
         results = [
             method(np.concatenate([v.before_mm, v.depth_mm[None]]), _FRAMES - 1) for v in judged
         ]
-        for composite in ("measured", "hard"):
-            kept = [
-                composed(result, view.depth_mm, composite) > 0
+        for composite in ("measured", "trimmed", "hard"):
+            shown = [
+                composed(result, view.depth_mm, composite)
                 for result, view in zip(results, judged, strict=True)
             ]
             name = f"`{given.denoiser}`, composite {composite}"
-            print(f"| {scene} {row(name, kept, judged)}", flush=True)
+            print(f"| {scene} {row(name, shown, judged)}", flush=True)
         for name, (infrared, earlier) in _SEEN.items():
             doubt = by_trees(training, judged, infrared=infrared, earlier=earlier)
             bound = bound_of(doubt, judged)
-            kept = [m & (d <= bound) for m, d in zip(measured, doubt, strict=True)]
-            print(f"| {scene} {row(f'trees: {name}', kept, judged)}", flush=True)
+            shown = [np.where(d <= bound, m, 0) for m, d in zip(measured, doubt, strict=True)]
+            print(f"| {scene} {row(f'trees: {name}', shown, judged)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -91,7 +91,8 @@ def denoise(
         str,
         typer.Option(
             help="Use of a network's probability of depth: measured (the input's pixels without "
-            "flying ones, small holes closed), soft, hard or 'input mask'."
+            "flying ones, small holes closed), trimmed (measured, without unlikely pixels beside "
+            "holes: for the network of a camera), soft, hard or 'input mask'."
         ),
     ] = "measured",
     around: Annotated[
