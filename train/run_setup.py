@@ -15,6 +15,7 @@ from lightning_fabric.utilities.exceptions import MisconfigurationException
 
 from glsim.denoise import checkpoint
 from glsim.denoise.loading import ONNX_SUFFIX, is_shipped, shipped_file
+from glsim.denoise.registry import NETWORKS
 from glsim.errors import ConfigError, TrainError
 from glsim.files.atomic import file_checksum, wrap_write_errors
 from glsim.files.lock import locked
@@ -66,7 +67,7 @@ def start_file(start: str) -> Iterator[Path]:
     else:
         raise TrainError(
             f"{start}: no such checkpoint: give a best.pt, an ONNX file of glsim export, or the "
-            "name of a shipped network (face, face-video)"
+            f"name of a shipped network ({', '.join(NETWORKS)})"
         )
 
 
