@@ -209,9 +209,9 @@ def row(name: str, shown: list[Depth], seen: list[View]) -> str:
     for depth_mm, view in zip(shown, seen, strict=True):
         off = (view.clean_mm == 0) | (np.abs(depth_mm - view.clean_mm) > _WRONG_MM)
         missed = (depth_mm == 0) | off
-        wrong += np.count_nonzero((view.depth_mm > 0) & (depth_mm > 0) & off)
-        lost += np.count_nonzero((view.depth_mm > 0) & ~view.wrong & missed)
-        of_rings += np.count_nonzero(view.ring & missed)
+        wrong += int(np.count_nonzero((view.depth_mm > 0) & (depth_mm > 0) & off))
+        lost += int(np.count_nonzero((view.depth_mm > 0) & ~view.wrong & missed))
+        of_rings += int(np.count_nonzero(view.ring & missed))
     share = of_rings / sum(np.count_nonzero(v.ring) for v in seen)
     return f"| {name} | {wrong / len(seen):.0f} | {lost / len(seen):.0f} | {100 * share:.1f} % |"
 
