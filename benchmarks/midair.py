@@ -63,8 +63,20 @@ class View(NamedTuple):
     @property
     def wrong(self) -> Mask:
         """Mask of measured pixels without true depth, or more than 30 mm off it."""
-        apart = np.abs(self.depth_mm - self.clean_mm) > _WRONG_MM
-        return np.asarray((self.depth_mm > 0) & ((self.clean_mm == 0) | apart))
+        return self.wrong_in(self.depth_mm)
+
+    def wrong_in(self, shown_mm: Depth) -> Mask:
+        """Mark measured pixels that have depth in another map, but no true one within 30 mm.
+
+        Args:
+            shown_mm: (H, W) depth map of the same view, mm, 0 = none.
+
+        Returns:
+            (H, W) bool.
+        """
+        apart = np.abs(shown_mm - self.clean_mm) > _WRONG_MM
+        shown = (self.depth_mm > 0) & (shown_mm > 0)
+        return np.asarray(shown & ((self.clean_mm == 0) | apart))
 
     @property
     def ring(self) -> Mask:
@@ -194,22 +206,22 @@ def bound_of(doubt: list[Depth], seen: list[View]) -> float:
 
 
 def row(name: str, shown: list[Depth], seen: list[View]) -> str:
-    """Count a map's wrong measured pixels and lost right pixels, as a row of the table.
+    """Count wrong and lost pixels of denoised depth maps and format the counts as a table row.
 
     Args:
         name: text of the first cell.
-        shown: (H, W) depth map of each view, 0 = none: what a denoiser delivers, or the input
-            without the pixels that it recognised.
-        seen: the views.
+        shown: (H, W) denoised depth of each view, mm, 0 = none.
+        seen: the views, with input and truth.
 
     Returns:
-        Markdown: name, wrong pixels, lost right pixels, lost share of the ring.
+        Markdown cells: name; measured pixels per view whose denoised depth is wrong; right pixels
+        per view that are lost, removed or made wrong; share of the ring that is lost, %.
     """
     wrong = lost = of_rings = 0
     for depth_mm, view in zip(shown, seen, strict=True):
-        off = (view.clean_mm == 0) | (np.abs(depth_mm - view.clean_mm) > _WRONG_MM)
+        off = view.wrong_in(depth_mm)
         missed = (depth_mm == 0) | off
-        wrong += int(np.count_nonzero((view.depth_mm > 0) & (depth_mm > 0) & off))
+        wrong += int(np.count_nonzero(off))
         lost += int(np.count_nonzero((view.depth_mm > 0) & ~view.wrong & missed))
         of_rings += int(np.count_nonzero(view.ring & missed))
     share = of_rings / sum(np.count_nonzero(v.ring) for v in seen)

@@ -40,7 +40,8 @@ LEAST_SURE, LEAST_PATCH = 3, 0.5
 #: Least number of measured neighbours of a filled pixel: 3 in a gap 2 px wide.
 LEAST_TOUCHING: Final = 3
 #: "trimmed" drops pixels beside holes whose probability of depth is at most this. Chosen: the
-#: network of a Kinect V2 then loses 4 % of the right outermost pixels (docs/denoise.md).
+#: network of a Kinect V2 then loses 4 % of the outermost right pixels of libfreenect2's frames and
+#: 8 % of the SDK's (docs/denoise.md).
 UNLIKELY: Final = 0.3
 
 
@@ -104,10 +105,15 @@ def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm
 
 
 def _unlikely(probability: Mask | Probability, noisy_mm: Depth) -> Mask:
-    """Return measured pixels within REACH_PX of a hole that have no true depth, by the network.
+    """Mark measured pixels beside a hole to which the network gives a low probability of depth.
 
-    Those of probability 0 were rejected by the safeguards, which doubt the surface, not its being
-    there.
+    Args:
+        probability: (H, W) of depth. Pixels of 0 are not marked: the safeguards set it where the
+            choice of surface is uncertain, not where depth is missing.
+        noisy_mm: (H, W) the input, mm, 0 = no return.
+
+    Returns:
+        (H, W) bool, true within REACH_PX of a hole where the probability is at most UNLIKELY.
     """
     side = 2 * REACH_PX + 1
     holes = (noisy_mm == 0).astype(np.uint8)
