@@ -46,9 +46,18 @@ def test_trees_find_what_can_be_told() -> None:
     training, judged = [view(n) for n in range(6)], [view(n) for n in (10, 11)]
     doubt = by_trees(training, judged, infrared=False, earlier=False)
     bound = bound_of(doubt, judged)
-    measured = [v.depth_mm > 0 for v in judged]
-    kept = [m & (d <= bound) for m, d in zip(measured, doubt, strict=True)]
+    measured = [v.depth_mm for v in judged]
+    kept = [np.where(d <= bound, m, 0) for m, d in zip(measured, doubt, strict=True)]
     assert row("input", measured, judged) == f"| input | {judged[0].wrong.sum()} | 0 | 0.0 % |"
     name, wrong, _, ring = row("trees", kept, judged).strip("| ").split(" | ")
     assert (name, wrong) == ("trees", "0")
     assert float(ring.split()[0]) <= 5.0
+
+
+def test_a_pixel_moved_onto_the_right_surface_is_not_wrong_and_a_moved_right_one_is_lost() -> None:
+    seen = view(3)._replace(clean_mm=np.full((64, 64), 900, np.float32))
+    assert seen.wrong.any()
+    mended = np.where(seen.wrong, np.float32(900), seen.depth_mm)
+    assert row("mended", [mended], [seen]) == "| mended | 0 | 0 | 0.0 % |"
+    mended[32, 32] = 960
+    assert row("spoilt", [mended], [seen]) == "| spoilt | 1 | 1 | 0.0 % |"
