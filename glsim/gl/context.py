@@ -49,6 +49,7 @@ def open_context(backend: str | None = None) -> moderngl.Context:
 
     Args:
         backend: "egl", "osmesa", or None for GLSIM_BACKEND or the first that works.
+            In a forked process a backend that its parent has not opened comes first.
             GLSIM_EGL_DEVICE selects one of several GPUs by number (``glsim info`` lists them).
             Mesa's software rasteriser runs on one thread unless LP_NUM_THREADS is set: one process
             per core is faster than several threads per frame.
@@ -56,7 +57,7 @@ def open_context(backend: str | None = None) -> moderngl.Context:
     os.environ.setdefault("LP_NUM_THREADS", "0")
     chosen = chosen_backend(backend)
     failures = []
-    for name in [chosen] if chosen else BACKENDS:
+    for name in [chosen] if chosen else sorted(BACKENDS, key=_is_inherited):
         try:
             context = _open_egl() if name == "egl" else _open_osmesa()
         except Exception as error:  # moderngl, glcontext and ctypes raise plain Exceptions
@@ -66,8 +67,22 @@ def open_context(backend: str | None = None) -> moderngl.Context:
             log.warning("using %s, because %s", name, failures[0])
         context.gc_mode = "context_gc"  # "auto" frees objects in whichever context is current
         keep_freed_memory()
+        _first_process.setdefault(name, os.getpid())
         return context
     raise DeviceError("no OpenGL context: " + "; ".join(failures))
+
+
+#: The process that first opened a context of a backend; forked children inherit this record.
+_first_process: dict[Backend, int] = {}
+
+
+def _is_inherited(backend: Backend) -> bool:
+    """Return whether a parent process has opened the backend's display, which a fork shares.
+
+    Mesa writes compiled shaders to its cache in a thread that a forked child lacks: the first
+    shaders that are not in the cache yet make the child wait for ever (Mesa 22.3).
+    """
+    return _first_process.get(backend, os.getpid()) != os.getpid()
 
 
 @contextmanager
