@@ -6,6 +6,7 @@ import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -166,7 +167,8 @@ def test_minutes_end_it_and_count_over_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = iter(range(0, 100_000, 5))  # each call of the clock advances it by 5 s
-    monkeypatch.setattr("glsim.train.loop.time.monotonic", lambda: float(next(now)))
+    clock = SimpleNamespace(monotonic=lambda: float(next(now)))
+    monkeypatch.setattr("glsim.train.loop.time", clock)
     limits = {"max_epochs": None, "max_minutes": 2.0}
     first = run(recipe(training=limits), tmp_path, should_stop=after(3))
     assert first["state"] == "interrupted"

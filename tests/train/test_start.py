@@ -6,6 +6,7 @@ import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -77,7 +78,7 @@ class SlowToLoad(StoredBatches):
 
 def test_minutes_count_from_the_first_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SlowToLoad, "clock", 0.0)
-    monkeypatch.setattr("glsim.train.loop.time.monotonic", lambda: SlowToLoad.clock)
+    monkeypatch.setattr(loop, "time", SimpleNamespace(monotonic=lambda: SlowToLoad.clock))
     settings = recipe(training={"max_epochs": None, "max_minutes": 61.0})
     held_out = batch_source(settings).validation
     source = SlowToLoad(Domes(8), held_out, {"name": "slow"}, settings)
@@ -95,7 +96,7 @@ def test_each_validation_takes_a_share_of_the_minutes(
 ) -> None:
     """The first one decides how many frames are validated; without a limit it is all of them."""
     clock = itertools.count()  # each look at it is a second later
-    monkeypatch.setattr("glsim.train.loop.time.monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(loop, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
     monkeypatch.setattr(loop, "VALIDATION_BATCH", 1)
     counted: list[int] = []
 
