@@ -56,7 +56,8 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Type", "application/json")
         self.send_header("Content-Length", str(len(data)))
         self.end_headers()
-        self.wfile.write(data)
+        if self.command != "HEAD":  # HTTP allows no body after HEAD
+            self.wfile.write(data)
 
     def do_PUT(self) -> None:
         self.hub.objects[self.path.rsplit("/", 1)[1]] = self._body()

@@ -101,7 +101,8 @@ def _answer(
     environ["wsgi.input"].read(int(environ.get("CONTENT_LENGTH") or 0))
     headers = [("Content-Type", "application/xml"), ("Content-Length", str(len(body)))]
     start(status, headers)
-    return [body]
+    # HTTP allows no body after HEAD; a client that reads it with the head refuses the answer.
+    return [] if environ["REQUEST_METHOD"] == "HEAD" else [body]
 
 
 @contextmanager
