@@ -72,7 +72,7 @@ class Page(Tab):
             with ui.element("section").classes("code").props('aria-label="code"'):
                 self.editor = CodeEditor(self)
         if problem:
-            ui.notify(problem, type="warning")
+            ui.notify(problem, type="warning", timeout=12_000, close_button="ok")
         ui.timer(1.0, self._watch)
 
     async def begin(self) -> None:
