@@ -266,7 +266,7 @@ with Corrupter(load_settings(), (40, 48)) as corrupter:
 
 @pytest.mark.parametrize("before", [[], ["kinect-v1"]], ids=["unused", "another sensor"])
 def test_a_forked_process_compiles_shaders(before: list[str], tmp_path: Path) -> None:
-    """Mesa's thread that writes to the shader cache does not exist in it, and it waited for it."""
+    """A forked process compiles its first shaders without hanging and draws its parent's noise."""
     done = subprocess.run(
         [sys.executable, "-c", _FORKS, *before],
         env=os.environ | {"MESA_SHADER_CACHE_DIR": str(tmp_path)},

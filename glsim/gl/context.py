@@ -57,7 +57,7 @@ def open_context(backend: str | None = None) -> moderngl.Context:
     os.environ.setdefault("LP_NUM_THREADS", "0")
     chosen = chosen_backend(backend)
     failures = []
-    for name in [chosen] if chosen else sorted(BACKENDS, key=_is_inherited):
+    for name in [chosen] if chosen else sorted(BACKENDS, key=_opened_by_parent):
         try:
             context = _open_egl() if name == "egl" else _open_osmesa()
         except Exception as error:  # moderngl, glcontext and ctypes raise plain Exceptions
@@ -67,22 +67,23 @@ def open_context(backend: str | None = None) -> moderngl.Context:
             log.warning("using %s, because %s", name, failures[0])
         context.gc_mode = "context_gc"  # "auto" frees objects in whichever context is current
         keep_freed_memory()
-        _first_process.setdefault(name, os.getpid())
+        _first_opened_by.setdefault(name, os.getpid())
         return context
     raise DeviceError("no OpenGL context: " + "; ".join(failures))
 
 
-#: The process that first opened a context of a backend; forked children inherit this record.
-_first_process: dict[Backend, int] = {}
+#: Backend -> ID of the process that opened it first; a forked process inherits the entries.
+_first_opened_by: dict[Backend, int] = {}
 
 
-def _is_inherited(backend: Backend) -> bool:
-    """Return whether a parent process has opened the backend's display, which a fork shares.
+def _opened_by_parent(backend: Backend) -> bool:
+    """Return whether a parent process opened this backend before it forked this process.
 
-    Mesa writes compiled shaders to its cache in a thread that a forked child lacks: the first
-    shaders that are not in the cache yet make the child wait for ever (Mesa 22.3).
+    Mesa starts a thread that writes compiled shaders to its cache. A fork does not copy threads, so
+    that a forked process waits for ever when it compiles a shader that is not yet in the cache
+    (Mesa 22.3).
     """
-    return _first_process.get(backend, os.getpid()) != os.getpid()
+    return _first_opened_by.get(backend, os.getpid()) != os.getpid()
 
 
 @contextmanager
