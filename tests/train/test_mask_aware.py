@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from glsim.errors import ConfigError
-from glsim.train.models.features import depth_features
+from glsim.train.models.features import FILTERS, OTHER_CHANNELS, FilterName, depth_features
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import build_model
 from glsim.train.models.sigma_scale import calibrate, sigma_scale
@@ -131,6 +131,41 @@ def test_partial_convolutions_do_not_read_the_fill() -> None:
             one = network(channels, valid)
             other = network(torch.where(valid > 0, channels, 1e6), valid)
         assert torch.equal(one, other)
+
+
+@pytest.mark.parametrize("filters", [FILTERS[:1], FILTERS[1::2], ("guided_1", "slopes")])
+def test_fewer_filters_are_the_same_filters(filters: tuple[FilterName, ...]) -> None:
+    """A filter's correction, mm, stays the same when other filters are left out."""
+    every, some = depth_features(frames()), depth_features(frames(), filters)
+    corrections_mm = every.bands_mm.cumsum(1)
+    for place, name in enumerate(filters):
+        torch.testing.assert_close(
+            some.bands_mm[:, : place + 1].sum(1), corrections_mm[:, FILTERS.index(name)]
+        )
+    assert some.channels.shape[1] == len(filters) + OTHER_CHANNELS
+    assert torch.equal(some.channels[:, len(filters) :], every.channels[:, len(FILTERS) :])
+
+
+def test_a_network_with_fewer_filters_starts_from_the_frame_as_measured() -> None:
+    spec = {"kind": "small_unet", "width": 8, "scales": 3}
+    model = build_model({"kind": "mask_aware", "filters": ["guided_2", "slopes"], "backbone": spec})
+    noisy_mm = frames()
+    assert torch.equal(model.eval()(noisy_mm).hard_mm(), noisy_mm)
+
+
+@pytest.mark.parametrize(
+    ("filters", "match"),
+    [
+        ([], "at least 1 item"),
+        (["slopes", "guided_1"], "in the order guided_1"),
+        (["guided_1", "guided_1"], "each once"),
+        (["median"], "'guided_1', 'robust'"),
+    ],
+)
+def test_other_filters_are_refused(filters: list[str], match: str) -> None:
+    spec = {"kind": "small_unet", "width": 8, "scales": 3}
+    with pytest.raises(ConfigError, match=match):
+        build_model({"kind": "mask_aware", "filters": filters, "backbone": spec})
 
 
 def test_sigma_scale_makes_errors_standard() -> None:

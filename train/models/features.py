@@ -6,9 +6,9 @@ Each feature depends only on a neighbourhood of its pixel: a crop has the featur
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import reduce
-from typing import Final, NamedTuple
+from collections.abc import Callable, Sequence
+from functools import cache, reduce
+from typing import Final, Literal, NamedTuple, get_args
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -16,10 +16,13 @@ from torch import Tensor
 
 from glsim.train.models.gaussian import TINY, blurred, shrunk_mean, weighted_mean
 
-#: Filters of `depth_features`: a robust mean, four guided filters, two curve-preserving Gaussians.
-FILTERS: Final = 7
-#: Channels of `depth_features`; the last one is validity.
-CHANNELS: Final = FILTERS + 5
+#: Edge-preserving filters of `depth_features`, by increasing strength: guided filters of radius 1,
+#: 2 and 4 px, a robust mean of 5x5 px, curve-preserving Gaussians of 3 and 5 px, and the guided
+#: filter of 4 px relative to the surrounding mean, which also smooths slopes.
+FilterName = Literal["guided_1", "robust", "guided_2", "curved_3", "guided_4", "curved_5", "slopes"]
+FILTERS: Final[tuple[FilterName, ...]] = get_args(FilterName)
+#: Channels of `depth_features` besides one for each filter; the last one is validity.
+OTHER_CHANNELS: Final = 5
 
 #: Hole filling: number of rounds, radius and sigma of the Gaussian, px. Chosen: closes holes of up
 #: to 24 px, wider than any drop-out.
@@ -30,12 +33,10 @@ _AROUND_RADIUS, _AROUND_SIGMA = 24, 12.0
 _SURFACE_MM: Final = 50.0
 #: Samples to each side, and the distance between them, px.
 _TAPS, _TAP_STEP = 2, 3
-#: Radii, px, and epsilon, mm, of the guided filters. Epsilon: the best on real Kinect V2 frames
+#: Epsilon of the guided filters, mm: the best on real Kinect V2 frames
 #: (docs/real_frames_tables.md).
-_GUIDED_RADII, _GUIDED_MM = (1, 2, 4), 15.0
-#: Standard deviations, px, of the Gaussians of `_curved`. Chosen: least error under white noise.
-_CURVED_SIGMAS: Final = (3.0, 5.0)
-#: Radius of these Gaussians in standard deviations: at most 10 px, so that none crosses a step.
+_GUIDED_MM: Final = 15.0
+#: Radius of `_curved`'s Gaussians, standard deviations: at most 10 px, so that none crosses a step.
 _CURVED_REACH: Final = 2.0
 #: Number of means: the first one, and those of the residuals.
 _CURVED_ROUNDS: Final = 3
@@ -61,18 +62,15 @@ class Features(NamedTuple):
 
     Attributes:
         fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
-        bands_mm: (B, FILTERS, H, W) differences between successive edge-preserving filters of
-            increasing strength, so that their sum is the correction of the last one, at most 50 mm:
-            guided filter of radius 1 px, robust mean of 5x5 px, guided filter of 2 px,
-            curve-preserving Gaussian of 3 px, guided filter of 4 px, curve-preserving Gaussian of
-            5 px, guided filter of 4 px relative to the surrounding mean (it also smooths slopes).
+        bands_mm: (B, N, H, W) differences between successive ones of N filters of increasing
+            strength, so that their sum is the correction of the last one, at most 50 mm.
             Differences are less correlated than the filtered maps.
-        channels: (B, CHANNELS, H, W), about -5 to 5, 0 where undefined:
-            0-6 asinh(bands_mm / 2 mm)
-            7 share of the neighbourhood on the pixel's surface, 0 to 1; near 0 for a flying pixel
-            8 depth relative to the surrounding mean, asinh(mm / 20)
-            9, 10 log of the local noise, mm, between pixels 1 and 3 px apart
-            11 validity, 0 or 1
+        channels: (B, N + OTHER_CHANNELS, H, W), about -5 to 5, 0 where undefined:
+            first N: asinh(bands_mm / 2 mm)
+            share of the neighbourhood on the pixel's surface, 0 to 1; near 0 for a flying pixel
+            depth relative to the surrounding mean, asinh(mm / 20)
+            two: log of the local noise, mm, between pixels 1 and 3 px apart
+            validity, 0 or 1
         even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
 
     No feature holds the distance: given distance, a network learns the training cameras' bias and
@@ -85,8 +83,13 @@ class Features(NamedTuple):
     even: Tensor
 
 
-def depth_features(noisy_mm: Tensor) -> Features:
-    """Features of (B, 1, H, W) millimetres; a pixel not above 0, or not a number, is a hole."""
+def depth_features(noisy_mm: Tensor, filters: Sequence[FilterName] = FILTERS) -> Features:
+    """Compute what a network sees of depth maps: filtered depth, noise, validity.
+
+    Args:
+        noisy_mm: (B, 1, H, W) millimetres; a pixel not above 0, or not a number, is a hole.
+        filters: the N filters whose bands are features, in the order of FILTERS; at least one.
+    """
     measured = noisy_mm > 0
     valid = measured.to(noisy_mm.dtype)
     depth_mm = torch.where(measured, noisy_mm, 0.0)
@@ -96,14 +99,24 @@ def depth_features(noisy_mm: Tensor) -> Features:
     middle_mm = torch.full_like(fill_mm, _MIDDLE_MM)
     support = _support(fill_mm, depth_mm, valid)
     even = valid * (support > _EVEN_SUPPORT)
-    guided_1, guided_2, guided_4 = (
-        _guided(depth_mm, valid, fill_mm, middle_mm, radius) for radius in _GUIDED_RADII
-    )
-    curved_3, curved_5 = (_curved(depth_mm, even, guided_2, sigma) for sigma in _CURVED_SIGMAS)
-    robust = _robust_mean(fill_mm, depth_mm, valid)
-    slopes = _guided(depth_mm, valid, fill_mm, around_mm, _GUIDED_RADII[-1])
-    filters = [guided_1, robust, guided_2, curved_3, guided_4, curved_5, slopes]
-    smoothed = torch.cat(filters, dim=1)
+
+    @cache  # the curve-preserving Gaussians need one, too
+    def guided(radius: int) -> Tensor:
+        return _guided(depth_mm, valid, fill_mm, middle_mm, radius)
+
+    filter_functions: dict[FilterName, Callable[[], Tensor]] = {
+        "guided_1": lambda: guided(1),
+        "guided_2": lambda: guided(2),
+        "guided_4": lambda: guided(4),
+        # Chosen, 3 and 5 px: least error under white noise.
+        "curved_3": lambda: _curved(depth_mm, even, guided(2), 3.0),
+        "curved_5": lambda: _curved(depth_mm, even, guided(2), 5.0),
+        "robust": lambda: _robust_mean(fill_mm, depth_mm, valid),
+        "slopes": lambda: _guided(depth_mm, valid, fill_mm, around_mm, 4),
+    }
+    # In the order of the functions, so that a shipped network is exported byte for byte again.
+    by_name = {name: smooth() for name, smooth in filter_functions.items() if name in filters}
+    smoothed = torch.cat([by_name[name] for name in filters], dim=1)
     filtered_mm = (smoothed - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
     bands_mm = torch.cat([filtered_mm[:, :1], filtered_mm[:, 1:] - filtered_mm[:, :-1]], dim=1)
     channels = [

@@ -10,10 +10,11 @@ Computer Vision?", NeurIPS 2017.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, Final
 
 import torch
-from pydantic import Field
+from pydantic import AfterValidator, Field
 from torch import Tensor
 
 from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
@@ -27,8 +28,9 @@ from glsim.train.models.extra_features import (
     neighbour_features,
 )
 from glsim.train.models.features import (
-    CHANNELS,
     FILTERS,
+    OTHER_CHANNELS,
+    FilterName,
     depth_features,
     front_and_back,
     local_mean,
@@ -37,6 +39,16 @@ from glsim.train.models.features import (
 
 #: A number of neighbours in time, earlier or later.
 Neighbours = Annotated[int, Field(ge=0, le=MAX_NEIGHBOURS)]
+
+
+def _in_order(filters: tuple[FilterName, ...]) -> tuple[FilterName, ...]:
+    if list(filters) != [name for name in FILTERS if name in filters]:
+        raise ValueError(f"give each once, in the order {', '.join(FILTERS)}")
+    return filters
+
+
+#: Filters of `depth_features`, each once and in their order.
+Filters = Annotated[tuple[FilterName, ...], Field(min_length=1), AfterValidator(_in_order)]
 #: Depth correction of a network output of 1, mm. Chosen: about that of a band's gain of 1.
 _CORRECTION_MM: Final = 3.0
 #: Log odds of depth before training: +3 for measured pixels, -3 for holes, i.e. 95 %.
@@ -70,9 +82,10 @@ class MaskAware(DepthModel):
     The last layer starts at zero: an untrained network returns the measured depth and mask, and a
     sigma of 1.65 mm. Features and sums in millimetres stay float32 under autocast.
 
-    The backbone maps 12 channels (2 more with ``surfaces``) to 9 (1 more with ``uncertainty``, 4
-    more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma, see
-    `sigma_scale.calibrate`.
+    ``filters`` are some of FILTERS, in their order: fewer ones take less time. The backbone maps a
+    channel for each and 5 others (2 more with ``surfaces``) to a gain for each and 2 others (1 more
+    with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma,
+    see `sigma_scale.calibrate`.
     """
 
     sigma_scale: Tensor
@@ -85,8 +98,10 @@ class MaskAware(DepthModel):
         infrared: bool = False,
         before: Neighbours = 0,
         after: Neighbours = 0,
+        filters: Filters = FILTERS,
     ) -> None:
         super().__init__()
+        self.filters = filters
         self.inputs = NetworkInputs(infrared, before, after)
         self.backbone = backbone
         self.uncertainty = uncertainty
@@ -100,12 +115,13 @@ class MaskAware(DepthModel):
         infrared: bool = False,
         before: int = 0,
         after: int = 0,
+        filters: Sequence[FilterName] = FILTERS,
     ) -> dict[str, Any]:
         """Arguments that the backbone must be built with."""
         extra = extra_channels(NetworkInputs(infrared, before, after))
         return {
-            "in_channels": CHANNELS + 2 * surfaces + extra,
-            "out_channels": 2 + FILTERS + uncertainty + 4 * surfaces,
+            "in_channels": len(filters) + OTHER_CHANNELS + 2 * surfaces + extra,
+            "out_channels": 2 + len(filters) + uncertainty + 4 * surfaces,
             "residual": False,
             "zero_last": True,
         }
@@ -121,7 +137,7 @@ class MaskAware(DepthModel):
                 neighbours_mm = torch.cat(neighbours, dim=1)
                 in_time = mean_over_time(neighbours_mm, noisy_mm)
                 noisy_mm = noisy_mm + in_time.offset_mm
-            fill_mm, bands_mm, channels, even = depth_features(noisy_mm)
+            fill_mm, bands_mm, channels, even = depth_features(noisy_mm, self.filters)
             if self.surfaces:
                 around_mm = front_and_back(noisy_mm, fill_mm)
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
@@ -135,7 +151,8 @@ class MaskAware(DepthModel):
                 features = neighbour_features(neighbours_mm, fill_mm, in_time)
                 channels = torch.cat([channels, features], dim=1)
         out = self.backbone(channels, valid).float()
-        gains, out = out[:, :FILTERS], out[:, FILTERS:]
+        count = len(self.filters)
+        gains, out = out[:, :count], out[:, count:]
         correction_mm = (gains * bands_mm).sum(1, keepdim=True) + _CORRECTION_MM * out[:, :1]
         prediction = Prediction(
             depth_mm=fill_mm + correction_mm - local_mean(correction_mm, even),
