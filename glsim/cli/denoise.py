@@ -24,6 +24,8 @@ EXAMPLES = """
 
 glsim denoise noisy.png -o clean.png                     the shipped network
 
+glsim denoise recording/ -o denoised/ -d face-azure-kinect    the network of one camera
+
 glsim denoise noisy.png -o clean.png --uncertainty sigma.png
 
 glsim denoise noisy.png -o clean.png --denoiser quadric:sigma_px=2.5,cleanup=5
@@ -62,7 +64,9 @@ def denoise(
         typer.Option(
             "-d",
             "--denoiser",
-            help="A name of glsim eval --list, or a checkpoint; face is the shipped network.",
+            help="A name of glsim eval --list, or a checkpoint. face is a network for any camera; "
+            "face-kinect-v2, face-azure-kinect and face-realsense know one kind and are better "
+            "there.",
         ),
     ] = "face",
     device: CalibratedDeviceOption = None,
@@ -91,8 +95,7 @@ def denoise(
         str,
         typer.Option(
             help="Use of a network's probability of depth: measured (the input's pixels without "
-            "flying ones, small holes closed), trimmed (measured, without unlikely pixels beside "
-            "holes: for the network of a camera), soft, hard or 'input mask'."
+            "flying and unlikely ones, small holes closed), soft, hard or 'input mask'."
         ),
     ] = "measured",
     around: Annotated[

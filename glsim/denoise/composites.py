@@ -1,7 +1,8 @@
 """Composites: depth maps made of a denoised depth and the probability that a pixel has depth.
 
-The default, "measured", keeps the sensor's mask without flying pixels and small holes. Thresholding
-the probability ("hard") erodes silhouettes and fills shadows in real frames: docs/denoise.md.
+The default, "measured", keeps the sensor's mask without flying pixels, unlikely rims and small
+holes. Thresholding the probability ("hard") erodes silhouettes and fills shadows in real frames:
+docs/denoise.md.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from glsim.errors import ConfigError, did_you_mean
 
 #: Ways to turn a soft validity into a depth map: name -> meaning.
 COMPOSITES: Final = {
-    "measured": "depth where the input has depth: mid-air pixels dropped, holes of 2 px closed",
-    "trimmed": "measured, without unlikely pixels beside holes: for the network of a camera",
+    "measured": "depth where the input has depth: mid-air pixels and unlikely rims dropped, holes "
+    "of 2 px closed",
     "soft": "depth times probability, which minimises the squared error",
     "hard": "depth where the probability exceeds 1/2",
     "input mask": "depth where the input has depth: surface quality without guessing silhouettes",
@@ -39,10 +40,10 @@ REACH_PX: Final = 2
 LEAST_SURE, LEAST_PATCH = 3, 0.5
 #: Least number of measured neighbours of a filled pixel: 3 in a gap 2 px wide.
 LEAST_TOUCHING: Final = 3
-#: "trimmed" drops pixels beside holes whose probability of depth is at most this. Chosen: the
-#: network of a Kinect V2 then loses 4 % of the outermost right pixels of libfreenect2's frames and
-#: 8 % of the SDK's (docs/denoise.md).
-UNLIKELY: Final = 0.3
+#: Pixels beside holes whose probability of depth is at most this are dropped. Chosen: the network
+#: of a Kinect V2 then loses at most 5 % of the outermost right pixels of either decoder's frames
+#: (docs/denoise.md).
+UNLIKELY: Final = 0.17
 
 
 def check_composite(name: str, where: str) -> None:
@@ -68,11 +69,8 @@ def composed(denoised: Denoised, noisy_mm: Depth, composite: str) -> NDArray[Any
     none = depth.dtype.type(0)
     if valid.dtype.kind == "b":
         return np.where(valid, depth, none)
-    if composite in ("measured", "trimmed"):
-        surfaces = measured_surfaces(depth, valid, noisy_mm)
-        if composite == "trimmed":
-            surfaces[_unlikely(valid, noisy_mm)] = none
-        return surfaces
+    if composite == "measured":
+        return measured_surfaces(depth, valid, noisy_mm)
     if composite == "soft":
         soft = depth * valid
         return np.where(soft >= MIN_DEPTH_MM, soft, 0)
@@ -82,8 +80,9 @@ def composed(denoised: Denoised, noisy_mm: Depth, composite: str) -> NDArray[Any
 def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm: Depth) -> Depth:
     """Return the composite "measured".
 
-    A doubtful measured pixel stays if it lies on a surface (LEAST_SURE, LEAST_PATCH), with its
-    denoised depth if that is on the same surface, else with its measured depth. A hole of at most
+    A measured pixel beside a hole is dropped if it is unlikely (UNLIKELY). Another doubtful one
+    stays if it lies on a surface (LEAST_SURE, LEAST_PATCH), with its denoised depth if that is on
+    the same surface, else with its measured depth. A hole of at most
     REACH_PX inside the image is filled where the denoiser is sure and all depths around lie on one
     surface.
 
@@ -98,6 +97,7 @@ def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm
     measured = noisy_mm > 0
     sure = probability > DOUBT
     kept = measured & (sure | _on_surface(noisy_mm, measured & ~sure, measured & sure))
+    kept &= ~_unlikely(probability, noisy_mm)
     same = np.abs(depth_mm - noisy_mm) <= tolerance_mm(noisy_mm)
     surface = np.where(sure | same, depth_mm, noisy_mm.astype(depth_mm.dtype))
     filled = _closed_holes(noisy_mm, np.where(sure, depth_mm, 0), kept)
@@ -129,17 +129,18 @@ def tolerance_mm(depth_mm: Depth) -> Depth:
 
 def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
     """Return the pixels of ``asked`` on a surface of ``sure`` (measured, not doubtful) ones."""
-    own = noisy_mm[asked]
+    pixels = np.nonzero(asked)
+    own = noisy_mm[pixels]
     allowed = tolerance_mm(own)
     alike, surely, places = (np.zeros(own.shape, np.uint8) for _ in range(3))
     images = (noisy_mm, sure, np.ones_like(asked))
-    for depth, known, inside in zip(*(_around(i, asked, REACH_PX) for i in images), strict=True):
+    for depth, known, inside in zip(*(_around(i, pixels, REACH_PX) for i in images), strict=True):
         near = (depth > 0) & (np.abs(depth - own) <= allowed)
         alike += near
         surely += near & known
         places += inside
     found = np.zeros_like(asked)
-    found[asked] = (surely >= LEAST_SURE) | (alike >= LEAST_PATCH * places)
+    found[pixels] = (surely >= LEAST_SURE) | (alike >= LEAST_PATCH * places)
     return found
 
 
@@ -148,17 +149,18 @@ def _closed_holes(noisy_mm: Depth, sure_mm: Depth, kept: Mask) -> Mask:
 
     ``sure_mm`` is the denoised depth, 0 where doubtful; ``kept`` marks measured pixels to keep.
     """
-    asked = _narrow_holes(noisy_mm == 0) & (sure_mm > 0)
-    own = sure_mm[asked]
+    closed = _narrow_holes(noisy_mm == 0) & (sure_mm > 0)
+    pixels = np.nonzero(closed)
+    own = sure_mm[pixels]
     allowed = tolerance_mm(own)
     one = np.ones(own.shape, np.bool_)
-    for depth in _around(noisy_mm, asked, REACH_PX):
+    for depth in _around(noisy_mm, pixels, REACH_PX):
         one &= (depth == 0) | (np.abs(depth - own) <= allowed)
     touching = np.zeros(own.shape, np.uint8)
-    for neighbour in _around(kept, asked, 1):
+    for neighbour in _around(kept, pixels, 1):
         touching += neighbour
-    asked[asked] = one & (touching >= LEAST_TOUCHING)
-    return asked
+    closed[pixels] = one & (touching >= LEAST_TOUCHING)
+    return closed
 
 
 def _narrow_holes(empty: Mask) -> Mask:
@@ -173,10 +175,21 @@ def _narrow_holes(empty: Mask) -> Mask:
     return np.asarray(narrow[labels])
 
 
-def _around(image: NDArray[Any], asked: Mask, reach_px: int) -> Iterator[NDArray[Any]]:
-    """Yield the (N,) values of N pixels' neighbours at each offset within reach_px; 0 outside."""
+def _around(
+    image: NDArray[Any], pixels: tuple[NDArray[np.intp], ...], reach_px: int
+) -> Iterator[NDArray[Any]]:
+    """Yield the values of the neighbours of N pixels, one array for each offset in a square window.
+
+    Args:
+        image: (H, W) values.
+        pixels: (N,) rows and (N,) columns of the pixels.
+        reach_px: half side of the window.
+
+    Returns:
+        (N,) values of the image's type; 0 outside the image.
+    """
     padded = np.pad(image, reach_px)
-    rows, columns = np.nonzero(asked)
+    rows, columns = pixels
     for down in range(2 * reach_px + 1):
         for right in range(2 * reach_px + 1):
             if (down, right) != (reach_px, reach_px):

@@ -120,6 +120,7 @@ def _numbers() -> dict[str, Any]:
             "least_sure": composites.LEAST_SURE,
             "least_patch": composites.LEAST_PATCH,
             "least_touching": composites.LEAST_TOUCHING,
+            "unlikely": composites.UNLIKELY,
         },
     }
 

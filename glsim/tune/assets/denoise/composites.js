@@ -1,5 +1,5 @@
-// The composite "measured" of glsim/denoise/composites.py: the sensor's mask without flying pixels and
-// small holes. numbers: the constants of that module.
+// The composite "measured" of glsim/denoise/composites.py: the sensor's mask without flying pixels, unlikely
+// rims and small holes. numbers: the constants of that module.
 
 // The narrow holes of an image, 1 in them: nowhere wider than reach_px, and inside the image.
 function narrowHoles(depth, width, height, reach) {
@@ -65,7 +65,15 @@ export function measuredSurfaces(depth, probability, noisy, width, height, numbe
     });
     return surely >= numbers.least_sure || alike >= numbers.least_patch * places;
   };
-  const kept = Uint8Array.from(noisy, (mm, i) => (mm > 0 && (sure(i) || onSurface(i)) ? 1 : 0)),
+  const unlikely = (i) => {
+    if (!(probability[i] > 0) || probability[i] > numbers.unlikely) return false;
+    let beside = false;
+    around(i, reach, (k) => {
+      if (noisy[k] === 0) beside = true;
+    });
+    return beside;
+  };
+  const kept = Uint8Array.from(noisy, (mm, i) => (mm > 0 && !unlikely(i) && (sure(i) || onSurface(i)) ? 1 : 0)),
     narrow = narrowHoles(noisy, width, height, reach);
   const closes = (i) => {
     if (noisy[i] > 0 || !sure(i) || !(depth[i] > 0) || !narrow(i)) return false;
