@@ -274,7 +274,7 @@ def main() -> None:
         results = [
             method(np.concatenate([v.before_mm, v.depth_mm[None]]), _FRAMES - 1) for v in judged
         ]
-        for composite in ("measured", "trimmed", "hard"):
+        for composite in ("measured", "hard"):
             shown = [
                 composed(result, view.depth_mm, composite)
                 for result, view in zip(results, judged, strict=True)

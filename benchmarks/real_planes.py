@@ -1,7 +1,8 @@
 """Denoisers on planes before real cameras: python -m benchmarks.real_planes RECORDINGS [-d SPEC].
 
-RECORDINGS holds the folders truedepth_zeiss and d435_wall_2frames of 16-bit PNG files. Prints a
-Markdown table; the settings of each filter are those with the least residual on these very frames.
+RECORDINGS holds the folders truedepth_zeiss, d435_wall_2frames and azure_kinect_mug of 16-bit PNG
+files. Prints a Markdown table; the settings of each filter are those with the least residual on
+these very frames.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ _PLANES: Final = (
            0.1, slice(40, 440), slice(40, 600)),
     _Plane("D435, wall at 1.6 to 1.9 m", "d435_wall_2frames/depth_*.png",
            1.0, slice(40, 280), slice(40, 280)),
+    _Plane("Azure Kinect, door at 1.8 to 2 m", "azure_kinect_mug/depth.png",
+           1.0, slice(90, 330), slice(420, 580)),
 )  # fmt: skip
 
 

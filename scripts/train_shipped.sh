@@ -2,13 +2,13 @@
 # Makes the networks that the package ships: data, trainings, FOLDER/*.onnx; says whether they are the shipped ones. Resumes.
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
 #   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 7 GB of data and the runs, default build/shipped.
-# Five and a half hours on two cores with bfloat16, three quarters of an hour of it for the data. The results are in docs/model_card.md.
+# About seven hours on two cores with bfloat16, one of them for the data. The results are in docs/model_card.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 model=${1:?say where ICT-FaceKit\'s FaceXModel is}
 out=${2:-build/shipped}
 glsim=${GLSIM:-.venv/bin/glsim}
-stills=() more=() videos=()
+stills=() more=() videos=() live=()
 
 # generate NAME SOURCE PEOPLE FRAMES OPTIONS...: makes a data set, by two workers.
 generate() {
@@ -45,6 +45,7 @@ for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_102
             generate "$set-wall" $source $((people / 3)) 16 "${config[@]}" "${wall[@]}"
             made=(--data "$out/$set-$source" --data "$out/$set-wall-$source")
             if [ "$set" = "$camera-third" ]; then more+=("${made[@]}"); else stills+=("${made[@]}"); fi
+            case $set in any_camera | any_camera_320 | any_camera_640 | any_camera_1024) live+=("${made[@]}") ;; esac
         done
     done
 done
@@ -62,7 +63,7 @@ done
 # Clean frames stay as they are.
 generate ideal procedural 40 8 --sensor ideal --crop 128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
     --set 'pose.distance_mm={ uniform = [520, 1450] }'
-stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
+stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural") live+=(--data "$out/ideal-procedural")
 
 "$glsim" train face "${stills[@]}" --set data.target=expected --resume -o "$out/face-first"
 "$glsim" train face "${more[@]}" --set data.target=expected --from "$out/face-first/best.pt" --set optimiser.lr=1.2e-3 \
@@ -99,6 +100,7 @@ heads() {
         generate "$name-wall" $source $((people / 2)) 12 "${made[@]}" \
             --set "scene.wall_mm={ uniform = [$((far - 200)), $((far + 1200))] }"
         own+=(--data "$out/$name-$source" --data "$out/$name-wall-$source")
+        [ $far -gt 1600 ] || live+=(--data "$out/$name-$source" --data "$out/$name-wall-$source")
     done
 }
 # rooms NAME PEOPLE OPTIONS...: adds people in rooms.
@@ -107,6 +109,7 @@ rooms() {
     shift 2
     for room in office living-room; do
         generate "$name-$room" people $people 4 --preset $room "$@" --depth-unit-mm 0.2
+        live+=(--data "$out/$name-$room-people")
         for _ in 1 2 3; do own+=(--data "$out/$name-$room-people"); done
     done
 }
@@ -119,11 +122,18 @@ train_own() {
 own=()
 one=(--config train/data/any_camera.toml --sensor) # its poses and variation of shapes, another sensor
 heads kinect-v2 50 550 1500 "${one[@]}" kinect-v2
-rooms kinect-v2 30 --sensor kinect-v2
+rooms kinect-v2 50 --sensor kinect-v2
 heads kinect-v2-sdk 40 550 1500 "${one[@]}" kinect-v2-sdk
-rooms kinect-v2-sdk 25 --sensor kinect-v2-sdk
+rooms kinect-v2-sdk 40 --sensor kinect-v2-sdk
 heads kinect-random 60 550 1500 --preset randomised
-train_own face-kinect-v2 4000
+heads kinect-v2-far 15 1500 3000 "${one[@]}" kinect-v2
+train_own face-kinect-v2 5000
+heads azure-kinect 80 520 1600 "${one[@]}" azure-kinect
+heads azure-kinect-wfov 20 400 1100 "${one[@]}" azure-kinect-wfov
+rooms azure-kinect 20 --sensor azure-kinect
+train_own face-azure-kinect 3500
+# The network of live streams, on the frames of any camera and of these two.
+"$glsim" train face-live "${live[@]}" --set data.target=expected --resume -o "$out/face-live"
 heads realsense-d435 70 400 1300 "${one[@]}" realsense-d435
 heads realsense-d455 30 400 1300 "${one[@]}" realsense-d455
 heads realsense-d415 25 500 1800 "${one[@]}" realsense-d415
@@ -132,7 +142,7 @@ rooms realsense-d435 15 --sensor realsense-d435
 train_own face-realsense 4500
 
 # The shipped files are replaced by hand, once the model card has been made again.
-for network in face face-video face-kinect-v2 face-realsense; do
+for network in face face-live face-video face-kinect-v2 face-azure-kinect face-realsense; do
     made="$out/$network.onnx" shipped="glsim/denoise/shipped/$network.onnx"
     "$glsim" export "$out/$network/best.pt" -o "$made"
     if cmp -s "$made" "$shipped"; then

@@ -32,7 +32,7 @@ from glsim.worker_processes import available_workers, run_tasks
 #: Frames in a block: few enough that a crash costs little and all cores end together.
 _BLOCK: Final = 25
 #: Version of the scores; to be increased by a change that alters the scores of a frame.
-_VERSION: Final = 2
+_VERSION: Final = 3
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ EXAMPLES = """
 
 glsim live recording/
 
-glsim live recording.bag -d quadric --around face
+glsim live recording.bag -d face-live --around face      30 frames a second on two cores
 
 glsim live --camera realsense                        needs: pip install pyrealsense2
 

@@ -37,8 +37,10 @@ SHIPPED: Final = "face"
 #: The networks that glsim ships, in the folder shipped/: name -> help.
 NETWORKS: Final = {
     SHIPPED: "The shipped network, for heads and rooms before any depth camera.",
+    "face-live": "A smaller network for live streams of heads, in half the time of face.",
     "face-video": "The shipped network that also sees up to four earlier frames.",
-    "face-kinect-v2": "Heads before a Kinect V2, either decoder; goes with --composite trimmed.",
+    "face-kinect-v2": "Heads before a Kinect V2, either decoder.",
+    "face-azure-kinect": "Heads before an Azure Kinect.",
     "face-realsense": "Heads before a RealSense D4xx.",
 }
 

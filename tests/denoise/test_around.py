@@ -41,7 +41,7 @@ def test_boxes_lie_on_the_grid_and_end_at_the_frame() -> None:
     assert (box_around(mask) or rows)[0].stop == 424
 
 
-@pytest.mark.parametrize("network", ["face", "face-video"])
+@pytest.mark.parametrize("network", ["face", "face-live", "face-video"])
 def test_a_network_around_depth_gives_what_it_gives_on_the_whole_frame(
     network: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

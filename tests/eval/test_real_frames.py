@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.denoise import DEFAULT_COMPOSITE
 from glsim.eval.real_frames import RealScores, score_recording, split_recording, tune_on_pairs
 from glsim.eval.real_frames.split import Source
+from glsim.eval.report.figures.real_frames import measures_figure
 from glsim.measures.boards import find_board, find_corners
 from glsim.measures.frame import frame_set
 from tests.support.imports import ROOT
@@ -185,6 +187,14 @@ def test_the_command_writes_the_same_tables_twice(pair: Path, tmp_path: Path) ->
     assert scores["methods"]["guided:radius=2"]["pair_change"]["value"] < -40
     assert cv2.imread(str(tmp_path / "one" / "figures" / "crops.png")) is not None
     assert "guided:radius=2" in (tmp_path / "one" / "report.html").read_text()
+
+
+def test_the_figure_shows_the_default_composite_of_a_network_alone(pair: Path) -> None:
+    scores = score_recording(split_recording(Source(pair)), ["face", "guided:radius=2"], workers=1)
+    assert "face [hard]" in scores.methods
+    [legend] = measures_figure(scores).legends
+    drawn = [text.get_text() for text in legend.get_texts()]
+    assert drawn == ["raw", f"face [{DEFAULT_COMPOSITE}]", "guided:radius=2"]
 
 
 def test_errors_name_the_place(

@@ -9,7 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise import compose, load
+from glsim.denoise import load
+from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, composed
 from glsim.denoise.interface import Depth
 from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.results import RealScores
@@ -22,10 +23,10 @@ from glsim.recordings.board_corners import board_corners
 _TEXT_SIZE: Final = 7
 #: The shift of networks without calibration is a few mm, that of filters tenths of one.
 _SHIFT_RANGE_MM: Final = 6.0
-#: Composite whose depth is no surface where the network doubts: not drawn.
-_SOFT: Final = "[soft]"
-#: Side of the crop, px, columns of a band of methods, range of the colours of differences, mm.
-_CROP_PX, _COLUMNS, _RANGE_MM = 176, 6, 8.0
+#: Ends of the names of methods that are not drawn: tables have all composites.
+_OTHERS: Final = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
+#: Side of the crop, px, most methods side by side, range of the colours of differences, mm.
+_CROP_PX, _MOST_COLUMNS, _RANGE_MM = 176, 6, 8.0
 _FILLED, _LOST, _NOTHING = "#ffc20a", "#1a1a1a", "#dcdcdc"
 
 
@@ -33,7 +34,7 @@ def measures_figure(scores: RealScores) -> Any:
     """Draw static pairs and the board by distance, the shift by 100 mm, and losses at edges."""
     figure = new_figure(10.0, 7.4)
     axes = figure.subplots(2, 2)
-    names = [name for name in scores.methods if _SOFT not in name]
+    names = [name for name in scores.methods if not name.endswith(_OTHERS)]
     for number, name in enumerate(names):
         m, style = scores.methods[name], method_style(number)
         for axis, values in ((axes[0, 0], m.pair_rmse_mm), (axes[0, 1], m.paper_rmse_mm)):
@@ -98,9 +99,7 @@ def crops_figure(recording: SplitRecording, denoisers: Sequence[str]) -> Any:
     raw = np.nan_to_num(frame.depth_mm)
     maps: dict[str, Depth] = {"raw": raw}
     for method in map(load, denoisers):
-        for part, depth in compose(method(raw[None]), raw).items():
-            if f"[{part}]" != _SOFT:
-                maps[f"{method.label} [{part}]" if part else method.label] = depth
+        maps[method.label] = composed(method(raw[None]), raw, DEFAULT_COMPOSITE)
     return _draw_crops(frame, maps, _cut(recording, frame))
 
 
@@ -117,16 +116,17 @@ def _cut(recording: SplitRecording, frame: DepthFrame) -> tuple[slice, slice]:
 
 
 def _draw_crops(frame: DepthFrame, maps: Mapping[str, Depth], cut: tuple[slice, slice]) -> Any:
-    bands = -(-len(maps) // _COLUMNS)
-    figure = new_figure(1.7 * _COLUMNS, 3.7 * bands + 0.4)
-    axes = figure.subplots(2 * bands, _COLUMNS, squeeze=False)
+    bands = -(-len(maps) // _MOST_COLUMNS)
+    columns = -(-len(maps) // bands)
+    figure = new_figure(1.7 * columns, 3.7 * bands + 0.4)
+    axes = figure.subplots(2 * bands, columns, squeeze=False)
     for axis in axes.ravel():
         axis.set_axis_off()
     colours = matplotlib("colors")
     mapping = matplotlib("cm").ScalarMappable(colours.Normalize(-_RANGE_MM, _RANGE_MM), "RdBu_r")
     raw = maps["raw"]
     for number, (name, depth) in enumerate(maps.items()):
-        band, column = divmod(number, _COLUMNS)
+        band, column = divmod(number, columns)
         above, below = axes[2 * band, column], axes[2 * band + 1, column]
         picture = shaded(depth / np.float32(1000), frame.camera)[..., ::-1]
         above.imshow(picture[cut], interpolation="nearest")
