@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Makes the networks that the package ships: data, trainings, FOLDER/*.onnx; says whether they are the shipped ones. Resumes.
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
-#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 7 GB of data and the runs, default build/shipped.
-# About seven hours on two cores with bfloat16, one of them for the data. The results are in docs/model_card.md.
+#   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 10 GB of data and the runs, default build/shipped.
+# About seven hours on two cores with bfloat16, one of them for the data; then three trainings that take a GPU seven minutes
+# each and two cores a day. The results are in docs/model_card.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 model=${1:?say where ICT-FaceKit\'s FaceXModel is}
@@ -113,10 +114,12 @@ rooms() {
         for _ in 1 2 3; do own+=(--data "$out/$name-$room-people"); done
     done
 }
-# train_own NETWORK STEPS: trains on $own.
+# train_own NETWORK FROM STEPS OPTIONS...: trains on $own, from the weights of another network.
 train_own() {
-    "$glsim" train face "${own[@]}" --set data.target=expected --from "$out/face/best.pt" --set optimiser.lr=1.2e-3 \
-        --steps "$2" --resume -o "$out/$1"
+    local network=$1 from=$2 steps=$3
+    shift 3
+    "$glsim" train face "${own[@]}" --set data.target=expected --from "$out/$from/best.pt" --set optimiser.lr=1.2e-3 \
+        --steps "$steps" --resume -o "$out/$network" "$@"
     own=()
 }
 own=()
@@ -127,22 +130,39 @@ heads kinect-v2-sdk 40 550 1500 "${one[@]}" kinect-v2-sdk
 rooms kinect-v2-sdk 40 --sensor kinect-v2-sdk
 heads kinect-random 60 550 1500 --preset randomised
 heads kinect-v2-far 15 1500 3000 "${one[@]}" kinect-v2
-train_own face-kinect-v2 5000
+train_own face-kinect-v2-first face 5000
 heads azure-kinect 80 520 1600 "${one[@]}" azure-kinect
 heads azure-kinect-wfov 20 400 1100 "${one[@]}" azure-kinect-wfov
 rooms azure-kinect 20 --sensor azure-kinect
-train_own face-azure-kinect 3500
+train_own face-azure-kinect-first face 3500
 # The network of live streams, on the frames of any camera and of these two.
 "$glsim" train face-live "${live[@]}" --set data.target=expected --resume -o "$out/face-live"
-heads realsense-d435 70 400 1300 "${one[@]}" realsense-d435
+# Other people, in larger batches.
+wide=(--set training.batch=32 --set training.precision=32-true)
+heads kinect-v2-more 60 550 1500 "${one[@]}" kinect-v2
+rooms kinect-v2-more 24 --sensor kinect-v2
+heads kinect-v2-sdk-more 60 550 1500 "${one[@]}" kinect-v2-sdk
+rooms kinect-v2-sdk-more 24 --sensor kinect-v2-sdk
+heads kinect-random-more 60 550 1500 --preset randomised
+heads kinect-v2-far-more 12 1500 3000 "${one[@]}" kinect-v2
+train_own face-kinect-v2 face-kinect-v2-first 3763 "${wide[@]}"
+heads azure-kinect-more 90 520 1600 "${one[@]}" azure-kinect
+heads azure-kinect-wfov-more 24 400 1100 "${one[@]}" azure-kinect-wfov
+rooms azure-kinect-more 24 --sensor azure-kinect
+train_own face-azure-kinect face-azure-kinect-first 3685 "${wide[@]}"
+# Active stereo and structured light, from nothing.
+heads realsense-d435 120 400 1300 "${one[@]}" realsense-d435
+rooms realsense-d435 30 --sensor realsense-d435
+heads realsense-d435-vga 15 400 1300 "${one[@]}" realsense-d435-vga
 heads realsense-d455 30 400 1300 "${one[@]}" realsense-d455
-heads realsense-d415 25 500 1800 "${one[@]}" realsense-d415
-heads realsense-d405 25 250 900 "${one[@]}" realsense-d405
-rooms realsense-d435 15 --sensor realsense-d435
-train_own face-realsense 4500
+heads realsense-d415 30 500 1800 "${one[@]}" realsense-d415
+heads realsense-d405 30 250 900 "${one[@]}" realsense-d405
+heads truedepth 90 250 900 "${one[@]}" truedepth
+rooms truedepth 16 --sensor truedepth
+"$glsim" train face-stereo "${own[@]}" --set data.target=expected --resume -o "$out/face-stereo"
 
 # The shipped files are replaced by hand, once the model card has been made again.
-for network in face face-live face-video face-kinect-v2 face-azure-kinect face-realsense; do
+for network in face face-live face-video face-kinect-v2 face-azure-kinect face-stereo; do
     made="$out/$network.onnx" shipped="glsim/denoise/shipped/$network.onnx"
     "$glsim" export "$out/$network/best.pt" -o "$made"
     if cmp -s "$made" "$shipped"; then

@@ -65,7 +65,7 @@ def denoise(
             "-d",
             "--denoiser",
             help="A name of glsim eval --list, or a checkpoint. face is a network for any camera; "
-            "face-kinect-v2, face-azure-kinect and face-realsense know one kind and are better "
+            "face-kinect-v2, face-azure-kinect and face-stereo know one kind and are better "
             "there.",
         ),
     ] = "face",

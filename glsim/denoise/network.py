@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
-from glsim.denoise.tiles import box_around, run_tiled
+from glsim.denoise.tiles import AROUND_PX, box_around, run_tiled
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DenoiserError
 
@@ -35,9 +35,13 @@ class NetworkDenoiser:
         uncertain: whether the network predicts its uncertainty (``with_uncertainty``).
         infrared: whether it uses the infrared image; without one it denoises by depth alone.
         protocol: where the depths of its training are counted from.
+        keep_clean: whether frames without noise are returned unchanged.
+        margin_px: holes around depth that the network still sees, px.
     """
 
     protocol: DepthProtocol = "depth"
+    keep_clean = True
+    margin_px = AROUND_PX
 
     def __init__(
         self,
@@ -72,7 +76,8 @@ class NetworkDenoiser:
         """Denoise a frame.
 
         With a probability of depth, ``glsim.denoise.safeguards`` apply: frames without noise are
-        returned unchanged, and pixels outside ``trusted_mask`` have probability 0.
+        returned unchanged if ``keep_clean``, and pixels outside ``trusted_mask`` have probability
+        0.
 
         Args:
             noisy_mm: (H, W) float32 millimetres, 0 = no return.
@@ -114,7 +119,7 @@ class NetworkDenoiser:
         depth_mm, sigma_mm = outputs["depth_mm"], outputs.get("sigma_mm")
         if "probability" not in outputs:
             return depth_mm, depth_mm >= MIN_DEPTH_MM, sigma_mm
-        noise_mm = clean_noise_mm(frame)
+        noise_mm = clean_noise_mm(frame) if self.keep_clean else None
         if noise_mm is not None:  # unchanged; sigma is the input's noise
             input_sigma_mm = None if sigma_mm is None else np.full_like(frame, noise_mm)
             return frame, self._validity((frame > 0).astype(np.float32)), input_sigma_mm
@@ -130,7 +135,8 @@ class NetworkDenoiser:
 
         They are 0 farther from any depth than ``trusted_mask`` reaches.
         """
-        box = box_around(np.any(stack > 0, axis=0)) if self._only_near_depth else None
+        seen = np.any(stack > 0, axis=0)
+        box = box_around(seen, self.margin_px) if self._only_near_depth else None
         if box is None:
             return self._run_padded(stack)
         outputs = {}

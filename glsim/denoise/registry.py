@@ -16,6 +16,7 @@ from glsim.denoise.interface import Method, build
 from glsim.denoise.loading import (
     ONNX_SUFFIX,
     NetworkOptions,
+    StereoNetworkOptions,
     as_method,
     from_callable,
     from_file,
@@ -41,8 +42,9 @@ NETWORKS: Final = {
     "face-video": "The shipped network that also sees up to four earlier frames.",
     "face-kinect-v2": "Heads before a Kinect V2, either decoder.",
     "face-azure-kinect": "Heads before an Azure Kinect.",
-    "face-realsense": "Heads before a RealSense D4xx.",
+    "face-stereo": "Heads before a RealSense D4xx or TrueDepth.",
 }
+_STEREO: Final = ("face-stereo",)
 
 #: The columns of the paper's table 1, in its order.
 PAPER_FILTERS: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
@@ -66,12 +68,17 @@ def denoiser_names() -> list[str]:
 
 def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
     """Return what a denoiser does, in one line, and parameter -> (default, help)."""
-    kind = NetworkOptions if name in NETWORKS else _filter(name)
+    kind = network_options(name) if name in NETWORKS else _filter(name)
     parameters = {
         field.name: (field.default, str(field.metadata.get("help", "")))
         for field in (dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ())
     }
     return NETWORKS.get(name) or (kind.__doc__ or name).splitlines()[0], parameters
+
+
+def network_options(name: str) -> type[NetworkOptions]:
+    """Return the parameters of a network that glsim ships."""
+    return StereoNetworkOptions if name in _STEREO else NetworkOptions
 
 
 def _plugins() -> list[str]:
@@ -108,12 +115,15 @@ def load(spec: str) -> Method:
         return from_file(Path(text), label)
     path, _, assignments = text.rpartition(":")
     if path.endswith(_SUFFIXES):
-        return from_file(Path(path), label, _network_options(assignments, spec))
+        return from_file(
+            Path(path), label, build(NetworkOptions, _assignments(assignments, spec), spec)
+        )
     name, _, tail = text.partition(":")
     if name in _FILTERS:
         return as_method(label, build(_FILTERS[name], _assignments(tail, spec), spec))
     if name in NETWORKS:
-        return from_shipped(name, label, _network_options(tail, spec))
+        options = build(network_options(name), _assignments(tail, spec), spec)
+        return from_shipped(name, label, options)
     if name in _plugins():
         found = _filter(name)
         return from_callable(found.__module__, found.__name__, _assignments(tail, spec), label)
@@ -148,11 +158,6 @@ def load_denoiser(
         depth and the mask of depth. Its ``stream()`` takes the frames of a camera one by one.
     """
     return MapDenoiser(load(spec), device, composite, around)
-
-
-def _network_options(text: str, spec: str) -> NetworkOptions:
-    options: NetworkOptions = build(NetworkOptions, _assignments(text, spec), spec)
-    return options
 
 
 def _assignments(text: str, spec: str) -> dict[str, str]:

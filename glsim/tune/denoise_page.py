@@ -19,7 +19,7 @@ from glsim.denoise.loading import is_shipped, shipped_file
 from glsim.denoise.map_steps import FINE_MM
 from glsim.denoise.network import SIZE_MULTIPLE_PX
 from glsim.denoise.onnx_inputs import read_inputs
-from glsim.denoise.registry import NETWORKS
+from glsim.denoise.registry import NETWORKS, network_options
 from glsim.errors import ConfigError, MeshError
 from glsim.files.atomic import write_atomic
 from glsim.files.png import UNIT_KEYWORD, encode_png
@@ -67,7 +67,13 @@ def write_denoise_page(folder: Path, backend: str | None = None) -> list[Path]:
             data = path.read_bytes()
         file = f"networks/{name}.onnx"
         written[folder / file] = data
-        described[name] = {"file": file, "images": read_inputs(data).names}
+        options = network_options(name)()
+        described[name] = {
+            "file": file,
+            "images": read_inputs(data).names,
+            "keep_clean": bool(options.keep_clean),
+            "margin_px": options.margin_px,
+        }
     facts = {"networks": described, "numbers": _numbers()}
     written[folder / "denoise.html"] = (ASSETS / "denoise/page.html").read_bytes()
     written[folder / "denoise.js"] = join_script(facts, MODULES).encode()
@@ -90,7 +96,6 @@ def _numbers() -> dict[str, Any]:
     """Return the constants of glsim.denoise that the script uses: written in Python alone."""
     return {
         "size_multiple_px": SIZE_MULTIPLE_PX,
-        "around_px": tiles.AROUND_PX,
         "grid_px": tiles.GRID_PX,
         "most_px": tiles.TILE_PX**2,  # a larger map would be divided into tiles
         "focal_share": around.FOCAL_SHARE,

@@ -41,14 +41,14 @@ def test_boxes_lie_on_the_grid_and_end_at_the_frame() -> None:
     assert (box_around(mask) or rows)[0].stop == 424
 
 
-@pytest.mark.parametrize("network", ["face", "face-live", "face-video"])
+@pytest.mark.parametrize("network", ["face", "face-live", "face-stereo", "face-video"])
 def test_a_network_around_depth_gives_what_it_gives_on_the_whole_frame(
     network: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frame = head()
     frames = np.stack([head(seed=5), frame]) if network == "face-video" else frame[None]
     near = load(network)(frames, len(frames) - 1)
-    monkeypatch.setattr("glsim.denoise.network.box_around", lambda mask: None)
+    monkeypatch.setattr("glsim.denoise.network.box_around", lambda *_: None)
     whole = load(network)(frames, len(frames) - 1)
     np.testing.assert_allclose(near.valid, whole.valid, atol=1e-3)
     some = frame > 0

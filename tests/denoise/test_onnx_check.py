@@ -151,7 +151,7 @@ def test_a_file_that_asks_for_memory_or_other_files_is_refused(name: str, tmp_pa
         load_onnx(path)
 
 
-@pytest.mark.parametrize("name", ["face", "face-live", "face-video"])
+@pytest.mark.parametrize("name", ["face", "face-live", "face-stereo", "face-video"])
 def test_the_shipped_networks_pass(name: str) -> None:
     check_onnx((importlib.resources.files(shipped) / f"{name}.onnx").read_bytes())
 

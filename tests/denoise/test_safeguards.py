@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from glsim import load_settings, simulate
+from glsim.denoise import load
 from glsim.denoise.network import Depth, NetworkDenoiser
 from glsim.denoise.safeguards import (
     HOLE_RISK_MM,
@@ -210,6 +211,8 @@ def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -
     np.testing.assert_array_equal(depth, clean)
     np.testing.assert_array_equal(probability, clean > 0)
     assert (sigma < 0.33).all()
+    denoise.keep_clean = False
+    np.testing.assert_allclose(denoise(clean, clean > 0)[0], clean + 5, rtol=1e-6)
     noise = np.random.default_rng(0).normal(0, 2, clean.shape).astype(np.float32)
     noisy = np.where(clean > 0, clean + noise, 0)
     depth, probability = denoise(noisy, noisy > 0)
@@ -217,6 +220,33 @@ def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -
     assert (probability[:, :40] == 0).all()
     assert probability[48, 48] > 0.99
     assert probability[0, 95] == 0, "nothing was measured near"
+
+
+@pytest.mark.parametrize(("sensor", "distance_mm"), [("realsense-d435", 500), ("truedepth", 450)])
+def test_the_network_of_stereo_denoises_what_passes_for_clean(
+    sensor: str, distance_mm: int
+) -> None:
+    """The noise is smooth over 13 px, so that rules for the form of surfaces take it for form."""
+    stereo, keeping = load("face-stereo"), load("face-stereo:keep_clean=1")
+    overrides = {
+        "sensor": sensor,
+        "output": {"crop": 128, "depth_unit_mm": 0.1},
+        "pose": {"distance_mm": distance_mm},
+    }
+    errors, kept = [], 0
+    for frame in simulate(
+        load_settings(overrides=overrides, source={"subjects": 6, "frames_per_subject": 1})
+    ):
+        assert isinstance(frame, Frame)
+        noisy = (frame.noisy * np.float32(0.1)).astype(np.float32)
+        truth = 1000 * frame.clean_m
+        inside = (noisy > 0) & (cv2.erode(truth, np.ones((9, 9))) > 0)
+        denoised = stereo(noisy[None], 0).depth_mm
+        kept += np.array_equal(keeping(noisy[None], 0).depth_mm, noisy)
+        assert np.abs(denoised - noisy)[inside].mean() > 0.1
+        errors.append([np.std((image - truth)[inside]) for image in (noisy, denoised)])
+    assert kept >= 2
+    assert np.exp(np.diff(np.log(errors), axis=1).mean()) < 0.95
 
 
 def test_a_minimum_probability_gives_a_mask() -> None:

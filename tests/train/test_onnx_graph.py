@@ -103,7 +103,8 @@ def test_it_can_be_done_again(exported: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "least_slices"), [("face", 200), ("face-live", 100), ("face-video", 200)]
+    ("name", "least_slices"),
+    [("face", 200), ("face-live", 100), ("face-stereo", 200), ("face-video", 200)],
 )
 def test_the_shipped_networks_have_shapes(name: str, least_slices: int) -> None:
     with shipped_file(name) as path:
@@ -114,7 +115,7 @@ def test_the_shipped_networks_have_shapes(name: str, least_slices: int) -> None:
     assert len(known.intersection(slices)) > 0.98 * len(slices)
 
 
-@pytest.mark.parametrize("name", ["face", "face-live", "face-video"])
+@pytest.mark.parametrize("name", ["face", "face-live", "face-stereo", "face-video"])
 def test_the_shapes_hold_for_other_sizes(name: str) -> None:
     """Onnxruntime warns where the shape of a result is not the one that was written down."""
     script = (

@@ -40,7 +40,7 @@ def test_a_network_is_its_onnx_file_again(kind: str, backbone: str, tmp_path: Pa
 
 @pytest.mark.parametrize(
     "name",
-    ["face", "face-live", pytest.param("face-video", marks=pytest.mark.long)],
+    ["face", "face-live", "face-stereo", pytest.param("face-video", marks=pytest.mark.long)],
 )
 def test_each_shipped_network_can_be_trained_further(name: str) -> None:
     chosen = load_recipe(name, (), {"training": {"start": name}})

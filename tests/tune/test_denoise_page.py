@@ -195,6 +195,10 @@ def test_maps_without_noise_stay_as_they_are(
     found = _denoised(page, {"clean.png": encode_png(clean)}, "face")
     np.testing.assert_array_equal(found, clean.ravel())
     assert "no noise" in page.inner_text("#message")
+    smooth = clean[120:248, 190:318]  # the network of stereo denoises every map
+    found = _denoised(page, {"clean.png": encode_png(smooth)}, "face-stereo")
+    assert "no noise" not in page.inner_text("#message")
+    _check_same(found, MapDenoiser(load("face-stereo"))(smooth).depth_mm)
     assert not _denoised(page, {"none.png": encode_png(np.zeros_like(clean))}, "face").any()
     # Noise of 0.3 mm dithers the steps: the size of noise alone would take it for rounding.
     white = np.random.default_rng(0).normal(0, 0.3, clean.shape)

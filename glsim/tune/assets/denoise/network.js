@@ -4,15 +4,15 @@ import { measuredSurfaces } from "./composites.js";
 import { isClean, trustedMask } from "./safeguards.js";
 
 // Rows or columns of the box of what is seen, with a margin, on the grid of networks: [first, last).
-function span(seen, size, { around_px, grid_px }) {
+function span(seen, size, marginPx, { grid_px }) {
   const first = seen.indexOf(1),
     last = seen.lastIndexOf(1) + 1;
-  const begin = Math.floor(Math.max(0, first - around_px) / grid_px) * grid_px;
-  return [begin, Math.min(size, Math.ceil((last + around_px) / grid_px) * grid_px)];
+  const begin = Math.floor(Math.max(0, first - marginPx) / grid_px) * grid_px;
+  return [begin, Math.min(size, Math.ceil((last + marginPx) / grid_px) * grid_px)];
 }
 
 // The box of pixels that any image has, {left, top, width, height}; null without any.
-function boxOf(images, width, height, numbers) {
+function boxOf(images, width, height, marginPx, numbers) {
   const rows = new Array(height).fill(0),
     columns = new Array(width).fill(0);
   for (const image of images)
@@ -22,12 +22,13 @@ function boxOf(images, width, height, numbers) {
       columns[i % width] = 1;
     }
   if (!rows.includes(1)) return null;
-  const [[left, right], [top, bottom]] = [span(columns, width, numbers), span(rows, height, numbers)];
+  const [left, right] = span(columns, width, marginPx, numbers),
+    [top, bottom] = span(rows, height, marginPx, numbers);
   return { left, top, width: right - left, height: bottom - top };
 }
 
 export class Network {
-  // facts: {file, images: {input: number}} and `numbers`, the constants of glsim.denoise.
+  // facts: {file, images: {input: number}, keep_clean, margin_px} and `numbers`, the constants of glsim.denoise.
   constructor(facts, numbers) {
     this.facts = facts;
     this.numbers = numbers;
@@ -44,8 +45,10 @@ export class Network {
   async denoise(inputs, width, height) {
     const [noisy] = inputs.noisy_mm,
       { numbers } = this,
-      box = boxOf(Object.values(inputs).flat(), width, height, numbers);
-    if (!box || isClean(noisy, width, height, numbers.safeguards)) return { depth: noisy.slice(), unchanged: true };
+      { keep_clean, margin_px } = this.facts,
+      box = boxOf(Object.values(inputs).flat(), width, height, margin_px, numbers);
+    if (!box || (keep_clean && isClean(noisy, width, height, numbers.safeguards)))
+      return { depth: noisy.slice(), unchanged: true };
     const outputs = await this._run(inputs, width, box);
     const whole = (name, change) => {
       const image = new Float32Array(width * height);
