@@ -85,7 +85,8 @@ def test_hard_inputs(spec: str, kind: str) -> None:
     if kind == "empty":
         assert not out.any()
     if kind == "full":
-        np.testing.assert_allclose(out, 800, atol=1e-3)
+        # face-stereo denoises maps without noise too (keep_clean=0).
+        np.testing.assert_allclose(out, 800, atol=10 if spec == "face-stereo" else 1e-3)
     if "cleanup" not in spec and spec in MASKED:
         np.testing.assert_allclose(out[depth > 0], depth[depth > 0], atol=1e-2)
 
