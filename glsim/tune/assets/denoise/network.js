@@ -47,8 +47,7 @@ export class Network {
       { numbers } = this,
       { keep_clean, margin_px } = this.facts,
       box = boxOf(Object.values(inputs).flat(), width, height, margin_px, numbers);
-    if (!box || (keep_clean && isClean(noisy, width, height, numbers.safeguards)))
-      return { depth: noisy.slice(), unchanged: true };
+    if (!box || (keep_clean && isClean(noisy, width, height, numbers.safeguards))) return { depth: noisy.slice(), unchanged: true };
     const outputs = await this._run(inputs, width, box);
     const whole = (name, change) => {
       const image = new Float32Array(width * height);
