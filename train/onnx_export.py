@@ -13,11 +13,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from glsim.denoise.inference import TorchNetwork, load_model, trained_protocol
+from glsim.denoise.inference import TorchNetwork, load_model, load_record
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.denoise.onnx_check import check_onnx
 from glsim.denoise.onnx_file import OpenCvNetwork
-from glsim.denoise.onnx_inputs import protocol_entry
+from glsim.denoise.onnx_inputs import record_entries
 from glsim.errors import TrainError
 from glsim.files.atomic import write_atomic
 from glsim.train.models.base import DepthModel
@@ -52,10 +52,7 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
             results differ.
     """
     model = load_model(checkpoint).cpu().eval()
-    data = onnx_bytes(model, checkpoint)
-    protocol = trained_protocol(checkpoint)
-    if protocol != "depth":
-        data += protocol_entry(protocol)
+    data = onnx_bytes(model, checkpoint) + record_entries(load_record(checkpoint))
     try:
         check_onnx(data)
     except ValueError as error:

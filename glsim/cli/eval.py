@@ -142,7 +142,8 @@ def _print_list(asked: bool) -> None:
         help, parameters = describe_denoiser(name)
         typer.echo(f"{name}: {help}")
         for parameter, (default, text) in parameters.items():
-            typer.echo(f"    {parameter}={default:g}  {text}")
+            value = "" if default is None else f"={default:g}"
+            typer.echo(f"    {parameter}{value}  {text}")
     raise typer.Exit
 
 

@@ -12,7 +12,8 @@ import torch
 
 from glsim.denoise import checkpoint
 from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
-from glsim.depth_protocol import DepthProtocol, check_protocol
+from glsim.denoise.record import NetworkRecord
+from glsim.depth_protocol import check_protocol
 from glsim.errors import DenoiserError, GlsimError
 from glsim.train.models.base import DepthModel, channels_last
 from glsim.train.models.named_outputs import named_outputs
@@ -47,13 +48,12 @@ def load_model(path: Path) -> DepthModel:
     return _load(path)[0]
 
 
-def trained_protocol(path: Path) -> DepthProtocol:
-    """Return the protocol of a checkpoint's training. Raises DenoiserError as ``load_model``."""
+def load_record(path: Path) -> NetworkRecord:
+    """Return the record of a checkpoint's network. Raises DenoiserError as ``load_model``."""
     return _load(path)[1]
 
 
-def _load(path: Path) -> tuple[DepthModel, DepthProtocol]:
-    """Return the model of a checkpoint and the protocol that it was trained under."""
+def _load(path: Path) -> tuple[DepthModel, NetworkRecord]:
     try:
         content: dict[str, Any] = checkpoint.load(path)
         table = content["recipe"]["model"]
@@ -69,7 +69,7 @@ def _load(path: Path) -> tuple[DepthModel, DepthProtocol]:
             f"{path}: its weights do not fit its recipe ({reason}): train again"
         ) from None
     assert protocol is not None
-    return model, protocol
+    return model, NetworkRecord(protocol, model.keep_clean, model.margin_px)
 
 
 def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:
@@ -82,13 +82,11 @@ def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:
     Raises:
         DenoiserError: as ``load_model``.
     """
-    model, protocol = _load(path)
+    model, record = _load(path)
     uncertain = bool(getattr(model, "uncertainty", False))
-    denoiser = network_denoiser(
-        TorchNetwork(model), str(path), uncertain, min_probability, model.inputs
+    return network_denoiser(
+        TorchNetwork(model), str(path), uncertain, min_probability, model.inputs, record
     )
-    denoiser.protocol = protocol
-    return denoiser
 
 
 def _check_shapes(expected: Mapping[str, tuple[int, ...]], weights: Mapping[str, Any]) -> None:

@@ -68,10 +68,11 @@ class SequenceDenoiser(Protocol):
 
 
 def parameter(
-    default: float, low: float, high: float, help: str, former_names: tuple[str, ...] = ()
+    default: float | None, low: float, high: float, help: str, former_names: tuple[str, ...] = ()
 ) -> Any:
     """Declare a dataclass field as a command-line parameter in [low, high].
 
+    Its type, int or float, is that of the field. None is a default that a value replaces.
     ``former_names`` are deprecated names that still set it.
     """
     metadata = {"range": (low, high), "help": help, "former_names": former_names}
@@ -100,7 +101,7 @@ def build(kind: type, text: dict[str, str], where: str) -> Any:
             )
         if name in former:
             _log_renamed(name, field.name)
-        whole = isinstance(field.default, int)
+        whole = str(field.type).startswith("int")
         try:
             value = int(written) if whole else float(written)
         except ValueError:

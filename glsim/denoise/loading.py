@@ -16,7 +16,6 @@ from typing import Any
 from glsim.denoise import shipped
 from glsim.denoise.inputs import MAX_NEIGHBOURS
 from glsim.denoise.interface import Method, parameter
-from glsim.denoise.tiles import AROUND_PX
 from glsim.depth_protocol import check_protocol
 from glsim.errors import CPU_TORCH, DenoiserError
 from glsim.plugins import announce_code
@@ -73,31 +72,13 @@ class NetworkOptions:
         MAX_NEIGHBOURS,
         "networks of video: use at most this many earlier frames",
     )
-    keep_clean: int = parameter(
-        1,
+    keep_clean: int | None = parameter(
+        None,
         0,
         1,
         "1: a frame whose noise rounding and the form of surfaces explain comes back unchanged; "
-        "0: every frame is denoised",
+        "0: every frame is denoised; default: as the network was trained, 0 for face-stereo",
     )
-    margin_px: int = parameter(
-        AROUND_PX,
-        16,
-        512,
-        "holes around depth that the network still sees, px; 80 for one of five scales",
-    )
-
-
-@dataclass(frozen=True)
-class StereoNetworkOptions(NetworkOptions):
-    """Parameters of a network of active stereo, whose noise looks like the form of surfaces.
-
-    It is smooth over 13 px: 31 of 60 simulated heads before a D435 at 0.45 to 1.2 m and 24 of 60
-    before a TrueDepth at 0.35 to 0.9 m pass for clean, with median errors of up to 4 mm.
-    """
-
-    keep_clean: int = parameter(0, 0, 1, "as of face, which has 1")
-    margin_px: int = parameter(80, 16, 512, "as of face, which has 48")
 
 
 def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()) -> Method:
@@ -127,7 +108,8 @@ def from_file(path: Path, label: str, options: NetworkOptions = NetworkOptions()
 
     if isinstance(network, VideoDenoiser):
         network.before = min(network.before, options.before)
-    network.keep_clean, network.margin_px = bool(options.keep_clean), options.margin_px
+    if options.keep_clean is not None:
+        network.keep_clean = bool(options.keep_clean)
     return as_method(label, network, f"{_version(path)} {options}")
 
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.denoise.interface import MIN_DEPTH_MM
+from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
 from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
-from glsim.denoise.tiles import AROUND_PX, box_around, run_tiled
-from glsim.depth_protocol import DepthProtocol
+from glsim.denoise.tiles import box_around, run_tiled
 from glsim.errors import DenoiserError
 
 Depth = NDArray[np.float32]
@@ -34,14 +34,8 @@ class NetworkDenoiser:
     Attributes:
         uncertain: whether the network predicts its uncertainty (``with_uncertainty``).
         infrared: whether it uses the infrared image; without one it denoises by depth alone.
-        protocol: where the depths of its training are counted from.
-        keep_clean: whether frames without noise are returned unchanged.
-        margin_px: holes around depth that the network still sees, px.
+        protocol, keep_clean, margin_px: of its ``NetworkRecord``.
     """
-
-    protocol: DepthProtocol = "depth"
-    keep_clean = True
-    margin_px = AROUND_PX
 
     def __init__(
         self,
@@ -50,6 +44,7 @@ class NetworkDenoiser:
         uncertain: bool,
         min_probability: float = 0.0,
         inputs: NetworkInputs = DEPTH_ALONE,
+        record: NetworkRecord = DEFAULT_RECORD,
     ) -> None:
         """Wrap a network as a denoiser.
 
@@ -60,6 +55,7 @@ class NetworkDenoiser:
             min_probability: keep a pixel if P(depth on the chosen surface) exceeds this; 0: return
                 the probability of depth instead of a mask.
             inputs: what the network sees besides depth.
+            record: what its file records about its training.
         """
         self._network = network
         self._name = name
@@ -67,6 +63,7 @@ class NetworkDenoiser:
         self.uncertain = uncertain
         self.infrared = inputs.infrared
         self._inputs = inputs
+        self.protocol, self.keep_clean, self.margin_px = record
         # Others code "no depth" as 0, and may see depth far from any pixel that has it.
         self._only_near_depth = "probability" in getattr(network, "outputs", ())
 
@@ -179,9 +176,10 @@ class VideoDenoiser(NetworkDenoiser):
         uncertain: bool,
         min_probability: float,
         inputs: NetworkInputs,
+        record: NetworkRecord = DEFAULT_RECORD,
     ) -> None:
         """Arguments as of ``NetworkDenoiser``."""
-        super().__init__(network, name, uncertain, min_probability, inputs)
+        super().__init__(network, name, uncertain, min_probability, inputs, record)
         self.before, self.after = inputs.before, inputs.after
 
     def __call__(  # type: ignore[override]
@@ -213,8 +211,13 @@ class VideoDenoiser(NetworkDenoiser):
 
 
 def network_denoiser(
-    network: Network, name: str, uncertain: bool, min_probability: float, inputs: NetworkInputs
+    network: Network,
+    name: str,
+    uncertain: bool,
+    min_probability: float,
+    inputs: NetworkInputs,
+    record: NetworkRecord,
 ) -> NetworkDenoiser:
     """Make the denoiser of a network: a ``VideoDenoiser`` if it sees neighbours in time."""
     kind = VideoDenoiser if inputs.temporal else NetworkDenoiser
-    return kind(network, name, uncertain, min_probability, inputs)
+    return kind(network, name, uncertain, min_probability, inputs, record)

@@ -16,7 +16,7 @@ import numpy as np
 from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
 from glsim.denoise.onnx_check import check_onnx
-from glsim.denoise.onnx_inputs import read_inputs, read_protocol
+from glsim.denoise.onnx_inputs import read_inputs, read_record
 from glsim.errors import DenoiserError
 from glsim.files.regular import read_regular
 
@@ -107,7 +107,7 @@ def load_onnx(
     data = read_onnx(path)
     try:
         network = _open(data, runtime)
-        protocol = read_protocol(data)
+        record = read_record(data)
     except Exception as error:  # both runtimes have their own classes of errors
         reason = " ".join(str(error).split())[:200]
         raise DenoiserError(f"{path}: is damaged, or is no ONNX network ({reason})") from None
@@ -117,9 +117,7 @@ def load_onnx(
             "glsim export"
         )
     uncertain = "sigma_mm" in network.outputs
-    denoiser = network_denoiser(network, str(path), uncertain, min_probability, network.inputs)
-    denoiser.protocol = protocol
-    return denoiser
+    return network_denoiser(network, str(path), uncertain, min_probability, network.inputs, record)
 
 
 def _open(data: bytes, runtime: Runtime | None) -> Any:

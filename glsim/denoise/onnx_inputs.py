@@ -1,4 +1,4 @@
-"""What an ONNX file declares, read from its bytes without the package onnx: inputs and protocol.
+"""What an ONNX file declares, read from its bytes without the package onnx: inputs and record.
 
 The numbers below are those of onnx.proto. The graph itself is not read.
 """
@@ -9,16 +9,17 @@ from collections.abc import Iterator
 from typing import Final
 
 from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
+from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
 from glsim.denoise.wire_format import fields
-from glsim.depth_protocol import DepthProtocol, check_protocol
+from glsim.depth_protocol import check_protocol
 
 #: ModelProto.graph, GraphProto.input, ValueInfoProto.name and .type, TypeProto.tensor_type,
 #: TypeProto.Tensor.shape, TensorShapeProto.dim, Dimension.dim_value.
 _GRAPH, _INPUT, _NAME, _TYPE, _TENSOR, _SHAPE, _DIM, _DIM_VALUE = 7, 11, 1, 2, 1, 2, 1, 1
 #: ModelProto.metadata_props, StringStringEntryProto.key and .value.
 _METADATA, _KEY, _VALUE = 14, 1, 2
-#: Key of the protocol of the training, see glsim.depth_protocol; a file without it is of depth.
-_PROTOCOL_KEY: Final = b"glsim.protocol"
+#: Prefix of the keys of a record, before the names of its fields; what is default has no entry.
+_PREFIX: Final = "glsim."
 #: Axis of the images of an input, (1, images, H, W).
 _IMAGES_AXIS: Final = 1
 
@@ -28,24 +29,29 @@ def read_inputs(data: bytes) -> NetworkInputs:
     counts = {}
     for graph in _messages(memoryview(data), _GRAPH):
         for value in _messages(graph, _INPUT):
-            name = bytes(next(_messages(value, _NAME), b"")).decode("utf-8", "replace")
-            counts[name] = images(value)
+            counts[_text(value, _NAME)] = images(value)
     if counts.get(DEPTH) != 1 or counts.keys() - {DEPTH, INFRARED, BEFORE, AFTER}:
         raise ValueError(f"its inputs are {', '.join(map(repr, counts)) or 'none'}")
     return NetworkInputs(INFRARED in counts, counts.get(BEFORE, 0), counts.get(AFTER, 0))
 
 
-def read_protocol(data: bytes) -> DepthProtocol:
-    """Return the protocol that a network was trained under. Raises ConfigError for no protocol."""
-    for entry in _messages(memoryview(data), _METADATA):
-        if bytes(next(_messages(entry, _KEY), b"")) == _PROTOCOL_KEY:
-            text = bytes(next(_messages(entry, _VALUE), b"")).decode("utf-8", "replace")
-            return check_protocol(text, "protocol") or "depth"
-    return "depth"
+def read_record(data: bytes) -> NetworkRecord:
+    """Return the record of a network. Raises ValueError or ConfigError for values of no record."""
+    text = {
+        _text(entry, _KEY): _text(entry, _VALUE) for entry in _messages(memoryview(data), _METADATA)
+    }
+    margin_px = int(text.get(f"{_PREFIX}margin_px", DEFAULT_RECORD.margin_px))
+    if margin_px < DEFAULT_RECORD.margin_px:
+        raise ValueError(f"its margin_px is {margin_px}")
+    return NetworkRecord(
+        check_protocol(text.get(f"{_PREFIX}protocol"), "protocol") or DEFAULT_RECORD.protocol,
+        bool(int(text.get(f"{_PREFIX}keep_clean", DEFAULT_RECORD.keep_clean))),
+        margin_px,
+    )
 
 
-def protocol_entry(protocol: DepthProtocol) -> bytes:
-    """Return what to append to a file so that ``read_protocol`` returns ``protocol``.
+def record_entries(record: NetworkRecord) -> bytes:
+    """Return what to append to a file so that ``read_record`` returns ``record``.
 
     Protocol Buffers join the fields of concatenated messages. Every text is shorter than 128 bytes,
     so that a length is one byte.
@@ -54,8 +60,14 @@ def protocol_entry(protocol: DepthProtocol) -> bytes:
     def field(number: int, content: bytes) -> bytes:
         return bytes([number << 3 | 2, len(content)]) + content
 
-    entry = field(_KEY, _PROTOCOL_KEY) + field(_VALUE, protocol.encode())
-    return field(_METADATA, entry)
+    entries = b""
+    for name, default in DEFAULT_RECORD._asdict().items():
+        value = getattr(record, name)
+        if value != default:
+            text = value if isinstance(value, str) else str(int(value))
+            entry = field(_KEY, f"{_PREFIX}{name}".encode()) + field(_VALUE, text.encode())
+            entries += field(_METADATA, entry)
+    return entries
 
 
 def images(value: memoryview) -> int:
@@ -70,6 +82,10 @@ def images(value: memoryview) -> int:
                     if field.number == _DIM_VALUE:
                         return field.integer
     raise ValueError("an input has no number of images")
+
+
+def _text(message: memoryview, number: int) -> str:
+    return bytes(next(_messages(message, number), b"")).decode("utf-8", "replace")
 
 
 def _messages(message: memoryview, number: int) -> Iterator[memoryview]:

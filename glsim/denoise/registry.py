@@ -16,7 +16,6 @@ from glsim.denoise.interface import Method, build
 from glsim.denoise.loading import (
     ONNX_SUFFIX,
     NetworkOptions,
-    StereoNetworkOptions,
     as_method,
     from_callable,
     from_file,
@@ -44,7 +43,6 @@ NETWORKS: Final = {
     "face-azure-kinect": "Heads before an Azure Kinect.",
     "face-stereo": "Heads before a RealSense D4xx or TrueDepth.",
 }
-_STEREO: Final = ("face-stereo",)
 
 #: The columns of the paper's table 1, in its order.
 PAPER_FILTERS: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
@@ -68,17 +66,12 @@ def denoiser_names() -> list[str]:
 
 def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
     """Return what a denoiser does, in one line, and parameter -> (default, help)."""
-    kind = network_options(name) if name in NETWORKS else _filter(name)
+    kind = NetworkOptions if name in NETWORKS else _filter(name)
     parameters = {
         field.name: (field.default, str(field.metadata.get("help", "")))
         for field in (dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ())
     }
     return NETWORKS.get(name) or (kind.__doc__ or name).splitlines()[0], parameters
-
-
-def network_options(name: str) -> type[NetworkOptions]:
-    """Return the parameters of a network that glsim ships."""
-    return StereoNetworkOptions if name in _STEREO else NetworkOptions
 
 
 def _plugins() -> list[str]:
@@ -122,7 +115,7 @@ def load(spec: str) -> Method:
     if name in _FILTERS:
         return as_method(label, build(_FILTERS[name], _assignments(tail, spec), spec))
     if name in NETWORKS:
-        options = build(network_options(name), _assignments(tail, spec), spec)
+        options = build(NetworkOptions, _assignments(tail, spec), spec)
         return from_shipped(name, label, options)
     if name in _plugins():
         found = _filter(name)

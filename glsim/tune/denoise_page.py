@@ -18,8 +18,8 @@ from glsim.denoise import around, composites, safeguards, tiles
 from glsim.denoise.loading import is_shipped, shipped_file
 from glsim.denoise.map_steps import FINE_MM
 from glsim.denoise.network import SIZE_MULTIPLE_PX
-from glsim.denoise.onnx_inputs import read_inputs
-from glsim.denoise.registry import NETWORKS, network_options
+from glsim.denoise.onnx_inputs import read_inputs, read_record
+from glsim.denoise.registry import NETWORKS
 from glsim.errors import ConfigError, MeshError
 from glsim.files.atomic import write_atomic
 from glsim.files.png import UNIT_KEYWORD, encode_png
@@ -67,12 +67,12 @@ def write_denoise_page(folder: Path, backend: str | None = None) -> list[Path]:
             data = path.read_bytes()
         file = f"networks/{name}.onnx"
         written[folder / file] = data
-        options = network_options(name)()
+        record = read_record(data)
         described[name] = {
             "file": file,
             "images": read_inputs(data).names,
-            "keep_clean": bool(options.keep_clean),
-            "margin_px": options.margin_px,
+            "keep_clean": record.keep_clean,
+            "margin_px": record.margin_px,
         }
     facts = {"networks": described, "numbers": _numbers()}
     written[folder / "denoise.html"] = (ASSETS / "denoise/page.html").read_bytes()

@@ -21,6 +21,7 @@ class ArtifactRemoval(Backbone):
     def __init__(self, backbone: Backbone) -> None:
         super().__init__(backbone.in_channels, backbone.out_channels, backbone.residual)
         self.backbone = backbone
+        self.margin_px = backbone.margin_px
 
     def adjoint(self, measurement: Tensor) -> Tensor:
         """Return A^T y; in denoising A is the identity."""

@@ -8,6 +8,7 @@ import torch.nn.functional as F  # noqa: N812 (its usual name)
 from pydantic import Field
 from torch import Tensor, nn
 
+from glsim.denoise.tiles import AROUND_PX
 from glsim.errors import ConfigError
 
 #: Bounds of the sizes that a recipe or a checkpoint may ask for, checked before anything is made:
@@ -22,8 +23,11 @@ class Backbone(nn.Module):
     """A network from (B, in_channels, H, W) to (B, out_channels, H, W), for any H and W.
 
     It has no units: a `DepthModel` wraps it and converts millimetres. With ``residual`` it adds its
-    input to the output of its layers; raises ConfigError if their channels differ.
+    input to the output of its layers; raises ConfigError if their channels differ. Holes farther
+    than ``margin_px`` from depth change nothing of it.
     """
+
+    margin_px: int = AROUND_PX
 
     def __init__(self, in_channels: int, out_channels: int, residual: bool) -> None:
         super().__init__()

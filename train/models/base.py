@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
+from glsim.denoise.tiles import AROUND_PX
 
 
 class Prediction(NamedTuple):
@@ -48,10 +49,13 @@ class DepthModel(nn.Module):
     """A denoiser of depth frames of any size: ``model(noisy_mm) -> Prediction``.
 
     The input is (B, C, H, W) float32: depth in millimetres, 0 = no return, and the model's further
-    ``inputs`` (see ``glsim.denoise.inputs``). The model scales them.
+    ``inputs`` (see ``glsim.denoise.inputs``). The model scales them. ``keep_clean`` and
+    ``margin_px`` are those of its ``glsim.denoise.record.NetworkRecord``.
     """
 
     inputs: NetworkInputs = DEPTH_ALONE
+    keep_clean: bool = True
+    margin_px: int = AROUND_PX
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""

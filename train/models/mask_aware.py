@@ -85,7 +85,8 @@ class MaskAware(DepthModel):
     ``filters`` are some of FILTERS, in their order: fewer ones take less time. The backbone maps a
     channel for each and 5 others (2 more with ``surfaces``) to a gain for each and 2 others (1 more
     with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma,
-    see `sigma_scale.calibrate`.
+    see `sigma_scale.calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form
+    of surfaces, which the rule for frames without noise cannot tell apart.
     """
 
     sigma_scale: Tensor
@@ -99,8 +100,10 @@ class MaskAware(DepthModel):
         before: Neighbours = 0,
         after: Neighbours = 0,
         filters: Filters = FILTERS,
+        keep_clean: bool = True,
     ) -> None:
         super().__init__()
+        self.keep_clean, self.margin_px = keep_clean, backbone.margin_px
         self.filters = filters
         self.inputs = NetworkInputs(infrared, before, after)
         self.backbone = backbone
@@ -116,6 +119,7 @@ class MaskAware(DepthModel):
         before: int = 0,
         after: int = 0,
         filters: Sequence[FilterName] = FILTERS,
+        keep_clean: bool = True,  # noqa: ARG004 (all parameters of the class are given)
     ) -> dict[str, Any]:
         """Arguments that the backbone must be built with."""
         extra = extra_channels(NetworkInputs(infrared, before, after))

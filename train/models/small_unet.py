@@ -10,6 +10,7 @@ import torch.nn.functional as F  # noqa: N812
 from pydantic import Field
 from torch import Tensor, nn
 
+from glsim.denoise.tiles import AROUND_PX
 from glsim.train.models.backbone import (
     Backbone,
     Blocks,
@@ -47,6 +48,8 @@ class SmallUNet(Backbone):
         zero_last: bool = False,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
+        # Measured with four and five scales, 48 and 80 px: see AROUND_PX. A scale doubles its part.
+        self.margin_px = max(AROUND_PX, 16 + 2 ** (scales + 1))
         widths = [round(width * (1 + growth * scale)) for scale in range(scales)]
         # Keeps the variance about constant through so many residual blocks in a row.
         gain = (blocks * (2 * scales - 1)) ** -0.5
