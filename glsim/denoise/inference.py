@@ -69,7 +69,7 @@ def _load(path: Path) -> tuple[DepthModel, NetworkRecord]:
             f"{path}: its weights do not fit its recipe ({reason}): train again"
         ) from None
     assert protocol is not None
-    return model, NetworkRecord(protocol, model.keep_clean, model.margin_px)
+    return model, NetworkRecord(protocol, model.keep_clean, model.margin_px, model.unlikely)
 
 
 def load_network(path: Path, min_probability: float = 0.0) -> NetworkDenoiser:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.denoise.composites import UNLIKELY, calibrated
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
@@ -34,7 +35,7 @@ class NetworkDenoiser:
     Attributes:
         uncertain: whether the network predicts its uncertainty (``with_uncertainty``).
         infrared: whether it uses the infrared image; without one it denoises by depth alone.
-        protocol, keep_clean, margin_px: of its ``NetworkRecord``.
+        protocol, keep_clean, margin_px, unlikely: of its ``NetworkRecord``.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class NetworkDenoiser:
         self.uncertain = uncertain
         self.infrared = inputs.infrared
         self._inputs = inputs
-        self.protocol, self.keep_clean, self.margin_px = record
+        self.protocol, self.keep_clean, self.margin_px, self.unlikely = record
         # Others code "no depth" as 0, and may see depth far from any pixel that has it.
         self._only_near_depth = "probability" in getattr(network, "outputs", ())
 
@@ -74,7 +75,7 @@ class NetworkDenoiser:
 
         With a probability of depth, ``glsim.denoise.safeguards`` apply: frames without noise are
         returned unchanged if ``keep_clean``, and pixels outside ``trusted_mask`` have probability
-        0.
+        0, measured ones if their probability is above UNLIKELY.
 
         Args:
             noisy_mm: (H, W) float32 millimetres, 0 = no return.
@@ -121,8 +122,10 @@ class NetworkDenoiser:
             input_sigma_mm = None if sigma_mm is None else np.full_like(frame, noise_mm)
             return frame, self._validity((frame > 0).astype(np.float32)), input_sigma_mm
         # Runtimes compute the sigmoid with errors of some 1e-7, on either side of 1.
-        probability = np.clip(outputs["probability"], 0.0, 1.0)
-        probability *= trusted_mask(frame, outputs.get("risk_mm"))
+        probability = calibrated(np.clip(outputs["probability"], 0.0, 1.0), self.unlikely)
+        # A measured pixel that is unlikely keeps its probability: the doubt is not which surface.
+        unlikely = (frame > 0) & (probability <= UNLIKELY)
+        probability *= unlikely | trusted_mask(frame, outputs.get("risk_mm"))
         if self._min_probability and "choice" in outputs:
             probability *= outputs["choice"]
         return np.maximum(depth_mm, 0), self._validity(probability), sigma_mm

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from glsim.denoise.composites import DOUBT
 from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
 from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
 from glsim.denoise.wire_format import fields
@@ -43,10 +44,14 @@ def read_record(data: bytes) -> NetworkRecord:
     margin_px = int(text.get(f"{_PREFIX}margin_px", DEFAULT_RECORD.margin_px))
     if margin_px < DEFAULT_RECORD.margin_px:
         raise ValueError(f"its margin_px is {margin_px}")
+    unlikely = float(text.get(f"{_PREFIX}unlikely", DEFAULT_RECORD.unlikely))
+    if not 0 < unlikely < DOUBT:
+        raise ValueError(f"its unlikely is {unlikely}")
     return NetworkRecord(
         check_protocol(text.get(f"{_PREFIX}protocol"), "protocol") or DEFAULT_RECORD.protocol,
         bool(int(text.get(f"{_PREFIX}keep_clean", DEFAULT_RECORD.keep_clean))),
         margin_px,
+        unlikely,
     )
 
 
@@ -64,7 +69,7 @@ def record_entries(record: NetworkRecord) -> bytes:
     for name, default in DEFAULT_RECORD._asdict().items():
         value = getattr(record, name)
         if value != default:
-            text = value if isinstance(value, str) else str(int(value))
+            text = value if isinstance(value, str) else f"{value:g}"
             entry = field(_KEY, f"{_PREFIX}{name}".encode()) + field(_VALUE, text.encode())
             entries += field(_METADATA, entry)
     return entries

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from glsim.denoise.composites import UNLIKELY
 from glsim.denoise.tiles import AROUND_PX
 from glsim.depth_protocol import DepthProtocol
 
@@ -16,11 +17,14 @@ class NetworkRecord(NamedTuple):
         keep_clean: whether frames without noise are returned unchanged: those whose noise rounding
             and the form of surfaces explain (``glsim.denoise.safeguards``).
         margin_px: holes around depth that the network still sees, px.
+        unlikely: pixels beside holes are dropped if their probability of depth is at most this, by
+            the composite "measured" (``glsim.denoise.composites.UNLIKELY``).
     """
 
     protocol: DepthProtocol = "depth"
     keep_clean: bool = True
     margin_px: int = AROUND_PX
+    unlikely: float = UNLIKELY
 
 
 #: The record of a file without one.

@@ -73,6 +73,7 @@ def write_denoise_page(folder: Path, backend: str | None = None) -> list[Path]:
             "images": read_inputs(data).names,
             "keep_clean": record.keep_clean,
             "margin_px": record.margin_px,
+            "unlikely": record.unlikely,
         }
     facts = {"networks": described, "numbers": _numbers()}
     written[folder / "denoise.html"] = (ASSETS / "denoise/page.html").read_bytes()
@@ -125,6 +126,7 @@ def _numbers() -> dict[str, Any]:
             "least_sure": composites.LEAST_SURE,
             "least_patch": composites.LEAST_PATCH,
             "least_touching": composites.LEAST_TOUCHING,
+            "beside_px": composites.BESIDE_PX,
             "unlikely": composites.UNLIKELY,
         },
     }

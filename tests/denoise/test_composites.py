@@ -14,7 +14,7 @@ import pytest
 from glsim import Frame, load_settings, simulate
 from glsim.cli.denoise import denoise
 from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, composed, load
-from glsim.denoise.composites import measured_surfaces
+from glsim.denoise.composites import BESIDE_PX, UNLIKELY, calibrated, measured_surfaces
 from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.loading import as_method
 from glsim.denoise.network import NetworkDenoiser
@@ -108,15 +108,26 @@ def test_mid_air_pixels_are_dropped_only_where_the_network_doubts() -> None:
 def test_unlikely_pixels_are_dropped_beside_holes_alone() -> None:
     noisy = head_before_wall()
     noisy[noisy > 1200] = 0  # nothing behind the head
-    first, second, third = rings(noisy > 0, 3)
+    *near, far = rings(noisy > 0, BESIDE_PX + 1)
+    beside = np.any(near, axis=0)
     probability = np.where(noisy > 0, 0.99, 0.01).astype(np.float32)
-    probability[first | second | third] = 0.1
+    probability[beside | far] = 0.1
     out = measured(noisy, probability, noisy)
-    np.testing.assert_array_equal(out == 0, (noisy == 0) | first | second)
+    np.testing.assert_array_equal(out == 0, (noisy == 0) | beside)
     # A probability of 0 is the safeguards', who doubt which surface it is; 0.4 is no strong doubt.
     for kept in (0.0, 0.4):
-        probability[first] = kept
-        assert (measured(noisy, probability, noisy) > 0)[first].all()
+        probability[near[0]] = kept
+        assert (measured(noisy, probability, noisy) > 0)[near[0]].all()
+
+
+def test_a_network_with_another_bound_drops_pixels_up_to_it() -> None:
+    probability = np.linspace(0, 1, 999, dtype=np.float32)
+    moved = calibrated(probability, 0.3)
+    assert moved.dtype == np.float32
+    np.testing.assert_array_equal(moved <= UNLIKELY, probability <= 0.3)
+    assert (np.diff(moved) > 0).all()
+    np.testing.assert_array_equal(moved[[0, 499, 998]], [0, 0.5, 1])
+    assert calibrated(probability, UNLIKELY) is probability
 
 
 def test_a_plane_that_the_network_doubts_as_a_whole_is_kept() -> None:

@@ -17,13 +17,13 @@ from glsim.errors import DenoiserError
 from glsim.train.models.registry import build_model
 from glsim.train.onnx_export import export_onnx
 
-RECORD = NetworkRecord(protocol="paper", keep_clean=False, margin_px=80)
+RECORD = NetworkRecord(protocol="paper", keep_clean=False, margin_px=80, unlikely=0.3)
 
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A checkpoint of five scales, for cameras whose noise looks like form."""
-    table = {"kind": "mask_aware", "keep_clean": False}
+    table = {"kind": "mask_aware", "keep_clean": False, "unlikely": 0.3}
     table |= {"backbone": {"kind": "small_unet", "width": 4, "scales": 5, "growth": 0.0}}
     content: dict[str, Any] = {"recipe": {"model": table}, "model": build_model(table).state_dict()}
     content |= {"progress": {}, "validation": {}, "data": {"protocol": "paper"}}
@@ -40,7 +40,8 @@ def test_every_file_of_a_network_has_its_record(trained: Path, suffix: str) -> N
     elif suffix == ".safetensors":
         checkpoint.export_safetensors(trained, path)
     network: Any = load(str(path)).function
-    assert (network.protocol, network.keep_clean, network.margin_px) == RECORD
+    found = (network.protocol, network.keep_clean, network.margin_px, network.unlikely)
+    assert found == RECORD
     plane = np.full((1, 64, 64), 800, np.float32)
     for option, kept in (("", False), (":keep_clean=0", False), (":keep_clean=1", True)):
         method = load(f"{path}{option}")
@@ -59,6 +60,7 @@ def test_a_network_of_more_scales_sees_farther(scales: int, margin_px: int) -> N
 def test_the_shipped_networks_and_files_without_a_record() -> None:
     for name, record in (
         ("face", NetworkRecord()),
+        ("face-azure-kinect", NetworkRecord(unlikely=0.3)),
         ("face-stereo", NetworkRecord(keep_clean=False, margin_px=80)),
     ):
         with shipped_file(name) as path:
@@ -69,7 +71,12 @@ def test_the_shipped_networks_and_files_without_a_record() -> None:
 
 @pytest.mark.parametrize(
     ("written", "instead"),
-    [(b"\x0280", b"\x02-9"), (b"\x0280", b"\x02ab"), (b"\x05paper", b"\x05other")],
+    [
+        (b"\x0280", b"\x02-9"),
+        (b"\x0280", b"\x02ab"),
+        (b"\x030.3", b"\x030.5"),
+        (b"\x05paper", b"\x05other"),
+    ],
 )
 def test_a_damaged_record_is_refused(tmp_path: Path, written: bytes, instead: bytes) -> None:
     with shipped_file("face") as path:

@@ -222,6 +222,23 @@ def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -
     assert probability[0, 95] == 0, "nothing was measured near"
 
 
+@pytest.mark.parametrize(("found", "kept"), [(0.1, 0.1), (0.4, 0.0)])
+def test_measured_pixels_that_are_unlikely_keep_their_probability(
+    found: float, kept: float
+) -> None:
+    """The composite drops them beside holes; a doubt which surface it is would keep them."""
+
+    def doubts(noisy_mm: Depth) -> dict[str, Depth]:
+        outputs = shifts(noisy_mm)
+        return outputs | {"probability": np.full_like(noisy_mm, found)}
+
+    noise = np.random.default_rng(0).normal(0, 2, ball().shape).astype(np.float32)
+    noisy = np.where(ball() > 0, ball() + noise, 0).astype(np.float32)
+    left = np.s_[:, :40]
+    _, probability = NetworkDenoiser(doubts, "doubts", True)(noisy, noisy > 0)
+    np.testing.assert_allclose(probability[left], np.where(noisy > 0, kept, 0)[left])
+
+
 @pytest.mark.parametrize(("sensor", "distance_mm"), [("realsense-d435", 500), ("truedepth", 450)])
 def test_the_network_of_stereo_denoises_what_passes_for_clean(
     sensor: str, distance_mm: int

@@ -7,6 +7,7 @@ from typing import NamedTuple, TypeVar
 import torch
 from torch import Tensor, nn
 
+from glsim.denoise.composites import UNLIKELY
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
 from glsim.denoise.tiles import AROUND_PX
 
@@ -49,13 +50,14 @@ class DepthModel(nn.Module):
     """A denoiser of depth frames of any size: ``model(noisy_mm) -> Prediction``.
 
     The input is (B, C, H, W) float32: depth in millimetres, 0 = no return, and the model's further
-    ``inputs`` (see ``glsim.denoise.inputs``). The model scales them. ``keep_clean`` and
-    ``margin_px`` are those of its ``glsim.denoise.record.NetworkRecord``.
+    ``inputs`` (see ``glsim.denoise.inputs``). The model scales them. ``keep_clean``,
+    ``margin_px`` and ``unlikely`` are those of its ``glsim.denoise.record.NetworkRecord``.
     """
 
     inputs: NetworkInputs = DEPTH_ALONE
     keep_clean: bool = True
     margin_px: int = AROUND_PX
+    unlikely: float = UNLIKELY
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""

@@ -17,6 +17,7 @@ import torch
 from pydantic import AfterValidator, Field
 from torch import Tensor
 
+from glsim.denoise.composites import DOUBT, UNLIKELY
 from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
 from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel, Prediction
@@ -86,7 +87,8 @@ class MaskAware(DepthModel):
     channel for each and 5 others (2 more with ``surfaces``) to a gain for each and 2 others (1 more
     with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma,
     see `sigma_scale.calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form
-    of surfaces, which the rule for frames without noise cannot tell apart.
+    of surfaces, which the rule for frames without noise cannot tell apart. ``unlikely`` is chosen
+    by ``python -m benchmarks.midair``.
     """
 
     sigma_scale: Tensor
@@ -101,9 +103,10 @@ class MaskAware(DepthModel):
         after: Neighbours = 0,
         filters: Filters = FILTERS,
         keep_clean: bool = True,
+        unlikely: Annotated[float, Field(gt=0, lt=DOUBT)] = UNLIKELY,
     ) -> None:
         super().__init__()
-        self.keep_clean, self.margin_px = keep_clean, backbone.margin_px
+        self.keep_clean, self.margin_px, self.unlikely = keep_clean, backbone.margin_px, unlikely
         self.filters = filters
         self.inputs = NetworkInputs(infrared, before, after)
         self.backbone = backbone
@@ -120,6 +123,7 @@ class MaskAware(DepthModel):
         after: int = 0,
         filters: Sequence[FilterName] = FILTERS,
         keep_clean: bool = True,  # noqa: ARG004 (all parameters of the class are given)
+        unlikely: float = UNLIKELY,  # noqa: ARG004
     ) -> dict[str, Any]:
         """Arguments that the backbone must be built with."""
         extra = extra_channels(NetworkInputs(infrared, before, after))

@@ -40,6 +40,13 @@ function narrowHoles(depth, width, height, reach) {
   return (i) => label[i] >= 0 && narrow[label[i]] === 1;
 }
 
+// A network's probability of depth, moved so that its bound for pixels beside holes is numbers.unlikely.
+export function calibrated(probability, bound, { unlikely, doubt }) {
+  const p = Math.min(Math.max(probability, 0), 1);
+  if (p >= doubt) return p;
+  return p <= bound ? (p * unlikely) / bound : unlikely + ((p - bound) * (doubt - unlikely)) / (doubt - bound);
+}
+
 // depth, probability: of the network, mm; noisy: its input, mm. Returns depth in mm, 0 = none.
 export function measuredSurfaces(depth, probability, noisy, width, height, numbers) {
   const reach = numbers.reach_px,
@@ -68,7 +75,7 @@ export function measuredSurfaces(depth, probability, noisy, width, height, numbe
   const unlikely = (i) => {
     if (!(probability[i] > 0) || probability[i] > numbers.unlikely) return false;
     let beside = false;
-    around(i, reach, (k) => {
+    around(i, numbers.beside_px, (k) => {
       if (noisy[k] === 0) beside = true;
     });
     return beside;

@@ -1,6 +1,6 @@
 // Runs a network of glsim on one map, as glsim/denoise/network.py does, by onnxruntime-web.
 
-import { measuredSurfaces } from "./composites.js";
+import { calibrated, measuredSurfaces } from "./composites.js";
 import { isClean, trustedMask } from "./safeguards.js";
 
 // Rows or columns of the box of what is seen, with a margin, on the grid of networks: [first, last).
@@ -28,7 +28,7 @@ function boxOf(images, width, height, marginPx, numbers) {
 }
 
 export class Network {
-  // facts: {file, images: {input: number}, keep_clean, margin_px} and `numbers`, the constants of glsim.denoise.
+  // facts: {file, images: {input: number}, keep_clean, margin_px, unlikely} and `numbers`, the constants of glsim.denoise.
   constructor(facts, numbers) {
     this.facts = facts;
     this.numbers = numbers;
@@ -45,7 +45,7 @@ export class Network {
   async denoise(inputs, width, height) {
     const [noisy] = inputs.noisy_mm,
       { numbers } = this,
-      { keep_clean, margin_px } = this.facts,
+      { keep_clean, margin_px, unlikely } = this.facts,
       box = boxOf(Object.values(inputs).flat(), width, height, margin_px, numbers);
     if (!box || (keep_clean && isClean(noisy, width, height, numbers.safeguards))) return { depth: noisy.slice(), unchanged: true };
     const outputs = await this._run(inputs, width, box);
@@ -57,7 +57,9 @@ export class Network {
     };
     const risk = outputs.risk_mm && whole("risk_mm", (mm) => mm),
       trusted = trustedMask(noisy, risk, width, height, numbers.safeguards),
-      probability = whole("probability", (p) => Math.min(Math.max(p, 0), 1)).map((p, i) => p * trusted[i]),
+      probability = whole("probability", (p) => calibrated(p, unlikely, numbers.composites)).map((p, i) =>
+        trusted[i] || (noisy[i] > 0 && p <= numbers.composites.unlikely) ? p : 0,
+      ),
       depth = whole("depth_mm", (mm) => Math.max(mm, 0));
     return { depth: measuredSurfaces(depth, probability, noisy, width, height, numbers.composites), unchanged: false };
   }
