@@ -11,7 +11,7 @@ from tests.support.imports import ROOT, all_modules, imported_modules, third_par
 
 #: Rooms from the ground floor up. A module imports from its own room and from earlier ones; a
 #: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise, and the
-#: inputs of networks one below both.
+#: inputs and records of networks two below both.
 ROOMS = (
     "glsim.errors",
     "glsim.plugins",
@@ -47,6 +47,7 @@ ROOMS = (
     "glsim.recordings",
     "glsim.identify",
     "glsim.denoise.inputs",
+    "glsim.denoise.record",
     "glsim.exports",
     "glsim.map_files",
     "glsim.train.models",

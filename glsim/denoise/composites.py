@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise.interface import MIN_DEPTH_MM, Denoised, Depth, Mask, Probability
+from glsim.denoise.record import UNLIKELY
 from glsim.errors import ConfigError, did_you_mean
 
 #: Ways to turn a soft validity into a depth map: name -> meaning.
@@ -43,10 +44,6 @@ LEAST_TOUCHING: Final = 3
 #: Pixels within this of a hole are beside it, px. Measured: of the wrong pixels of simulated heads
 #: nine tenths lie within 2 px before a Kinect V2, 3 before a TrueDepth, 4 before a D435 and D415.
 BESIDE_PX: Final = 4
-#: Pixels beside holes whose probability of depth is at most this are dropped. Chosen: the network
-#: of a Kinect V2 then loses at most 5 % of the outermost right pixels of either decoder's frames
-#: (docs/denoise.md). Networks with another bound calibrate their probability: see ``calibrated``.
-UNLIKELY: Final = 0.17
 
 
 def check_composite(name: str, where: str) -> None:

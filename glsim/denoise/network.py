@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.composites import UNLIKELY, calibrated
+from glsim.denoise.composites import calibrated
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.denoise.interface import MIN_DEPTH_MM
-from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
+from glsim.denoise.record import DEFAULT_RECORD, UNLIKELY, NetworkRecord
 from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
 from glsim.denoise.tiles import box_around, run_tiled
 from glsim.errors import DenoiserError

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from glsim.denoise.composites import UNLIKELY
-from glsim.denoise.tiles import AROUND_PX
 from glsim.depth_protocol import DepthProtocol
+
+#: Holes around depth that a network still sees, px. Measured: with 48 px the shipped networks give
+#: the depth of the whole frame to 0.004 mm, and probabilities to 1e-4; with 32 px depth differs by
+#: up to 0.1 mm. face-stereo, of five scales, needs 80 px (0.002 mm): with 48 px depth differs by
+#: 0.1 mm, and by 80 mm where it chooses the other surface.
+AROUND_PX: Final = 48
+#: Pixels beside holes whose probability of depth is at most this are dropped. Chosen: the network
+#: of a Kinect V2 then loses at most 5 % of the outermost right pixels of either decoder's frames
+#: (docs/denoise.md). Networks with another bound calibrate their probability: see
+#: ``glsim.denoise.composites.calibrated``.
+UNLIKELY: Final = 0.17
 
 
 class NetworkRecord(NamedTuple):
@@ -18,7 +27,7 @@ class NetworkRecord(NamedTuple):
             and the form of surfaces explain (``glsim.denoise.safeguards``).
         margin_px: holes around depth that the network still sees, px.
         unlikely: pixels beside holes are dropped if their probability of depth is at most this, by
-            the composite "measured" (``glsim.denoise.composites.UNLIKELY``).
+            the composite "measured" (UNLIKELY).
     """
 
     protocol: DepthProtocol = "depth"

@@ -11,6 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.denoise.record import AROUND_PX
+
 _Image = NDArray[np.float32]
 
 #: Side of a tile, px. Chosen: frames of depth cameras (1024 x 1024 and less) are never divided.
@@ -20,13 +22,6 @@ TILE_PX: Final = 1024
 #: depth differs by at most 0.0005 mm (848 x 480 pixels of an office, tiles of 448).
 #: A multiple of 16, as TILE_PX, since networks halve the size up to four times.
 MARGIN_PX: Final = 128
-
-
-#: Holes around depth that a network still sees, px. Measured: with 48 px the shipped networks give
-#: the depth of the whole frame to 0.004 mm, and probabilities to 1e-4; with 32 px depth differs by
-#: up to 0.1 mm. face-stereo, of five scales, needs 80 px (0.002 mm): with 48 px depth differs by
-#: 0.1 mm, and by 80 mm where it chooses the other surface.
-AROUND_PX: Final = 48
 #: Corners of boxes are at multiples of this, px: networks halve the size up to four times.
 GRID_PX: Final = 16
 

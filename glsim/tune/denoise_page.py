@@ -19,6 +19,7 @@ from glsim.denoise.loading import is_shipped, shipped_file
 from glsim.denoise.map_steps import FINE_MM
 from glsim.denoise.network import SIZE_MULTIPLE_PX
 from glsim.denoise.onnx_inputs import read_inputs, read_record
+from glsim.denoise.record import UNLIKELY
 from glsim.denoise.registry import NETWORKS
 from glsim.errors import ConfigError, MeshError
 from glsim.files.atomic import write_atomic
@@ -127,7 +128,7 @@ def _numbers() -> dict[str, Any]:
             "least_patch": composites.LEAST_PATCH,
             "least_touching": composites.LEAST_TOUCHING,
             "beside_px": composites.BESIDE_PX,
-            "unlikely": composites.UNLIKELY,
+            "unlikely": UNLIKELY,
         },
     }
 

@@ -12,7 +12,8 @@ from glsim.cli import main
 from glsim.denoise import load, load_denoiser
 from glsim.denoise.around import head_box
 from glsim.denoise.interface import Depth
-from glsim.denoise.tiles import AROUND_PX, GRID_PX, box_around
+from glsim.denoise.record import AROUND_PX
+from glsim.denoise.tiles import GRID_PX, box_around
 from glsim.errors import ConfigError
 from glsim.files.png import encode_png, read_depth_png
 

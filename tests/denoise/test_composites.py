@@ -14,10 +14,11 @@ import pytest
 from glsim import Frame, load_settings, simulate
 from glsim.cli.denoise import denoise
 from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, composed, load
-from glsim.denoise.composites import BESIDE_PX, UNLIKELY, calibrated, measured_surfaces
+from glsim.denoise.composites import BESIDE_PX, calibrated, measured_surfaces
 from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.loading import as_method
 from glsim.denoise.network import NetworkDenoiser
+from glsim.denoise.record import UNLIKELY
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.frame import frame_set

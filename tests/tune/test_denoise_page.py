@@ -169,6 +169,25 @@ def test_each_network_gets_what_it_takes(
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("sensor", "network"),
+    [("realsense-d435", "face-stereo"), ("azure-kinect", "face-azure-kinect")],
+)
+def test_rims_before_nothing_are_those_of_python(
+    opened: tuple[Any, list[str], list[str]], sensor: str, network: str
+) -> None:
+    """Where the networks' own bounds and the reach of the rule beside holes count."""
+    page, errors, _ = opened
+    source = {"subjects": 1, "frames_per_subject": 1}
+    overrides = {"sensor": sensor, "pose": {"distance_mm": 900}, "output": {"crop": 192}}
+    (frame,) = frames(load_settings(overrides=overrides, source=source))
+    expected = MapDenoiser(load(network))(frame.noisy).depth_mm
+    assert ((frame.noisy > 0) & (expected == 0)).sum() > 100
+    _check_same(_denoised(page, {"a.png": encode_png(frame.noisy)}, network), expected)
+    assert errors == []
+
+
+@pytest.mark.long
 def test_formats_and_steps(opened: tuple[Any, list[str], list[str]], measured: list[Any]) -> None:
     page, _, _ = opened
     crop = measured[1].noisy[120:248, 190:318]

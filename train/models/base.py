@@ -7,9 +7,8 @@ from typing import NamedTuple, TypeVar
 import torch
 from torch import Tensor, nn
 
-from glsim.denoise.composites import UNLIKELY
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
-from glsim.denoise.tiles import AROUND_PX
+from glsim.denoise.record import AROUND_PX, UNLIKELY
 
 
 class Prediction(NamedTuple):

@@ -17,8 +17,8 @@ import torch
 from pydantic import AfterValidator, Field
 from torch import Tensor
 
-from glsim.denoise.composites import DOUBT, UNLIKELY
 from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
+from glsim.denoise.record import UNLIKELY
 from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.extra_features import (
@@ -103,7 +103,7 @@ class MaskAware(DepthModel):
         after: Neighbours = 0,
         filters: Filters = FILTERS,
         keep_clean: bool = True,
-        unlikely: Annotated[float, Field(gt=0, lt=DOUBT)] = UNLIKELY,
+        unlikely: Annotated[float, Field(gt=0, lt=0.5)] = UNLIKELY,
     ) -> None:
         super().__init__()
         self.keep_clean, self.margin_px, self.unlikely = keep_clean, backbone.margin_px, unlikely
