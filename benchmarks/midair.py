@@ -31,6 +31,8 @@ _FRAMES: Final = 5
 _WRONG_MM: Final = 30.0
 #: Radius of the window that the trees see, px, and largest difference of depth in it, mm.
 _REACH_PX, _MOST_MM = 4, 150.0
+#: Distances of the heads, mm. Chosen: what every camera measures.
+_DISTANCE_MM: Final = (700.0, 1050.0)
 #: Share of the outermost right pixels that may be lost.
 _RING_LOST: Final = 0.05
 #: What the trees see: name -> (infrared, earlier frames).
@@ -89,7 +91,14 @@ class View(NamedTuple):
         )
 
 
-def views(sensor: str, subjects: int, seed: int, *, wall: bool) -> list[View]:
+def views(
+    sensor: str,
+    subjects: int,
+    seed: int,
+    *,
+    wall: bool,
+    distance_mm: tuple[float, float] = _DISTANCE_MM,
+) -> list[View]:
     """Simulate one view of each head: five frames of one device, in which nothing moves.
 
     Args:
@@ -97,6 +106,7 @@ def views(sensor: str, subjects: int, seed: int, *, wall: bool) -> list[View]:
         subjects: number of heads.
         seed: of the heads, poses, devices and noise.
         wall: whether a wall stands 1.45 to 2.2 m from the camera.
+        distance_mm: least and largest distance of the heads.
     """
     drawn: dict[str, Any] = {"per": "sequence"}
     scene = {"wall_mm": drawn | {"uniform": [1450, 2200]}} if wall else {}
@@ -113,7 +123,7 @@ def views(sensor: str, subjects: int, seed: int, *, wall: bool) -> list[View]:
                 "frames_per_sequence": _FRAMES,
             },
             "pose": {
-                "distance_mm": drawn | {"uniform": [700, 1050]},
+                "distance_mm": drawn | {"uniform": list(distance_mm)},
                 "yaw_deg": drawn | {"uniform": [-40, 40]},
                 "pitch_deg": drawn | {"uniform": [-15, 15]},
             },
@@ -261,14 +271,19 @@ def main() -> None:
     parser.add_argument("sensor", nargs="?", default="kinect-v2")
     parser.add_argument("-d", "--denoiser", default="face", help="a network without infrared")
     parser.add_argument("--subjects", type=int, default=60, help="for training; half as many judge")
+    parser.add_argument(
+        "--distance-mm", type=float, nargs=2, default=_DISTANCE_MM, help="of the heads"
+    )
     given = parser.parse_args()
+    nearest_mm, farthest_mm = given.distance_mm
+    distance_mm = (nearest_mm, farthest_mm)
     method = load(given.denoiser)
     print("| scene | by | wrong pixels a frame | right pixels lost | of the ring lost |")
     print("|---|---|---|---|---|")
     for scene in ("alone", "before a wall"):
         wall = scene != "alone"
-        training = views(given.sensor, given.subjects, 101, wall=wall)
-        judged = views(given.sensor, given.subjects // 2, 102, wall=wall)
+        training = views(given.sensor, given.subjects, 101, wall=wall, distance_mm=distance_mm)
+        judged = views(given.sensor, given.subjects // 2, 102, wall=wall, distance_mm=distance_mm)
         measured = [v.depth_mm for v in judged]
         print(f"| {scene} {row('input', measured, judged)}", flush=True)
         results = [

@@ -123,11 +123,11 @@ def _unlikely(probability: Mask | Probability, noisy_mm: Depth) -> Mask:
 
 
 def calibrated(probability: Probability, unlikely: float) -> Probability:
-    """Move probabilities of depth so that a network's bound for pixels beside holes is UNLIKELY.
+    """Rescale a network's probabilities of depth so that its own bound becomes UNLIKELY.
 
     Args:
         probability: float32, any shape.
-        unlikely: the network's bound, in (0, 1/2).
+        unlikely: the network's bound for pixels beside holes, in (0, 1/2).
 
     Returns:
         Probabilities of the same shape and order, float32; 0, 1/2 and 1 stay.

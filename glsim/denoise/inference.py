@@ -49,7 +49,7 @@ def load_model(path: Path) -> DepthModel:
 
 
 def load_record(path: Path) -> NetworkRecord:
-    """Return the record of a checkpoint's network. Raises DenoiserError as ``load_model``."""
+    """Read the record of a checkpoint's network. Raises DenoiserError as ``load_model``."""
     return _load(path)[1]
 
 

@@ -1,4 +1,4 @@
-"""What an ONNX file declares, read from its bytes without the package onnx: inputs and record.
+"""Read the inputs and the record of a network from an ONNX file, without the package onnx.
 
 The numbers below are those of onnx.proto. The graph itself is not read.
 """
@@ -37,7 +37,18 @@ def read_inputs(data: bytes) -> NetworkInputs:
 
 
 def read_record(data: bytes) -> NetworkRecord:
-    """Return the record of a network. Raises ValueError or ConfigError for values of no record."""
+    """Read the record of a network.
+
+    Args:
+        data: the ONNX file.
+
+    Returns:
+        Its record, with the default of each setting that the file lacks.
+
+    Raises:
+        ValueError: for a setting that is no number or out of range, or a damaged file.
+        ConfigError: for an unknown protocol.
+    """
     text = {
         _text(entry, _KEY): _text(entry, _VALUE) for entry in _messages(memoryview(data), _METADATA)
     }
@@ -56,7 +67,7 @@ def read_record(data: bytes) -> NetworkRecord:
 
 
 def record_entries(record: NetworkRecord) -> bytes:
-    """Return what to append to a file so that ``read_record`` returns ``record``.
+    """Encode a record as bytes to append to an ONNX file; settings with their default take none.
 
     Protocol Buffers join the fields of concatenated messages. Every text is shorter than 128 bytes,
     so that a length is one byte.

@@ -1,4 +1,4 @@
-"""What the file of a network records about its training, besides its weights and inputs."""
+"""Settings that a training chooses for the denoiser, which every file of its network holds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNLIKELY: Final = 0.17
 
 
 class NetworkRecord(NamedTuple):
-    """How denoisers run a network, as its training left it. Older files have the defaults.
+    """Settings of a network's denoiser, chosen with its training; a file without them has these.
 
     Attributes:
         protocol: where the depths of its training are counted from.

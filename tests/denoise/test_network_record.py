@@ -1,4 +1,4 @@
-"""What a training leaves to denoisers is in every file of its network."""
+"""Checkpoint, safetensors and ONNX file of a network hold the same settings of its denoiser."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RECORD = NetworkRecord(protocol="paper", keep_clean=False, margin_px=80, unlikel
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A checkpoint of five scales, for cameras whose noise looks like form."""
+    """Write a checkpoint whose settings all differ from the defaults."""
     table = {"kind": "mask_aware", "keep_clean": False, "unlikely": 0.3}
     table |= {"backbone": {"kind": "small_unet", "width": 4, "scales": 5, "growth": 0.0}}
     content: dict[str, Any] = {"recipe": {"model": table}, "model": build_model(table).state_dict()}

@@ -226,7 +226,7 @@ def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -
 def test_measured_pixels_that_are_unlikely_keep_their_probability(
     found: float, kept: float
 ) -> None:
-    """The composite drops them beside holes; a doubt which surface it is would keep them."""
+    """A rejected pixel of low probability keeps it, so that the composite can drop it."""
 
     def doubts(noisy_mm: Depth) -> dict[str, Depth]:
         outputs = shifts(noisy_mm)

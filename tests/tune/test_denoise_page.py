@@ -176,7 +176,7 @@ def test_each_network_gets_what_it_takes(
 def test_rims_before_nothing_are_those_of_python(
     opened: tuple[Any, list[str], list[str]], sensor: str, network: str
 ) -> None:
-    """Where the networks' own bounds and the reach of the rule beside holes count."""
+    """Compare the pixels that the page and Python drop at the silhouette of a head."""
     page, errors, _ = opened
     source = {"subjects": 1, "frames_per_subject": 1}
     overrides = {"sensor": sensor, "pose": {"distance_mm": 900}, "output": {"crop": 192}}
