@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -135,43 +133,7 @@ def _write_reference(_app: Any) -> None:
     write_pages()
 
 
-def _add_tuner(app: Any, error: Exception | None) -> None:
-    """Put the tuner's page beside the site, if this version of glsim makes one.
-
-    The page that denoises is with it, unless onnxruntime-web cannot be fetched.
-    """
-    if error is None and app.builder.name == "html":
-        folder = Path(app.outdir) / "tuner"
-        shutil.rmtree(folder, ignore_errors=True)
-        if _has_tuner():
-            glsim = [sys.executable, "-m", "glsim"]
-            fetched = subprocess.run([*glsim, "fetch", "onnxruntime-web"], check=False, cwd=ROOT)
-            denoise = [] if fetched.returncode else ["--denoise"]
-            command = [*glsim, "tune", "--static", str(folder), *denoise]
-            subprocess.run(command, check=True, cwd=ROOT)
-
-
-def _has_tuner() -> bool:
-    """Return whether ``glsim tune`` exists and has the option ``--static``."""
-    from scripts.reference.commands import commands, options_of
-
-    found = [command for name, command in commands() if name == "tune"]
-    return any("--static" in options_of(command) for command in found)
-
-
-def _name_tuner(_app: Any, name: str, source: list[str]) -> None:
-    """Replace the place of the tuner on the front page by a link, or by nothing."""
-    if name == "index":
-        link = (
-            "```{button-link} tuner/index.html\n:color: primary\n"
-            "Tune the noise in your browser\n```"
-        )
-        source[0] = source[0].replace("<!-- tuner -->", link if _has_tuner() else "")
-
-
 def setup(app: Any) -> None:
     """Write the pages from the code before Sphinx looks for pages."""
     app.connect("builder-inited", _write_reference, priority=100)
-    app.connect("source-read", _name_tuner)
     app.connect("autodoc-process-docstring", _format_docstring)
-    app.connect("build-finished", _add_tuner, priority=900)  # after the theme's colours of code

@@ -23,7 +23,6 @@ from glsim.cli.common import (
     announce_page,
     console,
     overrides,
-    print_written,
 )
 from glsim.cli.completion import sensor_words
 
@@ -35,10 +34,6 @@ glsim tune
 glsim tune kinect-v1 --face face.obj
 
 glsim tune mine.toml --source ict-facekit --root FaceXModel --real recording
-
-glsim tune --static site
-
-glsim tune --static site --denoise      networks too, after glsim fetch onnxruntime-web
 """
 
 
@@ -66,22 +61,6 @@ def tune(
         str | None,
         typer.Option(help="A copied link: start with its settings.", rich_help_panel=MORE),
     ] = None,
-    static: Annotated[
-        Path | None,
-        typer.Option(
-            "--static",
-            help="Write a page that needs no server into this folder.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
-    denoise: Annotated[
-        bool,
-        typer.Option(
-            "--denoise",
-            help="With --static: a second page, which denoises the visitor's own depth maps.",
-            rich_help_panel=MORE,
-        ),
-    ] = False,
     host: HostOption = "127.0.0.1",
     port: PortOption = PAGE_PORT,
     no_browser: NoBrowserOption = False,
@@ -95,20 +74,9 @@ def tune(
 
     Needs the extra tune. The printed address lets one browser in, once; only you on this
     machine can open it, unless --host is given. A page that is opened again has its last settings.
-    With --static nothing is served and no extra is needed: a folder is written with all sensors (or
-    SENSOR alone) and captured faces, for any static host. With --denoise it also has the shipped
-    networks, which run in the visitor's browser.
     """
-    if static is not None:
-        from glsim.tune.static_page import write_static_page
-
-        sensors = [sensor] if sensor else []
-        print_written(write_static_page(static, sensors, denoise=denoise, backend=backend))
-        return
     from glsim.errors import ConfigError, require_package
 
-    if denoise:
-        raise ConfigError("--denoise goes with --static DIR; a server's page is glsim live")
     for needed in ("nicegui", "tomlkit"):
         require_package(needed, "glsim tune", "tune")
     from glsim.sensors.sensor import sensor_of

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from glsim.errors import ShaderError
 from glsim.geometry.rect import Rect
-from glsim.gl.includes import INCLUDE, Line
+from glsim.gl.includes import Line
 
 UNIFORM = re.compile(
     r"^\s*uniform\s+(?P<type>\w+)\s+(?P<name>\w+)\s*(?:\[\s*\w+\s*\])?"
@@ -114,24 +114,6 @@ class Layer:
         columns = floor(left * self.scale), ceil((left + width) * self.scale)
         rows = floor(top * self.scale), ceil((top + height) * self.scale)
         return Rect(columns[0], rows[0], columns[1] - columns[0], rows[1] - rows[0])
-
-
-def declaration_patterns() -> dict[str, str]:
-    """Return the regular expressions of declarations, in JavaScript's syntax, by name.
-
-    A page in a browser reads edited stages with them; includes are those of ``load_source``.
-    """
-    patterns = {
-        "include": INCLUDE,
-        "uniform": UNIFORM,
-        "out": OUT,
-        "unreadable": _UNREADABLE,
-        "note": _NOTE,
-        "slider": _SLIDER,
-        "scale": _SCALE,
-        "sparse": SPARSE,
-    }
-    return {name: made.pattern.replace("(?P<", "(?<") for name, made in patterns.items()}
 
 
 def match_declaration(line: Line, *, vertex: bool) -> re.Match[str] | None:

@@ -91,13 +91,6 @@ def _append(file: Path, text: str, flat: list[Line], included: list[Path], *, to
             _append(target, content, flat, included, top=False)
 
 
-def included_text(name: str) -> str:
-    """Return the text of a file that ``ShaderSource.lines`` names. Raises ShaderError."""
-    if name in GENERATED:
-        return GENERATED[name]()
-    return read_shader(SHADER_ROOT / name)
-
-
 def display_name(file: Path) -> str:
     """Return a shipped shader's path below shaders/, or any other path unchanged."""
     try:

@@ -124,7 +124,6 @@ import biwi nothing -o real
 import kinekt2 empty -o real
 fetch peple
 tune kinect-v3
-tune --static map.png/x
 info --backend vulkan
 genrate -o data
 paper tables data --table 9

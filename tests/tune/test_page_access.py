@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from tests.support.static_page import check_one_column
 from tests.tune.test_page import (
     PATIENCE_MS,
     after,
@@ -72,4 +71,15 @@ def test_everything_that_takes_the_focus_has_a_name(page: Any) -> None:
 
 def test_a_narrow_screen_shows_pictures_and_editor(page: Any) -> None:
     """390 px, a phone's: they had no width."""
-    check_one_column(page)
+    whole = page.viewport_size
+    page.set_viewport_size({"width": 390, "height": 844})
+    try:
+        for place in (".left", ".view", ".figures", ".code", ".top"):
+            box = page.locator(f".tune {place}").bounding_box()
+            assert (box["x"], box["width"]) == (0, 390), place
+            assert box["height"] > 60, place
+        for tile in page.locator(".tile").all():
+            if tile.is_visible():  # others are of layers that the sensor has not
+                assert tile.bounding_box()["width"] > 150
+    finally:
+        page.set_viewport_size(whole)
