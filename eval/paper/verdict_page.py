@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from glsim.eval.paper.case_tables import add_case_tables
 from glsim.eval.paper.cases import FILTERS_FOLDER, PaperCase, case_folder, mask_folder, read_cases
 from glsim.eval.paper.filter_table import NOTHING_LOSES_TO
 from glsim.eval.paper.printed_values import PRINTED_NETWORKS
@@ -99,8 +98,6 @@ def verdict_document(cases: Sequence[PaperCase], folder: Path) -> Document:
             _trivial_table(cases),
         ],
     )
-    document.parts += [Heading("Every row in every case")]
-    add_case_tables(document, cases)
     for table in dict.fromkeys(verdict.table for verdict in found):
         of_table = [verdict for verdict in found if verdict.table == table]
         document.parts += [

@@ -42,8 +42,6 @@ glsim train paper-d7-small --data data --protocol paper     as the paper: neares
 
 glsim train face --simulate --minutes 30
 
-glsim train paper-d7-small --data data --photos scikit-image     a denoiser of photographs
-
 glsim train --list
 
 Ctrl-C stops after the current step and saves the training; --resume continues it.
@@ -84,23 +82,6 @@ def train(
             "--simulate", help="Render pairs during training instead of reading a data set."
         ),
     ] = False,
-    photos: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DIR",
-            help="Train on photographs with Gaussian noise instead (a folder, or scikit-image), "
-            "scaled to the depths of --data.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
-    photo_sigma: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            help="With --photos: the noise, grey levels of 255. Default: 25.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
     ray: Annotated[
         str | None,
         typer.Option(
@@ -163,10 +144,6 @@ def train(
         raise ConfigError("give a recipe: a name of glsim train --list, or a .toml file")
     if bool(data) == simulate:
         raise ConfigError("give --data DIR or --simulate, one of the two")
-    if photos is not None and not data:
-        raise ConfigError("--photos: give --data DIR too: its depths are those of the photographs")
-    if photo_sigma is not None and photos is None:
-        raise ConfigError("--photo-sigma: give --photos too")
     if ray is not None and not simulate:
         raise ConfigError("--ray renders pairs: give it with --simulate")
     given = overrides(
@@ -190,16 +167,7 @@ def train(
             f"({CPU_TORCH}) ({error})"
         ) from None
 
-    pairs: batches.BatchSource
-    if photos is not None:
-        from glsim.train.photograph_batches import DEFAULT_SIGMA_GREY, photograph_batches
-
-        sigma_grey = DEFAULT_SIGMA_GREY if photo_sigma is None else photo_sigma
-        pairs = photograph_batches(photos, sigma_grey, data or (), chosen)
-    else:
-        pairs = (
-            batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen, ray)
-        )
+    pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen, ray)
     with stopping() as stop, training_progress(chosen.title) as show:
         report = fit(
             chosen, pairs, folder, resume=resume, on_step=show, should_stop=stop,

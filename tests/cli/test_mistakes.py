@@ -234,7 +234,6 @@ train face --data data --simulate -o run
 train face --data data -o run --steps nan
 train face --data data -o run --minutes inf
 train face --data data -o run --set nothing.at_all=3
-train face --data data -o run --photo-sigma 3
 train face --data data -o run --protocol papr
 export damaged -o out --to ply
 export data -o data --to ply

@@ -10,12 +10,11 @@ import pytest
 
 from glsim.cli import main
 from glsim.errors import DatasetError
-from glsim.eval.paper.cases import case_folder, read_cases
+from glsim.eval.paper.cases import read_cases
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
 from glsim.eval.paper.verdict_page import VERDICT_FILES, write_verdicts
 from glsim.eval.paper.verdicts import Verdict, verdicts
 from tests.support import checkpoint_stand_in
-from tests.support.checkpoint_stand_in import write_run
 from tests.support.paper_scores import write_networks, write_scores, write_table
 
 
@@ -164,40 +163,6 @@ def test_the_page_says_what_the_scores_say(
     assert cells["D7, MSE"][0] == "**not comparable**"
     assert changed["D7, MSE"][::2] == ["**direction reproduced**", "1700"]
     assert changed["Median, MSE"] == cells["Median, MSE"]
-
-
-def case_cells(page: str, row: str) -> list[list[str]]:
-    """The cells of a row in the two tables of all cases: MSE and interior error."""
-    lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
-    return [cells[1:] for cells in lines if len(cells) in (5, 6) and cells[0] == row]
-
-
-def test_every_row_stands_in_every_case(tmp_path: Path) -> None:
-    """Ratios of filters per seed, of networks, twins, and networks without clean frames."""
-    for seed, noisy in ((1, 100.0), (2, 200.0)):
-        mse = {"noisy": noisy, "adaptive": noisy, "median": 0.9 * noisy, "nlm": 20.0 * seed}
-        write_scores(tmp_path, "dense", seed, "paper", mse)
-        write_table(
-            tmp_path / f"filters/dense/{seed}/paper/baselines.csv", {"mean face": 300.0}, "paper"
-        )
-    place = case_folder(tmp_path, "paper", "as-noisy")
-    write_run(place / "runs" / "d7-0", 0.1, row="D7")
-    write_run(place / "runs" / "r2r-0", 0.1, row=None, title="recorrupted")
-    write_run(place / "runs" / "r2r-1", 0.1, row=None, title="recorrupted", seed=1)
-    own = {"r2r-0 [input mask]": 90.0, "r2r-1 [input mask]": 110.0, "r2r-0 [soft]": 1.0}
-    write_table(place / "table.csv", {"noisy": 100.0, "d7-0": 129.0} | own, "paper")
-    page = write_verdicts(tmp_path)[0].read_text()
-    of_mse, interior = case_cells(page, "Median")
-    assert of_mse == ["0.965", "-", "-", "0.900 ± 0.000 (2)", "-"]
-    assert interior == ["-", "-", "1.000 ± 0.000 (2)", "-"]  # the paper prints none
-    assert case_cells(page, "NLM")[0] == ["0.813", "-", "-", "0.200 ± 0.000 (2)", "-"]
-    assert case_cells(page, "mean face")[0] == ["-", "-", "-", "2.250 ± 1.061 (2)", "-"]
-    for row, printed in (("D7", "25.7"), ("AR D7", "23.9")):
-        assert case_cells(page, row)[0] == [printed, "-", "-", "-", "1.290"]
-    assert case_cells(page, "D20")[0] == ["24.3", "-", "-", "-", "-"]
-    (of_others, _) = case_cells(page, "recorrupted [input mask]")
-    assert of_others == ["-", "-", "-", "-", "1.000 ± 0.141 (2)"]
-    assert "- D7: 10 steps, 185,857 weights" in page
 
 
 def test_folders_without_scores(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

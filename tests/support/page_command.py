@@ -24,7 +24,7 @@ _LONG = {"tune", "live", "fetch", "transfer", "paper"}
 _NOBODY = re.compile(
     r"--watch|--slurm|--ray|--part|--merge|--hf|s3://|/shared|shared/|HEAD:|FaceXModel|"
     r"\bscans\b|\bdumps\b|d3dfacs|\.bag\b|my_camera|--source people|--preset randomised|"
-    r"-o (videos|sequences)|\b(heads|videos|sequences|test)\b(?=.*-d)|--runs|--photo"
+    r"-o (videos|sequences)|\b(heads|videos|sequences|test)\b(?=.*-d)|--runs"
 )
 _SMALL = {
     "generate": ["--subjects", "10", "--frames-per-subject", "1", "--workers", "2", "-q"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from glsim.cli.common import with_messages
-from glsim.cli.paper import experiments, pages, photographs, reproduce, ssim, study, tables
+from glsim.cli.paper import pages, reproduce, study, tables
 
 app = typer.Typer(
     help="Reproduce the paper: its data, networks, tables and figures.", no_args_is_help=True
@@ -13,13 +13,5 @@ app = typer.Typer(
 app.command("reproduce", epilog=reproduce.EXAMPLES)(with_messages(reproduce.reproduce))
 app.command("tables", epilog=tables.EXAMPLES)(with_messages(tables.tables))
 app.command("figures", epilog=pages.EXAMPLES)(with_messages(pages.figures))
-app.command("protocols", epilog=pages.EXAMPLES)(with_messages(pages.protocols))
-app.command("findings", epilog=pages.EXAMPLES)(with_messages(pages.findings))
 app.command("page", epilog=pages.EXAMPLES)(with_messages(pages.page))
-app.command("ssim", epilog=ssim.EXAMPLES)(with_messages(ssim.ssim))
-app.command("resample", epilog=experiments.RESAMPLE_EXAMPLES)(with_messages(experiments.resample))
-app.command("experiments", epilog=experiments.EXPERIMENTS_EXAMPLES)(
-    with_messages(experiments.experiments)
-)
-app.command("photographs", epilog=photographs.EXAMPLES)(with_messages(photographs.photographs))
 app.command("study", epilog=study.EXAMPLES)(with_messages(study.study))

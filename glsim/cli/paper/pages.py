@@ -1,4 +1,4 @@
-"""``glsim paper figures``, ``protocols``, ``findings``, ``page``: pages of a reproduction."""
+"""``glsim paper figures``, ``page``: pages of a reproduction."""
 
 from __future__ import annotations
 
@@ -14,10 +14,6 @@ EXAMPLES = """
 
 glsim paper figures reproduced
 
-glsim paper protocols reproduced
-
-glsim paper findings reproduced
-
 glsim paper page reproduced                   a verdict on each printed value
 """
 
@@ -29,24 +25,6 @@ def figures(folder: FolderArgument) -> None:
     from glsim.eval.paper.figures.write import write_paper_figures
 
     print_written(write_paper_figures(folder, lambda name: print_message(f"drawing {name}")))
-
-
-def protocols(folder: FolderArgument) -> None:
-    """Write protocols.md: table 1 under each depth protocol and mask of the clean maps."""
-    from glsim.eval.paper.cases import read_filter_cases
-    from glsim.eval.paper.protocol_page import protocol_document
-    from glsim.files.atomic import write_atomic
-
-    path = folder / "protocols.md"
-    write_atomic(protocol_document(read_filter_cases(folder)).markdown().encode(), path)
-    print_written([path])
-
-
-def findings(folder: FolderArgument) -> None:
-    """Write findings.html: which relations of the paper's tables hold, and what is open."""
-    from glsim.eval.paper.findings import write_findings
-
-    print_written(write_findings(folder))
 
 
 def page(folder: FolderArgument) -> None:

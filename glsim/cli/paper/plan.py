@@ -20,20 +20,12 @@ A plan (glsim/cli/paper/plans/*.toml) contains the options of the commands:
     [filters]                          table 1 on further sets, one per seed and clean mask,
     seeds = [1, 2, 3]                  under each protocol
     generate = "--subjects 20 ..."     options of glsim generate
-    [experiments]                      table 1 on other surfaces and with other noise
-    names = ["board"]                  of glsim.eval.paper.experiments; default: all
-    seeds = [1]                        data sets with each clean mask
-    generate = "--subjects 10 ..."     options of glsim generate, without the source
-    [photographs]                      recipes that are trained on photographs too
-    recipes = ["paper-d7-small"]       each with all seeds and noises, like in [[train]]
-    sigmas = [25, 10]                  noise, grey levels of 255
 """
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
 from pathlib import Path
 from typing import Literal
 
@@ -67,18 +59,6 @@ class FilterSets(TomlTable):
     generate: str
 
 
-class ExperimentSets(FilterSets):
-    """Data sets for table 1 on other surfaces and with other noise."""
-
-    names: tuple[str, ...] = ()
-
-
-class PhotographGroup(TrainingGroup):
-    """Recipes that are trained on photographs too, with each noise in grey levels of 255."""
-
-    sigmas: tuple[float, ...] = Field((25.0,), min_length=1)
-
-
 class ReproductionPlan(TomlTable):
     """Options of the commands; the module's docstring describes the keys."""
 
@@ -93,24 +73,18 @@ class ReproductionPlan(TomlTable):
     figures: bool = True
     train: tuple[TrainingGroup, ...] = Field(min_length=1)
     filters: FilterSets | None = None
-    experiments: ExperimentSets | None = None
-    photographs: PhotographGroup | None = None
 
-    def commands(
-        self, out: Path, roots: Mapping[str, Path] | None = None, photos: str | None = None
-    ) -> Iterator[list[str]]:
+    def commands(self, out: Path, roots: Mapping[str, Path] | None = None) -> Iterator[list[str]]:
         """Yield the arguments of each ``glsim`` command in order.
 
         Args:
             out: folder of the reproduction.
             roots: kind of source -> folder, for the available face sets of the paper.
-            photos: folder of photographs; None: those of scikit-image.
 
         Raises:
             ConfigError: for a folder without such a set.
         """
         from glsim.eval.paper.cases import mask_folder
-        from glsim.train.data.photograph_files import BUNDLED  # loads OpenCV
 
         faces = self._mixture(roots) if roots else shlex.split(self.faces)
         for mask in self.masks:
@@ -119,18 +93,11 @@ class ReproductionPlan(TomlTable):
                    "-o", str(mask_folder(out, mask) / "data")]  # fmt: skip
         if self.filters is not None:
             yield from self._filter_commands(self.filters, out)
-        if self.experiments is not None:
-            yield from self._experiment_commands(self.experiments, out)
         for mask in self.masks:
             for protocol in self.protocols:
                 yield from self._network_commands(protocol, mask, out)
-        if self.photographs is not None:
-            data = str(out / "data")
-            yield from self._photograph_commands(self.photographs, data, out, photos or BUNDLED)
         if self.figures:
             yield ["paper", "figures", str(out)]
-        if self.filters is not None:
-            yield ["paper", "findings", str(out)]
         yield ["paper", "page", str(out)]
 
     def _network_commands(
@@ -153,7 +120,6 @@ class ReproductionPlan(TomlTable):
         tables = [word for table in "123" for word in ("--table", table)]
         yield ["paper", "tables", data, *shlex.split(self.eval), *tables, "--protocol", protocol,
                "--runs", str(out / "runs"), "-o", str(out)]  # fmt: skip
-        yield ["paper", "ssim", data, "--runs", str(out / "runs"), "-o", str(out)]
 
     def _filter_commands(self, sets: FilterSets, out: Path) -> Iterator[list[str]]:
         """Yield the commands of table 1 under each protocol and mask, and of its SSIM."""
@@ -166,52 +132,12 @@ class ReproductionPlan(TomlTable):
                 yield ["generate", *shlex.split(sets.generate), "--seed", str(seed),
                        "--set", f"output.clean_mask={mask}", "-o", data]  # fmt: skip
                 yield from self._filter_tables(folder)
-            first = out / FILTERS_FOLDER / mask / str(sets.seeds[0])
-            yield ["paper", "ssim", str(first / "data"), "-o", str(first)]
-        yield ["paper", "protocols", str(out)]
 
     def _filter_tables(self, folder: Path, *further: str) -> Iterator[list[str]]:
         """Yield the commands that score FOLDER/data by the filters under each protocol."""
         for protocol in self.protocols:
             yield ["paper", "tables", str(folder / "data"), "--no-figures", *further,
                    "--protocol", protocol, "-o", str(folder / protocol)]  # fmt: skip
-
-    def _experiment_commands(self, sets: ExperimentSets, out: Path) -> Iterator[list[str]]:
-        """Yield the commands of table 1 on other frames, and of its page.
-
-        Raises ConfigError for an unknown experiment.
-        """
-        from glsim.eval.paper.cases import MASKS
-        from glsim.eval.paper.experiments import EXPERIMENTS, FACES, data_folder
-
-        for name in sets.names or EXPERIMENTS:
-            if name not in EXPERIMENTS:
-                near = did_you_mean(name, EXPERIMENTS)
-                raise ConfigError(f"{self.title}: no such experiment {name!r} ({near})")
-            made = EXPERIMENTS[name]
-            for mask, seed in product(MASKS, sets.seeds):
-                data = data_folder(out, name, mask, seed)
-                if made.factor:
-                    faces = str(data_folder(out, FACES, "dense", seed))
-                    yield ["paper", "resample", faces, "--factor", str(made.factor),
-                           "--mask", mask, "-o", str(data)]  # fmt: skip
-                else:
-                    yield ["generate", *made.options, *shlex.split(sets.generate),
-                           "--seed", str(seed), "--set", f"output.clean_mask={mask}",
-                           "-o", str(data)]  # fmt: skip
-                yield from self._filter_tables(data.parent, "--no-baselines")
-        yield ["paper", "experiments", str(out)]
-
-    def _photograph_commands(
-        self, group: PhotographGroup, data: str, out: Path, photos: str
-    ) -> Iterator[list[str]]:
-        """Yield the trainings on photographs, and the scoring beside those on depth."""
-        photo_runs = out / "photo_runs"
-        for sigma in group.sigmas:
-            further = ["--protocol", "depth", "--photos", photos, "--photo-sigma", f"{sigma:g}"]
-            yield from self._trainings(group, data, photo_runs / f"sigma-{sigma:g}", further)
-        yield ["paper", "photographs", data, "--runs", str(out / "runs"),
-               "--photo-runs", str(photo_runs), "-o", str(out)]  # fmt: skip
 
     def _trainings(
         self, group: TrainingGroup, data: str, runs: Path, further: Sequence[str] = ()

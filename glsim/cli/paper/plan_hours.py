@@ -81,7 +81,7 @@ def _without_place(command: Sequence[str]) -> tuple[str, ...]:
     """Return the arguments of a training that decide its time: no seed, folder or data."""
     words, kept = iter(command[1:]), []
     for word in words:
-        if word in ("--seed", "--data", "-o", "--protocol", "--photos", "--photo-sigma"):
+        if word in ("--seed", "--data", "-o", "--protocol"):
             next(words)
         elif word != "--resume":
             kept.append(word)

@@ -66,36 +66,23 @@ def reproduce(
     d3dfacs: RootOption = None,
     facewarehouse: RootOption = None,
     biwi: RootOption = None,
-    photos: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of photographs, such as DIV2K. Default: those that scikit-image has."
-        ),
-    ] = None,
 ) -> None:
     """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
 
     One folder contains all results: data/, runs/, paper_table_1.md to _3.md, figures/,
-    report.html, verdicts.html (a verdict on each printed value), findings.html (what of the paper
-    holds, what does not, and what it takes to find out), photographs.md (the networks of
-    photo_runs/, trained on photographs, on depth), and the paper's figures in paper_figures/.
-    protocol_paper/ holds the networks and tables under the paper's protocol (nearest point at
-    1 mm), mask_as-noisy/ those with BlenSor's mask, protocols.md table 1 under all four cases,
-    experiments.html table 1 on other surfaces and with other noise. Rows with artefact removal are
-    their partners' networks. Each command is printed before it runs and can also be run by hand.
+    report.html, verdicts.html (a verdict on each printed value), and the paper's figures in
+    paper_figures/. protocol_paper/ holds the networks and tables under the paper's protocol
+    (nearest point at 1 mm), mask_as-noisy/ those with BlenSor's mask. Rows with artefact removal
+    are their partners' networks. Each command is printed before it runs.
     A finished training is not repeated: delete its folder in runs/ to train again.
     """
     root_command = context.find_root().command
     chosen = load_plan(size)
     given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
     roots = {kind: root for kind, root in given.items() if root is not None}
-    if chosen.photographs is not None:  # a folder without images is told before hours of work
-        from glsim.train.data.photograph_files import BUNDLED, find_photographs
-
-        find_photographs(BUNDLED if photos is None else str(photos))
     if (only := check_protocol(protocol)) is not None:
         chosen = chosen.model_copy(update={"protocols": (only,)})
-    commands = list(chosen.commands(out, roots, None if photos is None else str(photos)))
+    commands = list(chosen.commands(out, roots))
     flags = options.flags
     if plan:
         for command in commands:
