@@ -18,7 +18,7 @@ def source_for(ict_root: Path | None) -> FaceSource:
         from glsim.faces.ict_facekit import IctFaceKit
 
         return IctFaceKit(ict_root, 0, new_identity_every_frame=True)
-    from glsim.faces.procedural import ProceduralFaces
+    from glsim.faces.procedural.source import ProceduralFaces
 
     return ProceduralFaces(0)
 

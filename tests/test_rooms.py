@@ -136,6 +136,7 @@ HOMES = {
     "pytest": (),
     "hypothesis": (),
     "tests": (),
+    "tools": (),
     "train": (),
     "eval": (),
 }

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from glsim.faces.head_motion import move_pose
-from glsim.faces.neck import NECK_DEG, Neck, bend_neck, trunk_angles
-from glsim.faces.procedural import REGIONS, ProceduralFaces
-from glsim.faces.procedural.neck import head_share
+from glsim.faces.neck import NECK_DEG, Neck, bend_neck, head_share, trunk_angles
+from glsim.faces.procedural.model import head_model
 from glsim.faces.procedural.parameters import mean_identity
-from glsim.faces.procedural.subject import head_model, neutral_head
+from glsim.faces.procedural.source import ProceduralFaces
+from glsim.faces.procedural.subject import neutral_head
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
 
@@ -24,7 +24,7 @@ POSES = (
 
 @pytest.fixture(scope="module")
 def mean() -> Mesh:
-    return Mesh(neutral_head(mean_identity()).astype(np.float32), head_model().template.faces)
+    return Mesh(neutral_head(mean_identity()).astype(np.float32), head_model().triangles)
 
 
 def seen(mesh: Mesh, pose: dict[str, float]) -> Array:
@@ -45,9 +45,8 @@ def test_the_head_takes_the_pose_exactly(mean: Mesh) -> None:
 
 def test_an_open_mouth_belongs_to_the_head(mean: Mesh) -> None:
     source = ProceduralFaces(1)
-    lower = np.isin(source.regions, [REGIONS.index(n) for n in ("chin", "lips", "teeth", "mouth")])
-    person = source._subject("p0000")
-    (wide,) = person.frames([{"AU27": 1.0}])
+    lower = head_model().in_regions("chin", "lips", "teeth", "mouth")
+    wide = source._subject("p0000").frame({"AU27": 1.0})
     assert head_share(wide[lower]).min() > 0.99
 
 
@@ -75,8 +74,7 @@ def test_the_neck_has_no_folds_and_keeps_its_thickness(mean: Mesh, pose: dict[st
     faces = mean.faces
     share = head_share(mean.vertices_mm)
     bending = ((share[faces] > 0) & (share[faces] < 1)).any(axis=1)
-    skin = np.isin(head_model().regions[faces[:, 0]], [REGIONS.index("neck"),
-                                                       REGIONS.index("shoulder")])  # fmt: skip
+    skin = head_model().in_regions("neck", "shoulder")[faces[:, 0]]
     chosen = faces[bending & skin]
     before, after = mean.vertices_mm, bend_neck(mean, NECK, pose, pose).vertices_mm
 

@@ -18,7 +18,8 @@ from glsim.faces.base import FaceSource
 from glsim.faces.ict_facekit.topology import REGION_NAMES
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.people.regions import REGIONS as PEOPLE_REGIONS
-from glsim.faces.procedural import REGIONS, ProceduralFaces
+from glsim.faces.procedural.model import REGIONS
+from glsim.faces.procedural.source import ProceduralFaces
 from glsim.faces.regions import KNOWN_REGIONS, region_numbers
 from glsim.frame import Frame
 from glsim.geometry.mesh import Mesh

@@ -1,7 +1,7 @@
 """Define parts of the face mesh by the 68 Multi-PIE landmarks, in the frontal view.
 
 The size of each part around its landmarks is chosen to cover the same area as the part of this name
-in procedural faces (``glsim.faces.procedural.regions``).
+in procedural faces (``tools/heads/regions.py``).
 """
 
 from __future__ import annotations

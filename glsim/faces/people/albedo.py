@@ -3,7 +3,7 @@
 Skin: NIST reflectance data of 100 people (C. C. Cooksey, D. W. Allen, B. K. Tsai, J. Res. NIST 122,
 2017): 0.5 to 0.6 at 860 nm, nearly independent of how dark it is to the eye, 0.40 to 0.68 over
 people. Hair and brows absorb by their melanin, less than in visible light. The other values are
-those of the procedural faces (``glsim.faces.procedural.regions``), where their sources are.
+those of the procedural faces (``glsim.faces.procedural.subject``), where their sources are.
 """
 
 from __future__ import annotations

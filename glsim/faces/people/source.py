@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.neck import Neck
+from glsim.faces.neck import head_share as neck_share
 from glsim.faces.people.cache import load_model
 from glsim.faces.people.files import data_folder
 from glsim.faces.people.landmarks import landmark_vertices
 from glsim.faces.people.model import BodyModel
 from glsim.faces.people.regions import REGIONS
 from glsim.faces.people.subject import FRAMINGS, BodySubject
-from glsim.faces.procedural.neck import head_share as neck_share
 from glsim.faces.sequences import performance_expression, performance_frames
 from glsim.geometry.mesh import Mesh
 from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.neck import Neck
-from glsim.faces.procedural.landmarks import landmark_vertices
-from glsim.faces.procedural.neck import head_share
+from glsim.faces.neck import Neck, head_share
+from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import sample_identity
-from glsim.faces.procedural.regions import REGIONS
-from glsim.faces.procedural.subject import HeadSubject, head_model, make_subject
+from glsim.faces.procedural.subject import HeadSubject, make_subject
 from glsim.faces.sequences import performance_expression, performance_frames
 from glsim.geometry.mesh import Mesh
 
 CACHED_SUBJECTS = 4
-BATCH_FRAMES = 64  # frames evaluated together: 15 MB of vertices
 
 _NECK = Neck(head_share)
 
@@ -67,7 +63,7 @@ class ProceduralFaces:
     @property
     def landmarks(self) -> NDArray[np.int64]:
         """(68,) vertices of the landmarks in the order of Multi-PIE, the same for all subjects."""
-        return landmark_vertices(head_model().template)
+        return head_model().landmarks
 
     def subjects(self, count: int | None) -> list[str]:
         """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
@@ -84,22 +80,15 @@ class ProceduralFaces:
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return a subject's (V, 3) float32 vertices without expression, mm, and (F, 3) faces."""
         points = self._subject(subject).neutral.astype(np.float32)
-        return points, head_model().template.faces
+        return points, head_model().triangles
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Yield one face per key, in order; frames of one subject are evaluated together."""
-        for subject, group in groupby(keys, key=lambda key: key.subject):
-            batch = list(group)
-            for first in range(0, len(batch), BATCH_FRAMES):
-                yield from self._load_batch(subject, batch[first : first + BATCH_FRAMES])
-
-    def _load_batch(self, subject: str, keys: Sequence[FaceKey]) -> Iterator[Face]:
-        person = self._subject(subject)
-        expressions = [performance_expression(self.seed, key) for key in keys]
+        """Yield one face per key, in order."""
         model = head_model()
-        heads = person.frames(expressions)
-        for key, head, expression in zip(keys, heads, expressions, strict=True):
-            mesh = Mesh(head, model.template.faces, person.albedo, model.occluder)
+        for key in keys:
+            person = self._subject(key.subject)
+            expression = performance_expression(self.seed, key)
+            mesh = Mesh(person.frame(expression), model.triangles, person.albedo, model.occluder)
             yield Face(key, mesh, expression, neck=_NECK)
 
     def _subject(self, name: str) -> HeadSubject:

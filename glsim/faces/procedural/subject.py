@@ -1,146 +1,162 @@
-"""One subject: its neutral head, its expression basis, and its frames."""
+"""One subject: its neutral head, its left and right differences, its reflectivity, its frames.
+
+Reflectivity is at 860 nm, relative to a white wall (0.85-0.9 absolute). Skin at 860 nm reflects
+0.5-0.6 on average, 0.40-0.68 over people (C. C. Cooksey, D. W. Allen, B. K. Tsai, J. Res. NIST 122,
+2017; J. A. Jacquez et al., J. Appl. Physiol. 8, 1955): 0.60-0.65 of the wall; hair and brows
+0.05-0.3, sclera 0.4-0.6, lips close to skin, pupil dark.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.procedural.asymmetry import asymmetry_field
-from glsim.faces.procedural.expression import (
-    LEAST_PULL_MM,
-    ActionBasis,
-    Spans,
-    coefficients,
-    make_action_basis,
-    nonzero_spans,
-    subject_basis,
-)
-from glsim.faces.procedural.falloff import Array
-from glsim.faces.procedural.fields import (
-    FieldPoints,
-    RigidParts,
-    make_field_points,
-    make_rigid_parts,
-)
-from glsim.faces.procedural.identity import FIELDS
-from glsim.faces.procedural.identity_parts import PART_FIELDS
-from glsim.faces.procedural.lids import Lids, make_lids
+from glsim.faces.procedural.expression import expression_weights, own_shapes
+from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import PARAMETERS
-from glsim.faces.procedural.regions import draw_albedo, make_regions
-from glsim.faces.procedural.template import PART_EYEBALL, Template, template
-from glsim.faces.procedural.volumes import EYE_CENTER
-from glsim.geometry.occluder import occluder_of
+from glsim.faces.sparse_shapes import SparseShapes
+from glsim.geometry.products import product
+from glsim.settings.seeds import rng_for
 
+_Array = NDArray[np.float64]
 
-@dataclass(frozen=True, eq=False)
-class HeadModel:
-    """Data shared by all subjects; built once per process.
+# Mean, sd, minimum and maximum over people of the reflectivity.
+SKIN_ALBEDO: Final = (0.60, 0.045, 0.45, 0.75)
+HAIR_ALBEDO: Final = (0.20, 0.06, 0.08, 0.32)
+FIXED_ALBEDO: Final = {"sclera": 0.50, "iris": 0.20, "pupil": 0.06, "mouth": 0.35, "teeth": 0.60}
+LIPS_TO_SKIN: Final = 0.92  # reflectivity of lips over that of the person's skin
+STUBBLE_TO_SKIN: Final = 0.9  # reflectivity of a bald scalp over that of the person's skin
+_BALD_MM: Final = 0.8  # thickness of hair that shows the scalp
 
-    Args:
-        field_points, rigid: where fields are evaluated.
-        identity: (parameters, V * 3) float32, mm per unit.
-        identity_spans: the parts of its rows that are not 0.
-        actions: shared expression basis.
-        regions: (V,) uint8 indices into REGIONS.
-        occluder: (F', 3) int32, see ``Mesh``.
-    """
-
-    template: Template
-    field_points: FieldPoints
-    rigid: RigidParts
-    lids: Lids
-    identity: NDArray[np.float32]
-    identity_spans: Spans
-    actions: ActionBasis
-    regions: NDArray[np.uint8]
-    occluder: NDArray[np.int32]
-
-
-@lru_cache(maxsize=1)
-def head_model() -> HeadModel:
-    """Return the model; built once per process in about a second."""
-    head = template()
-    field_points, rigid, lids = make_field_points(head), make_rigid_parts(head), make_lids(head)
-    rows = [
-        rigid.apply(FIELDS[p.name](field_points))
-        if p.name in FIELDS
-        else PART_FIELDS[p.name](head, lids)
-        for p in PARAMETERS
-    ]
-    identity = np.array([row.ravel() for row in rows], dtype=np.float32)
-    identity[np.abs(identity) < LEAST_PULL_MM] = 0.0
-    regions = make_regions(head)
-    regions.setflags(write=False)
-    actions = make_action_basis(head, field_points, lids)
-    spans = nonzero_spans(identity)
-    occluder = occluder_of(head.points, head.faces)
-    return HeadModel(head, field_points, rigid, lids, identity, spans, actions, regions, occluder)
+#: Wavelengths of the asymmetry, mm: from a head's width to a cheek's; amplitudes are proportional.
+WAVELENGTHS_MM: Final = (260.0, 150.0, 90.0)
+WAVES: Final = 4  # per wavelength: enough to approximate a Gaussian field
+#: Standard deviation of the field in each direction, mm, and its spread over people. Faces and
+#: their mirror images, registered, differ by 0.63 mm root mean square (sd 0.16) over 350
+#: adults (Cleft Palate Craniofac. J., doi 10.1597/13-353). These fields and the
+#: asymmetries in the table of parameters together give that size (test_procedural.py
+#: measures it), and landmarks on both sides that differ by 1 to 3 mm.
+FIELD_MM, SPREAD = 0.42, 0.25
+LIMITS_MM: Final = (0.15, 0.8)
 
 
 @dataclass(frozen=True, eq=False)
 class HeadSubject:
-    """A person: neutral (V, 3) float64 mm, albedo (V,), and their lid and jaw rows of the basis.
+    """A person.
 
     Args:
-        own_spans: per row, the slices that are not zero.
+        neutral: (V, 3) float64 mm.
+        albedo: (V,) float32 in [0, 1].
+        own: the shapes of lids and jaw.
     """
 
-    neutral: Array
+    neutral: _Array
     albedo: NDArray[np.float32]
-    own_basis: NDArray[np.float32]
-    own_spans: Spans
+    own: SparseShapes
 
-    def frames(self, expressions: Sequence[Mapping[str, float]]) -> NDArray[np.float32]:
-        """Return heads (frames, V, 3) float32 mm for expressions (action unit -> intensity)."""
-        weights = coefficients(expressions)
-        pulls = head_model().actions.pulls
-        shared, own = weights[:, : len(pulls)], weights[:, len(pulls) :]
-        heads = np.repeat(self.neutral.astype(np.float32).reshape(1, -1), len(weights), axis=0)
-        for part, rows, spans in (
-            (shared, pulls, head_model().actions.spans),
-            (own, self.own_basis, self.own_spans),
-        ):
-            # one column at a time: the sum is bit-identical whatever else is in the batch
-            for column in np.flatnonzero(part.any(axis=0)):
-                row = rows[column]
-                for moved in spans[column]:
-                    for frame in np.flatnonzero(part[:, column]):
-                        heads[frame, moved] += part[frame, column] * row[moved]
-        return heads.reshape(len(weights), -1, 3)
-
-
-def neutral_head(identity: Mapping[str, float]) -> Array:
-    """Return the neutral head (V, 3) float64 mm of an identity (parameter -> value)."""
-    shared = head_model()
-    head = shared.template.points.ravel().copy()
-    for p, field, spans in zip(PARAMETERS, shared.identity, shared.identity_spans, strict=True):
-        for moved in spans:
-            head[moved] += (identity[p.name] - p.template) * field[moved]
-    return head.reshape(-1, 3)
+    def frame(self, expression: Mapping[str, float]) -> NDArray[np.float32]:
+        """Return the head (V, 3) float32 mm with an expression (action unit -> intensity)."""
+        model = head_model()
+        pulls, own = expression_weights(model, expression)
+        head = self.neutral.astype(np.float32)
+        model.pulls.add(head, pulls)
+        self.own.add(head, own)
+        return head
 
 
 def make_subject(identity: Mapping[str, float], seed: int, name: str) -> HeadSubject:
     """Make the subject of an identity; ``seed`` and ``name`` give the asymmetry and the albedo."""
-    shared = head_model()
-    asymmetry = asymmetry_field(shared.field_points, shared.rigid, seed, name)
-    albedo = draw_albedo(shared.template, shared.regions, seed, name, identity["hair_volume"])
-    return subject_of(neutral_head(identity) + asymmetry, albedo)
+    albedo = draw_albedo(seed, name, identity["hair_volume"])
+    return subject_of(neutral_head(identity) + asymmetry_field(seed, name), albedo)
 
 
-def subject_of(neutral: Array, albedo: NDArray[np.float32]) -> HeadSubject:
+def subject_of(neutral: _Array, albedo: NDArray[np.float32]) -> HeadSubject:
     """Make the subject with a neutral head (V, 3) mm and an albedo (V,)."""
-    shared = head_model()
-    ball, left = shared.template.part == PART_EYEBALL, shared.template.points[:, 0] > 0
-    moved = neutral - shared.template.points
+    model = head_model()
+    eyeball, left = model.in_regions("sclera", "iris", "pupil"), model.template_mm[:, 0] > 0
+    moved = neutral - model.template_mm
     globes = np.array(
         [
-            np.array(EYE_CENTER) * (sign, 1, 1) + moved[ball & side].mean(axis=0)
-            for sign, side in ((1.0, left), (-1.0, ~left))
+            centre + moved[eyeball & side].mean(axis=0)
+            for centre, side in zip(model.anchors_mm[:2], (left, ~left), strict=True)
         ]
     )
-    own = subject_basis(shared.actions, shared.lids, neutral, globes)
-    return HeadSubject(neutral, albedo, own, nonzero_spans(own))
+    return HeadSubject(neutral, albedo, own_shapes(model, neutral, globes))
+
+
+def neutral_head(identity: Mapping[str, float]) -> _Array:
+    """Return the neutral head (V, 3) float64 mm of an identity (parameter -> value)."""
+    model = head_model()
+    head = model.template_mm.copy()
+    model.identity.add(head, {p.name: identity[p.name] - p.template for p in PARAMETERS})
+    return head
+
+
+def asymmetry_field(seed: int, subject: str) -> _Array:
+    """Draw a subject's smooth differences between left and right, (V, 3) mm.
+
+    Random plane waves minus their mirror images: the mean of a head and its mirror image is
+    unchanged. Eyeballs and ears stay rigid.
+    """
+    model = head_model()
+    rng = rng_for(seed, "asymmetry", subject)
+    size = np.clip(FIELD_MM * np.exp(SPREAD * rng.standard_normal()), *LIMITS_MM)
+    length = np.repeat(WAVELENGTHS_MM, WAVES)
+    wave = rng.standard_normal((3, len(length)))
+    wave *= 2 * np.pi / (length * np.linalg.norm(wave, axis=0))
+    phase = rng.uniform(0, 2 * np.pi, len(length))
+    amplitude = rng.standard_normal((len(length), 3)) * length[:, None]
+    # a wave's mean square is half the square of its amplitude; the difference of two waves that are
+    # halved has half of it
+    amplitude *= 2.0 * size / np.sqrt(np.sum(length**2))
+    mirror = np.array([-1.0, 1.0, 1.0])
+    # By columns, (waves, V): NumPy is fast along the last axis.
+    place = np.concatenate([model.template_mm, model.anchors_mm]).T.astype(np.float32, order="C")
+    shift, size_of = phase[:, None].astype(np.float32), 0.5 * amplitude.T.astype(np.float32)
+    here, there = (
+        product(size_of, np.cos(product(part.T.astype(np.float32), place) + shift)).T
+        for part in (wave, mirror[:, None] * wave)
+    )
+    moved = here - there * mirror.astype(np.float32)
+    field: NDArray[np.floating]
+    field, anchors = np.split(moved, [len(model.template_mm)])
+    for (points, weights), anchor in zip(model.rigid, anchors, strict=True):
+        change = weights[:, None] * (anchor - field[points])
+        field = field.astype(np.float64, copy=False)  # not before: the sums keep their last bits
+        field[points] += change
+    return np.asarray(field, np.float64)
+
+
+def draw_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32]:
+    """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments.
+
+    Args:
+        hair_mm: thickness of the hair.
+    """
+    model = head_model()
+    rng = rng_for(seed, "albedo", subject)
+
+    def draw(mean: float, sd: float, low: float, high: float) -> float:
+        return float(np.clip(rng.normal(mean, sd), low, high))
+
+    skin, hair = draw(*SKIN_ALBEDO), draw(*HAIR_ALBEDO)
+    albedo = np.full(len(model.template_mm), skin)
+    # blood and glands: low-frequency patches of a few per cent
+    phases = rng.uniform(0, 2 * np.pi, (6, 3))
+    waves = rng.normal(0, 0.06, (6, 3))
+    patches = sum(
+        np.cos(product(model.template_mm, w) + p.sum()) for w, p in zip(waves, phases, strict=True)
+    )
+    albedo *= 1.0 + 0.008 * patches
+    scalp = hair if hair_mm > _BALD_MM else STUBBLE_TO_SKIN * skin
+    for weight, value in zip(
+        model.cover, (LIPS_TO_SKIN * skin, scalp, min(hair, 0.28)), strict=True
+    ):
+        albedo += weight * (value - albedo)
+    for name, value in FIXED_ALBEDO.items():
+        albedo[model.regions == REGIONS.index(name)] = value
+    return np.asarray(np.clip(albedo, 0.02, 0.95), dtype=np.float32)

@@ -10,6 +10,6 @@ class ProceduralSettings(GeneratorSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the generator."""
-        from glsim.faces.procedural import ProceduralFaces
+        from glsim.faces.procedural.source import ProceduralFaces
 
         return ProceduralFaces(seed, *self.timing)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, bump, smoothstep
+from tools.heads.falloff import Array, bump, smoothstep
 
 ALA_CENTER, ALA_RADII = (12.0, -23.0), (5.6, 7.2)
 

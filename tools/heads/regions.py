@@ -1,22 +1,16 @@
-"""Face regions of the template's vertices, and their reflectivity at 860 nm.
-
-Reflectivity is relative to a white wall (0.85-0.9 absolute). Skin at 860 nm reflects 0.5-0.6 on
-average, 0.40-0.68 over people (C. C. Cooksey, D. W. Allen, B. K. Tsai, J. Res. NIST 122, 2017;
-J. A. Jacquez et al., J. Appl. Physiol. 8, 1955): 0.60-0.65 of the wall; hair and brows 0.05-0.3,
-sclera 0.4-0.6, lips close to skin, pupil dark.
-"""
+"""Face regions of the template's vertices, and where lips, hair and brows cover it."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.procedural import mouth
-from glsim.faces.procedural.eyes import IRIS_RADIUS, PUPIL_RADIUS
-from glsim.faces.procedural.falloff import Array, smoothstep
-from glsim.faces.procedural.template import (
+from glsim.faces.procedural.lids import EYE_RADIUS
+from glsim.faces.procedural.model import REGIONS
+from tools.heads import mouth
+from tools.heads.eyes import IRIS_RADIUS, PUPIL_RADIUS
+from tools.heads.falloff import Array, smoothstep
+from tools.heads.template import (
     PART_EAR,
     PART_EYE_LINING,
     PART_EYEBALL,
@@ -25,27 +19,6 @@ from glsim.faces.procedural.template import (
     PART_TEETH,
     Template,
 )
-from glsim.faces.procedural.volumes import EYE_RADIUS
-from glsim.geometry.products import product
-from glsim.settings.seeds import rng_for
-
-REGIONS: tuple[str, ...] = (
-    "skin", "brow", "hair", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose",
-    "lids", "forehead", "cheek", "chin", "mouth", "teeth", "shoulder",
-)  # fmt: skip
-
-# Mean, sd, minimum and maximum over people of the reflectivity at 860 nm, relative to a white wall.
-SKIN_ALBEDO = (0.60, 0.045, 0.45, 0.75)
-HAIR_ALBEDO = (0.20, 0.06, 0.08, 0.32)
-FIXED_ALBEDO: Mapping[str, float] = {
-    "sclera": 0.50,
-    "iris": 0.20,
-    "pupil": 0.06,
-    "mouth": 0.35,
-    "teeth": 0.60,
-}
-LIPS_TO_SKIN = 0.92  # reflectivity of lips over that of the person's skin
-STUBBLE_TO_SKIN = 0.9  # reflectivity of a bald scalp over that of the person's skin
 
 # Hairline: y above which there is hair (mm) as a function of z (mm), nape to forehead.
 HAIRLINE_Z = (-200.0, -150.0, -115.0, -98.0, -84.0, -70.0, -62.0, -52.0, -35.0, -15.0, 3.0, 20.0)
@@ -110,37 +83,9 @@ def make_regions(template: Template) -> NDArray[np.uint8]:
     return label
 
 
-def draw_albedo(
-    template: Template, regions: NDArray[np.uint8], seed: int, subject: str, hair_mm: float
-) -> NDArray[np.float32]:
-    """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments.
-
-    Args:
-        regions: (V,) indices into REGIONS.
-        hair_mm: thickness of the hair; 0.8 or less means bald.
-    """
-    rng = rng_for(seed, "albedo", subject)
-
-    def draw(distribution: tuple[float, float, float, float]) -> float:
-        mean, sd, low, high = distribution
-        return float(np.clip(rng.normal(mean, sd), low, high))
-
-    skin, hair = draw(SKIN_ALBEDO), draw(HAIR_ALBEDO)
+def cover_weights(template: Template) -> Array:
+    """Return (3, V) weights of lips, hair and brows, for the reflectivity of a subject."""
     points, on_skin = template.points, template.part == PART_SKIN
     x, y, z = np.abs(points[:, 0]), points[:, 1], points[:, 2]
-    albedo = np.full(len(points), skin)
-    # blood and glands: low-frequency patches of a few per cent
-    phases = rng.uniform(0, 2 * np.pi, (6, 3))
-    waves = rng.normal(0, 0.06, (6, 3))
-    patches = sum(np.cos(product(points, w) + p.sum()) for w, p in zip(waves, phases, strict=True))
-    albedo *= 1.0 + 0.008 * patches
     lips = mouth.lip_weight(x, y) * (on_skin & (z > -20))
-    albedo += lips * (LIPS_TO_SKIN * skin - albedo)
-    scalp = hair_weight(points) * on_skin
-    cover = hair if hair_mm > 0.8 else STUBBLE_TO_SKIN * skin
-    albedo += scalp * (cover - albedo)
-    brow = 0.85 * brow_weight(points) * on_skin
-    albedo += brow * (min(hair, 0.28) - albedo)
-    for name, value in FIXED_ALBEDO.items():
-        albedo[regions == REGIONS.index(name)] = value
-    return np.asarray(np.clip(albedo, 0.02, 0.95), dtype=np.float32)
+    return np.array([lips, hair_weight(points) * on_skin, 0.85 * brow_weight(points) * on_skin])

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, bump, smoothstep
-from glsim.faces.procedural.fields import Field, FieldPoints, front_weight, widen
-from glsim.faces.procedural.regions import hair_weight
-from glsim.faces.procedural.volumes import MENTON_Y, NASION_Y
+from tools.heads.falloff import Array, bump, smoothstep
+from tools.heads.fields import Field, FieldPoints, front_weight, widen
+from tools.heads.regions import hair_weight
+from tools.heads.volumes import MENTON_Y, NASION_Y
 
 
 def head_breadth(p: FieldPoints) -> Array:

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, IntArray, smoothstep
+from tools.heads.falloff import Array, IntArray, smoothstep
 
 # One line per knot, rows spaced evenly between knots:
 # (rows to the next knot, y of the ray's origin, its z in front, its z behind, elevation in front,

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.faces.procedural import mouth
-from glsim.faces.procedural.ears import EAR_ROOT
-from glsim.faces.procedural.falloff import Array, Vec3, smoothstep
-from glsim.faces.procedural.template import (
+from glsim.geometry.mesh import vertex_normals
+from tools.heads import mouth
+from tools.heads.ears import EAR_ROOT
+from tools.heads.falloff import Array, Vec3, smoothstep
+from tools.heads.template import (
     PART_EAR,
     PART_EYE_LINING,
     PART_EYEBALL,
@@ -23,9 +24,8 @@ from glsim.faces.procedural.template import (
     PART_TEETH,
     Template,
 )
-from glsim.faces.procedural.topology import SLIT_MOUTH
-from glsim.faces.procedural.volumes import EYE_CENTER
-from glsim.geometry.mesh import vertex_normals
+from tools.heads.topology import SLIT_MOUTH
+from tools.heads.volumes import EYE_CENTER
 
 RIGID_EYE_MM = (15.0, 27.0)  # distance from an eye's centre: rigid within, free beyond
 MIDLINE_MM = 4.0  # rounds |x| in Gaussians of both sides

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, smoothstep
-from glsim.faces.procedural.fields import Field, FieldPoints, widen
-from glsim.faces.procedural.neck import head_share
+from glsim.faces.neck import head_share
+from tools.heads.falloff import Array, smoothstep
+from tools.heads.fields import Field, FieldPoints, widen
 
 ACROMION_X = 195.0  # half the biacromial breadth of the template
 CHEST_MIDDLE_Z, CHEST_DEPTH = -115.0, 200.0  # of the template at y = -300

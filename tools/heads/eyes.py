@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, IntArray, bump, smoothstep
-from glsim.faces.procedural.volumes import EYE_CENTER, EYE_RADIUS
+from glsim.faces.procedural.lids import EYE_RADIUS, LID_REACH_ROWS, LID_THICKNESS
+from tools.heads.falloff import Array, IntArray, bump, smoothstep
+from tools.heads.volumes import EYE_CENTER
 
 CANTHUS_X = (17.05, 45.9)  # medial, lateral; Farkas 1994: en-en 33, ex-ex 91
 CANTHUS_Y = (-1.3, 0.8)  # relative to the slit's row; the eye tilts outwards by about 4 deg
 UPPER_LID = 4.9  # mm above the line between the corners (fissure height 10.5, Farkas ps-pi)
 LOWER_LID = 5.0
-LID_REACH_ROWS = 5.0  # rows over which the opening of the slit fades
-LID_THICKNESS = 1.9  # mm; Bron et al. 1997: about 2 mm at the margin
 IRIS_RADIUS = 5.9  # mm; white-to-white 11.7, Ruefer et al. 2005
 PUPIL_RADIUS = 2.0
 EYEBALL_RINGS, EYEBALL_SECTORS = 13, 28

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, IntArray
+from tools.heads.falloff import Array, IntArray
 
 FRONT_Z = 12.0  # labial face of the upper incisors; about 8 mm behind the lips
 ARCH_WIDTH, ARCH_DEPTH, ARCH_POWER = 25.0, 30.0, 2.2

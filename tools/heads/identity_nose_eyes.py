@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, bump, smoothstep
-from glsim.faces.procedural.fields import Field, FieldPoints, front_weight, widen
-from glsim.faces.procedural.volumes import NASION_Y, SUBNASALE_Y
+from tools.heads.falloff import Array, bump, smoothstep
+from tools.heads.fields import Field, FieldPoints, front_weight, widen
+from tools.heads.volumes import NASION_Y, SUBNASALE_Y
 
 
 def nose_height(p: FieldPoints) -> Array:

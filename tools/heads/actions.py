@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from glsim.faces.procedural.falloff import Vec3
+from tools.heads.falloff import Vec3
 
 BOTH, UPPER, LOWER = "both", "upper", "lower"
 

@@ -9,11 +9,10 @@ ch-ch 52); the globe is 24 mm across, its apex 16 mm in front of the lateral orb
 
 from __future__ import annotations
 
-from glsim.faces.procedural.signed_distance import Capsule, Ellipsoid, Volume
+from tools.heads.signed_distance import Capsule, Ellipsoid, Volume
 
 NASION_Y, SUBNASALE_Y, MENTON_Y = 24.0, -29.5, -95.0  # heights in the median plane
 EYE_CENTER = (32.0, 15.0, -6.0)  # of the left eyeball
-EYE_RADIUS = 12.0  # mm; Bron, Tripathi & Tripathi 1997, "Wolff's Anatomy of the Eye and Orbit"
 
 SKULL: tuple[Volume, ...] = (
     Ellipsoid("cranium", (0, 53, -80), (74, 79, 93), 1.0),

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, IntArray, bump, smoothstep
-from glsim.faces.procedural.volumes import SUBNASALE_Y
+from tools.heads.falloff import Array, IntArray, bump, smoothstep
+from tools.heads.volumes import SUBNASALE_Y
 
 STOMION_Y = -49.0
 CORNER_X = 26.4

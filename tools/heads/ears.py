@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import Array, IntArray, bump, smoothstep
 from glsim.geometry.products import product
+from tools.heads.falloff import Array, IntArray, bump, smoothstep
 
 EAR_ROOT = (67.5, -1.0, -78.0)  # the front attachment, level with the ear's middle
 EAR_LENGTH, EAR_WIDTH = 62.0, 34.0

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.procedural.grid import EYE_KNOT, MOUTH_KNOT, knot_row
-from glsim.faces.procedural.mouth import CORNER_X, CUPID_X, lower_border, upper_border
-from glsim.faces.procedural.regions import brow_arch
-from glsim.faces.procedural.template import PART_SKIN, Template
-from glsim.faces.procedural.topology import EYE_COLUMNS, MOUTH_COLUMN, SLIT_EYE, SLIT_MOUTH
-from glsim.faces.procedural.volumes import MENTON_Y, NASION_Y, SUBNASALE_Y
+from tools.heads.grid import EYE_KNOT, MOUTH_KNOT, knot_row
+from tools.heads.mouth import CORNER_X, CUPID_X, lower_border, upper_border
+from tools.heads.regions import brow_arch
+from tools.heads.template import PART_SKIN, Template
+from tools.heads.topology import EYE_COLUMNS, MOUTH_COLUMN, SLIT_EYE, SLIT_MOUTH
+from tools.heads.volumes import MENTON_Y, NASION_Y, SUBNASALE_Y
 
 #: The contour in front of the ear, then along the edge of the mandible: y and z, mm. Chosen on the
 #: mandible's capsules (volumes.py); the ninth point is the chin.

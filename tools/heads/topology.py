@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from glsim.faces.procedural.falloff import IntArray
-from glsim.faces.procedural.grid import (
+from tools.heads.falloff import IntArray
+from tools.heads.grid import (
     BUST_KNOT,
     COLUMNS,
     EYE_KNOT,

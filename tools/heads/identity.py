@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from glsim.faces.procedural import (
+from tools.heads import (
     identity_bust,
     identity_jaw,
     identity_nose_eyes,
     identity_skull,
 )
-from glsim.faces.procedural.fields import Field
+from tools.heads.fields import Field
 
 FIELDS: Mapping[str, Field] = {
     **identity_skull.FIELDS,

@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.procedural import ears, eyes, mouth, teeth
-from glsim.faces.procedural.falloff import Array, IntArray, smoothstep
-from glsim.faces.procedural.grid import (
+from tools.heads import ears, eyes, mouth, teeth
+from tools.heads.falloff import Array, IntArray, smoothstep
+from tools.heads.grid import (
     BUST_KNOT,
     COLUMNS,
     EYE_KNOT,
@@ -26,10 +26,10 @@ from glsim.faces.procedural.grid import (
     make_rays,
     row_table,
 )
-from glsim.faces.procedural.nose import nose_offset
-from glsim.faces.procedural.signed_distance import cast_to_surface
-from glsim.faces.procedural.topology import SLIT_EYE, SLIT_MOUTH, SkinTopology, build_topology
-from glsim.faces.procedural.volumes import EYE_CENTER, HEAD, TRUNK
+from tools.heads.nose import nose_offset
+from tools.heads.signed_distance import cast_to_surface
+from tools.heads.topology import SLIT_EYE, SLIT_MOUTH, SkinTopology, build_topology
+from tools.heads.volumes import EYE_CENTER, HEAD, TRUNK
 
 PART_SKIN, PART_EYE_LINING, PART_MOUTH_LINING, PART_EAR, PART_EYEBALL, PART_TEETH = range(6)
 SMOOTHING_PASSES = 8

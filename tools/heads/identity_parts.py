@@ -9,16 +9,17 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from glsim.faces.procedural.ears import EAR_LENGTH, EAR_ROOT
-from glsim.faces.procedural.falloff import Array
-from glsim.faces.procedural.lids import Lids
-from glsim.faces.procedural.template import PART_EAR, Template
-from glsim.faces.procedural.volumes import EYE_CENTER, EYE_RADIUS
+from glsim.faces.procedural.lids import EYE_RADIUS
+from tools.heads.ears import EAR_LENGTH, EAR_ROOT
+from tools.heads.falloff import Array
+from tools.heads.lids import LidWeights
+from tools.heads.template import PART_EAR, Template
+from tools.heads.volumes import EYE_CENTER
 
-PartField = Callable[[Template, Lids], Array]
+PartField = Callable[[Template, LidWeights], Array]
 
 
-def _on_globe(template: Template, lids: Lids, rise: Array) -> Array:
+def _on_globe(template: Template, lids: LidWeights, rise: Array) -> Array:
     """Return a field (V, 3) that lifts the lid vertices by ``rise`` (L,) mm along the eyeball."""
     points = template.points[lids.index]
     up = points[:, 1] - EYE_CENTER[1]
@@ -29,19 +30,19 @@ def _on_globe(template: Template, lids: Lids, rise: Array) -> Array:
     return field
 
 
-def eye_fissure_height(template: Template, lids: Lids) -> Array:
+def eye_fissure_height(template: Template, lids: LidWeights) -> Array:
     """Open the lids by 1 mm, two thirds of it above."""
     arch = (4.0 * lids.share * (1.0 - lids.share)) ** 0.8
     return _on_globe(template, lids, arch * (0.65 * lids.upper - 0.35 * lids.lower))
 
 
-def canthal_tilt(template: Template, lids: Lids) -> Array:
+def canthal_tilt(template: Template, lids: LidWeights) -> Array:
     """Raise the outer third of the fissure by up to 1 mm, lower the inner corner a little."""
     rise = np.interp(lids.share, (0.0, 0.25, 0.9, 1.0), (-0.3, 0.0, 1.0, 1.0))
     return _on_globe(template, lids, rise * np.maximum(lids.upper, lids.lower))
 
 
-def eye_fissure_length(template: Template, lids: Lids) -> Array:
+def eye_fissure_length(template: Template, lids: LidWeights) -> Array:
     """Move the outer corner out by 0.7 mm and the inner one in by 0.3 mm."""
     stretch = np.interp(lids.share, (0.0, 0.35, 1.0), (-0.3, 0.0, 0.7))
     stretch *= np.maximum(lids.upper, lids.lower)
@@ -51,7 +52,7 @@ def eye_fissure_length(template: Template, lids: Lids) -> Array:
     return field
 
 
-def ear_length(template: Template, _lids: Lids) -> Array:
+def ear_length(template: Template, _lids: LidWeights) -> Array:
     """Scale the ear about its root, its width at half the rate."""
     ear = (template.part == PART_EAR)[:, None]
     root = np.where(template.points[:, :1] > 0, 1.0, -1.0) * np.array([EAR_ROOT[0], 0.0, 0.0])
@@ -60,7 +61,7 @@ def ear_length(template: Template, _lids: Lids) -> Array:
     return np.asarray(ear * away * np.array([0.5, 1.0, 0.5]))
 
 
-def ear_protrusion(template: Template, _lids: Lids) -> Array:
+def ear_protrusion(template: Template, _lids: LidWeights) -> Array:
     """Rotate the ear about its vertical hinge by 1 degree."""
     ear = template.part == PART_EAR
     side = np.where(template.points[:, 0] > 0, 1.0, -1.0)

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from glsim.faces.procedural import mouth
-from glsim.faces.procedural.falloff import Array, bump, smoothstep
-from glsim.faces.procedural.fields import Field, FieldPoints, front_weight, widen
-from glsim.faces.procedural.volumes import SUBNASALE_Y
+from tools.heads import mouth
+from tools.heads.falloff import Array, bump, smoothstep
+from tools.heads.fields import Field, FieldPoints, front_weight, widen
+from tools.heads.volumes import SUBNASALE_Y
 
 
 def mouth_width(p: FieldPoints) -> Array:

@@ -1,0 +1,62 @@
+"""Blend shapes that move few of the vertices each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class SparseShapes:
+    """Named shapes, each an offset of some points.
+
+    Args:
+        names: (N,).
+        starts: (N + 1,) int64: shape n holds the entries starts[n] to starts[n + 1].
+        points: (E,) int32.
+        offsets_mm: (E, 3) float32.
+    """
+
+    names: tuple[str, ...]
+    starts: NDArray[np.int64]
+    points: NDArray[np.int32]
+    offsets_mm: NDArray[np.float32]
+
+    @classmethod
+    def join(
+        cls, shapes: Iterable[tuple[str, NDArray[np.integer], NDArray[np.floating]]]
+    ) -> SparseShapes:
+        """Build the table from (name, points (E,), offsets in mm (E, 3)) of each shape."""
+        names, points, offsets = zip(*shapes, strict=True)
+        return cls(
+            tuple(names),
+            np.cumsum([0, *map(len, points)]),
+            np.concatenate(points).astype(np.int32),
+            np.concatenate(offsets).astype(np.float32),
+        )
+
+    @cached_property
+    def _number(self) -> dict[str, int]:
+        return {name: number for number, name in enumerate(self.names)}
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._number
+
+    def shape(self, name: str) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """Return the points (E,) that a shape moves, and their offsets (E, 3); else KeyError."""
+        number = self._number[name]
+        part = slice(self.starts[number], self.starts[number + 1])
+        return self.points[part], self.offsets_mm[part]
+
+    def add(self, values_mm: NDArray[np.floating], weights: Mapping[str, float]) -> None:
+        """Add the weighted shapes to (P, 3) points, in place and in the order of ``weights``.
+
+        Raises KeyError for an unknown shape.
+        """
+        for name, weight in weights.items():
+            points, offsets_mm = self.shape(name)
+            values_mm[points] += np.float32(weight) * offsets_mm

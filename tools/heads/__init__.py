@@ -1,0 +1,1 @@
+"""Sculpt the embedded heads: the arrays in ``glsim/faces/procedural/heads.npz``. See README.md."""
