@@ -3,135 +3,152 @@
     python -m benchmarks.generate [--ict-root FaceXModel] [--frames 300]
 
 Every contender gets the same faces (a new one every frame), makes clean depth, shadow and noise
-at 512x424, and writes two 16-bit PNGs to disk, in one process on one core. Peers write PNGs with
-OpenCV at its default settings, as their users would. Their noise is one of three:
-
-    lean      what a good user writes (`benchmarks/lean_noise.py`), of the full frame: less than the
-              sensor does, so that the ratio flatters the peer
-    full      glsim's own NumPy twin of the chain of kinect-v2-paper, of the full frame
-    window    the same, with rays and noise restricted by hand to the window of the face
-
-The result is CPU time, which depends least on other load of the machine; wall time is beside it.
-Each contender runs in its own process (pyrender leaves the GL state unusable for others). All take
-turns, three times by default, and the medians count: a machine may change its speed meanwhile.
-
-The last columns are the CPU time of a row over that of glsim with kinect-v2-paper, and that of
-Open3D with lean noise over the row's. The peers' noise is that of kinect-v2-paper in all rows.
+at 512x424, and writes two 16-bit PNGs to disk, in one process on one core. Peers add the noise of
+`benchmarks/lean_noise.py`, which does less than the sensor, and write PNGs with OpenCV at its
+default settings, as their users would. The result is CPU time, which depends least on other load
+of the machine. Each contender runs in its own process; the medians of three turns count.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from glsim.faces.base import Face, FaceSource
+from glsim.settings.schema import Settings, load_settings
+
+#: Name -> title. The first is what the others are compared with.
 CONTENDERS = {
-    "glsim-kinect-v2-paper": "glsim, kinect-v2-paper",
-    "glsim-kinect-v2": "glsim, kinect-v2",
-    "glsim-kinect-v2-fast": "glsim, kinect-v2-fast",
-    "open3d-lean": "Open3D ray casting, lean noise",
-    "open3d-full": "Open3D ray casting, full frame",
-    "open3d-window": "Open3D ray casting, window of the face",
-    "pyrender-lean": "pyrender, lean noise",
-    "pyrender-full": "pyrender, full frame",
-    "pyrender-window": "pyrender, window of the face",
+    "kinect-v2-paper": "glsim, kinect-v2-paper",
+    "kinect-v2": "glsim, kinect-v2",
+    "kinect-v2-fast": "glsim, kinect-v2-fast",
+    "open3d": "Open3D ray casting, lean noise",
+    "pyrender": "pyrender, lean noise",
 }
-#: What the other columns are measured against: the same sensor's noise in glsim, and the peer that
-#: a good user would write.
-OURS, PEER = "glsim-kinect-v2-paper", "open3d-lean"
-STEPS = ("face", "clean depth", "shadow", "noise", "PNG and disk", "other")
+_PEERS = ("open3d", "pyrender")
+#: Frames before the clock starts: shaders compile, caches fill.
+_WARM_UP = 10
+_TURNS = 3
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument(
-        "--ict-root", type=Path, help="FaceXModel folder; default: procedural faces"
+    """Run the contenders in turns and print a table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument(
-        "--frames", type=int, default=100, help="pairs by glsim in each turn; a fifth by peers"
-    )
-    parser.add_argument("--turns", type=int, default=3)
-    parser.add_argument(
-        "--only", nargs="+", choices=CONTENDERS, default=list(CONTENDERS), help="default: all"
-    )
+    parser.add_argument("--ict-root", type=Path, help="faces of ICT-FaceKit, not embedded ones")
+    parser.add_argument("--frames", type=int, default=300, help="frames of glsim's rows")
+    parser.add_argument("--only", nargs="+", choices=CONTENDERS, default=list(CONTENDERS))
+    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    turns = [
-        {name: _run(name, arguments) for name in arguments.only} for _ in range(arguments.turns)
-    ]
-    results = {name: _median([turn[name] for turn in turns]) for name in arguments.only}
-    _print(results, arguments)
-    if OURS in results:
-        _print_scaling(arguments)
-
-
-def _median(reports: list[dict[str, float]]) -> dict[str, float]:
-    """Return the median of each number of several reports."""
-    return {key: statistics.median(report[key] for report in reports) for key in reports[0]}
-
-
-def _run(name: str, arguments: argparse.Namespace) -> dict[str, float]:
-    """Run one contender in its own process, single-threaded; return its report."""
-    frames = arguments.frames if name.startswith("glsim") else max(20, arguments.frames // 5)
-    environment = os.environ | {
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "LP_NUM_THREADS": "0",
-        "PYOPENGL_PLATFORM": "egl",
+    if arguments.one:
+        name, out = arguments.one
+        run = _run_peer if name in _PEERS else _run_glsim
+        seconds = list(run(name, arguments.frames, Path(out), arguments.ict_root))
+        cpu, wall = np.array(seconds[-1]) - np.array(seconds[_WARM_UP - 1])
+        scale = 1000 / (len(seconds) - _WARM_UP)
+        print(json.dumps({"cpu_ms": scale * cpu, "wall_ms": scale * wall}))
+        return
+    turns = [{name: _turn(name, arguments) for name in arguments.only} for _ in range(_TURNS)]
+    medians = {
+        name: {key: statistics.median(turn[name][key] for turn in turns) for key in report}
+        for name, report in turns[0].items()
     }
-    ict_root = [str(arguments.ict_root.resolve())] if arguments.ict_root else []
+    table = Table("contender", "CPU ms", "wall ms", "pairs/s", f"of {arguments.only[0]}")
+    for name, report in medians.items():
+        cpu_ms = report["cpu_ms"]
+        ratio = cpu_ms / medians[arguments.only[0]]["cpu_ms"]
+        cells = (f"{cpu_ms:.1f}", f"{report['wall_ms']:.1f}", f"{1000 / cpu_ms:.0f}")
+        table.add_row(CONTENDERS[name], *cells, f"{ratio:.1f}x")
+    Console(width=120).print(table)
+
+
+def _turn(name: str, arguments: argparse.Namespace) -> dict[str, float]:
+    """Run one contender in its own process, single-threaded; return its report."""
+    frames = max(20, arguments.frames // 5) if name in _PEERS else arguments.frames
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
+    environment = os.environ | threads | {"PYOPENGL_PLATFORM": "egl"}
+    command = [sys.executable, "-m", "benchmarks.generate", "--frames", str(frames)]
+    command += ["--ict-root", str(arguments.ict_root.resolve())] if arguments.ict_root else []
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "benchmarks.contender", name, str(frames), folder]
         done = subprocess.run(
-            [*command, *ict_root], env=environment, stdout=subprocess.PIPE, text=True, check=True
-        )
+            [*command, "--one", name, folder],
+            env=environment, stdout=subprocess.PIPE, text=True, check=True,
+        )  # fmt: skip
     report: dict[str, float] = json.loads(done.stdout.strip().splitlines()[-1])
     return report
 
 
-def _print(results: dict[str, dict[str, float]], arguments: argparse.Namespace) -> None:
-    ours, peer = results.get(OURS), results.get(PEER)
-    faces = "ICT-FaceKit" if arguments.ict_root else "procedural"
-    table = Table(title=f"{faces} faces, 512x424, CPU ms per pair")
-    for column in ("contender", *STEPS, "CPU ms", "wall ms", "pairs/s", "of glsim", "lean peer"):
-        table.add_column(column, justify="left" if column == "contender" else "right")
-    for name, report in results.items():
-        table.add_row(
-            CONTENDERS[name],
-            *(f"{report[step]:.2f}" if step in report else "" for step in STEPS),
-            f"{report['cpu_ms']:.1f}",
-            f"{report['wall_ms']:.1f}",
-            f"{1000 / report['cpu_ms']:.0f}",
-            f"{report['cpu_ms'] / ours['cpu_ms']:.1f}x" if ours else "",
-            f"{peer['cpu_ms'] / report['cpu_ms']:.1f}x" if peer else "",
-        )
-    Console(width=160).print(table)
+def _faces(sensor: str, frames: int, ict_root: Path | None) -> tuple[Settings, FaceSource]:
+    """Return settings of so many frames, and their source, of a new person every frame."""
+    from glsim.faces.ict_facekit import IctFaceKit
+    from glsim.faces.procedural import ProceduralFaces
+
+    each = 60
+    count: dict[str, Any] = {"subjects": frames // each + 1, "frames_per_subject": each}
+    if ict_root is None:
+        return load_settings(overrides={"sensor": sensor}, source=count), ProceduralFaces(0)
+    count |= {"kind": "ict-facekit", "root": ict_root}
+    source = IctFaceKit(ict_root, 0, new_identity_every_frame=True)
+    return load_settings(overrides={"sensor": sensor}, source=count), source
 
 
-def _print_scaling(arguments: argparse.Namespace) -> None:
-    """Print the rates of ``glsim generate`` with one and with two workers."""
-    from benchmarks.faces import settings_for
-    from glsim.dataset import generate
+def _run_glsim(
+    sensor: str, frames: int, out: Path, ict_root: Path | None
+) -> Iterator[tuple[float, float]]:
+    """Run simulator and frame writer as a worker does; yield CPU and wall clock at each frame."""
+    from glsim.dataset import write_frame
+    from glsim.frame import Frame
+    from glsim.gl.context import open_context
+    from glsim.pipeline import Simulator
+    from glsim.plan.tasks import make_tasks
 
-    rates = {}
-    frames = 20 * arguments.frames
-    for workers in (1, 2):
-        with tempfile.TemporaryDirectory() as folder:
-            settings = settings_for(arguments.ict_root, frames)
-            summary = generate(settings, Path(folder) / "data", workers=workers)
-        rates[workers] = summary.rendered / summary.seconds
-        Console().print(
-            f"glsim generate, {workers} worker(s): {rates[workers]:.1f} pairs/s, "
-            f"{1000 * summary.cpu_seconds / summary.rendered:.2f} CPU ms per pair"
-        )
-    Console().print(f"2 workers are {rates[2] / rates[1]:.2f}x as fast as 1")
+    settings, source = _faces(sensor, frames + _WARM_UP, ict_root)
+    tasks = make_tasks(settings, [source])[: frames + _WARM_UP]
+    simulator = Simulator(settings, [source], open_context(), ("clean", "noisy"))
+    for number, frame in enumerate(simulator.frames(tasks)):
+        assert isinstance(frame, Frame)
+        write_frame(frame, out, f"{number:06d}", ("clean", "noisy"))
+        yield time.process_time(), time.perf_counter()
+
+
+def _run_peer(
+    name: str, frames: int, out: Path, ict_root: Path | None
+) -> Iterator[tuple[float, float]]:
+    """Run a peer: its depth and shadow, NumPy noise, OpenCV's PNGs."""
+    import cv2
+
+    from benchmarks.lean_noise import LeanNoise
+    from glsim.frame import encode_depth
+    from glsim.sensors.sensor import sensor_of
+
+    settings, source = _faces("kinect-v2-paper", frames + _WARM_UP, ict_root)
+    rig = sensor_of(settings).rig
+    render = importlib.import_module(f"benchmarks.{name}_peer").Renderer(rig)
+    add_noise = LeanNoise(rig)
+    (of,) = settings.source
+    people = source.subjects(of.subjects)
+    keys = [key for person in people for key in source.frames(person, of.frames_per_subject)]
+    for number, face in enumerate(source.load(keys[: frames + _WARM_UP])):
+        assert isinstance(face, Face), face
+        clean, lit = render(face.mesh)
+        for layer, depth in (("clean", clean), ("noisy", add_noise(clean, lit, number))):
+            cv2.imwrite(str(out / f"{number:06d}_{layer}.png"), encode_depth(depth))
+        yield time.process_time(), time.perf_counter()
 
 
 if __name__ == "__main__":

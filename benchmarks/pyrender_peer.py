@@ -6,39 +6,37 @@ import numpy as np
 import pyrender
 from numpy.typing import NDArray
 
-from benchmarks.peer import SHADOW_BIAS_M, StepTimer
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
-from glsim.geometry.rect import Rect
+
+#: As in `benchmarks/open3d_peer.py`.
+_SHADOW_BIAS_M = 0.003
 
 
-class PyrenderRenderer:
+class Renderer:
     """Draws each mesh twice, depth only, with one off-screen renderer."""
 
-    def __init__(self, rig: SensorRig, step: StepTimer) -> None:
-        image = rig.intrinsics
-        self._step, self._rig = step, rig
+    def __init__(self, rig: SensorRig) -> None:
+        image = self._image = rig.intrinsics
         self._renderer = pyrender.OffscreenRenderer(image.width, image.height)
         self._camera = pyrender.IntrinsicsCamera(
             image.fx, image.fy, image.cx, image.cy, znear=0.1, zfar=12.0
         )
         self._view = pose_matrix({"distance_mm": 900.0})
         self._emitter = np.asarray(rig.emitters[0].position_m)
-        self._rays = rig.rays()
+        rays = rig.rays()
+        self._rays = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1)
 
-    def __call__(self, mesh: Mesh, window: Rect) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        with self._step("clean depth"):
-            points = mesh.vertices_mm @ self._view[:3, :3].T + self._view[:3, 3]
-            primitive = pyrender.Primitive(
-                positions=(points * (1, -1, -1)).astype(np.float32), indices=mesh.faces
-            )
-            drawn = pyrender.Mesh([primitive])
-            clean = self._depth(drawn, np.zeros(3))
-        with self._step("shadow"):
-            depth = clean[window.slices]
-            lit = self._lit(depth, self._depth(drawn, self._emitter), self._rays[window.slices])
-        return depth, lit
+    def __call__(self, mesh: Mesh) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return clean depth, m, and the lit share, both (H, W) float32."""
+        points = mesh.vertices_mm @ self._view[:3, :3].T + self._view[:3, 3]
+        primitive = pyrender.Primitive(
+            positions=(points * (1, -1, -1)).astype(np.float32), indices=mesh.faces
+        )
+        drawn = pyrender.Mesh([primitive])
+        depth = self._depth(drawn, np.zeros(3))
+        return depth, self._lit(depth, self._depth(drawn, self._emitter))
 
     def _depth(self, drawn: pyrender.Mesh, origin_m: NDArray[np.float64]) -> NDArray[np.float32]:
         scene = pyrender.Scene()
@@ -52,17 +50,13 @@ class PyrenderRenderer:
         return depth
 
     def _lit(
-        self,
-        depth: NDArray[np.float32],
-        seen_by_emitter: NDArray[np.float32],
-        rays: NDArray[np.float32],
+        self, depth: NDArray[np.float32], seen_by_emitter: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        image = self._rig.intrinsics
-        points = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1) * depth[..., None]
-        towards = points - self._emitter.astype(np.float32)
+        image = self._image
+        towards = self._rays * depth[..., None] - self._emitter.astype(np.float32)
         z = np.where(depth > 0, towards[..., 2], 1.0)
         column = np.floor(image.fx * towards[..., 0] / z + image.cx).astype(int)
         row = np.floor(image.fy * towards[..., 1] / z + image.cy).astype(int)
         stored = seen_by_emitter[row.clip(0, image.height - 1), column.clip(0, image.width - 1)]
-        lit = (stored == 0) | (z < stored + SHADOW_BIAS_M)
+        lit = (stored == 0) | (z < stored + _SHADOW_BIAS_M)
         return np.where(depth > 0, lit, False).astype(np.float32)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-#: Share of the triangles that is kept; chosen by the error that `benchmarks.occluders` measures.
+#: Share of the triangles that is kept; chosen by the error in docs/speed.md.
 KEPT_SHARE = 0.44
 
 #: How fast the library raises its error bound, 1 to 7 (its default): 5 is the slowest that reaches

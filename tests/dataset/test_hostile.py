@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.stress.hostile_sets import SETS, make_box
 from glsim.dataset import open_dataset, verify
 from glsim.dataset.records import parse_chunk_record, parse_first_line
 from glsim.errors import DatasetError
@@ -23,18 +22,19 @@ from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
 PNG = "train/s000/smile.1_00000_noisy.png"
 
 
+SHARD = "train-000000.tar"
+
+
 @pytest.fixture(scope="module")
 def originals(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sound sets, and beside each the files that no reader may read."""
     root = tmp_path_factory.mktemp("originals")
     for format in ("png", "webdataset"):
-        (root / format).mkdir()
-        make_box(root / format, format)
+        make(root / format / "set", make_settings(format=format), make_tasks(4, 3))
+        (root / format / "outside").mkdir()
+        source = root / format / "set" / (PNG if format == "png" else SHARD)
+        shutil.copyfile(source, root / format / "outside" / "map.png")
     return root
-
-
-def copy_box(box: Path, copy: Path) -> None:
-    shutil.copytree(box, copy, ignore=shutil.ignore_patterns("pipe"))
-    os.mkfifo(copy / "outside" / "pipe")
 
 
 @pytest.fixture
@@ -71,46 +71,55 @@ def problem_of(root: Path) -> str:
     return problem
 
 
+def name(name: str) -> Callable[[Path], None]:
+    """Put a name of a file into the first record."""
+    return lambda root: edit(root, lambda record: record["files"]["noisy"].update(name=name))
+
+
+def put(file: str, make_it: Callable[[Path], object]) -> Callable[[Path], None]:
+    """Put something else in the place of a file or folder."""
+
+    def change(root: Path) -> None:
+        (root / file).rename(root / "moved")
+        make_it(root / file)
+
+    return change
+
+
+def first_line(line: str) -> Callable[[Path], None]:
+    """Replace the first record."""
+
+    def change(root: Path) -> None:
+        path = root / "manifest.jsonl"
+        path.write_text(line + "\n" + path.read_text().partition("\n")[2])
+        sign(root)
+
+    return change
+
+
 @pytest.mark.parametrize(
-    ("format", "name", "opened", "verified"),
+    ("format", "change", "opened"),
     [
-        ("png", "name ../", "line 1 is damaged: files.noisy.name", "files.noisy.name"),
-        ("png", "name inside/../..", "line 1 is damaged: files.noisy.name", "files.noisy.name"),
-        ("png", "name absolute", "line 1 is damaged: files.noisy.name", "files.noisy.name"),
-        ("png", "name of a device", "line 1 is damaged: files.noisy.name", "files.noisy.name"),
-        ("png", "name with NUL", "line 1 is damaged: files.noisy.name", "files.noisy.name"),
-        ("png", "name empty", "line 1 is damaged: files.noisy.name", "files.noisy.name"),
-        ("png", "image links out", "leads out of", f"{PNG}: leads out of"),
-        ("png", "image is a pipe", "is a pipe", f"{PNG}: is a pipe"),
-        ("png", "image is a folder", "Is a directory", f"{PNG}: Is a directory"),
-        ("png", "image links to a device", "or a device", f"{PNG}: "),
-        ("png", "subject links out", "leads out of", "leads out of"),
-        ("png", "manifest links out", "leads out of", "leads out of"),
-        ("png", "manifest is a pipe", "is a pipe", "is a pipe"),
-        ("png", "subject ../../..", "subject: '../../..'", "does not name a file inside"),
-        ("png", "record deep", "line 1 is damaged", "line 1 is damaged"),
-        ("png", "record long number", "line 1 is damaged", "line 1 is damaged"),
-        ("png", "record of 100 MB", "it has more than 131072 bytes", "more than 131072 bytes"),
-        ("png", "header deep", "dataset.json: is damaged", "dataset.json: is damaged"),
-        ("png", "header of 20 GB", "are more than the 16.8 allowed", "16.8 allowed"),
-        ("png", "records twice", "", "is in two records"),
-        ("png", "records twice", "", "index 0 again"),
-        ("png", "records of 100 million lines", "is damaged: holds empty lines", "empty lines"),
-        ("webdataset", "offset too large", "files.noisy.offset", "files.noisy.offset"),
-        ("webdataset", "member ../", "", "'../../outside/x', which is no plain file"),
-        ("webdataset", "member links out", "", "'link', which is no plain file"),
+        ("png", name("../outside/map.png"), "line 1 is damaged: files.noisy.name"),
+        ("png", name("/dev/zero"), "line 1 is damaged: files.noisy.name"),
+        ("png", name("train/a\0b.png"), "line 1 is damaged: files.noisy.name"),
+        ("png", put(PNG, lambda p: p.symlink_to("../../../outside/map.png")), "leads out of"),
+        ("png", put(PNG, os.mkfifo), "is a pipe"),
+        ("png", put(PNG, Path.mkdir), "Is a directory"),
+        ("png", put("manifest.jsonl", os.mkfifo), "is a pipe"),
+        ("png", first_line("[" * 500_000), "line 1 is damaged"),
+        ("png", first_line("x" * 10**7), "it has more than 131072 bytes"),
+        ("webdataset", put(SHARD, lambda p: p.symlink_to("../outside/map.png")), "leads out of"),
     ],
 )
 def test_a_hostile_set_is_refused(
-    originals: Path, tmp_path: Path, format: str, name: str, opened: str, verified: str
+    originals: Path, tmp_path: Path, format: str, change: Callable[[Path], None], opened: str
 ) -> None:
-    """``tests/stress/test_hostile.py`` watches that nothing outside is touched."""
-    copy_box(originals / format, tmp_path / "box")
+    shutil.copytree(originals / format, tmp_path / "box")
     root = tmp_path / "box" / "set"
-    SETS[format][name](root)
+    change(root)
     assert opened in problem_of(root)
-    assert any(verified in problem for problem in verify(root, deep=True))
-    assert not any("/etc" in p for p in verify(root))
+    assert verify(root, deep=True)
 
 
 def test_an_offset_behind_the_end_of_a_shard_is_refused(shards: Path) -> None:

@@ -60,7 +60,7 @@ def test_a_context_given_back_late_frees_nothing_of_the_one_in_use(
 def test_simulations_in_turn_use_one_context_and_leave_nothing_in_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Each context that is opened costs 40 kB for ever (benchmarks.stress long_runs)."""
+    """Each context that is opened costs 40 kB that are never freed."""
     opened = []
 
     def count(backend: str | None = None) -> moderngl.Context:

@@ -15,7 +15,6 @@ pytest.importorskip("uvicorn", reason="the extra glsim[tune] is not installed")
 
 import uvicorn
 
-from benchmarks.stress import tuner
 from glsim.tune import connection
 from glsim.tune.connection import TimedConnection
 
@@ -89,12 +88,3 @@ def test_a_client_that_waits_is_answered_again_and_again(port: int) -> None:
                 assert part, answer
                 answer += part
             time.sleep(0.8)
-
-
-@pytest.mark.long
-def test_the_server_of_the_page_stands_abuse(capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
-    failed = tuner.main(["--forms", "foreign,malformed,large heads,slow heads"])
-    said = capsys.readouterr().out
-    assert not failed, said
-    assert "5 forms, 0 failures" in said

@@ -1,1 +1,0 @@
-"""Stress tests as commands: ``python -m benchmarks.stress NAME``."""

@@ -1,0 +1,109 @@
+"""Draw sensors.webp and rooms.webp of docs/figures: python -m scripts.readme_figures.
+
+One face seen by seven sensors, and ten people of the presets office and living-room. Takes a
+minute and needs glsim fetch people.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+
+from glsim import Frame, load_denoiser, load_settings, simulate
+from glsim.files.atomic import write_atomic
+from glsim.preview import Picture, brightness, shaded
+
+_FIGURES: Final = Path(__file__).resolve().parents[1] / "docs" / "figures"
+#: Sensor -> its caption and the distance of the face, mm: where each camera is used.
+_SENSORS: Final = {
+    "kinect-v2": ("Kinect V2", 700.0),
+    "azure-kinect": ("Azure Kinect", 700.0),
+    "realsense-d435": ("RealSense D435", 450.0),
+    "realsense-d455": ("RealSense D455", 600.0),
+    "realsense-d405": ("RealSense D405", 350.0),
+    "truedepth": ("TrueDepth", 350.0),
+    "kinect-v1-pattern": ("Kinect V1", 650.0),
+}
+_ROWS: Final = ("clean", "noisy", "denoised", "infrared")
+#: Side of what is shown, mm at the face's distance, and of a tile, px.
+_SHOWN_MM, _TILE_PX = 285.0, 230
+_CAPTION_PX, _MARGIN_PX = 30, 92
+#: Preset -> seed of its people, number of them, and depths at the ends of the scale, mm.
+_ROOMS: Final = {"office": 11, "living-room": 12}
+_PEOPLE, _NEAR_MM, _FAR_MM = 5, 600.0, 4500.0
+
+
+def _frames(preset: str, people: int, **overrides: Any) -> list[Frame]:
+    one = {"subjects": people, "frames_per_subject": 1}
+    settings = load_settings(preset=preset, overrides=overrides, source=one)
+    return [frame for frame in simulate(settings) if isinstance(frame, Frame)]
+
+
+def _caption(text: str, width: int, height: int) -> Picture:
+    field = np.full((height, width, 3), 255, np.uint8)
+    at = (6, height // 2 + 6)
+    cv2.putText(field, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.55, (0, 0, 0), 1, cv2.LINE_AA)
+    return field
+
+
+def _sensor_column(sensor: str, name: str, distance_mm: float) -> Picture:
+    """Return the square tiles of one sensor below its caption."""
+    (frame,) = _frames(
+        "office",
+        1,
+        sensor=sensor,
+        seed=74,
+        pose={"distance_mm": distance_mm, "x_mm": 0, "y_mm": 132, "yaw_deg": 14},
+        scene={"camera_mm": 1240, "behind_mm": 900, "people": 0},
+    )
+    image = frame.intrinsics
+    side = min(round(_SHOWN_MM * image.fx / distance_mm), image.width, image.height)
+    top, left = (max(round(centre - side / 2), 0) for centre in (image.cy, image.cx))
+    clean_m = np.zeros(frame.noisy.shape, np.float32)
+    clean_m[frame.window.slices] = frame.clean_m
+    depths_mm = (1000 * clean_m, frame.noisy, load_denoiser("face")(frame.noisy).depth_mm)
+    pictures = [shaded((0.001 * d).astype(np.float32), image) for d in depths_mm]
+    pictures.append(brightness(frame.infrared, frame.noisy.shape))
+    how = cv2.INTER_CUBIC if side < _TILE_PX else cv2.INTER_AREA
+    tiles = [
+        cv2.resize(p[top : top + side, left : left + side], (_TILE_PX, _TILE_PX), interpolation=how)
+        for p in pictures
+    ]
+    return np.vstack([_caption(name, _TILE_PX, _CAPTION_PX), *tiles])
+
+
+def sensors() -> Picture:
+    """Return shaded clean, noisy and denoised depth and infrared of one face by all sensors."""
+    names = [_caption("", _MARGIN_PX, _CAPTION_PX)]
+    names += [_caption(row, _MARGIN_PX, _TILE_PX) for row in _ROWS]
+    columns = [_sensor_column(name, *how) for name, how in _SENSORS.items()]
+    return np.hstack([np.vstack(names), *columns])
+
+
+def _room_row(frame: Frame) -> Picture:
+    """Return shaded clean depth, noisy depth and infrared of a frame at half their size."""
+    depth_mm = frame.noisy.astype(np.float32)
+    share = np.clip((_FAR_MM - depth_mm) / (_FAR_MM - _NEAR_MM), 0, 1)
+    noisy = cv2.applyColorMap((255 * share).astype(np.uint8), cv2.COLORMAP_TURBO)
+    noisy[depth_mm == 0] = 0
+    clean = shaded((0.001 * frame.clean).astype(np.float32), frame.intrinsics)
+    joined = np.hstack([clean, noisy, brightness(frame.infrared, depth_mm.shape)])
+    return np.asarray(cv2.resize(joined, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+
+
+def rooms() -> Picture:
+    """Return the people of each preset in a column."""
+    columns = [
+        np.vstack([_room_row(frame) for frame in _frames(preset, _PEOPLE, seed=seed)])
+        for preset, seed in _ROOMS.items()
+    ]
+    return np.hstack(columns)
+
+
+if __name__ == "__main__":
+    for draw in (sensors, rooms):
+        encoded = cv2.imencode(".webp", draw(), [cv2.IMWRITE_WEBP_QUALITY, 82])[1]
+        write_atomic(encoded.tobytes(), _FIGURES / f"{draw.__name__}.webp")
