@@ -96,7 +96,7 @@ def _turn(name: str, arguments: argparse.Namespace) -> dict[str, float]:
 def _faces(sensor: str, frames: int, ict_root: Path | None) -> tuple[Settings, FaceSource]:
     """Return settings of so many frames, and their source, of a new person every frame."""
     from glsim.faces.ict_facekit import IctFaceKit
-    from glsim.faces.procedural import ProceduralFaces
+    from glsim.faces.procedural.source import ProceduralFaces
 
     each = 60
     count: dict[str, Any] = {"subjects": frames // each + 1, "frames_per_subject": each}
