@@ -121,7 +121,8 @@ class FrameScenes:
             return self._load(batch)
 
     def _load(self, batch: Sequence[Task]) -> list[tuple[Task, Face | BadFace]]:
-        self._others.load([self.held(task) for task in batch])
+        for task in batch:
+            self._others.load(task.source, self.held(task).seeds)
         source = self._sources[batch[0].source]
         loaded: list[tuple[Task, Face | BadFace]] = []
         while len(loaded) < len(batch):
@@ -240,7 +241,7 @@ class FrameScenes:
         ]
         view = scenery.stands(pose_matrix(pose))
         check_behind(scenery, person, view)
-        others = self._others.props(self.held(task), scenery) if body is not None else []
+        others = self._others.props(task.source, seeds, scenery) if body is not None else []
         further = [*scenery.props, *others]
         labels: list[NDArray[np.float32] | None] = []
         if self._labels is not None:

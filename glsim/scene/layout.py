@@ -6,63 +6,18 @@ face. Room axes: millimetres, origin on the floor below the face, +y up; the bac
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from glsim.scene import dark_things, decoration, seating, storage, tables
-from glsim.scene.shapes import Shape, bounds_mm, moved
+from glsim.scene.furniture import catalogue, choose, coat, curtain, make_thing
+from glsim.scene.shapes import Shape, bounds_mm, moved, rod
 from glsim.scene.shell import Opening, Wall
 
 Rng = np.random.Generator
-Maker = Callable[[Rng, float], list[Shape]]
 #: Left, right and top of what stands at a wall, mm.
 Span = tuple[float, float, float]
-
-#: Kind of room -> (share, maker) of what stands along its walls. Shares chosen.
-ALONG_WALLS: dict[str, tuple[tuple[float, Maker], ...]] = {
-    "office": (
-        (0.34, storage.shelf),
-        (0.22, lambda rng, _: storage.cabinet(rng)),
-        (0.30, tables.desk),
-        (0.07, lambda rng, _: decoration.plant(rng)),
-        (0.04, lambda rng, _: storage.moving_box(rng)),
-        (0.03, lambda rng, _: dark_things.bag(rng)),
-    ),
-    "living-room": (
-        (0.20, storage.shelf),
-        (0.16, lambda rng, _: storage.cabinet(rng)),
-        (0.26, lambda rng, _: seating.sofa(rng)),
-        (0.12, storage.sideboard),
-        (0.10, lambda rng, clutter: storage.sideboard(rng, clutter, with_television=True)),
-        (0.09, lambda rng, _: decoration.plant(rng)),
-        (0.07, lambda rng, _: decoration.floor_lamp(rng)),
-        (0.06, lambda rng, _: dark_things.loudspeaker(rng)),
-        (0.04, lambda rng, _: dark_things.piano(rng)),
-    ),
-    "empty": (),
-}
-#: Kind of room -> (share, maker) of what stands free. Shares chosen.
-FREE_STANDING: dict[str, tuple[tuple[float, Maker], ...]] = {
-    "office": (
-        (0.35, lambda rng, _: seating.office_chair(rng)),
-        (0.20, lambda rng, _: seating.chair(rng)),
-        (0.20, lambda rng, _: decoration.plant(rng)),
-        (0.10, lambda rng, _: storage.waste_bin(rng)),
-        (0.08, lambda rng, _: storage.moving_box(rng)),
-        (0.07, lambda rng, _: dark_things.bag(rng)),
-    ),
-    "living-room": (
-        (0.35, lambda rng, _: seating.chair(rng)),
-        (0.20, tables.low_table),
-        (0.20, lambda rng, _: decoration.plant(rng)),
-        (0.15, lambda rng, _: decoration.floor_lamp(rng)),
-        (0.05, lambda rng, _: storage.moving_box(rng)),
-        (0.05, lambda rng, _: dark_things.bag(rng)),
-    ),
-    "empty": (),
-}
 
 
 @dataclass
@@ -111,13 +66,13 @@ def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: floa
     """Return what stands along a wall and hangs on it, in room axes."""
     shapes: list[Shape] = []
     spans: list[Span] = []
-    x = rng.uniform(20, 500)
-    choices = ALONG_WALLS[kind]
+    x, choices = rng.uniform(20, 500), catalogue()["rooms"][kind]["wall"]
     while choices and x < wall.length - 300:
         if rng.random() > 0.25 + 0.75 * clutter:
             x += rng.uniform(500, 1200)
             continue
-        thing = _choose(rng, choices)(rng, clutter)
+        name = choose(rng, choices)
+        thing = make_thing(rng, name, clutter)
         low, high = bounds_mm(thing)
         right = x + high[0] - low[0]
         blocking = [o for o in wall.openings if _blocks(o, x, right, float(high[1]))]
@@ -130,17 +85,16 @@ def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: floa
         if plan.take(placed):
             shapes += placed
             spans.append((x, right, float(high[1])))
-            shapes += _seat_at(rng, thing, wall, (x + right) / 2, float(high[2] - low[2]), plan)
+            if name == "desk" and rng.random() < 0.7:
+                away = float(high[2] - low[2]) + rng.uniform(250, 420)
+                chair, turn = make_thing(rng, "office armchair"), 180 + rng.uniform(-50, 50)
+                chair = wall.placed(moved(chair, (x + right) / 2, z=away, turn_deg=turn))
+                shapes += chair if plan.take(chair, 0.0) else []
         x = right + rng.choice([rng.uniform(0, 60), rng.uniform(200, 900)])
     for opening in wall.openings:
         if opening.kind == "window":
             shapes += _at_window(rng, wall, opening, plan, spans)
-    return shapes + _on_wall(rng, wall, spans, clutter, kind)
-
-
-def _choose(rng: Rng, choices: Sequence[tuple[float, Maker]]) -> Maker:
-    shares = np.array([share for share, _ in choices])
-    return choices[int(rng.choice(len(choices), p=shares / shares.sum()))][1]
+    return shapes + (_on_wall(rng, wall, spans, clutter) if choices else [])
 
 
 def _blocks(opening: Opening, left: float, right: float, top: float) -> bool:
@@ -148,19 +102,6 @@ def _blocks(opening: Opening, left: float, right: float, top: float) -> bool:
     margin = 120 if opening.kind == "door" else 20
     apart = right < opening.left - margin or left > opening.right + margin
     return not apart and (opening.kind == "door" or top > opening.low + 150)
-
-
-def _seat_at(
-    rng: Rng, thing: Sequence[Shape], wall: Wall, x: float, depth: float, plan: FloorPlan
-) -> list[Shape]:
-    """An office chair at a desk (the only thing with a screen on a table of its height)."""
-    tops = [s for s in thing if s.region == "screen"]
-    if not tops or depth < 600 or rng.random() < 0.3:
-        return []
-    turn = 180 + rng.uniform(-50, 50)
-    chair = moved(seating.office_chair(rng), x, z=depth + rng.uniform(250, 420), turn_deg=turn)
-    placed = wall.placed(chair)
-    return placed if plan.take(placed, 0.0) else []
 
 
 def _at_window(
@@ -171,33 +112,30 @@ def _at_window(
     middle, width = (window.left + window.right) / 2, window.right - window.left
     clear = all(right < window.left - 150 or left > window.right + 150 for left, right, _ in spans)
     if clear and rng.random() < 0.7:
-        radiator = wall.placed(moved(decoration.radiator(rng, 0.8 * width), middle, 130.0))
+        radiator = wall.placed(moved(make_thing(rng, "radiator"), middle, 130.0))
         shapes += radiator if plan.take(radiator, 0.0) else []
     if rng.random() < 0.6:
-        top = window.high + rng.uniform(60, 140)
-        long = clear and rng.random() < 0.6
-        bottom = 25.0 if long else window.low - 120
-        cloth = rng.uniform(280, 480)
-        shapes += wall.placed(moved(decoration.rail(width + 2 * cloth, top), middle))
+        top, cloth = window.high + rng.uniform(60, 140), rng.uniform(280, 480)
+        bottom = 25.0 if clear and rng.random() < 0.6 else window.low - 120
+        ends = [(middle + side * (width / 2 + cloth), top + 15, 90) for side in (-1, 1)]
+        shapes += wall.placed([rod(*ends, 13, 0.6)])
         for side in (-1, 1):
             at = middle + side * (width / 2 + 0.15 * cloth)
             if cloth / 2 < at < wall.length - cloth / 2:
-                shapes += wall.placed(moved(decoration.curtain(rng, cloth, top, bottom), at))
+                shapes += wall.placed(moved(curtain(rng, cloth, top, bottom), at))
     return shapes
 
 
-def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float, kind: str) -> list[Shape]:
-    """Pictures and clothes where the wall is free."""
-    if kind == "empty":
-        return []
+def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float) -> list[Shape]:
+    """Pictures and coats where the wall is free."""
     shapes: list[Shape] = []
     taken = [(o.left - 90, o.right + 90) for o in wall.openings]
     for _ in range(round(rng.uniform(0.5, 1.5) * clutter * wall.length / 1400)):
-        coat = rng.random() < 0.2
-        thing = decoration.clothes_hook(rng) if coat else decoration.picture(rng)
+        hook = rng.random() < 0.2
+        thing = coat(rng) if hook else make_thing(rng, "picture")
         low, high = bounds_mm(thing)
         x = rng.uniform(100, wall.length - 100)
-        y = 1700.0 if coat else rng.uniform(1450, 1650)
+        y = 1700.0 if hook else rng.uniform(1450, 1650) - high[1] / 2
         left, right, bottom = x + low[0] - 40, x + high[0] + 40, y + low[1]
         if left < 0 or right > wall.length:
             continue
@@ -213,9 +151,9 @@ def stand_free(rng: Rng, kind: str, plan: FloorPlan, clutter: float) -> list[Sha
     """Return what stands in the room away from its walls, in room axes."""
     shapes: list[Shape] = []
     left, back, right, front = plan.extent
-    choices = FREE_STANDING[kind]
+    choices = catalogue()["rooms"][kind]["free"]
     for _ in range(round(7 * clutter) if choices else 0):
-        thing = _choose(rng, choices)(rng, clutter)
+        thing = make_thing(rng, choose(rng, choices), clutter)
         for _ in range(10):
             x, z = rng.uniform(left + 250, right - 250), rng.uniform(back + 250, min(front, 400))
             placed = moved(thing, x, z=z, turn_deg=rng.uniform(-180, 180))

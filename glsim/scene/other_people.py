@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,20 +26,6 @@ _TRIES = 6
 _KEPT = 24
 
 
-class Planned(Protocol):
-    """What is needed of a task: its source, and the seeds of its room."""
-
-    @property
-    def source(self) -> int:
-        """Position of the source in the settings."""
-        ...
-
-    @property
-    def seeds(self) -> DrawKeys:
-        """Seeds of the frame, its sequence and its subject."""
-        ...
-
-
 class OtherPeople:
     """Loads the people who stand behind, and places them."""
 
@@ -60,35 +45,36 @@ class OtherPeople:
         self._faces: dict[tuple[int, int], tuple[Face, float] | None] = {}
         self._props: OrderedDict[tuple[object, ...], list[Prop]] = OrderedDict()
 
-    def load(self, tasks: Sequence[Planned]) -> None:
-        """Load the people of these tasks' rooms; called where the source may be used."""
-        if self._most == 0:
-            return
-        for task in tasks:
-            if self._settings.source[task.source].endless:
-                for number in self._numbers(task, self._most):
-                    if (task.source, number) not in self._faces:
-                        self._faces[task.source, number] = self._standing(task.source, number)
+    def load(self, source: int, seeds: DrawKeys) -> None:
+        """Load the people of a frame's room; called where the source may be used.
 
-    def props(self, task: Planned, scenery: Scenery) -> list[Prop]:
+        Args:
+            source: position of the frame's source in the settings.
+            seeds: of the frame.
+        """
+        if self._most == 0 or not self._settings.source[source].endless:
+            return
+        for number in self._numbers(seeds, self._most):
+            if (source, number) not in self._faces:
+                self._faces[source, number] = self._standing(source, number)
+
+    def props(self, source: int, seeds: DrawKeys, scenery: Scenery) -> list[Prop]:
         """Return the people on the places of a scenery, the same arrays in every frame of it."""
         found: list[Prop] = []
-        for number, place in zip(
-            self._numbers(task, len(scenery.places)), scenery.places, strict=True
-        ):
-            key = task.source, number, place.tobytes()
+        numbers = self._numbers(seeds, len(scenery.places))
+        for number, place in zip(numbers, scenery.places, strict=True):
+            key = source, number, place.tobytes()
             if key not in self._props:
-                self._props[key] = self._place(task.source, number, place)
+                self._props[key] = self._place(source, number, place)
                 if len(self._props) > _KEPT:
                     self._props.popitem(last=False)
             self._props.move_to_end(key)
             found += self._props[key]
         return found
 
-    def _numbers(self, task: Planned, count: int) -> list[int]:
+    def _numbers(self, seeds: DrawKeys, count: int) -> list[int]:
         """Numbers of the strangers in a room, all different."""
-        key = getattr(task.seeds, self._settings.scene.per)
-        rng = pcg_rng("other people", key)
+        rng = pcg_rng("other people", getattr(seeds, self._settings.scene.per))
         order: list[int] = rng.permutation(STRANGERS)[:count].tolist()
         return order
 

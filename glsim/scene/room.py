@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glsim.scene.furniture import draw_albedo, make_seat
 from glsim.scene.layout import FloorPlan, furnish_wall, stand_free
-from glsim.scene.materials import draw_albedo
-from glsim.scene.seating import BACKREST_MM, chair, office_chair
 from glsim.scene.shapes import Shape, moved, turned
 from glsim.scene.shell import Wall, build_level, build_wall, draw_openings
 from glsim.settings.seeds import pcg_rng
@@ -85,7 +84,8 @@ def build_room(numbers: RoomNumbers) -> Room:
         shapes += furnish_wall(_rng(n, "wall", wall.name), n.kind, wall, plan, n.clutter)
     shapes += stand_free(_rng(n, "free"), n.kind, plan, n.clutter)
     if n.seat_mm is not None:
-        shapes += _seat(n, *n.seat_mm)
+        seat = make_seat(_rng(n, "seat"), n.kind, n.seat_mm)
+        shapes += moved(seat, turn_deg=-n.turn_deg)  # it faces the camera
     world = moved(shapes, turn_deg=n.turn_deg)
     return Room(tuple(world), tuple(_turned_place(p, n.turn_deg) for p in people))
 
@@ -154,11 +154,3 @@ def _places(n: RoomNumbers, plan: FloorPlan) -> list[tuple[float, float, float]]
 def _turned_place(place: tuple[float, float, float], turn: float) -> tuple[float, float, float]:
     at = turned(np.array([[place[0], 0.0, place[1]]]), turn)[0]
     return float(at[0]), float(at[2]), place[2] + turn
-
-
-def _seat(n: RoomNumbers, height_mm: float, back_z: float) -> list[Shape]:
-    """The person's chair, in the turned room."""
-    rng = _rng(n, "seat")
-    make = office_chair if n.kind == "office" and rng.random() < 0.8 else chair
-    seat = moved(make(rng, height_mm), z=back_z + BACKREST_MM - 15.0)
-    return moved(seat, turn_deg=-n.turn_deg)

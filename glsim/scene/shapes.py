@@ -1,4 +1,4 @@
-"""Shapes that furniture is made of: boxes with rounded edges, turned bodies, rods, sheets, leaves.
+"""Shapes that rooms are made of: boxes with rounded edges, turned bodies, rods, sheets, plates.
 
 Axes as in the canonical face frame: millimetres, +x to the right in the image, +y up, +z towards
 the camera. All triangles are counter-clockwise seen from outside.
@@ -40,8 +40,7 @@ class Shape:
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, turn_deg: float = 0.0
     ) -> Shape:
         """Return the shape turned about the vertical axis (+z towards +x), then moved, mm."""
-        points = turned(self.vertices_mm, turn_deg) + np.array([x, y, z])
-        return Shape(points, self.faces, self.albedo, self.region)
+        return replace(self, vertices_mm=turned(self.vertices_mm, turn_deg) + np.array([x, y, z]))
 
     def leaned(self, degrees: float) -> Shape:
         """Return the shape rotated about the x axis: its top goes back, towards -z."""
@@ -59,12 +58,7 @@ def turned(points_mm: Points, degrees: float) -> Points:
 
 
 def moved(
-    shapes: Iterable[Shape],
-    x: float = 0.0,
-    y: float = 0.0,
-    z: float = 0.0,
-    *,
-    turn_deg: float = 0.0,
+    shapes: Iterable[Shape], x: float = 0.0, y: float = 0.0, z: float = 0.0, turn_deg: float = 0.0
 ) -> list[Shape]:
     """Turn and move several shapes as one."""
     return [shape.moved(x, y, z, turn_deg=turn_deg) for shape in shapes]
@@ -74,6 +68,21 @@ def bounds_mm(shapes: Iterable[Shape]) -> tuple[Points, Points]:
     """Return the lower and the upper corner of the bounding box, (3,) each."""
     boxes = [(s.vertices_mm.min(axis=0), s.vertices_mm.max(axis=0)) for s in shapes]
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def joined(shapes: Sequence[Shape]) -> Shape:
+    """Join shapes into one, with albedo and region of the first."""
+    starts = np.cumsum([0, *(len(s.vertices_mm) for s in shapes)])
+    faces = [shape.faces + start for shape, start in zip(shapes, starts, strict=False)]
+    vertices = np.concatenate([shape.vertices_mm for shape in shapes])
+    return replace(shapes[0], vertices_mm=vertices, faces=np.concatenate(faces).astype(np.int32))
+
+
+def mirrored(shape: Shape, axis: int) -> Shape:
+    """Mirror a shape along axis 0, 1 or 2."""
+    vertices = shape.vertices_mm.copy()
+    vertices[:, axis] *= -1
+    return replace(shape, vertices_mm=vertices, faces=shape.faces[:, ::-1])
 
 
 def box(
@@ -114,21 +123,13 @@ def _cube(cells: int) -> tuple[Points, Triangles]:
     """Vertices on the surface of the cube [-1, 1]^3 with ``cells`` x ``cells`` quads per side."""
     steps = np.linspace(-1, 1, cells + 1)
     u, v = (a.ravel() for a in np.meshgrid(steps, steps, indexing="ij"))
-    one = np.ones_like(u)
-    points: list[Points] = []
-    faces: list[Triangles] = []
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            side = np.empty((len(u), 3))
-            side[:, axis] = sign * one
-            side[:, (axis + 1) % 3], side[:, (axis + 2) % 3] = u, sign * v
-            faces.append(_grid(cells + 1, cells + 1) + len(points) * len(u))
-            points.append(side)
-    return _welded(np.concatenate(points), np.concatenate(faces))
-
-
-def _welded(points: Points, faces: Triangles) -> tuple[Points, Triangles]:
-    unique, index = np.unique(np.round(points, 9), axis=0, return_inverse=True)
+    sides = [
+        np.roll(np.stack([np.full(len(u), sign), u, sign * v], axis=1), axis, axis=1)
+        for axis in range(3)
+        for sign in (1.0, -1.0)
+    ]
+    faces = np.concatenate([_grid(cells + 1, cells + 1) + n * len(u) for n in range(6)])
+    unique, index = np.unique(np.round(np.concatenate(sides), 9), axis=0, return_inverse=True)
     return unique, index.reshape(-1)[faces].astype(np.int32)
 
 
@@ -139,13 +140,7 @@ def _grid(rows: int, columns: int) -> Triangles:
     return np.concatenate([np.stack([a, c, d], -1), np.stack([a, d, b], -1)]).reshape(-1, 3)
 
 
-def turned_body(
-    profile_mm: Sequence[tuple[float, float]],
-    albedo: float = 0.8,
-    *,
-    segments: int = 12,
-    region: str = "furniture",
-) -> Shape:
+def turned_body(profile_mm: ArrayLike, albedo: float = 0.8, *, segments: int = 12) -> Shape:
     """A body of revolution about the y axis.
 
     Args:
@@ -153,15 +148,9 @@ def turned_body(
     """
     radius, height = np.asarray(profile_mm, np.float64).T
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
-    points = np.stack(
-        [
-            np.outer(radius, np.sin(angle)),
-            np.broadcast_to(height[:, None], (len(radius), segments)),
-            np.outer(radius, np.cos(angle)),
-        ],
-        axis=-1,
-    )
-    return Shape(points.reshape(-1, 3), _turned_faces(tuple(radius), segments), albedo, region)
+    columns = np.outer(radius, np.sin(angle)), height[:, None], np.outer(radius, np.cos(angle))
+    points = np.stack(np.broadcast_arrays(*columns), axis=-1).reshape(-1, 3)
+    return Shape(points, _turned_faces(tuple(radius), segments), albedo)
 
 
 @lru_cache(maxsize=64)
@@ -170,11 +159,7 @@ def _turned_faces(radius: tuple[float, ...], segments: int) -> Triangles:
     index = np.arange(len(radius) * segments, dtype=np.int32).reshape(len(radius), segments)
     index[np.array(radius) == 0] = index[np.array(radius) == 0, :1]
     ring = np.concatenate([index, index[:, :1]], axis=1).ravel()
-    return without_slivers(ring[_grid(len(radius), segments + 1)[:, ::-1]])
-
-
-def without_slivers(faces: Triangles) -> Triangles:
-    """Return the triangles with three different corners."""
+    faces = ring[_grid(len(radius), segments + 1)[:, ::-1]]
     a, b, c = faces.T
     return np.ascontiguousarray(faces[(a != b) & (b != c) & (c != a)], np.int32)
 
@@ -187,15 +172,13 @@ def rod(
     *,
     end_radius_mm: float | None = None,
     sides: int = 8,
-    region: str = "furniture",
 ) -> Shape:
     """A round rod between two points, closed at both ends; four ``sides`` make a square one."""
     start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)
     length = norm(end - start)
     last = radius_mm if end_radius_mm is None else end_radius_mm
-    body = turned_body(
-        [(0, 0), (radius_mm, 0), (last, length), (0, length)], albedo, segments=sides, region=region
-    )
+    profile = [(0, 0), (radius_mm, 0), (last, length), (0, length)]
+    body = turned_body(profile, albedo, segments=sides)
     up = (end - start) / length
     side = np.cross(up, (0.0, 0.0, 1.0) if abs(up[2]) < 0.9 else (1.0, 0.0, 0.0))
     side /= norm(side)
@@ -204,25 +187,14 @@ def rod(
     return replace(body, vertices_mm=product(half_side, axes) + start)
 
 
-def sheet(
-    points_mm: Points, albedo: float = 0.8, *, both: bool = True, region: str = "furniture"
-) -> Shape:
-    """A sheet through a grid of points, (rows, columns, 3); seen from both sides.
-
-    Args:
-        both: False leaves out the side away from (row direction) x (column direction).
-    """
-    rows, columns, _ = points_mm.shape
-    front = _grid(rows, columns)
-    faces = np.concatenate([front, front[:, ::-1]]) if both else front
-    return Shape(points_mm.reshape(-1, 3), np.ascontiguousarray(faces), albedo, region)
+def sheet(points_mm: Points, albedo: float = 0.8) -> Shape:
+    """A sheet through a grid of points, (rows, columns, 3); seen from both sides."""
+    front = _grid(*points_mm.shape[:2])
+    return Shape(points_mm.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]), albedo)
 
 
-def plate(
-    corners_mm: ArrayLike, albedo: float = 0.8, *, region: str = "furniture", both: bool = False
-) -> Shape:
+def plate(corners_mm: ArrayLike, albedo: float = 0.8, *, region: str = "furniture") -> Shape:
     """A flat piece with (N, 3) convex corners, counter-clockwise seen from its front."""
     points = np.asarray(corners_mm, np.float64)
     fan = np.array([[0, n, n + 1] for n in range(1, len(points) - 1)], np.int32)
-    faces = np.concatenate([fan, fan[:, ::-1]]) if both else fan
-    return Shape(points, np.ascontiguousarray(faces), albedo, region)
+    return Shape(points, fan, albedo, region)

@@ -1,4 +1,4 @@
-"""The shell of a room: floor, ceiling, and walls with doors and windows as recesses with frames."""
+"""The shell of a room: floor, ceiling, and walls with openings for doors and windows."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.scene.materials import draw_albedo
-from glsim.scene.shapes import Shape, box, moved, plate, rod
+from glsim.scene.furniture import draw_albedo, make_thing
+from glsim.scene.shapes import Shape, box, moved, plate
 
 Rng = np.random.Generator
 
@@ -81,10 +81,13 @@ def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]
     """Return the shapes of a wall in the room's axes, with its doors, windows and skirting."""
     shapes = _pierced(wall, height, paint)
     trim = draw_albedo(rng, "painted wood")
-    for opening in wall.openings:
-        shapes += (
-            _door(rng, opening, trim) if opening.kind == "door" else _window(rng, opening, trim)
-        )
+    for o in wall.openings:
+        if o.kind == "door":
+            name = "panelled door" if rng.random() < 0.6 else "door"
+        else:
+            name = "double window" if o.right - o.left > 1100 else "window"
+        thing = make_thing(rng, name, fit_mm=(o.right - o.left, o.high - o.low))
+        shapes += moved(thing, (o.left + o.right) / 2, o.low)
     doors = sorted((o for o in wall.openings if o.kind == "door"), key=lambda o: o.left)
     ends = [0.0, *(x for o in doors for x in (o.left - 70, o.right + 70)), wall.length]
     for left, right in zip(ends[::2], ends[1::2], strict=True):
@@ -106,73 +109,6 @@ def _pierced(wall: Wall, height: float, paint: float) -> list[Shape]:
                 corners = [(a, c, 0), (b, c, 0), (b, d, 0), (a, d, 0)]
                 shapes.append(plate(corners, paint, region="wall"))
     return shapes
-
-
-def _jamb(o: Opening, deep: float, albedo: float) -> list[Shape]:
-    """The four inner sides of a recess ``deep`` mm into the wall."""
-    a, b, c, d = o.left, o.right, o.low, o.high
-    sides = [
-        [(a, c, -deep), (a, d, -deep), (a, d, 0), (a, c, 0)],
-        [(b, d, 0), (b, d, -deep), (b, c, -deep), (b, c, 0)],
-        [(a, d, -deep), (b, d, -deep), (b, d, 0), (a, d, 0)],
-        [(b, c, 0), (b, c, -deep), (a, c, -deep), (a, c, 0)],
-    ]
-    return [plate(side, albedo, region="wall") for side in sides]
-
-
-def _frame(
-    o: Opening, bar: float, thick: float, z: float, albedo: float, sill: bool
-) -> list[Shape]:
-    """Bars around an opening, on its outside."""
-    a, b, c, d = o.left, o.right, o.low, o.high
-    shapes = [
-        box((bar, d - c + bar, thick), (a - bar / 2, c, z), albedo, region="door"),
-        box((bar, d - c + bar, thick), (b + bar / 2, c, z), albedo, region="door"),
-        box((b - a, bar, thick), ((a + b) / 2, d, z), albedo, region="door"),
-    ]
-    if sill:
-        board = box((b - a + 160, 28, 150), ((a + b) / 2, c - 28, 60), albedo, edge_mm=8)
-        shapes.append(board)
-    return shapes
-
-
-def _door(rng: Rng, o: Opening, trim: float) -> list[Shape]:
-    """A closed door: jamb, leaf with raised panels or plain, architrave, handle."""
-    leaf_mm = rng.uniform(10, 90)  # how deep the leaf lies in the wall
-    leaf, metal = draw_albedo(rng, "painted wood"), draw_albedo(rng, "metal")
-    middle, width, high = (o.left + o.right) / 2, o.right - o.left, o.high
-    z = -leaf_mm
-    corners = [(o.left, 0, z), (o.right, 0, z), (o.right, high, z), (o.left, high, z)]
-    shapes = [*_jamb(o, leaf_mm, trim), plate(corners, leaf, region="door")]
-    if rng.random() < 0.6:
-        for y, tall in ((160, 0.36 * high), (0.36 * high + 320, 0.48 * high)):
-            size = width - 260, tall, 12
-            shapes.append(box(size, (middle, y, z + 6), leaf, edge_mm=5, region="door"))
-    shapes += _frame(o, 70, 16, 8, trim, sill=False)
-    x = o.right - 70 if rng.random() < 0.5 else o.left + 70
-    inward = 110 if x < middle else -110
-    shapes.append(rod((x, 1050, z), (x, 1050, z + 55), 9, metal, region="door"))
-    shapes.append(rod((x, 1050, z + 50), (x + inward, 1050, z + 50), 9, metal, region="door"))
-    return shapes
-
-
-def _window(rng: Rng, o: Opening, trim: float) -> list[Shape]:
-    """A window: recess, wooden sashes, panes without a return, sill."""
-    deep, bar = rng.uniform(100, 220), rng.uniform(55, 80)
-    a, b, c, d = o.left, o.right, o.low, o.high
-    z, glass = -deep, draw_albedo(rng, "glass")
-    pane = plate([(a, c, z), (b, c, z), (b, d, z), (a, d, z)], glass, region="window")
-    shapes = [*_jamb(o, deep, trim), pane]
-    sashes = 2 if b - a > 1100 else 1
-    w = (b - a) / sashes
-    for n in range(sashes):
-        x = a + (n + 0.5) * w
-        for y in (c, d - bar):
-            shapes.append(box((w, bar, 50), (x, y, z + 25), trim, edge_mm=6, region="window"))
-        for side in (-1, 1):
-            at = x + side * (w - bar) / 2, c + bar, z + 25
-            shapes.append(box((bar, d - c - 2 * bar, 50), at, trim, edge_mm=6, region="window"))
-    return shapes + _frame(o, 0.1, 0.2, 0.1, trim, sill=True)[-1:]
 
 
 def build_level(corners_mm: Sequence[tuple[float, float]], y: float, albedo: float) -> Shape:

@@ -81,15 +81,3 @@ def test_other_people_stand_behind_apart_and_inside() -> None:
         if len(room.people) == 2:
             (x, z, _), (u, v, _) = room.people
             assert np.hypot(x - u, z - v) > 690
-
-
-def test_a_seat_is_below_the_person() -> None:
-    with_seat = build_room(replace(NUMBERS, seat_mm=(440.0, -150.0)))
-    without = build_room(NUMBERS)
-    added = with_seat.shapes[len(without.shapes) :]
-    low, high = bounds_mm(added)
-    assert -0.5 < low[1] < 1
-    assert low[0] < 0 < high[0]
-    top = max(s.vertices_mm[:, 1].max() for s in added if abs(s.vertices_mm[:, 2].mean()) < 80)
-    assert 400 < top < 480
-    assert min(s.vertices_mm[:, 2].mean() for s in added) < -100
