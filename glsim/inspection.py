@@ -1,4 +1,4 @@
-"""Inspect what lies on disk: a face set (format, people, units, problems), or recordings."""
+"""Inspect a face set: its format, people, units and problems."""
 
 from __future__ import annotations
 
@@ -10,19 +10,16 @@ from pathlib import Path
 from typing import Final
 
 from glsim.dataset.disk_format import HEADER
-from glsim.errors import ConfigError, DatasetError, GlsimError
+from glsim.errors import ConfigError, GlsimError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSettings, FaceSource
 from glsim.faces.one_mesh import OneMesh
-from glsim.faces.scans.file_tree import check_root, is_mesh, list_names
+from glsim.faces.scans.file_tree import check_root, list_names
 from glsim.frame import Frame
 from glsim.meshio.load import load_mesh
 from glsim.pipeline import simulate
 from glsim.plan.tasks import Task
 from glsim.preview import PreviewFrame
-from glsim.recordings.files import IMAGES
-from glsim.recordings.folders import depth_files
-from glsim.recordings.streams import is_stream
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import load_settings
 from glsim.settings.source_settings import generates, source_kinds, source_table
@@ -62,32 +59,6 @@ class FaceSetReport:
     def frames(self) -> int:
         """The number of frames of all people."""
         return sum(frames for _, frames in self.people.values())
-
-
-def find_recordings(path: Path) -> list[Path]:
-    """Return the recordings of depth at a path: itself, or its sub-folders and bags.
-
-    None where there are meshes, in a data set of glsim, and where nothing is like a depth map.
-    """
-    if path.is_file():
-        return [path] if is_stream(path) or path.suffix.lower() in (*IMAGES, ".npy") else []
-    if (path / HEADER).is_file():
-        return []
-    folders = [path, *islice(_folders(path, _MAX_DEPTH), _MAX_FOLDERS)]
-    if any(is_mesh(folder / name) for folder in folders for name in list_names(folder)):
-        return []
-    if _is_recording(path):
-        return [path]
-    inside = [path / name for name in list_names(path)]
-    bags = [place for place in inside if place.is_file() and is_stream(place)]
-    return bags + [folder for folder in folders[1:] if _is_recording(folder)]
-
-
-def _is_recording(path: Path) -> bool:
-    try:
-        return is_stream(path) or bool(depth_files(path))
-    except DatasetError:
-        return False
 
 
 def recognise(path: Path) -> str:

@@ -19,7 +19,6 @@ from glsim.cli import (
     import_,
     info,
     inspect,
-    live,
     paper,
     preview,
     render,
@@ -67,7 +66,6 @@ _GROUPS: dict[str, tuple[tuple[str, Callable[..., int | None], str], ...]] = {
     ),
     "Denoise": (
         ("denoise", denoise.denoise, denoise.EXAMPLES),
-        ("live", live.live, live.EXAMPLES),
         ("train", train.train, train.EXAMPLES),
         ("eval", evaluate.evaluate, evaluate.EXAMPLES),
         ("eval-real", eval_real.evaluate_real, eval_real.EXAMPLES),

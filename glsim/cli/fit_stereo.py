@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from glsim.recordings.recording import Recording
     from glsim.sensors.sensor import Sensor
 
-#: Bases of recordings on a lattice that no known camera has: by size, and for other sizes.
+#: Bases of recordings whose depths lie on a lattice: by size, and for other sizes.
 _VGA, _ANY_STEREO = {(640, 480): "realsense-d435-vga"}, "realsense-d435"
+#: Frames whose depths say whether there is a lattice. Chosen: more say nothing new.
+_FRAMES = 12
 
 
 def stereo_base(recording: Recording, base: str | None) -> str | None:
@@ -38,8 +40,7 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
     """
     from glsim.fit.sensor_file import BASES
     from glsim.fit.stereo_sensor import check_base, matches_images
-    from glsim.identify.evidence import gather_evidence
-    from glsim.identify.ranking import rank_cameras
+    from glsim.fit.stereo_statistics import find_lattice
 
     if base is not None:
         if base in BASES:
@@ -49,11 +50,9 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
     stated = recording.stated.sensor
     if stated and matches_images(stated):
         return stated
-    evidence = gather_evidence(recording)
-    best = rank_cameras(evidence)[0].sensor
-    if best and matches_images(best):
-        return best
-    return _VGA.get(evidence.size, _ANY_STEREO) if evidence.has_lattice else None
+    frames = recording.read(_FRAMES)
+    height, width = frames.frames[0].depth_mm.shape
+    return _VGA.get((width, height), _ANY_STEREO) if find_lattice(frames) is not None else None
 
 
 def fit_stereo_recording(

@@ -1,1 +1,0 @@
-"""A recording or a camera, measured and denoised side by side in a browser: ``glsim live``."""
