@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset.pair import Pair
+from glsim.depth_frame import DepthFrame
 from glsim.frame import Frame
 from glsim.frame_assembly import reconcile_reasons
 from glsim.geometry import depth_map
@@ -103,24 +103,25 @@ class PreviewFrame:
         return cls(frame.clean_m, frame.noisy_m, frame.reason_codes, camera, caption)
 
     @classmethod
-    def of_pair(cls, pair: Pair) -> PreviewFrame:
+    def of_depth_frame(cls, frame: DepthFrame) -> PreviewFrame:
         """Take a frame of a data set; without a reason layer, infer reasons from the depths."""
-        caption = f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}"
-        noisy_m = pair.noisy_mm / np.float32(1000)
-        if not pair.has_clean:
+        noisy_m = frame.noisy_mm / np.float32(1000)
+        if "clean_mm" not in frame:
             codes = np.where(noisy_m > 0, Reason.VALID, Reason.NO_SURFACE).astype(np.uint8)
             infrared = None
-            if "infrared" in pair.record["files"]:
-                infrared = np.asarray(pair.infrared, np.uint16)
+            if "infrared" in frame:
+                infrared = np.asarray(frame.infrared, np.uint16)
             clean_m = np.zeros_like(noisy_m)
-            return cls(clean_m, noisy_m, codes, pair.intrinsics, caption, False, False, infrared)
-        clean_m = pair.clean_mm / np.float32(1000)
-        has_reasons = "reason" in pair.record["files"]
+            return cls(
+                clean_m, noisy_m, codes, frame.intrinsics, frame.name, False, False, infrared
+            )
+        clean_m = frame.clean_mm / np.float32(1000)
+        has_reasons = "reason" in frame
         if has_reasons:
-            codes = np.asarray(pair.reason, dtype=np.uint8)
+            codes = np.asarray(frame.reason, dtype=np.uint8)
         else:
             codes = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
-        return cls(clean_m, noisy_m, codes, pair.intrinsics, caption, has_reasons=has_reasons)
+        return cls(clean_m, noisy_m, codes, frame.intrinsics, frame.name, has_reasons=has_reasons)
 
 
 def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:

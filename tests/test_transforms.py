@@ -135,26 +135,29 @@ def test_a_split_makes_batches_as_it_stands(tmp_path: Path) -> None:
     split = open_dataset(tmp_path / "data").split("train")
     loader = torch.utils.data.DataLoader(split, batch_size=4, shuffle=True)
     batches = list(loader)
-    assert sorted(int(n) for batch in batches for n in batch["index"]) == sorted(
-        pair.index for pair in split
-    )
+    found = [
+        key
+        for batch in batches
+        for key in zip(batch["subject"], batch["frame"].tolist(), strict=True)
+    ]
+    assert sorted(found) == sorted((pair.key.subject, pair.key.frame) for pair in split)
     batch = batches[0]
     height, width = split[0].noisy_mm.shape
     for name in ("clean_mm", "noisy_mm"):
         assert batch[name].shape == (4, height, width)
         assert batch[name].dtype == torch.float32
     assert len(batch["subject"]) == 4
-    by_index = {pair.index: pair for pair in split}
-    for row, index in enumerate(batch["index"]):
-        expected = by_index[int(index)].noisy_mm
+    by_key = {(pair.key.subject, pair.key.frame): pair for pair in split}
+    for row, key in enumerate(zip(batch["subject"], batch["frame"].tolist(), strict=True)):
+        expected = by_key[key].noisy_mm
         np.testing.assert_array_equal(batch["noisy_mm"][row].numpy(), expected)
 
 
 def test_a_pair_is_a_mapping_of_what_it_has(tmp_path: Path) -> None:
     make(tmp_path / "data", make_settings(), make_tasks(1, 2))
     pair, other = open_dataset(tmp_path / "data")
-    assert pair.keys() >= {"clean_mm", "noisy_mm", "index", "subject", "sequence", "frame"}
-    assert dict(pair)["subject"] == pair.subject
+    assert pair.keys() >= {"clean_mm", "noisy_mm", "subject", "sequence", "frame"}
+    assert dict(pair)["subject"] == pair.key.subject
     assert "record" not in pair
     with pytest.raises(KeyError):
         pair["regions"]

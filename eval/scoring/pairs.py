@@ -14,14 +14,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset import Split, open_dataset
+from glsim.dataset import open_dataset
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.header import is_dataset
 from glsim.dataset.layer_images import decode_layer
-from glsim.dataset.pair import no_clean, no_expected
 from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
 from glsim.denoise.frames import Frames, Key, MovedFrames, Sample, check_millimetres, is_moved
 from glsim.denoise.interface import Depth
+from glsim.depth_frame import Frames as DepthFrames
 from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, stated_unit_mm
@@ -44,11 +44,10 @@ class DatasetFrames:
 
     def __init__(self, path: Path, split: str, truth: TruthLayer = "clean") -> None:
         dataset = open_dataset(path)
-        if truth not in dataset.layers:
-            raise DatasetError(no_clean(dataset) if truth == "clean" else no_expected(dataset))
+        dataset.require(truth)
         self._truth, self.stored = truth, dataset.protocol
         self.regions: Mapping[str, int] = dataset.regions
-        self._split: Split = dataset.split(split)
+        self._split: DepthFrames = dataset.split(split)
         self.identity = f"{zlib.crc32((dataset.path / HEADER).read_bytes()):08x} {split} {truth}"
 
     def __len__(self) -> int:
@@ -56,14 +55,13 @@ class DatasetFrames:
 
     def key(self, number: int) -> Key:
         """Return the key in the manifest."""
-        pair = self._split[number]
-        return Key(pair.subject, pair.sequence, pair.frame)
+        return Key(*self._split.key(number))
 
     def load(self, number: int) -> Sample:
         """Read a pair and check it against the manifest. Raises DatasetError."""
         pair = self._split[number]
         truth_mm = pair.clean_mm if self._truth == "clean" else pair.expected_mm
-        sample = _checked(truth_mm, pair.noisy_mm, pair.intrinsics, repr(pair))
+        sample = _checked(truth_mm, pair.noisy_mm, pair.intrinsics, pair.name)
         return replace(sample, regions=pair.regions.astype(np.uint8)) if self.regions else sample
 
     def infrared(self, number: int) -> NDArray[Any]:

@@ -42,20 +42,22 @@ def preview(
     from glsim.preview import PreviewFrame, contact_sheet
 
     opened = open_dataset(dataset)
-    pairs = opened if split is None else opened.split(split)
+    pairs = opened.frames() if split is None else opened.split(split)
     if len(pairs) == 0:
         raise DatasetError(f"{dataset}: has no frames to draw")
-    get = opened.pair if split is None else opened.split(split).__getitem__
     if "noisy" not in opened.layers:
         raise DatasetError(f"{dataset}: has no layer 'noisy' to draw")
     # Frames are spread evenly, each from the middle of its share, where expressions are strong.
     rows = min(frames, len(pairs))
-    shown = [PreviewFrame.of_pair(get(int((row + 0.5) * len(pairs) / rows))) for row in range(rows)]
+    shown = [
+        PreviewFrame.of_depth_frame(pairs[int((row + 0.5) * len(pairs) / rows)])
+        for row in range(rows)
+    ]
     sensor = opened.sensor_title
     sheet, summary = out / "contact_sheet.png", out / "summary.md"
     write_picture(contact_sheet(shown, sensor), sheet)
     step = max(1, len(pairs) // _MEASURED_FRAMES)
-    measured = (get(number) for number in range(0, len(pairs), step))
+    measured = pairs[::step]
     if "clean" in opened.layers:
         table = noise_table(measure_errors(measured), sensor)
     else:

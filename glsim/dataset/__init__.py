@@ -13,10 +13,9 @@ from glsim.dataset.driver import (
     write_dataset,
 )
 from glsim.dataset.layer_images import write_frame
-from glsim.dataset.pair import Pair
 from glsim.dataset.parts import Part, parse_part
 from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary
-from glsim.dataset.reader import Dataset, Split, open_dataset
+from glsim.dataset.reader import Dataset, open_dataset
 from glsim.dataset.shard_samples import webdataset_decoder
 from glsim.dataset.verification import verify
 from glsim.worker_processes import Workers, available_workers
@@ -30,11 +29,9 @@ __all__ = [
     "FrameMaker",
     "GenerateProgress",
     "GenerateSummary",
-    "Pair",
     "Part",
     "PartSummary",
     "Progress",
-    "Split",
     "Summary",
     "Workers",
     "available_workers",

@@ -8,14 +8,16 @@ every file that a record names must be a regular file inside the data set.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any, overload
 
 from glsim.dataset.disk_format import HEADER, MANIFEST
 from glsim.dataset.header import manifest_problem, open_header
 from glsim.dataset.manifest import REPAIR
-from glsim.dataset.pair import Pair
+from glsim.dataset.stored_frame import stored_frame
+from glsim.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.depth_protocol import DepthProtocol, stored_protocol
 from glsim.errors import DatasetError, did_you_mean
 from glsim.files.store import open_store
@@ -23,35 +25,6 @@ from glsim.frame import WRITABLE
 from glsim.settings.schema import SPLIT_NAMES
 
 log = logging.getLogger(__name__)
-
-
-class Split(Sequence[Pair]):
-    """The frames of one split in the order of the manifest: a sequence of Pairs."""
-
-    def __init__(self, dataset: Dataset, name: str, first: int, count: int) -> None:
-        self.name = name
-        self._dataset = dataset
-        self._first = first
-        self._count = count
-
-    def __len__(self) -> int:
-        return self._count
-
-    @overload
-    def __getitem__(self, number: int) -> Pair: ...
-    @overload
-    def __getitem__(self, number: slice) -> list[Pair]: ...
-    def __getitem__(self, number: int | slice) -> Pair | list[Pair]:
-        """Return the frame at a position in the split, from 0; from the end if negative."""
-        if isinstance(number, slice):
-            return [self[position] for position in range(*number.indices(self._count))]
-        position = number + self._count if number < 0 else number
-        if not 0 <= position < self._count:
-            raise IndexError(f"{self.name} has {self._count} frames, not one at {number}")
-        return self._dataset.pair(self._first + position)
-
-    def __iter__(self) -> Iterator[Pair]:
-        return self._dataset.pairs(self._first, self._count)
 
 
 class Dataset:
@@ -85,16 +58,44 @@ class Dataset:
     def __len__(self) -> int:
         return sum(self.header["frames"].values())
 
-    def __iter__(self) -> Iterator[Pair]:
-        return self.pairs(0, len(self))
+    def __iter__(self) -> Iterator[DepthFrame]:
+        return iter(self.frames())
 
-    def split(self, name: str) -> Split:
+    def frames(self) -> Frames:
+        """Return all frames in the order of the manifest: training, validation, test."""
+        return self._part(0, len(self), "all")
+
+    def split(self, name: str) -> Frames:
         """Return the frames (maybe none) of a split. Raises DatasetError for an unknown split."""
         if name not in SPLIT_NAMES:
             raise DatasetError(f"no such split {name!r}: {did_you_mean(name, SPLIT_NAMES)}")
         counts = self.header["frames"]
         before = SPLIT_NAMES[: SPLIT_NAMES.index(name)]
-        return Split(self, name, sum(counts[split] for split in before), counts[name])
+        return self._part(sum(counts[split] for split in before), counts[name], name)
+
+    def _part(self, first: int, count: int, name: str) -> Frames:
+        header = zlib.crc32((self.path / HEADER).read_bytes())
+        return Frames(
+            count,
+            partial(self._load, first),
+            partial(self._key, first),
+            title=f"{self} {name}",
+            identity=f"{header:08x} {name}",
+            regions=self.regions,
+        )
+
+    def require(self, layer: str) -> None:
+        """Raise DatasetError if the frames lack a layer."""
+        if layer in self.layers:
+            return
+        if layer == "clean":
+            raise DatasetError(
+                f"{self}: has no layer 'clean', the true depth that this needs: generate a data "
+                "set with --layers clean,noisy (recordings of a real camera have none: glsim "
+                "compare and glsim denoise take them)"
+            )
+        wanted = ",".join(sorted({"clean", "noisy", layer}))
+        raise DatasetError(f"{self}: has no layer {layer!r}: generate it with --layers {wanted}")
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -106,7 +107,7 @@ class Dataset:
     def protocol(self) -> DepthProtocol:
         """What the files hold: depth as measured, or moved to 1 mm ("paper").
 
-        The maps of a ``Pair`` in millimetres are as measured either way.
+        The maps of a frame in millimetres are as measured either way.
         """
         return stored_protocol(self.header["settings"]["output"].get("nearest_to_mm"))
 
@@ -138,17 +139,14 @@ class Dataset:
         """Whether each image is its own file rather than a member of a shard."""
         return bool(self.header["settings"]["output"]["format"] == "png")
 
-    def pair(self, number: int) -> Pair:
-        """Return the frame in line ``number`` of the manifest, from 0."""
-        return self._pair(self._manifest.record(number), number)
+    def _key(self, first: int, number: int) -> FrameKey:
+        record = self._manifest.record(first + number)
+        return FrameKey(str(record["subject"]), str(record["sequence"]), int(record["frame"]))
 
-    def pairs(self, first: int, count: int) -> Iterator[Pair]:
-        """Yield the frames of consecutive lines of the manifest, each read when it is needed."""
-        lines = enumerate(self._manifest.lines(first, count), start=first)
-        return (self._pair(self._manifest.parse(line, number), number) for number, line in lines)
-
-    def _pair(self, record: Mapping[str, Any], number: int) -> Pair:
-        """Make the pair of a line; its split must be the one that the header counts it to."""
+    def _load(self, first: int, number: int) -> DepthFrame:
+        """Return a frame of a part; its split must be the one that the header counts it to."""
+        number += first
+        record = self._manifest.record(number)
         counts = self.header["frames"]
         end = 0
         for expected in SPLIT_NAMES:
@@ -162,7 +160,7 @@ class Dataset:
         for layer in self.header["settings"]["output"]["layers"]:
             if layer not in record["files"]:
                 raise self._manifest.damage(number, f"files: it lacks the layer {layer!r}")
-        return Pair(self._store, record, self.depth_unit_mm)
+        return stored_frame(self._store, record, self.depth_unit_mm)
 
 
 def open_dataset(path: Path | str) -> Dataset:

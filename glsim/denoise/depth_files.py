@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from glsim.dataset.disk_format import FORMAT, HEADER
 from glsim.dataset.header import read_header
-from glsim.dataset.pair import Pair
 from glsim.dataset.reader import open_dataset
 from glsim.dataset.record_schema import read_object
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import Key, Sample, check_millimetres
 from glsim.denoise.interface import Depth
+from glsim.depth_frame import DepthFrame
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, stored_protocol, subtract_offset
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import read_depth_png
@@ -97,7 +97,7 @@ class MapFrames:
 
     def _stored_offset_mm(self, number: int) -> float:
         pair = self._pairs.get(self._files[number].absolute())
-        return 0.0 if pair is None else pair.depth_offset_mm
+        return 0.0 if pair is None else pair.offset_mm
 
     def infrared(self, number: int) -> NDArray[Any]:
         """Read the infrared counts of a map. Raises DatasetError if they are no 16-bit image."""
@@ -153,7 +153,7 @@ def _stored_nearest_mm(root: Path) -> float | None:
     return nearest_mm
 
 
-def _dataset_pairs(files: Sequence[Path]) -> dict[Path, Pair]:
+def _dataset_pairs(files: Sequence[Path]) -> dict[Path, DepthFrame]:
     """Return the frames of those maps that belong to data sets, by absolute path."""
     wanted = {file.absolute() for file in files}
     roots = {root for folder in {f.parent for f in wanted} if (root := dataset_root(folder))}

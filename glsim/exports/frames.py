@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset import Dataset, Pair
+from glsim.dataset import Dataset
+from glsim.depth_frame import DepthFrame
 from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry import depth_map
 from glsim.geometry.camera import Distortion, Intrinsics, SensorRig
@@ -89,9 +89,9 @@ def export_frames(
     chosen = depth_layers(dataset, layers)
     lens = kept_lens(dataset.header)
     names = {number: name for name, number in dataset.regions.items()}
-    pairs = iter(dataset if split is None else dataset.split(split))
-    for pair in islice(pairs, count):
-        yield _frame(pair, chosen, lens, names)
+    frames = dataset.frames() if split is None else dataset.split(split)
+    for frame in frames[:count]:
+        yield _frame(frame, chosen, lens, names)
 
 
 def depth_layers(dataset: Dataset, layers: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -118,25 +118,18 @@ def kept_lens(header: Mapping[str, Any]) -> Distortion:
 
 
 def _frame(
-    pair: Pair, layers: Sequence[str], lens: Distortion, names: Mapping[int, str]
+    frame: DepthFrame, layers: Sequence[str], lens: Distortion, names: Mapping[int, str]
 ) -> ExportFrame:
     images: dict[str, Any] = {
-        layer: pair.image(layer)
-        for layer in ("infrared", "reason", "regions")
-        if layer in pair.record["files"]
+        layer: frame.layer(layer) for layer in ("infrared", "reason", "regions") if layer in frame
     }
     return ExportFrame(
-        stem=f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}",
-        camera=pair.intrinsics,
+        stem=frame.name,
+        camera=frame.intrinsics,
         lens=lens,
-        depth_m={layer: _metres(pair, layer) for layer in layers},
+        depth_m={layer: frame.layer(f"{layer}_mm") / np.float32(1000) for layer in layers},
         region_names=names,
-        true_normals=pair.normals if "normals" in pair.record["files"] else None,
-        record=pair.record,
+        true_normals=frame.normals if "normals" in frame else None,
+        record=frame.record,
         **images,
     )
-
-
-def _metres(pair: Pair, layer: str) -> NDArray[np.float32]:
-    depth_mm: NDArray[np.float32] = getattr(pair, f"{layer}_mm")
-    return depth_mm / np.float32(1000)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from glsim.dataset.pair import Pair
+from glsim.depth_frame import DepthFrame
 from glsim.files.markdown import markdown_table
 from glsim.reason import Reason
 
@@ -44,9 +44,9 @@ class DepthErrors:
     sum_all_squared_mm2: float = 0.0
     reasons: Counter[Reason] = field(default_factory=Counter)
 
-    def add(self, pair: Pair) -> None:
+    def add(self, frame: DepthFrame) -> None:
         """Add one frame."""
-        clean, noisy = pair.clean_mm.astype(np.float64), pair.noisy_mm.astype(np.float64)
+        clean, noisy = frame.clean_mm.astype(np.float64), frame.noisy_mm.astype(np.float64)
         both = (clean > 0) & (noisy > 0)
         error = (noisy - clean)[both]
         self.frames += 1
@@ -57,8 +57,8 @@ class DepthErrors:
         self.sum_mm += float(error.sum())
         self.sum_squared_mm2 += float((error**2).sum())
         self.sum_all_squared_mm2 += float(((noisy - clean) ** 2).sum())
-        if "reason" in pair.record["files"]:
-            codes, counts = np.unique(pair.reason, return_counts=True)
+        if "reason" in frame:
+            codes, counts = np.unique(frame.reason, return_counts=True)
             for code, count in zip(codes, counts, strict=True):
                 self.reasons[Reason(int(code))] += int(count)
 
@@ -78,29 +78,29 @@ class DepthErrors:
         return self.sum_all_squared_mm2 / self.pixels if self.pixels else float("nan")
 
 
-def measure_errors(pairs: Iterable[Pair]) -> DepthErrors:
+def measure_errors(frames: Iterable[DepthFrame]) -> DepthErrors:
     """Sum the errors of noisy depth over pairs of clean and noisy maps."""
     errors = DepthErrors()
-    for pair in pairs:
-        errors.add(pair)
+    for frame in frames:
+        errors.add(frame)
     return errors
 
 
-def recording_table(pairs: Iterable[Pair], sensor: str) -> str:
+def recording_table(frames: Iterable[DepthFrame], sensor: str) -> str:
     """Return a Markdown table of frames without clean maps."""
-    frames = pixels = known = 0
+    count = pixels = known = 0
     nearest, farthest = [], []
-    for pair in pairs:
-        depth = pair.noisy_mm
+    for frame in frames:
+        depth = frame.noisy_mm
         valid = depth[depth > 0]
-        frames, pixels, known = frames + 1, pixels + depth.size, known + valid.size
+        count, pixels, known = count + 1, pixels + depth.size, known + valid.size
         if valid.size:
             low, high = np.percentile(valid, (1, 99))
             nearest.append(float(low))
             farthest.append(float(high))
     rows = [
         ("sensor", sensor),
-        ("frames measured", f"{frames}"),
+        ("frames measured", f"{count}"),
         ("pixels with depth", f"{100 * known / max(pixels, 1):.2f} %"),
     ]
     if nearest:

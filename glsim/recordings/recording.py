@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.dataset.header import is_dataset
-from glsim.dataset.pair import Pair
 from glsim.dataset.reader import Dataset, open_dataset
+from glsim.depth_frame import DepthFrame as StoredFrame
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import stated_unit_mm
 from glsim.geometry.camera import Intrinsics
@@ -57,19 +57,18 @@ _RUN = 4
 class _PairFrame:
     """A frame of a data set, read as a ``FrameFile`` is."""
 
-    pair: Pair
+    pair: StoredFrame
     quantum_mm: float
 
     @property
     def name(self) -> str:
-        return f"{self.pair.split}/{self.pair.subject}/{self.pair.sequence}_{self.pair.frame:05d}"
+        return self.pair.name
 
     def depth_mm(self) -> NDArray[np.float32]:
         return self.pair.noisy_mm
 
     def infrared(self) -> NDArray[np.float32] | None:
-        has_one = "infrared" in self.pair.record["files"]
-        return self.pair.infrared.astype(np.float32) if has_one else None
+        return self.pair.infrared.astype(np.float32) if "infrared" in self.pair else None
 
 
 class _PairFrames(Sequence[_PairFrame]):
@@ -82,7 +81,7 @@ class _PairFrames(Sequence[_PairFrame]):
         return len(self._dataset)
 
     def __getitem__(self, number: Any) -> Any:
-        return _PairFrame(self._dataset.pair(number), self._dataset.depth_unit_mm)
+        return _PairFrame(self._dataset.frames()[number], self._dataset.depth_unit_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +263,7 @@ def _dataset_recording(path: Path) -> Recording:
         raise DatasetError(f"{path}: has no frames")
     if "noisy" not in dataset.layers:
         raise DatasetError(f"{path}: has no layer 'noisy': generate it with --layers clean,noisy")
-    stated = StatedCamera(dataset.pair(0).intrinsics, unit_mm=dataset.depth_unit_mm)
+    stated = StatedCamera(dataset.frames()[0].intrinsics, unit_mm=dataset.depth_unit_mm)
     return Recording(path, "data set", _PairFrames(dataset), stated)
 
 

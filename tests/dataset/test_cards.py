@@ -119,9 +119,10 @@ def test_the_library_datasets_loads_the_folder(tree: Path, tmp_path: Path, by: s
         "validation": 3,
         "test": 3,
     }
-    ours = {pair.index: pair for pair in open_dataset(tree)}
+    ours = {pair.record["index"]: pair for pair in open_dataset(tree)}
     for row in loaded["train"]:
         pair = ours[row["index"]]
-        assert row["subject"] == pair.subject
+        assert row["subject"] == pair.key.subject
         for name in ("clean", "noisy"):
-            np.testing.assert_array_equal(np.asarray(row[name]), pair.image(name))
+            depth_mm = np.asarray(row[name]) * pair.step_mm
+            np.testing.assert_allclose(depth_mm, pair[f"{name}_mm"])

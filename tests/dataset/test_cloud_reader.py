@@ -49,8 +49,8 @@ def store(served: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def same(found, expected) -> None:
     assert [pair.record for pair in found] == [pair.record for pair in expected]
     for pair, other in zip(found, expected, strict=True):
-        for layer in other.record["files"]:
-            np.testing.assert_array_equal(pair.image(layer), other.image(layer))
+        for name in other:
+            np.testing.assert_array_equal(pair[name], other[name])
 
 
 def test_pairs_are_those_of_the_disk(store: S3Server, local: Path) -> None:
@@ -65,7 +65,7 @@ def test_pairs_are_those_of_the_disk(store: S3Server, local: Path) -> None:
 def test_a_frame_takes_one_request_and_the_manifest_is_copied_once(store: S3Server) -> None:
     dataset = open_dataset(URL)
     store.requests.clear()
-    pair = dataset.pair(3)
+    pair = dataset.frames()[3]
     assert pair.noisy_mm.any()
     assert pair.clean_mm.any()
     assert [method for method, _ in store.requests] == ["GET"]
@@ -82,10 +82,10 @@ def test_a_throttled_store_is_asked_again(store: S3Server, local: Path) -> None:
 
 def test_a_process_that_was_forked_reads_on_its_own(store: S3Server) -> None:
     dataset = open_dataset(URL)
-    assert dataset.pair(0).noisy_mm.any()
+    assert dataset.frames()[0].noisy_mm.any()
     child = os.fork()
     if child == 0:
-        os._exit(0 if dataset.pair(1).noisy_mm.any() else 1)
+        os._exit(0 if dataset.frames()[1].noisy_mm.any() else 1)
     assert os.waitpid(child, 0)[1] == 0
 
 
@@ -108,10 +108,10 @@ def test_a_changed_object_is_noticed(
     folder.write(name, change(data))
     try:
         with pytest.raises(DatasetError, match=message):
-            _ = open_dataset(URL).pair(0).clean_mm
+            _ = open_dataset(URL).frames()[0].clean_mm
     finally:
         folder.write(name, data)
-    assert open_dataset(URL).pair(0).clean_mm.any()
+    assert open_dataset(URL).frames()[0].clean_mm.any()
 
 
 def test_what_is_not_there_is_said_in_one_line(store: S3Server, local: Path) -> None:

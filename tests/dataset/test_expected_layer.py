@@ -38,15 +38,16 @@ def test_a_data_set_holds_it(tmp_path: Path, format: str) -> None:
     assert "expected" not in plain.header["units"]
     assert verify(tmp_path / "d", deep=True) == []
     for pair, other in zip(dataset, plain, strict=True):
-        for layer in ("clean", "noisy"):
-            np.testing.assert_array_equal(pair.image(layer), other.image(layer))
-        assert pair.image("expected").dtype == np.uint16
+        for layer in ("clean_mm", "noisy_mm"):
+            np.testing.assert_array_equal(pair[layer], other[layer])
         seen = pair.clean_mm > 0
         np.testing.assert_array_equal(pair.expected_mm > 0, seen)
         error_mm = np.abs(pair.expected_mm - pair.clean_mm)[seen]
         assert 0.05 < error_mm.mean() < 5
-    with pytest.raises(DatasetError, match="generate a data set with --layers clean,expected"):
-        next(iter(plain)).image("expected")
+    with pytest.raises(DatasetError, match="generate it with --layers clean,expected"):
+        plain.require("expected")
+    with pytest.raises(DatasetError, match="no layer 'expected': it has clean, noisy"):
+        _ = plain.frames()[0].expected_mm
 
 
 def test_unit_shift_and_mask_are_those_of_the_clean_depth() -> None:

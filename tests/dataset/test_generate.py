@@ -34,7 +34,7 @@ def test_any_workers_and_a_repair_give_the_same_bytes(tmp_path: Path, format: st
 
     frames = {(frame.key.subject, frame.key.frame): frame for frame in simulate(settings)}
     for pair in open_dataset(two):
-        frame = frames[pair.subject, pair.frame]
+        frame = frames[pair.key.subject, pair.key.frame]
         np.testing.assert_array_equal(pair.clean_mm, frame.clean)
         np.testing.assert_array_equal(pair.noisy_mm, frame.noisy)
         assert pair.noisy_mm.any()

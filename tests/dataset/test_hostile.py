@@ -254,7 +254,7 @@ def test_an_image_with_codes_that_mean_nothing(tmp_path: Path) -> None:
     file.write_bytes(encode_png(np.full((24, 32), 200, np.uint8)))
     edit(tmp_path, lambda r: r["files"]["reason"].update(_checksum(file)))
     with pytest.raises(DatasetError, match="holds 200, which is no code of a reason"):
-        _ = open_dataset(tmp_path).pair(0).reason
+        _ = open_dataset(tmp_path).frames()[0].reason
 
 
 @pytest.mark.parametrize("subject", ["../../x", "..", "/x", "a/b", "a\0b", ""])

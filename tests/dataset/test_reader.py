@@ -47,7 +47,7 @@ def shards(originals: dict[str, Path], tmp_path: Path) -> Path:
 
 
 def pair_of(path: Path, subject: str = "s001", frame: int = 3):
-    return next(p for p in Dataset(path) if (p.subject, p.frame) == (subject, frame))
+    return next(p for p in Dataset(path) if (p.key.subject, p.key.frame) == (subject, frame))
 
 
 @pytest.mark.parametrize("format", FORMATS)
@@ -57,12 +57,12 @@ def test_splits_are_sequences(originals: dict[str, Path], format: str) -> None:
     assert len(dataset) == 138
     for name in ("train", "val", "test"):
         split = dataset.split(name)
-        indices = [pair.index for pair in split]
-        assert {pair.split for pair in split} == {name}
+        indices = [pair.record["index"] for pair in split]
+        assert {pair.record["split"] for pair in split} == {name}
         assert indices == sorted(indices)
-        assert [split[i].index for i in range(len(split))] == indices
-        assert split[-1].index == indices[-1]
-        assert [pair.index for pair in split[2:9:3]] == indices[2:9:3]
+        assert [split[i].record["index"] for i in range(len(split))] == indices
+        assert split[-1].record["index"] == indices[-1]
+        assert [pair.record["index"] for pair in split[2:9:3]] == indices[2:9:3]
         with pytest.raises(IndexError):
             split[len(split)]
     with pytest.raises(DatasetError, match="no such split 'tests': did you mean 'test'"):
@@ -95,7 +95,7 @@ def test_depth_unit_and_offset_are_honoured(tmp_path: Path) -> None:
         units = fake_frame(task, 0.25).noisy
         expected = np.where(units > 0, units * 0.25 + 100.0 * task.index, 0)
         np.testing.assert_array_equal(pair.noisy_mm, expected.astype(np.float32))
-        assert pair.depth_offset_mm == 100.0 * task.index
+        assert pair.offset_mm == 100.0 * task.index
 
 
 def test_a_data_set_of_skipped_frames_only(tmp_path: Path) -> None:

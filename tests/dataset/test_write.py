@@ -60,10 +60,10 @@ def test_round_trip(made) -> None:
     pairs = list(open_dataset(out))
     assert len(pairs) == sum(summary.frames.values()) == 138
     for pair in pairs:
-        task = tasks[pair.index]
+        task = tasks[pair.record["index"]]
         frame = fake_frame(task)
-        assert (pair.split, pair.subject) == (task.split, task.subject)
-        assert (pair.sequence, pair.frame) == (task.key.sequence, task.key.frame)
+        assert (pair.record["split"], pair.key.subject) == (task.split, task.subject)
+        assert (pair.key.sequence, pair.key.frame) == (task.key.sequence, task.key.frame)
         assert pair.intrinsics == CAMERA
         assert pair.clean_mm.dtype == np.float32
         np.testing.assert_array_equal(pair.clean_mm, frame.clean)
@@ -213,7 +213,7 @@ def test_long_splits_become_several_shards(tmp_path: Path) -> None:
     names = [path.name for path in sorted(tmp_path.glob("train-*.tar"))]
     assert names == ["train-000000.tar", "train-000001.tar", "train-000002.tar"]
     split = open_dataset(tmp_path).split("train")
-    assert [pair.index for pair in split] == list(range(1030))
+    assert [pair.record["index"] for pair in split] == list(range(1030))
     np.testing.assert_array_equal(split[1027].noisy_mm, fake_frame(tasks[1027]).noisy)
 
 

@@ -178,7 +178,7 @@ def test_the_exr_holds_the_depth_bit_by_bit() -> None:
 def test_arrays_hold_metres_and_everything_of_a_frame(data: Path, tmp_path: Path) -> None:
     assert export_dataset(open_dataset(data), tmp_path / "out", ["npz", "npy", "exr"]) == 8
     for pair in open_dataset(data):
-        stem = f"{pair.split}/{pair.subject}/{pair.sequence}_{pair.frame:05d}"
+        stem = pair.name
         noisy_m = np.load(tmp_path / "out" / f"{stem}_noisy.npy")
         np.testing.assert_array_equal(noisy_m, pair.noisy_mm / np.float32(1000))
         with np.load(tmp_path / "out" / f"{stem}.npz") as arrays:
@@ -229,7 +229,7 @@ def test_hdf5_holds_the_set(data: Path, tmp_path: Path) -> None:
                     group["noisy_m"][number], pair.noisy_mm / np.float32(1000)
                 )
                 np.testing.assert_array_equal(group["reason"][number], pair.reason)
-                assert json.loads(group["record"].asstr()[number])["index"] == pair.index
+                assert json.loads(group["record"].asstr()[number])["index"] == pair.record["index"]
 
 
 @pytest.mark.parametrize("version", [1, 2])

@@ -162,14 +162,14 @@ def test_a_mixed_data_set_has_one_table_and_survives_damage(tmp_path: Path, form
     assert {"nose", "lips", "cheek"} <= seen["procedural"]
     assert verify(tmp_path / "one", deep=True) == []
 
-    record = dataset.pair(0).record["files"]["regions"]
+    record = dataset.frames()[0].record["files"]["regions"]
     file = tmp_path / "one" / record["name"]
     data = bytearray(file.read_bytes())
     data[record.get("offset", 0) + 60] ^= 255
     file.write_bytes(data)
     assert any("CRC32 differs" in line for line in verify(tmp_path / "one", deep=True))
     with pytest.raises(DatasetError):
-        _ = open_dataset(tmp_path / "one").pair(0).regions
+        _ = open_dataset(tmp_path / "one").frames()[0].regions
     write(tmp_path / "one", form, 1)  # the same command repairs it
     write(tmp_path / "two", form, 1)
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
@@ -188,4 +188,4 @@ def test_a_set_without_regions_says_so(tmp_path: Path) -> None:
     assert dataset.regions == {}
     assert "regions" not in dataset.header
     with pytest.raises(DatasetError, match="has no layer 'regions'"):
-        _ = dataset.pair(0).regions
+        _ = dataset.frames()[0].regions

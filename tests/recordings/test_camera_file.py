@@ -75,8 +75,8 @@ def test_an_import_keeps_unit_and_camera(tmp_path: Path) -> None:
     assert main(["import", "kinect2", str(root), "-o", str(tmp_path / "d"), "-q"]) == 0
     dataset = open_dataset(tmp_path / "d")
     assert dataset.depth_unit_mm == 0.1
-    assert dataset.pair(0).intrinsics.fx == 50.5
-    assert dataset.pair(0).record["notes"]["camera"] == "camera.toml"
+    assert dataset.frames()[0].intrinsics.fx == 50.5
+    assert dataset.frames()[0].record["notes"]["camera"] == "camera.toml"
 
 
 @pytest.mark.parametrize(

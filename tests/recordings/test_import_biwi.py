@@ -31,14 +31,16 @@ def test_the_depth_is_that_of_the_file_and_the_template_lies_where_the_pose_says
     dataset = open_dataset(out)
     pairs = list(dataset)
     assert len(pairs) == 6
-    assert len({pair.split for pair in pairs if pair.subject == "F02"}) == 1
+    assert len({pair.record["split"] for pair in pairs if pair.key.subject == "F02"}) == 1
     source = Biwi(tmp_path)
     for pair in pairs:
         path = tmp_path / "hpdb" / pair.record["notes"]["depth_file"]
         np.testing.assert_array_equal(pair.noisy_mm, read_depth_bin(path))
         assert pair.intrinsics.fx == 575.816
         assert pair.record["notes"]["colour_camera"]["centre_px"] == [320.5, 240.5]
-        key = next(k for k in source.frames(pair.subject, None) if k.path == pair.record["path"])
+        key = next(
+            k for k in source.frames(pair.key.subject, None) if k.path == pair.record["path"]
+        )
         points = source.in_camera(key).vertices_mm * np.array([1, -1, -1])
         nose = points[np.argmin(points[:, 2])]
         column, row = (pair.intrinsics.project(nose[None] / 1000)[0]).astype(int)

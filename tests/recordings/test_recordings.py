@@ -59,8 +59,8 @@ def test_a_calibration_folder_becomes_a_data_set_without_clean_maps(tmp_path: Pa
     # OpenCV counts from the centre of the first pixel, glsim from its corner.
     assert (pairs[0].intrinsics.fx, pairs[0].intrinsics.cx) == (364.9, pytest.approx(256.2))
     assert pairs[0].record["notes"]["distortion_not_removed"][0] == 0.11
-    assert not pairs[0].has_clean
-    with pytest.raises(DatasetError, match="has no layer 'clean', the true depth"):
+    assert "clean_mm" not in pairs[0]
+    with pytest.raises(DatasetError, match="has no layer 'clean'"):
         _ = pairs[0].clean_mm
 
 
@@ -115,7 +115,7 @@ def test_stacks_of_millimetres_and_metres(tmp_path: Path, dtype: type, factor: f
     assert np.array_equal(found.files[1].infrared(), LIGHT)  # type: ignore[arg-type]
     out = tmp_path / "out"
     assert _import(tmp_path / "s", out) == 0
-    pair = open_dataset(out).pair(1)
+    pair = open_dataset(out).frames()[1]
     np.testing.assert_allclose(pair.noisy_mm, DEPTH + 5, atol=0.13)
 
 
@@ -168,7 +168,7 @@ def test_a_folder_of_recordings_has_one_subject_each(tmp_path: Path) -> None:
     assert _import(tmp_path / "all", out, "--every", "2", "--split", "0.5,0,0.5") == 0
     dataset = open_dataset(out)
     assert dataset.layers == ("noisy",)
-    assert sorted((pair.subject, pair.frame) for pair in dataset) == [
+    assert sorted((pair.key.subject, pair.key.frame) for pair in dataset) == [
         ("hall", 0), ("hall", 2), ("kitchen", 0),
     ]  # fmt: skip
 
@@ -232,7 +232,7 @@ def test_every_reader_copes_with_a_data_set_without_clean_maps(
     assert "no clean maps" in (tmp_path / "summary.md").read_text()
     capsys.readouterr()
     assert main(["eval", str(out), "-d", "noisy", "-o", str(tmp_path / "r"), "-q"]) == 1
-    assert "has no layer 'clean', the true depth that this needs" in capsys.readouterr().err
+    assert "has no layer 'clean'" in capsys.readouterr().err
     config = tmp_path / "recorded.toml"
     config.write_text('[source]\nkind = "kinect2"\nroot = "room"\n')
     assert main(["generate", "--config", str(config), "-o", str(tmp_path / "g"), "-q"]) == 2
@@ -244,5 +244,5 @@ def test_training_refuses_a_data_set_without_clean_maps(tmp_path: Path) -> None:
 
     out = tmp_path / "out"
     assert _import(_iai(tmp_path / "room"), out, "--split", "1,0,0") == 0
-    with pytest.raises(DatasetError, match="has no layer 'clean', the true depth"):
+    with pytest.raises(DatasetError, match="has no layer 'clean'"):
         checked_split(open_dataset(out), "train", None, "no")

@@ -36,13 +36,13 @@ class StoredCaptures(StoredPairs):
 
     def _sequence_ends(self) -> NDArray[np.int64]:
         """First and last number of each frame's sequence, (frames, 2)."""
-        keys = [(pair.subject, pair.sequence) for pair in self.split]
+        keys = [self.split.key(n)[:2] for n in range(len(self.split))]
         starts = [0, *(n for n in range(1, len(keys)) if keys[n] != keys[n - 1])]
         ends = np.empty((len(keys), 2), np.int64)
         for first, after in pairwise([*starts, len(keys)]):
             if after - first < 2:
                 raise DatasetError(
-                    f"{self.dataset}: {self.split[first]!r} is the only frame of its "
+                    f"{self.dataset}: {self.split[first].name} is the only frame of its "
                     "sequence, and this loss needs a second one: generate more frames for each "
                     "person (--frames-per-subject)"
                 )

@@ -9,10 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset import Dataset, Split
+from glsim.dataset import Dataset
 from glsim.dataset.disk_format import MANIFEST
-from glsim.dataset.pair import no_clean, no_expected
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
+from glsim.depth_frame import Frames
 from glsim.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import file_checksum
@@ -69,7 +69,7 @@ def checked_split(
     crop: int | None,
     cut: Cut,
     layers: Sequence[str] = ("noisy", "clean"),
-) -> Split:
+) -> Frames:
     """Return a split after checking that it can be trained on. Images are not decoded.
 
     Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits, a
@@ -86,15 +86,7 @@ def checked_split(
             "with other shares (--split)"
         )
     for layer in layers:
-        if layer not in dataset.layers:
-            if layer == "clean":
-                raise DatasetError(no_clean(dataset))
-            if layer == "expected":
-                raise DatasetError(f"{no_expected(dataset)}, or set data.target = 'clean'")
-            raise DatasetError(
-                f"{dataset}: has no layer {layer!r}: generate it with --layers "
-                f"{','.join(sorted({'clean', *layers}))}"
-            )
+        dataset.require(layer)
     _check_subjects(dataset)
     _check_frames(dataset, split, crop, cut, layers)
     return split
@@ -104,25 +96,26 @@ def _check_subjects(dataset: Dataset) -> None:
     """Raise DatasetError if a subject is in two splits."""
     split_of: dict[str, str] = {}
     for pair in dataset:
-        other = split_of.setdefault(pair.subject, pair.split)
-        if other != pair.split:
+        own = str(pair.record["split"])
+        other = split_of.setdefault(pair.key.subject, own)
+        if other != own:
             raise DatasetError(
-                f"{dataset}: subject {pair.subject} is in {other} and in {pair.split}: scores "
+                f"{dataset}: subject {pair.key.subject} is in {other} and in {own}: scores "
                 "on it would be too good: glsim generate splits by subject"
             )
 
 
 def _check_frames(
-    dataset: Dataset, split: Split, crop: int | None, cut: Cut, layers: Sequence[str]
+    dataset: Dataset, split: Frames, crop: int | None, cut: Cut, layers: Sequence[str]
 ) -> None:
     first = (split[0].intrinsics.height, split[0].intrinsics.width)
     sizes: dict[str, int] = {}
     for pair in split:
-        size = (pair.record["intrinsics"]["height"], pair.record["intrinsics"]["width"])
-        _check_size(f"{dataset}: {pair!r}", size, crop, cut)
+        size = (pair.intrinsics.height, pair.intrinsics.width)
+        _check_size(f"{dataset}: {pair.name}", size, crop, cut)
         if crop is None and size != first:
             raise DatasetError(
-                f"{dataset}: {pair!r} is {size[1]} x {size[0]} pixels, frames before it "
+                f"{dataset}: {pair.name} is {size[1]} x {size[0]} pixels, frames before it "
                 f"{first[1]} x {first[0]}: a batch needs one size: give a crop"
             )
         if dataset.is_tree and dataset.is_remote:

@@ -14,6 +14,7 @@ from torch.utils.data import get_worker_info
 
 from glsim.dataset import open_dataset
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
+from glsim.depth_frame import DepthFrame
 from glsim.depth_protocol import DepthProtocol
 from glsim.frame import to_mm
 from glsim.settings.seeds import pcg_rng
@@ -97,7 +98,8 @@ class StoredPairs(PairDataset):
         self._inputs = inputs
         self._neighbours: Neighbours | None = None
         if inputs.temporal:
-            moments = [Moment((pair.subject, pair.sequence), pair.frame) for pair in self.split]
+            keys = [self.split.key(number) for number in range(len(self.split))]
+            moments = [Moment(key[:2], key.frame) for key in keys]
             self._neighbours = Neighbours(moments, inputs)
         self._crop, self._cut, self._seed = crop, cut, seed
         self._augmentation = augmentation or Augmentation()
@@ -197,14 +199,22 @@ class StoredPairs(PairDataset):
         if cache is not None and cache.known[number]:
             units, offset_mm = cache.units[number], cache.offset_mm(number)
         else:
-            pair = self.split[number]
+            frame = self.split[number]
             layers = self._layers[: count if cache is None else None]
-            units = np.stack([pair.image(layer) for layer in layers]).astype(np.uint16)
-            offset_mm = pair.depth_offset_mm
+            offset_mm = frame.offset_mm
+            units = np.stack([self._units(frame, layer) for layer in layers])
             if cache is not None and units.shape[1:] == cache.units.shape[2:]:
                 cache.keep(number, units, offset_mm)
         pair_mm = to_mm(units[:2], self.dataset.depth_unit_mm, offset_mm)
         return [*pair_mm, *units[2:].astype(np.float32)]
+
+    def _units(self, frame: DepthFrame, layer: str) -> NDArray[np.uint16]:
+        """Return a layer as its file holds it, (H, W), which takes half the memory of floats."""
+        if layer == INFRARED:
+            return frame.infrared.astype(np.uint16)
+        depth_mm = frame.layer(f"{layer}_mm")
+        steps = np.rint((depth_mm - np.float32(frame.offset_mm)) / np.float32(frame.step_mm))
+        return np.where(depth_mm > 0, steps, 0).astype(np.uint16)
 
     def _cache_of_process(self) -> _Cache | None:
         if get_worker_info() is not None:

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glsim.dataset import Dataset, Pair
+from glsim.dataset import Dataset
 from glsim.denoise import DEFAULT_COMPOSITE, composed, load
 from glsim.denoise.interface import Depth
+from glsim.depth_frame import DepthFrame
 from glsim.errors import DatasetError
 from glsim.eval.paper.runs import SeedGroup
 from glsim.geometry.camera import SensorRig
@@ -25,7 +26,7 @@ class FigureFrame:
     rig: the sensor's rig. window: the same with the camera of the delivered frame.
     """
 
-    pair: Pair
+    pair: DepthFrame
     clean: Depth
     noisy: Depth
     rig: SensorRig

@@ -89,11 +89,11 @@ def _head(dataset: Dataset, frame: FigureFrame) -> Mesh:
     try:
         if "head_to_camera" in record:
             place = 0
-            name = frame.pair.subject
+            name = frame.pair.key.subject
             if len(settings.source) > 1:  # subjects of several sources begin with their number
                 number, _, name = name.partition("-")
                 place = int(number)
-            key = FaceKey(name, frame.pair.sequence, frame.pair.frame, path=record["path"])
+            key = FaceKey(name, frame.pair.key.sequence, frame.pair.key.frame, path=record["path"])
             face = next(iter(open_sources(settings)[place].load([key])))
             if not isinstance(face, BadFace):
                 view = np.array(record["head_to_camera"], np.float64)

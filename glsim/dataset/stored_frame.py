@@ -1,0 +1,140 @@
+"""Read a frame of a data set: its images, checked against its record, as a ``DepthFrame``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.dataset.layer_images import LayerImage, decode_layer
+from glsim.dataset.manifest import REPAIR
+from glsim.depth_frame import DepthFrame, FrameKey
+from glsim.errors import DatasetError
+from glsim.files.atomic import checksum, missing
+from glsim.files.png import MAX_IMAGE_BYTES
+from glsim.files.store import Store
+from glsim.frame import to_mm
+from glsim.geometry.camera import Intrinsics
+from glsim.geometry.normal_codes import decode_normals
+from glsim.reason import Reason
+
+#: Bytes between two members of a shard: a header and the rest of the last block, 512 each.
+_TAR_BYTES = 1024
+
+#: Layers of a data set that hold depth, and become float32 millimetres.
+_DEPTH_LAYERS = ("clean", "expected", "noisy")
+
+
+def stored_frame(store: Store, record: Mapping[str, Any], step_mm: float) -> DepthFrame:
+    """Return a frame of a data set; its images are read and checked when they are first used.
+
+    Args:
+        store: of the data set.
+        record: of the frame in the manifest, see ``glsim.dataset.records.frame_record``.
+        step_mm: millimetres per step of stored depth.
+    """
+    images = _StoredImages(store, record, step_mm)
+    layers: dict[str, Any] = {}
+    for layer in record["files"]:
+        if layer in _DEPTH_LAYERS:
+            layers[f"{layer}_mm"] = partial(images.depth_mm, layer)
+        else:
+            layers[layer] = partial(images.read, layer)
+    if "normals" in layers:
+        layers["normals"] = images.normals
+    key = FrameKey(str(record["subject"]), str(record["sequence"]), int(record["frame"]))
+    return DepthFrame(
+        key,
+        Intrinsics(**record["intrinsics"]),
+        layers,
+        offset_mm=float(record["depth_offset_mm"]),
+        step_mm=step_mm,
+        record=record,
+        name=f"{record['split']}/{key}",
+    )
+
+
+class _StoredImages:
+    """Reads the images of one frame; those in object storage by one request."""
+
+    def __init__(self, store: Store, record: Mapping[str, Any], step_mm: float) -> None:
+        self._store, self._record, self._step_mm = store, record, step_mm
+        self._fetched: dict[str, bytes] = {}  # layer -> bytes, of a data set in object storage
+
+    def read(self, layer: str) -> LayerImage:
+        """Read a layer as stored: (H, W) uint16, or uint8; "normals" (H, W, 3) uint16.
+
+        Raises DatasetError if the file is missing, was changed, or is no image of the right type
+        and size.
+        """
+        file = self._record["files"][layer]
+        where = self._store.where(file["name"])
+        if "member" in file:
+            where += f" ({file['member']})"
+        data = self._bytes(layer)
+        image = decode_layer(data, layer, where)
+        if checksum(data) != {"size": file["size"], "crc32": file["crc32"]}:
+            raise DatasetError(
+                f"{where}: was changed after it was written ({len(data)} bytes, {file['size']} "
+                f"recorded): {REPAIR}"
+            )
+        size = (self._record["intrinsics"]["height"], self._record["intrinsics"]["width"])
+        if image.shape[:2] != size:
+            raise DatasetError(
+                f"{where}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
+                f"{size[1]} x {size[0]}"
+            )
+        if layer == "reason" and image.max(initial=0) > max(Reason):
+            raise DatasetError(f"{where}: holds {image.max()}, which is no code of a reason")
+        return image
+
+    def depth_mm(self, layer: str) -> NDArray[np.float32]:
+        """Read a layer of depth, (H, W) float32 millimetres from the camera, 0 = none."""
+        return to_mm(self.read(layer), self._step_mm, float(self._record["depth_offset_mm"]))
+
+    def normals(self) -> NDArray[np.float32]:
+        """Read the normals, (H, W, 3) float32."""
+        return decode_normals(np.asarray(self.read("normals"), np.uint16))
+
+    def _bytes(self, layer: str) -> bytes:
+        """Read a whole file or a member of a shard; a truncated member is returned truncated."""
+        if self._store.is_remote:
+            if not self._fetched:
+                self._fetched = fetch_images(self._store, self._record["files"])
+            return self._fetched[layer]
+        file = self._record["files"][layer]
+        if "offset" in file:
+            return self._store.read_range(file["name"], file["offset"], file["size"])
+        data = self._store.read(file["name"], MAX_IMAGE_BYTES)
+        if data is None:
+            raise missing(self._store.where(file["name"]))
+        return data
+
+
+def fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:
+    """Read the images of a frame with one request, for its latency exceeds their transfer.
+
+    Args:
+        store: of the data set.
+        files: the entry of the frame's record; its layers lie one after another in a shard.
+
+    Returns:
+        layer -> bytes, truncated if the file ends before.
+    """
+    images: dict[str, bytes] = {}
+    for name in dict.fromkeys(file["name"] for file in files.values()):
+        own = {layer: file for layer, file in files.items() if file["name"] == name}
+        start = min(file.get("offset", 0) for file in own.values())
+        end = max(file.get("offset", 0) + file["size"] for file in own.values())
+        if end - start > sum(file["size"] + _TAR_BYTES for file in own.values()):
+            for layer, file in own.items():  # not as we write them: nothing between is read
+                images[layer] = store.read_range(name, file.get("offset", 0), file["size"])
+            continue
+        data = store.read_range(name, start, end - start)
+        for layer, file in own.items():
+            first = file.get("offset", 0) - start
+            images[layer] = data[first : first + file["size"]]
+    return images
