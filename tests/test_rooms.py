@@ -30,6 +30,7 @@ ROOMS = (
     "glsim.scene",
     "glsim.plan",
     "glsim.depth_protocol",
+    "glsim.depth_frame",
     "glsim.frame",
     "glsim.frame_assembly",
     "glsim.noise",
