@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.faces.people.files import FETCH, has_people
+from glsim.faces.people.fetch import FETCH, has_people
 from glsim.files.png import encode_png
 from glsim.map_files import encode_map
 from tests.support import page_command

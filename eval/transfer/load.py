@@ -8,7 +8,7 @@ from typing import Any
 
 from glsim.errors import ConfigError
 from glsim.eval.transfer.study import FaceFamily, SensorFamily, TransferStudy
-from glsim.faces.people.files import data_folder
+from glsim.faces.people.fetch import data_folder
 from glsim.faces.sources.ict_facekit import IctFaceKitSettings
 from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
 from glsim.settings.tables import parse_table, read_toml

@@ -39,8 +39,14 @@ def fetch(
     Checksums are compared with those of the releases. The cache folder is $GLSIM_CACHE, else
     ~/.cache/glsim. Later runs need no network.
     """
-    from glsim.faces.people.fetch import LICENCE, WHEEL_MB, WHEEL_NAME, fetch_people
-    from glsim.faces.people.files import fetched_folder, is_whole
+    from glsim.faces.people.fetch import (
+        LICENCE,
+        WHEEL_MB,
+        WHEEL_NAME,
+        fetch_people,
+        fetched_folder,
+        is_whole,
+    )
 
     if what != "people":
         raise ConfigError(f"nothing to fetch for {what!r}: {did_you_mean(what, ['people'])}")

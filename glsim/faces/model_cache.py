@@ -5,78 +5,63 @@ from __future__ import annotations
 import logging
 import shutil
 import tempfile
-import time
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-Arrays = Mapping[str, np.ndarray[Any, Any]]
+Arrays = Mapping[str, NDArray[Any]]
 
-_WORDS: Final = "words.npz"
-_STALE_S: Final = 3600.0  # a cache is written in seconds
+_CHECKSUM: Final = "checksum"
 _LOG = logging.getLogger(__name__)
 
 
-def write_cache(cache: Path, arrays: Arrays, words: Mapping[str, Any], content: str) -> None:
-    """Write a cache, a folder, atomically; one that is there is replaced as damaged.
+def cached_arrays(cache: Path, build: Callable[[], Arrays]) -> Arrays:
+    """Map the arrays of a cache, read-only; build and write them first if it is absent or damaged.
 
     Args:
-        cache: the folder.
-        arrays: name -> array, one file each.
-        words: name -> text, number, or list of them.
-        content: what is cached, for the warning that is logged if it cannot be written.
+        cache: the folder, one file per array.
+        build: makes the arrays, name -> array.
     """
-    temporary = ""
+    if cache.is_dir():
+        try:
+            return _read(cache)
+        except Exception as error:  # damaged bytes raise errors of any type
+            _LOG.warning("%s: damaged (%s), rebuilding it", cache, error)
+    else:
+        _LOG.info("building a face model (once; kept in %s)", cache)
+    arrays = build()
     try:
         cache.parent.mkdir(parents=True, exist_ok=True)
-        _remove_stale(cache)
-        temporary = tempfile.mkdtemp(prefix=f".{cache.name}-", dir=cache.parent)
-        for name, array in arrays.items():
-            np.save(Path(temporary) / f"{name}.npy", array)
-        np.savez(Path(temporary) / _WORDS, names=[*arrays], checksum=_checksum(arrays), **words)
-        if cache.exists():
+        with tempfile.TemporaryDirectory(prefix=f".{cache.name}-", dir=cache.parent) as work:
+            written = Path(work) / "arrays"
+            written.mkdir()
+            for name, array in arrays.items():
+                np.save(written / f"{name}.npy", array)
+            (written / _CHECKSUM).write_text(_checksum(arrays))
             shutil.rmtree(cache, ignore_errors=True)  # damaged
-        try:
-            Path(temporary).rename(cache)
-        except OSError:  # another process was faster
-            shutil.rmtree(temporary, ignore_errors=True)
+            with suppress(OSError):  # another process was faster
+                written.rename(cache)
+            return _read(cache)
     except OSError as error:
-        shutil.rmtree(temporary, ignore_errors=True)
-        _LOG.warning("%s: %s cannot be cached there (%s)", cache, content, error.strerror or error)
+        _LOG.warning("%s: cannot be cached there (%s)", cache, error.strerror or error)
+        return arrays
 
 
-def read_cache(cache: Path) -> tuple[Arrays, dict[str, Any]] | None:
-    """Map the arrays of a cache and read its words; None without a cache or for a damaged one."""
-    if not cache.is_dir():
-        return None
-    try:
-        with (cache / _WORDS).open("rb") as file, np.load(file) as stored:
-            words = {name: value.tolist() for name, value in stored.items()}
-        names = words.pop("names")
-        arrays: Arrays = {n: np.load(cache / f"{n}.npy", mmap_mode="r") for n in names}
-        if _checksum(arrays) != words.pop("checksum"):
-            raise ValueError("the content does not match its checksum")
-        return arrays, words
-    except Exception as error:  # damaged bytes raise errors of any type
-        _LOG.warning("%s: damaged (%s), rebuilding it", cache, error)
-        return None
+def _read(cache: Path) -> Arrays:
+    arrays = {file.stem: np.load(file, mmap_mode="r") for file in sorted(cache.glob("*.npy"))}
+    if _checksum(arrays) != (cache / _CHECKSUM).read_text():
+        raise ValueError("the content does not match its checksum")
+    return arrays
 
 
-def _checksum(arrays: Arrays) -> int:
+def _checksum(arrays: Arrays) -> str:
     total = 0
-    for array in arrays.values():
-        total = zlib.crc32(np.ascontiguousarray(array).data, total)
-    return total
-
-
-def _remove_stale(cache: Path) -> None:
-    """Remove what processes left that were killed while they wrote a cache of this source."""
-    source = cache.name.split("-")[0]
-    for path in cache.parent.glob(f".{source}-*"):
-        with suppress(OSError):  # another process may remove it at the same time
-            if time.time() - path.stat().st_mtime > _STALE_S:
-                shutil.rmtree(path, ignore_errors=True)
+    for name in sorted(arrays):
+        flat = np.ascontiguousarray(arrays[name]).reshape(-1)
+        total = zlib.crc32(flat.view(np.uint8).data, zlib.crc32(name.encode(), total))
+    return f"{total:08x}"

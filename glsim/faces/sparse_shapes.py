@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,19 @@ class SparseShapes:
             np.concatenate(points).astype(np.int32),
             np.concatenate(offsets).astype(np.float32),
         )
+
+    def arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
+        """Return the shapes as arrays, for a file: "PREFIX_names" and so on."""
+        parts = {"names": np.array(self.names), "starts": self.starts, "points": self.points}
+        return {f"{prefix}_{name}": part for name, part in parts.items()} | {
+            f"{prefix}_mm": self.offsets_mm
+        }
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], prefix: str) -> SparseShapes:
+        """Return the shapes of which ``arrays`` returned these."""
+        names, *parts = (arrays[f"{prefix}_{part}"] for part in ("names", "starts", "points", "mm"))
+        return cls(tuple(names.tolist()), *parts)
 
     @cached_property
     def _number(self) -> dict[str, int]:

@@ -23,7 +23,7 @@ pytestmark = needs_anny
 
 @lru_cache(maxsize=1)
 def people():  # type: ignore[no-untyped-def]
-    from glsim.faces.people import People
+    from glsim.faces.people.source import People
 
     return People(seed=3)
 

@@ -177,8 +177,6 @@ def test_the_model_is_cached_and_a_damaged_cache_is_built_again(
     for name, content in (
         ("basis.npy", whole[:-100]),
         ("basis.npy", whole[:-100] + b"?" * 100),
-        ("words.npz", b"PK\x03\x04 nothing"),
-        ("words.npz", None),
     ):
         (cache / name).unlink()
         if content is not None:
@@ -209,7 +207,7 @@ def test_without_a_place_for_the_cache_the_model_still_works(
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "file"))
     with caplog.at_level(logging.WARNING):
         assert len(load_model(small_model).basis) > 100
-    assert "the face model cannot be cached there" in caplog.text
+    assert "cannot be cached there" in caplog.text
     monkeypatch.delenv("GLSIM_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
     load_model(small_model)

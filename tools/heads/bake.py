@@ -72,13 +72,8 @@ def _shapes(name: str, fields: Mapping[str, Array]) -> Arrays:
         offsets[np.abs(offsets) < LEAST_MM] = 0.0
         points = np.flatnonzero(offsets.any(axis=1))
         found.append((shape, points, offsets[points]))
-    shapes = SparseShapes.join(found)
-    return {
-        f"{name}_names": np.array(shapes.names),
-        f"{name}_starts": shapes.starts,
-        f"{name}_points": shapes.points.astype(np.uint16),
-        f"{name}_mm": shapes.offsets_mm,
-    }
+    arrays = SparseShapes.join(found).arrays(name)
+    return arrays | {f"{name}_points": arrays[f"{name}_points"].astype(np.uint16)}
 
 
 def _rigid(rigid: RigidParts) -> Arrays:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +16,7 @@ from glsim.faces.ict_facekit.regions import FACE_PARTS
 from glsim.faces.ict_facekit.shapes import KNOWN_SHAPES
 from glsim.faces.ict_facekit.topology import REGION_NAMES, Topology, build_topology
 from glsim.faces.ict_facekit.visible import visible_faces
-from glsim.faces.model_cache import read_cache, write_cache
+from glsim.faces.model_cache import Arrays, cached_arrays
 from glsim.files.cache_folder import cache_folder
 from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.meshio.limits import check_size
@@ -29,9 +28,8 @@ _NEUTRAL: Final = "generic_neutral_mesh.obj"
 _INDICES: Final = "vertex_indices.json"
 _MAX_INDICES_BYTES: Final = 1 << 24  # the model's own has 0.2 MB
 _DOWNLOAD: Final = "git clone https://github.com/ICT-VGL/ICT-FaceKit"
-_CACHE_VERSION: Final = "4"  # raise it when the content of the cache changes
+_CACHE_VERSION: Final = "5"  # raise it when the content of the cache changes
 _TOPOLOGY: Final = ("faces", "kept", "region")
-_LOG = logging.getLogger(__name__)
 
 
 def model_folder(root: Path) -> Path:
@@ -61,14 +59,14 @@ def load_model(folder: Path) -> MorphableModel:
     expressions, landmarks = _read_indices(folder / _INDICES)
     files = [folder / _NEUTRAL, *_identity_files(folder), *_expression_files(folder, expressions)]
     cache = _cache_path([*files, folder / _INDICES])
-    if (model := _cached(cache)) is not None:
-        return model
-    _LOG.info("%s: reading %d OBJ files (once; kept in %s)", folder, len(files), cache)
-    model = _build(files, expressions, landmarks)
-    topology = model.topology
-    arrays = {"basis": model.basis} | {name: getattr(topology, name) for name in _TOPOLOGY}
-    write_cache(cache, arrays, {"expressions": expressions}, "the face model")
-    return _cached(cache) or model
+    arrays = cached_arrays(cache, lambda: _arrays(_build(files, expressions, landmarks)))
+    topology = Topology(*(np.asarray(arrays[name]) for name in _TOPOLOGY))
+    return MorphableModel(arrays["basis"], tuple(arrays["expressions"].tolist()), topology)
+
+
+def _arrays(model: MorphableModel) -> Arrays:
+    topology = {name: getattr(model.topology, name) for name in _TOPOLOGY}
+    return {"basis": model.basis, "expressions": np.array(model.expressions), **topology}
 
 
 def _cache_path(files: list[Path]) -> Path:
@@ -78,15 +76,6 @@ def _cache_path(files: list[Path]) -> Path:
         status = path.stat()
         digest.update(f"\0{path.name}\0{status.st_size}\0{status.st_mtime_ns}".encode())
     return cache_folder() / f"ict-facekit-{digest.hexdigest()[:16]}"
-
-
-def _cached(cache: Path) -> MorphableModel | None:
-    found = read_cache(cache)
-    if found is None:
-        return None
-    arrays, words = found
-    topology = Topology(*(np.asarray(arrays[name]) for name in _TOPOLOGY))
-    return MorphableModel(arrays["basis"], tuple(words["expressions"]), topology)
 
 
 def _identity_files(folder: Path) -> list[Path]:

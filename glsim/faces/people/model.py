@@ -3,54 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.faces.model_cache import Arrays
+from glsim.faces.sparse_shapes import SparseShapes
 from glsim.geometry.occluder import occluder_of
 from glsim.geometry.products import product
 
 _Floats = NDArray[np.float32]
 
-
-@dataclass(frozen=True, eq=False)
-class SparseShapes:
-    """Named shapes, each an offset of some points.
-
-    Args:
-        starts: (N + 1,) int64: shape n holds the entries starts[n] to starts[n + 1].
-        points: (E,) int32.
-        offsets_mm: (E, 3) float32.
-    """
-
-    names: tuple[str, ...]
-    starts: NDArray[np.int64]
-    points: NDArray[np.int32]
-    offsets_mm: _Floats
-
-    @cached_property
-    def _number(self) -> dict[str, int]:
-        return {name: number for number, name in enumerate(self.names)}
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._number
-
-    def add(self, values_mm: _Floats, weights: Mapping[str, float]) -> None:
-        """Add the weighted shapes to (P, 3) points, in place and in the order of ``weights``.
-
-        Raises KeyError for an unknown shape.
-        """
-        for name, weight in weights.items():
-            points, offsets_mm = self.shape(name)
-            values_mm[points] += np.float32(weight) * offsets_mm
-
-    def shape(self, name: str) -> tuple[NDArray[np.int32], _Floats]:
-        """Return the points (E,) that a shape moves, and their offsets (E, 3); else KeyError."""
-        number = self._number[name]
-        part = slice(self.starts[number], self.starts[number + 1])
-        return self.points[part], self.offsets_mm[part]
+REGIONS: Final = (
+    "skin", "brow", "scalp", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose", "lids",
+    "mouth", "teeth", "torso", "arm", "hand", "leg", "foot",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +69,13 @@ class BodyModel:
         actions: facial actions, shapes of the V fine vertices.
         starts, sources, shares: (V,), (N,) and (N,): fine vertex v is the sum of ``shares`` times
             the coarse vertices ``sources`` from starts[v] to starts[v + 1].
-        faces: (F, 3) int32.
-        regions: (V,) uint8 indices into REGIONS (see ``regions``).
+        triangles: (F, 3) int32.
+        regions: (V,) uint8 indices into REGIONS.
         skin: (V, B) float32 weights of the bones. The first ``rigid`` fine vertices move with the
             bone "head" alone.
-        landmarks: name -> fine vertex.
+        skeleton: the bones.
+        landmarks: (68,) int64 fine vertices in the order of ``glsim.faces.landmarks``.
+        chin: the fine vertex of the foremost point of the chin.
     """
 
     template_mm: _Floats
@@ -112,17 +84,23 @@ class BodyModel:
     starts: NDArray[np.int64]
     sources: NDArray[np.int32]
     shares: _Floats
-    faces: NDArray[np.int32]
+    triangles: NDArray[np.int32]
     regions: NDArray[np.uint8]
     skin: _Floats
     rigid: int
     skeleton: Skeleton
-    landmarks: Mapping[str, int]
+    landmarks: NDArray[np.int64]
+    chin: int
+
+    @property
+    def nose_tip(self) -> int:
+        """The fine vertex at the tip of the nose."""
+        return int(self.landmarks[30])
 
     @cached_property
     def occluder(self) -> NDArray[np.int32]:
         """(F', 3) int32: the triangles that cast shadows, from the mean body."""
-        return occluder_of(self.body({})[0], self.faces)
+        return occluder_of(self.body({})[0], self.triangles)
 
     @cached_property
     def _soft_skin(self) -> tuple[NDArray[np.int64], NDArray[np.int64], _Floats]:
@@ -162,3 +140,28 @@ class BodyModel:
         blended = np.add.reduceat(weights * table[bones], starts, axis=0).reshape(-1, 3, 4)
         moved[self.rigid :] = np.einsum("vij,vj->vi", blended[:, :, :3], rest) + blended[:, :, 3]
         return moved
+
+    def arrays(self) -> Arrays:
+        """Return the model as arrays, name -> array, for a cache."""
+        arrays = {
+            field.name: value
+            for field in fields(self)
+            if isinstance(value := getattr(self, field.name), np.ndarray)
+        }
+        arrays |= self.targets.arrays("targets") | self.actions.arrays("actions")
+        arrays |= {"bones": np.array(self.skeleton.names), "parents": self.skeleton.parents}
+        return arrays | {"rigid_chin": np.array([self.rigid, self.chin])}
+
+    @classmethod
+    def of_arrays(cls, arrays: Arrays) -> BodyModel:
+        """Return the model of which ``arrays`` returned these."""
+        own = {field.name: arrays[field.name] for field in fields(cls) if field.name in arrays}
+        rigid, chin = arrays["rigid_chin"].tolist()
+        return cls(
+            targets=SparseShapes.of_arrays(arrays, "targets"),
+            actions=SparseShapes.of_arrays(arrays, "actions"),
+            skeleton=Skeleton(tuple(arrays["bones"].tolist()), arrays["parents"]),
+            rigid=rigid,
+            chin=chin,
+            **own,
+        )

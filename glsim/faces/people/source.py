@@ -14,11 +14,9 @@ from glsim.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey
 from glsim.faces.neck import Neck
 from glsim.faces.neck import head_share as neck_share
-from glsim.faces.people.cache import load_model
-from glsim.faces.people.files import data_folder
-from glsim.faces.people.landmarks import landmark_vertices
-from glsim.faces.people.model import BodyModel
-from glsim.faces.people.regions import REGIONS
+from glsim.faces.people.fetch import data_folder
+from glsim.faces.people.load import load_model
+from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.subject import FRAMINGS, BodySubject
 from glsim.faces.sequences import performance_expression, performance_frames
 from glsim.geometry.mesh import Mesh
@@ -93,7 +91,7 @@ class People:
     @property
     def landmarks(self) -> NDArray[np.int64]:
         """(68,) vertices of the landmarks in the order of Multi-PIE, the same for all subjects."""
-        return self._landmarks
+        return self._model.landmarks
 
     def subjects(self, count: int | None) -> list[str]:
         """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
@@ -112,7 +110,7 @@ class People:
 
         At rest a person stands upright with a closed mouth and the arms apart, in the body's axes.
         """
-        return self._subject(subject).rest_mm, self._model.faces
+        return self._subject(subject).rest_mm, self._model.triangles
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one face per key, in order."""
@@ -129,14 +127,14 @@ class People:
                 "framing": self.framing,
             }
             model = self._model
-            mesh = Mesh(vertices, model.faces, subject.albedo, model.occluder)
+            mesh = Mesh(vertices, model.triangles, subject.albedo, model.occluder)
             yield Face(key, mesh, expression, notes, neck=self._neck(vertices))
 
     def _neck(self, vertices_mm: NDArray[np.float32]) -> Neck:
         """The neck of a posed body; ``[pose]`` turns the whole person."""
         if self.framing == "face":
             return Neck(head_share, trunk_poses=True)
-        tip = vertices_mm[self._model.landmarks["nose_tip"]].astype(np.float64)
+        tip = vertices_mm[self._model.nose_tip].astype(np.float64)
         face = tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
         return Neck(head_share, (float(face[0]), float(face[1]), float(face[2])), True)
 
@@ -150,10 +148,6 @@ class People:
                 self._subjects.popitem(last=False)
         self._subjects.move_to_end(name)
         return self._subjects[name]
-
-    @cached_property
-    def _landmarks(self) -> NDArray[np.int64]:
-        return landmark_vertices(self._model)
 
     @cached_property
     def _model(self) -> BodyModel:

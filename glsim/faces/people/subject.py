@@ -1,4 +1,11 @@
-"""A subject: body, albedo, and frames of its sequences."""
+"""A subject: body, reflectivity, expressions, and frames of its sequences.
+
+Reflectivity is at 860 nm, relative to a white wall (0.85 to 0.9 absolute). Skin: NIST reflectance
+data of 100 people (C. C. Cooksey, D. W. Allen, B. K. Tsai, J. Res. NIST 122, 2017): 0.5 to 0.6 at
+860 nm, nearly independent of how dark it is to the eye, 0.40 to 0.68 over people. Hair and brows
+absorb by their melanin, less than in visible light. The other values are those of the procedural
+faces (``glsim.faces.procedural.subject``), where their sources are.
+"""
 
 from __future__ import annotations
 
@@ -10,31 +17,38 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.people.albedo import draw_albedo
+from glsim.faces.action_units import shape_weights
 from glsim.faces.people.identity import BodyIdentity, sample_identity
-from glsim.faces.people.lids import add_expression
-from glsim.faces.people.model import BodyModel
+from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.movement import movement
 from glsim.faces.people.posture import BodyShape, Posture, draw_posture
-from glsim.faces.people.regions import REGIONS
 from glsim.geometry.products import product
 from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
+from glsim.settings.seeds import rng_for
 
 _Floats = NDArray[np.float32]
 
 FRAMINGS: Final = ("face", "bust", "body")
 
+_SKIN: Final = (0.60, 0.045, 0.45, 0.75)  # mean, sd, minimum and maximum over people
+_HAIR: Final = (0.20, 0.06, 0.08, 0.32)
+_LIPS_TO_SKIN: Final = 0.92
+_SHAVEN_TO_SKIN: Final = 0.9  # a scalp without hair: stubble
+_PALE: Final = 0.03  # skin varies by this share over the body: blood and sun; chosen
+_FIXED: Final = {"sclera": 0.50, "iris": 0.20, "pupil": 0.06, "mouth": 0.35, "teeth": 0.60}
+
+#: Action that closes an eye -> landmarks of its upper lid in the order of their x, and landmarks of
+#: the lower lid below them.
+_LIDS: Final = {"eyeBlinkRight": ((37, 38), (41, 40)), "eyeBlinkLeft": ((43, 44), (47, 46))}
+#: Overlap of closed lids, mm, as in the procedural heads, so that no gap shows. Chosen.
+_OVERLAP_MM: Final = 0.25
+
 
 @dataclass(frozen=True, eq=False)
 class Stance:
-    """A posture in the frame of the mesh.
-
-    Args:
-        rotation, origin_mm: (3, 3) and (3,): the canonical frame in that of the posed body.
-    """
+    """A posture, and what lies at the origin of the mesh: (3,) mm in the posed body's frame."""
 
     posture: Posture
-    rotation: NDArray[np.float64]
     origin_mm: NDArray[np.float64]
 
 
@@ -66,43 +80,79 @@ class BodySubject:
         for bone, turn in further.items():
             turns[bone] = product(turns[bone], turn) if bone in turns else turn
         moved = model.skeleton.transforms(self._joints, turns)
-        back = stance.rotation.T
+        back, origin = np.eye(3), stance.origin_mm
         if framing == "face":
-            back = moved[model.skeleton.names.index("head"), :, :3].T
-            origin = product(
-                moved[model.skeleton.names.index("head")], np.append(self._face(), 1.0)
-            )
-        else:
-            origin = stance.origin_mm
+            head = moved[model.skeleton.names.index("head")]
+            tip = self.rest_mm[model.nose_tip].astype(np.float64)
+            face = tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
+            back, origin = head[:, :3].T, product(head, np.append(face, 1.0))
         moved = product(moved.swapaxes(1, 2), back.T).swapaxes(1, 2)
         moved[:, :, 3] -= product(back, origin)
         return model.skinned(rest, moved)
-
-    def _face(self) -> NDArray[np.float64]:
-        """The centre of the face at rest, (3,) mm."""
-        tip = self.rest_mm[self._model.landmarks["nose_tip"]].astype(np.float64)
-        return np.asarray(tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM]))
 
     def _stance(self, sequence: str, framing: str) -> Stance:
         posture = draw_posture(self._seed, self.name, sequence, self._shape)
         skeleton = self._model.skeleton
         moved = skeleton.transforms(self._joints, posture.turns)
         place = np.einsum("bij,bj->bi", moved[:, :, :3], self._joints) + moved[:, :, 3]
-        neck = place[skeleton.names.index("neck01")]
         if framing != "body":
-            return Stance(posture, np.eye(3), neck)
+            return Stance(posture, place[skeleton.names.index("neck01")])
         posed = self._model.skinned(self.rest_mm, moved)
         middle = (posed.min(axis=0) + posed.max(axis=0)) / 2
         root = place[skeleton.names.index("root")]
-        return Stance(posture, np.eye(3), np.array([root[0], middle[1], root[2]]))
+        return Stance(posture, np.array([root[0], middle[1], root[2]]))
+
+
+def draw_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> _Floats:
+    """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments."""
+    rng = rng_for(seed, "people", "albedo", subject)
+
+    def draw(mean: float, sd: float, low: float, high: float) -> float:
+        return float(np.clip(rng.normal(mean, sd), low, high))
+
+    skin, hair = draw(*_SKIN), draw(*_HAIR)
+    values = {name: skin * (1.0 + float(rng.normal(0.0, _PALE))) for name in REGIONS}
+    values |= {"skin": skin, "nose": skin, "lids": skin, "neck": skin}
+    values |= {"lips": _LIPS_TO_SKIN * skin, "scalp": _SHAVEN_TO_SKIN * skin, "brow": hair}
+    values |= _FIXED
+    table = np.array([values[name] for name in REGIONS], dtype=np.float32)
+    return np.clip(table, 0.02, 0.95)[regions]
+
+
+def add_expression(model: BodyModel, rest_mm: _Floats, expression: Mapping[str, float]) -> None:
+    """Move (V, 3) points of a person at rest by action units -> intensities, in place.
+
+    At full strength the lids of an eye meet and do not cross. The data's action is that of the base
+    mesh, whose eyes are wide: it would move the upper lid of the mean person 4 mm below the lower
+    one, of other people more on one side of the eye. Lids close last: what other actions open or
+    close counts.
+    """
+    weights = shape_weights(expression)
+    model.actions.add(rest_mm, {n: w for n, w in weights.items() if n not in _LIDS})
+    for action, (above, below) in _LIDS.items():
+        if action not in weights:
+            continue
+        upper, lower = model.landmarks[[above, below]]
+        points, offsets = model.actions.shape(action)
+        way_mm = _heights(points, offsets, lower) - _heights(points, offsets, upper)
+        open_mm = rest_mm[upper, 1] - rest_mm[lower, 1]
+        share = np.clip((open_mm + _OVERLAP_MM) / way_mm, 0.0, 1.0)
+        across = np.interp(rest_mm[points, 0], rest_mm[upper, 0], share)
+        rest_mm[points] += ((weights[action] * across)[:, None] * offsets).astype(np.float32)
+
+
+def _heights(
+    points: NDArray[np.int32], offsets: _Floats, vertices: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return how far a shape raises some vertices, mm."""
+    return np.array([offsets[points == vertex, 1].sum() for vertex in vertices], np.float64)
 
 
 def _body_shape(model: BodyModel, rest_mm: _Floats, joints: NDArray[np.float64]) -> BodyShape:
-    names = model.skeleton.names
-    at = dict(zip(names, joints, strict=True))
+    at = dict(zip(model.skeleton.names, joints, strict=True))
     trunk = rest_mm[model.regions == REGIONS.index("torso")]
     low, high = at["upperleg01.L"][1], at["upperarm01.L"][1] - 80.0
     band = trunk[(trunk[:, 1] > low) & (trunk[:, 1] < high)]
-    chin = rest_mm[model.landmarks["chin"]].astype(np.float64)
     middle = band[np.abs(band[:, 0]) < 80.0]
+    chin = rest_mm[model.chin].astype(np.float64)
     return BodyShape(at, float(np.abs(band[:, 0]).max()), float(middle[:, 2].max()), chin)

@@ -80,15 +80,11 @@ def head_model() -> HeadModel:
             arrays[name] = array.astype(wide)
         arrays[name].setflags(write=False)
 
-    def shapes(name: str) -> SparseShapes:
-        names, *parts = (arrays.pop(f"{name}_{p}") for p in ("names", "starts", "points", "mm"))
-        return SparseShapes(tuple(names.tolist()), *parts)
-
-    lids = Lids(**{name: arrays.pop(f"lids_{name}") for name in Lids.__annotations__})
-    part, points, weights = (arrays.pop(f"rigid_{name}") for name in ("part", "points", "weights"))
-    rigid = tuple((points[part == n], weights[part == n]) for n in range(4))
-    units = tuple(arrays.pop("units").tolist())
-    return HeadModel(
-        identity=shapes("identity"), pulls=shapes("pulls"), lids=lids, rigid=rigid, units=units,
-        **arrays,
-    )  # fmt: skip
+    points, weights = arrays["rigid_points"], arrays["rigid_weights"]
+    parts = [arrays["rigid_part"] == part for part in range(4)]
+    own = {name: array for name, array in arrays.items() if name in HeadModel.__annotations__}
+    own |= {name: SparseShapes.of_arrays(arrays, name) for name in ("identity", "pulls")}
+    own["lids"] = Lids(**{name: arrays[f"lids_{name}"] for name in Lids.__annotations__})
+    own["rigid"] = tuple((points[part], weights[part]) for part in parts)
+    own["units"] = tuple(arrays["units"].tolist())
+    return HeadModel(**own)

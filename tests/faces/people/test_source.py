@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from glsim.errors import ConfigError
 from glsim.faces import open_source
 from glsim.faces.base import Face, FaceKey
-from glsim.faces.people import People
-from glsim.faces.people.regions import REGIONS
+from glsim.faces.people.model import REGIONS
+from glsim.faces.people.source import People
 from glsim.settings.source_settings import parse_source
 from tests.support.people import needs_anny
 

@@ -1,4 +1,4 @@
-"""The body model on disk: anny's data files, the cache, and what is said without them."""
+"""The body model: its sums, its cache, anny's data files, and what is said without them."""
 
 from __future__ import annotations
 
@@ -9,29 +9,25 @@ import importlib.util
 import logging
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from glsim.errors import ConfigError, MeshError
-from glsim.faces import model_cache
-from glsim.faces.action_units import SHAPES
-from glsim.faces.people import cache as caching
-from glsim.faces.people.details import DETAILS
-from glsim.faces.people.files import data_folder, read_base_mesh, read_target
-from glsim.faces.people.model import BodyModel, Skeleton, SparseShapes
-from glsim.faces.people.phenotype import ORIGINS, phenotype_targets, phenotype_weights
+from glsim.faces.people import load as loading
+from glsim.faces.people.fetch import data_folder
+from glsim.faces.people.identity import DETAILS, ORIGINS, phenotype_targets, phenotype_weights
+from glsim.faces.people.makehuman_files import read_base_mesh, read_target
+from glsim.faces.people.model import BodyModel, Skeleton
+from glsim.faces.sparse_shapes import SparseShapes
 from tests.support.people import needs_anny
 
 
 def shapes(name: str) -> SparseShapes:
-    return SparseShapes(
-        (name,),
-        np.array([0, 2]),
-        np.array([0, 2], dtype=np.int32),
-        np.array([[1, 2, 3], [4, 5, 6]], dtype=np.float32),
-    )
+    offsets = np.array([[1, 2, 3], [4, 5, 6]], dtype=np.float32)
+    return SparseShapes.join([(name, np.array([0, 2]), offsets)])
 
 
 @pytest.fixture
@@ -44,13 +40,25 @@ def small() -> BodyModel:
         starts=np.array([0, 1, 2]),
         sources=np.array([0, 1, 0, 1], dtype=np.int32),
         shares=np.array([1, 1, 0.5, 0.5], dtype=np.float32),
-        faces=np.array([[0, 1, 2]], dtype=np.int32),
+        triangles=np.array([[0, 1, 2]], dtype=np.int32),
         regions=np.zeros(3, dtype=np.uint8),
         skin=np.ones((3, 1), dtype=np.float32),
         rigid=1,
         skeleton=Skeleton(("head",), np.array([-1], dtype=np.int32)),
-        landmarks={"nose_tip": 2},
+        landmarks=np.zeros(68, np.int64),
+        chin=2,
     )
+
+
+@pytest.fixture
+def load(
+    small: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[], BodyModel]:
+    """Load the small model through the cache, as another process would."""
+    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(models, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
+    return loading.load_model.__wrapped__
 
 
 def test_a_body_is_the_weighted_sum_of_its_shapes(small: BodyModel) -> None:
@@ -64,80 +72,47 @@ def test_a_body_is_the_weighted_sum_of_its_shapes(small: BodyModel) -> None:
         small.body({"tall": 1.0})
 
 
-def test_a_cache_keeps_the_model(
-    small: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path))
-    monkeypatch.setattr(caching, "data_folder", lambda: tmp_path)
-    monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
-    mapped = caching.load_model.__wrapped__()
-    assert mapped is not small
-    for name in ("template_mm", "starts", "sources", "shares", "faces", "regions", "skin"):
-        np.testing.assert_array_equal(getattr(mapped, name), getattr(small, name))
-    assert mapped.landmarks == small.landmarks
-    assert mapped.rigid == small.rigid
-    assert mapped.skeleton.names == small.skeleton.names
-    np.testing.assert_array_equal(mapped.body({"wide": 1.0})[0], small.body({"wide": 1.0})[0])
-
-
-@pytest.mark.parametrize("file", ["shares.npy", "words.npz", "targets_mm.npy"])
-def test_a_damaged_cache_is_rebuilt(
-    small: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture, file: str,
+def test_a_cache_keeps_the_model_and_a_damaged_one_is_rebuilt(
+    small: BodyModel, load: Callable[[], BodyModel], tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path))
-    monkeypatch.setattr(caching, "data_folder", lambda: tmp_path)
-    monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
-    load = caching.load_model.__wrapped__
     load()
-    damaged = caching.cache_path() / file
-    content = bytearray(damaged.read_bytes())
-    content[-3] ^= 0xFF
-    damaged.write_bytes(content)
-    with caplog.at_level(logging.WARNING):
-        again = load()
-    assert "damaged" in caplog.text
-    np.testing.assert_array_equal(again.shares, small.shares)
-    assert model_cache.read_cache(caching.cache_path()) is not None
-
-
-def test_another_version_has_another_cache(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = caching.cache_path()
-    monkeypatch.setattr(caching, "_CACHE_VERSION", 999)
-    assert caching.cache_path() != before
-    monkeypatch.setattr(caching, "ANNY_VERSION", "9.9")
-    assert caching.cache_path().name == "people-9.9-999"
+    for _ in range(2):
+        mapped = load()
+        for name in ("template_mm", "starts", "sources", "shares", "triangles", "regions", "skin"):
+            np.testing.assert_array_equal(getattr(mapped, name), getattr(small, name))
+        assert (mapped.rigid, mapped.chin, mapped.skeleton.names) == (1, 2, ("head",))
+        np.testing.assert_array_equal(mapped.body({"wide": 1.0})[0], small.body({"wide": 1.0})[0])
+        assert not mapped.shares.flags.writeable
+        assert "damaged" not in caplog.text
+        for file in ("shares.npy", "bones.npy", "checksum"):
+            (damaged,) = (tmp_path / "cache").glob(f"people-*/{file}")
+            content = bytearray(damaged.read_bytes())
+            content[-3] ^= 0xFF
+            damaged.write_bytes(content)
+            with caplog.at_level(logging.WARNING):
+                np.testing.assert_array_equal(load().shares, small.shares)
+            assert "damaged" in caplog.text
+            caplog.clear()
 
 
 def test_a_folder_that_cannot_be_written_costs_the_cache_only(
-    small: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    small: BodyModel, load: Callable[[], BodyModel], tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "file"))
-    monkeypatch.setattr(caching, "data_folder", lambda: tmp_path)
-    monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
+    (tmp_path / "cache").write_text("")
     with caplog.at_level(logging.WARNING):
-        assert caching.load_model.__wrapped__() is small
+        np.testing.assert_array_equal(load().shares, small.shares)
     assert "cannot be cached" in caplog.text
 
 
-@pytest.fixture
-def _nothing_fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_anny_or_with_another_version_one_line_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
-
-
-@pytest.mark.usefixtures("_nothing_fetched")
-def test_without_anny_one_line_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r"the body model anny: run glsim fetch people$"):
         data_folder()
-
-
-@pytest.mark.usefixtures("_nothing_fetched")
-def test_another_version_of_anny_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     spec = importlib.machinery.ModuleSpec("anny", None, is_package=True)
     spec.submodule_search_locations = [str(tmp_path)]
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
@@ -151,7 +126,7 @@ def test_neither_anny_nor_torch_is_imported_and_no_network_asked() -> None:
     script = (
         "import socket, sys\n"
         "socket.socket.connect = None\n"
-        "from glsim.faces.people import People\n"
+        "from glsim.faces.people.source import People\n"
         "source = People(0)\n"
         "list(source.load(source.frames('a0000', 1)))\n"
         "print(sorted({'anny', 'torch', 'warp', 'scipy'} & set(sys.modules)))\n"
@@ -169,7 +144,6 @@ def test_all_targets_and_actions_are_in_the_wheel() -> None:
     missing = [path for path in wanted if not Path(f"{path}.target.gz").is_file()]
     assert not missing
     assert len(set(DETAILS)) == len(DETAILS)
-    assert len(SHAPES) > 40
     base = read_base_mesh(folder)
     assert base.vertices_mm.shape == (19158, 3)
     assert base.groups["helper-l-eye"].shape == (70, 4)
@@ -179,12 +153,12 @@ def test_all_targets_and_actions_are_in_the_wheel() -> None:
 def test_a_target_is_read_and_a_damaged_one_named(tmp_path: Path) -> None:
     path = tmp_path / "a.target.gz"
     path.write_bytes(gzip.compress(b"7 .01 -.02 0\n3 1 0 0\n7 0 0 .5\n"))
-    target = read_target(path)
-    np.testing.assert_array_equal(target.vertices, [3, 7])
-    np.testing.assert_allclose(target.offsets_mm, [[100, 0, 0], [0, 0, 50]])
+    vertices, offsets = read_target(path)
+    np.testing.assert_array_equal(vertices, [3, 7])
+    np.testing.assert_allclose(offsets, [[100, 0, 0], [0, 0, 50]])
     plain = tmp_path / "b.target"
     plain.write_text("# by hand\n1 0 0 1\n")
-    np.testing.assert_allclose(read_target(plain).offsets_mm, [[0, 0, 100]])
+    np.testing.assert_allclose(read_target(plain)[1], [[0, 0, 100]])
     for content in (path.read_bytes()[:20], gzip.compress(b"7 .01 -.02\n"), b""):
         path.write_bytes(content)
         with pytest.raises(MeshError, match=r"a\.target\.gz: damaged"):
