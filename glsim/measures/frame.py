@@ -114,8 +114,13 @@ class FrameSet:
 
     @property
     def whole_mm(self) -> Stack:
-        """(T, H, W) depth rounded to whole mm, as files of 16 bits hold it."""
+        """(T, H, W) depth rounded to whole mm, NaN where there is none."""
         return np.rint(self.depth_mm)
+
+    @property
+    def encoded(self) -> NDArray[np.uint16]:
+        """(T, H, W) whole mm as files of 16 bits hold them, 0 = no depth."""
+        return np.nan_to_num(self.whole_mm).astype(np.uint16)
 
     @cached_property
     def clean_mm(self) -> Stack:
