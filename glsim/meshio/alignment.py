@@ -13,7 +13,6 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -40,8 +39,6 @@ ORIGIN_BEHIND_NOSE_MM: Final = 45.0
 MIN_MATCH: Final = 0.6  # faces reach 0.8 to 0.97, shapes without a nose less than 0.4
 TIE_LEAD: Final = 0.02  # the file's own axes win unless another rotation leads by more
 CLEAR_LEAD: Final = 0.05  # the smallest lead on 100 neutral ICT-FaceKit people
-
-_HALF_TURNS: Final = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
 
 _AXES = re.compile(r"([+-][xyz]){3}", re.ASCII)
 
@@ -107,8 +104,7 @@ def estimate_alignment(
 ) -> Alignment:
     """Detect every "auto" value and check every given one.
 
-    Given axes that show a nose are compared with their half turns only (looking away, upside down),
-    other given axes with all 24 rotations (6 times as slow).
+    Axes are chosen among all 24 rotations by the best nose; given ones are compared with them.
 
     Args:
         vertices: (V, 3) in the file's frame, each used by a triangle.
@@ -119,7 +115,7 @@ def estimate_alignment(
         MeshError: no unit gives the size of a head, or ``axes`` is "auto" and no nose is detected;
             the message has no file name.
     """
-    given_axes = None if axes == "auto" else _check_axes(axes)
+    check_axes(axes)
     lower, upper = vertices.min(axis=0), vertices.max(axis=0)
     unit_name, mm_per_unit = _find_unit(float((upper - lower).max()), unit)
     away = float(max(np.abs(lower).max(), np.abs(upper).max()) / (upper - lower).max())
@@ -130,11 +126,19 @@ def estimate_alignment(
     samples = sample_surface(vertices, faces) * np.float32(mm_per_unit)
     doubts: list[str] = []
     better = ""
-    if given_axes is None:
-        chosen, nose = _detect_axes(samples, doubts)
+    matches = {name: match_nose(samples @ matrix.T) for name, matrix in _ROTATIONS.items()}
+    best = max(matches, key=lambda name: matches[name].score)
+    if axes == "auto":
+        chosen = _best_axes(matches, best, doubts)
     else:
-        chosen = given_axes
-        better, nose = _check_given_axes(samples, given_axes, doubts)
+        chosen = axes
+        if matches[best].score > max(MIN_MATCH, matches[axes].score + CLEAR_LEAD):
+            better = best
+            doubts.append(
+                f"with axes={axes} the face may look away or stand on its head: {best} fits "
+                f"better ({matches[best].score:.2f} against {matches[axes].score:.2f})"
+            )
+    nose = matches[chosen]
     to_canonical = _ROTATIONS[chosen] * mm_per_unit
     flip, winding_doubt = _detect_winding(vertices @ to_canonical.T, faces)
     if winding_doubt:
@@ -155,52 +159,26 @@ def estimate_alignment(
     )
 
 
-def _detect_axes(samples: NDArray[np.float32], doubts: list[str]) -> tuple[str, NoseMatch]:
-    """Return the axes with the best nose; append to ``doubts``. Raises MeshError."""
-    matches = _match_noses(samples, _ROTATIONS)
-    chosen = max(matches, key=lambda name: matches[name].score)
-    if matches[chosen].score < MIN_MATCH:
+def _best_axes(matches: dict[str, NoseMatch], best: str, doubts: list[str]) -> str:
+    """Return the axes of a face with the best nose; append to ``doubts``. Raises MeshError."""
+    score = matches[best].score
+    if score < MIN_MATCH:
         raise MeshError(
-            "no nose is found in any of the 24 orientations (best match "
-            f"{matches[chosen].score:.2f}, wanted {MIN_MATCH}): give the axes yourself, "
-            "such as axes='+x+y+z' for x the subject's left, y up, z out of the face"
+            f"no nose is found in any of the 24 orientations (best match {score:.2f}, wanted "
+            f"{MIN_MATCH}): give the axes yourself, such as axes='+x+y+z' for x the subject's "
+            "left, y up, z out of the face"
         )
-    if matches["+x+y+z"].score > matches[chosen].score - TIE_LEAD:
-        chosen = "+x+y+z"
+    chosen = "+x+y+z" if matches["+x+y+z"].score > score - TIE_LEAD else best
     runner_up = max(match.score for name, match in matches.items() if name != chosen)
     if runner_up > matches[chosen].score - CLEAR_LEAD:
         doubts.append(f"another orientation fits nearly as well as {chosen}: look at a picture")
-    return chosen, matches[chosen]
-
-
-def _check_given_axes(
-    samples: NDArray[np.float32], given: str, doubts: list[str]
-) -> tuple[str, NoseMatch]:
-    """Return axes that fit clearly better ("" without), and the nose; append to ``doubts``."""
-    matches = _match_noses(samples, _half_turns(given))
-    nose = matches[given]
-    if nose.score < MIN_MATCH:
-        others = {name: matrix for name, matrix in _ROTATIONS.items() if name not in matches}
-        matches |= _match_noses(samples, others)
-    best = max(matches, key=lambda name: matches[name].score)
-    if matches[best].score <= max(MIN_MATCH, nose.score + CLEAR_LEAD):
-        return "", nose
-    doubts.append(
-        f"with axes={given} the face may look away or stand on its head: "
-        f"{best} fits better ({matches[best].score:.2f} against {nose.score:.2f})"
-    )
-    return best, nose
-
-
-def _match_noses(
-    samples: NDArray[np.float32], rotations: Mapping[str, NDArray[np.float64]]
-) -> dict[str, NoseMatch]:
-    return {name: match_nose(samples @ matrix.T) for name, matrix in rotations.items()}
+    return chosen
 
 
 def rotation(axes: str) -> NDArray[np.float64]:
     """Return the (3, 3) rotation from file directions to canonical ones. Raises ConfigError."""
-    return _ROTATIONS[_check_axes(axes)]
+    check_axes(axes)
+    return _ROTATIONS[axes]
 
 
 def check_unit(unit: str) -> None:
@@ -219,18 +197,16 @@ def check_unit(unit: str) -> None:
 
 def check_axes(axes: str) -> None:
     """Reject invalid axes before any file is read. Raises ConfigError."""
-    if axes != "auto":
-        _check_axes(axes)
-
-
-def _half_turns(axes: str) -> dict[str, NDArray[np.float64]]:
-    """Return the rotation of ``axes`` and its half turns about x, y and z, by name."""
-    half_turns = [np.diag(signs) @ _ROTATIONS[axes] for signs in _HALF_TURNS]
-    return {
-        name: matrix
-        for name, matrix in _ROTATIONS.items()
-        if any(np.array_equal(matrix, other) for other in half_turns)
-    }
+    if axes == "auto" or axes in _ROTATIONS:
+        return
+    if _AXES.fullmatch(axes) and len(set(axes[1::2])) == 3:
+        raise ConfigError(
+            f"axes={axes!r} mirrors the face: change the sign of one axis (24 rotations are valid)"
+        )
+    raise ConfigError(
+        f"axes={axes!r}: write which axis of the file is canonical x (subject's left), y (up) and "
+        "z (out of the face), such as '+x+y+z' or '+x-y-z', or 'auto'"
+    )
 
 
 def _find_unit(extent: float, unit: str) -> tuple[str, float]:
@@ -247,7 +223,7 @@ def _find_unit(extent: float, unit: str) -> tuple[str, float]:
         raise MeshError(
             f"the mesh is {extent:.4g} units across: read as m, dm, cm or mm that is not a head of "
             f"{MIN_HEAD_MM:.0f} to {MAX_HEAD_MM:.0f} mm; give the length of a unit in millimetres, "
-            f"such as unit='{_round_length(250 / extent)}' for a head of 250 mm"
+            f"such as unit='{float(f'{250 / extent:.2g}'):g}' for a head of 250 mm"
         )
     length = UNITS_MM[unit] if unit in UNITS_MM else float(unit)
     size = extent * length
@@ -257,23 +233,6 @@ def _find_unit(extent: float, unit: str) -> tuple[str, float]:
             f"{MIN_HEAD_MM:.0f} to {MAX_HEAD_MM:.0f} mm; try unit='auto' or another unit"
         )
     return (unit if unit in UNITS_MM else f"{length:g} mm"), length
-
-
-def _round_length(length: float) -> str:
-    return f"{float(f'{length:.2g}'):g}"
-
-
-def _check_axes(axes: str) -> str:
-    if axes in _ROTATIONS:
-        return axes
-    if _AXES.fullmatch(axes) and len(set(axes[1::2])) == 3:
-        raise ConfigError(
-            f"axes={axes!r} mirrors the face: change the sign of one axis (24 rotations are valid)"
-        )
-    raise ConfigError(
-        f"axes={axes!r}: write which axis of the file is canonical x (subject's left), y (up) and "
-        "z (out of the face), such as '+x+y+z' or '+x-y-z', or 'auto'"
-    )
 
 
 def _detect_winding(

@@ -9,16 +9,17 @@ infrared, where skins differ less. Textures and files of a single colour are ign
 from __future__ import annotations
 
 import logging
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import MeshError
+from glsim.errors import MeshError, did_you_mean
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.geometry.products import product
 from glsim.meshio.alignment import (
@@ -29,15 +30,22 @@ from glsim.meshio.alignment import (
     check_unit,
     estimate_alignment,
 )
-from glsim.meshio.limits import check_count, check_file
+from glsim.meshio.limits import EXTENSIONS, check_count, check_size
 from glsim.meshio.obj import read_material_colours, read_obj
-from glsim.meshio.ply import read_plain_ply
-from glsim.meshio.scene import MeshPart, read_parts
 
 ALBEDO_RANGE: Final = (0.05, 0.95)  # hair has 0.05-0.3; nothing on a face is whiter than a wall
 LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values
 
 _LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One geometry of a file: (V, 3) vertices, (F, 3) faces, (V, 3) RGB in [0, 1] or None."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    colours: NDArray[np.float64] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +77,6 @@ class LoadedMesh:
     mesh: Mesh
     alignment: Alignment
     notes: dict[str, object]
-
-    @property
-    def frame(self) -> Alignment:
-        """Deprecated name of ``alignment``."""
-        warnings.warn("LoadedMesh.frame is now alignment", DeprecationWarning, stacklevel=2)
-        return self.alignment
 
 
 def load_mesh(
@@ -162,18 +164,21 @@ def manifest_notes(file_mesh: FileMesh, alignment: Alignment) -> dict[str, objec
 
 def read_mesh(path: Path) -> FileMesh:
     """Read a mesh file in its own unit and axes, and drop degenerate parts. Raises MeshError."""
-    declared = check_file(path)
-    parts = _read_parts(path)
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        raise MeshError(f"{path}: is a directory, not a mesh; the source 'folder' reads trees")
+    if suffix not in EXTENSIONS:
+        raise MeshError(
+            f"{path}: {suffix or 'a file without extension'} is not a mesh format glsim reads "
+            f"({did_you_mean(suffix, EXTENSIONS)}); export it as OBJ or PLY"
+        )
+    check_size(path)
+    parts = [_read_obj_part(path)] if suffix == ".obj" else _read_scene(path)
     vertices = np.concatenate([part.vertices for part in parts])
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
     if len(faces) == 0:
         raise MeshError(f"{path}: no triangles ({len(vertices)} points); export the surface too")
-    if len(faces) < declared:
-        raise MeshError(
-            f"{path}: cut short: {declared} faces are promised, {len(faces)} are there; "
-            "copy or export it again"
-        )
     check_count(path, len(faces))
     if faces.min() < 0 or faces.max() >= len(vertices):
         wrong = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0]
@@ -253,35 +258,93 @@ def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
         )
 
 
-def _read_parts(path: Path) -> list[MeshPart]:
-    """Read the parts of a file with the reader of its format."""
-    suffix = path.suffix.lower()
-    if suffix == ".obj":
-        return _read_obj_parts(path)
-    plain = read_plain_ply(path) if suffix == ".ply" else None
-    return [MeshPart(plain.vertices, plain.faces, None)] if plain else read_parts(path)
-
-
-def _read_obj_parts(path: Path) -> list[MeshPart]:
+def _read_obj_part(path: Path) -> _Part:
     """Read an OBJ as one part, with the colours of its vertices or materials if it has any."""
     obj = read_obj(path)
     triangles, polygon = obj.triangles()
     if obj.colours is not None:
-        return [MeshPart(obj.vertices, triangles, obj.colours)]
+        return _Part(obj.vertices, triangles, obj.colours)
     colours: dict[str, tuple[float, float, float]] = {}
     for library in obj.libraries:
         colours |= read_material_colours(path.parent / Path(library.replace("\\", "/")).name)
     materials = obj.materials[polygon]
     if any(obj.material_names[index] not in colours for index in np.unique(materials)):
-        return [MeshPart(obj.vertices, triangles, None)]
+        return _Part(obj.vertices, triangles, None)
     # A vertex on the border of two materials gets the colour of the later triangle.
     by_material = np.array([colours.get(name, (0.0, 0.0, 0.0)) for name in obj.material_names])
     vertex_colours = np.zeros((len(obj.vertices), 3))
     vertex_colours[triangles.ravel()] = np.repeat(by_material[materials], 3, axis=0)
-    return [MeshPart(obj.vertices, triangles, vertex_colours)]
+    return _Part(obj.vertices, triangles, vertex_colours)
 
 
-def _albedo_from_colours(parts: list[MeshPart]) -> NDArray[np.float32] | None:
+def _read_scene(path: Path) -> list[_Part]:
+    """Read all triangles of a file by trimesh, placed by its scene graph. Raises MeshError.
+
+    ``process=False``: trimesh merges and drops nothing.
+    """
+    import trimesh  # takes 0.2 s, and only some sources need it
+
+    suffix = path.suffix[1:].lower()
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise it prints to stderr
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            scene: Any = trimesh.load_scene(path, process=False)
+            placed = [(*scene.graph[node],) for node in scene.graph.nodes_geometry]
+            meshes = [
+                (scene.geometry[name], transform)
+                for transform, name in placed
+                if isinstance(scene.geometry[name], trimesh.Trimesh)
+            ]
+            count = sum(len(mesh.faces) for mesh, _ in meshes)
+            check_count(path, count)
+            if suffix == "off" and count < _promised_faces(path):
+                raise MeshError(f"{path}: cut short: it has {count} faces of those it promises")
+            parts = [_part(mesh, np.asarray(transform)) for mesh, transform in meshes]
+    except MeshError:
+        raise
+    except Exception as error:  # trimesh's parsers raise exceptions of any type
+        reason = " ".join(str(error).split())[:120] or "no reason given"
+        raise MeshError(
+            f"{path}: damaged, cut short or not {suffix.upper()} "
+            f"({type(error).__name__}: {reason}); export it again"
+        ) from error
+    if not parts:
+        raise MeshError(f"{path}: no triangles in it; export the surface, not points or lines")
+    return parts
+
+
+def _promised_faces(path: Path) -> int:
+    """Return the number of faces in the head of an OFF file, which trimesh does not compare."""
+    numbers = re.findall(rb"^\s*(?:[A-Z]*OFF)?\s*\d+\s+(\d+)", path.read_bytes()[:1000])
+    return int(numbers[0]) if numbers else 0
+
+
+def _part(geometry: Any, transform: NDArray[np.float64]) -> _Part:
+    """Convert a trimesh geometry; a (4, 4) transform that mirrors also reverses the winding."""
+    if len(geometry.vertices) == 3 * len(geometry.faces):  # STL: a vertex for each corner
+        geometry.merge_vertices()
+    vertices = np.asarray(geometry.vertices, dtype=np.float64).reshape(-1, 3)
+    faces = np.asarray(geometry.faces, dtype=np.int64).reshape(-1, 3)
+    vertices = product(vertices, transform[:3, :3].T) + transform[:3, 3]
+    if np.linalg.det(transform[:3, :3]) < 0:
+        faces = faces[:, ::-1]
+    return _Part(vertices, faces, _colours(geometry.visual, len(vertices)))
+
+
+def _colours(visual: Any, count: int) -> NDArray[np.float64] | None:
+    """Return (V, 3) RGB from vertex colours or an untextured material; None without either."""
+    if visual.kind == "vertex":
+        colours = np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
+        return colours / 255 if len(colours) == count else None
+    material = getattr(visual, "material", None)
+    textures = ("image", "baseColorTexture")
+    if material is None or any(getattr(material, name, None) is not None for name in textures):
+        return None
+    return np.tile(np.asarray(material.main_color, dtype=np.float64)[:3] / 255, (count, 1))
+
+
+def _albedo_from_colours(parts: list[_Part]) -> NDArray[np.float32] | None:
     """Return the (V,) albedo (see the module docstring).
 
     None if a part has no colour or all colours are equal.

