@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise import GRIDS, MapDenoiser, load_denoiser
+from glsim.denoise import GRIDS, Denoiser, load_denoiser
 from glsim.denoise.registry import tuning_specs
 from glsim.map_files import read_map_mm
 
@@ -77,7 +77,7 @@ def _measure(
     plane: _Plane, maps: list[NDArray[np.float32]], spec: str
 ) -> tuple[float, float, float]:
     """Return the residual from planes, the mean shift, mm, and the share of lost pixels."""
-    denoiser: MapDenoiser = load_denoiser(spec)
+    denoiser: Denoiser = load_denoiser(spec)
     squares, moved, lost = [], [], []
     for noisy in maps:
         denoised = denoiser(noisy).depth_mm

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim import Frame, load_settings, simulate
-from glsim.denoise import DEFAULT_COMPOSITE, Method, compose, load
+from glsim.denoise import Denoiser, load_denoiser
 from glsim.errors import GlsimError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.score import score
@@ -121,7 +121,7 @@ def frames(row: CardRow, source: dict[str, Any], count: int) -> Iterator[tuple[D
 
 
 def score_row(
-    method: Method, row: CardRow, source: dict[str, Any], count: int, *, clean: bool = False
+    method: Denoiser, row: CardRow, source: dict[str, Any], count: int, *, clean: bool = False
 ) -> dict[str, tuple[float, float]]:
     """Map each metric to its means before and after denoising; NaN if no frame defines it.
 
@@ -137,9 +137,8 @@ def score_row(
         whole_mm = np.rint(clean_mm)
         truth = Truth(whole_mm, whole_mm, measured.rays) if clean else measured
         noisy_mm = whole_mm if clean else measured.noisy
-        parts = compose(method(noisy_mm[None]), noisy_mm)
         before.append(score(noisy_mm, truth))
-        after.append(score(parts["" if "" in parts else DEFAULT_COMPOSITE], truth))
+        after.append(score(method(noisy_mm).depth_mm, truth))
     return {
         name: (_mean([s[name] for s in before]), _mean([s[name] for s in after]))
         for name in _COLUMNS
@@ -162,7 +161,7 @@ def main() -> None:
     parser.add_argument("--source", default="procedural", help="face source")
     parser.add_argument("--root", help="folder of the face model")
     chosen = parser.parse_args()
-    method = load(chosen.denoiser)
+    method = load_denoiser(chosen.denoiser)
     source = {"kind": chosen.source} | ({"root": chosen.root} if chosen.root else {})
     titles = [f"{metric}, {map_}" for metric in _COLUMNS.values() for map_ in ("noisy", "denoised")]
     for section in chosen.only:

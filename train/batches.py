@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol, cast
 
@@ -21,9 +20,7 @@ from torch.utils.data import (
     TensorDataset,
 )
 
-from glsim.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
-from glsim.train.data.captures import StoredCaptures
 from glsim.train.data.checks import (
     fingerprint,
     fingerprint_of,
@@ -34,8 +31,6 @@ from glsim.train.data.pairs import Batch, JoinedPairs, PairDataset
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
 from glsim.train.epoch_sampler import SEED_STRIDE, EpochSampler
-from glsim.train.losses.registry import build_loss
-from glsim.train.losses.second_capture import SecondCaptureLoss
 from glsim.train.models.registry import inputs_of
 from glsim.train.recipe import DataSettings, Recipe
 
@@ -190,22 +185,16 @@ class SimulatedBatches:
 def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     """Open and join the splits train and val of data sets on disk.
 
-    For a `SecondCaptureLoss`, training pairs hold a second capture in place of the clean frame.
-
     Raises:
         DatasetError: for a data set that is missing, damaged, or unfit for the recipe.
         ConfigError: for a recipe that no data set can fit.
     """
     data = recipe.data
-    loss = build_loss(recipe.loss)
-    open_pairs: Callable[..., StoredPairs] = StoredPairs
-    if isinstance(loss, SecondCaptureLoss):
-        open_pairs = partial(StoredCaptures, frames_apart=loss.frames_apart)
     crop = data.crop or None
     inputs = inputs_of(recipe.model)
     validation_cut = "centre" if data.cut == "random" else data.cut
     train = [
-        open_pairs(
+        StoredPairs(
             dataset,
             "train",
             crop=crop,
@@ -250,15 +239,10 @@ def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatche
         ray: address of a Ray cluster that renders, as in `SimulatedPairs`.
 
     Raises:
-        ConfigError: for a loss that needs sequences, or settings that cannot be simulated.
+        ConfigError: for settings that cannot be simulated.
         MeshError: for a source without a usable face.
         DeviceError: without OpenGL.
     """
-    if isinstance(build_loss(recipe.loss), SecondCaptureLoss):
-        raise ConfigError(
-            f"loss.kind = {recipe.loss['kind']!r} needs two frames of a sequence, and --simulate "
-            "renders single frames: make sequences with glsim generate, then give --data"
-        )
     changes = dict(recipe.simulate)
     if recipe.data.crop:
         changes["output"] = {"crop": recipe.data.crop, **changes.get("output", {})}

@@ -1,10 +1,11 @@
-"""Export the network of a checkpoint as an ONNX file, which runs without PyTorch."""
+"""Export the network of a checkpoint as an ONNX file, which runs without PyTorch; read it back."""
 
 from __future__ import annotations
 
 import importlib.util
 import io
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,16 +13,18 @@ import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
-from glsim.denoise.inference import TorchNetwork, load_model, load_record
+from glsim.denoise.inference import TorchNetwork, load_model
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
-from glsim.denoise.onnx_check import check_onnx
-from glsim.denoise.onnx_file import OpenCvNetwork
-from glsim.denoise.onnx_inputs import record_entries
-from glsim.errors import TrainError
+from glsim.denoise.onnx_file import OpenCvNetwork, read_content, read_onnx, record_entries
+from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
+from glsim.errors import DenoiserError, TrainError
 from glsim.files.atomic import write_atomic
 from glsim.train.models.base import DepthModel
 from glsim.train.models.named_outputs import NamedOutputs, named_outputs
+from glsim.train.models.registry import build_model
+from glsim.train.models.warm_start import NOT_COPIED
 
 #: Largest accepted difference between an exported network and PyTorch, mm. Chosen: a hundredth of
 #: the step of a depth file.
@@ -51,19 +54,17 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
         TrainError: if the network cannot be exported, OpenCV cannot run it (Restormer), or its
             results differ.
     """
-    model = load_model(checkpoint).cpu().eval()
-    data = onnx_bytes(model, checkpoint) + record_entries(load_record(checkpoint))
-    try:
-        check_onnx(data)
-    except ValueError as error:
-        raise TrainError(f"{checkpoint}: its network {error}, which no reader accepts") from None
+    model, record = load_model(checkpoint)
+    data = onnx_bytes(model.cpu().eval(), checkpoint, record)
     differences = _compare(TorchNetwork(model), data, checkpoint)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(data, out)
     return differences
 
 
-def onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
+def onnx_bytes(
+    model: DepthModel, checkpoint: Path, record: NetworkRecord = DEFAULT_RECORD
+) -> bytes:
     """Return the ONNX file of a model, unchecked; error messages name ``checkpoint``.
 
     Uses PyTorch's TorchScript exporter: the newer one is forty times slower for `MaskAware`.
@@ -98,7 +99,7 @@ def onnx_bytes(model: DepthModel, checkpoint: Path) -> bytes:
             raise TrainError(f"{checkpoint}: this network cannot be exported: {reason}") from error
     from glsim.train.onnx_graph import compacted  # the package onnx is there: PyTorch used it
 
-    return compacted(buffer.getvalue())
+    return compacted(buffer.getvalue(), record_entries(record))
 
 
 def _asinh(graph: Any, x: Any) -> Any:
@@ -127,7 +128,11 @@ def _test_frame(height: int, width: int, seed: int) -> NDArray[np.float32]:
 
 def _compare(network: TorchNetwork, data: bytes, checkpoint: Path) -> dict[str, float]:
     """Return the largest difference of each output between OpenCV and PyTorch, for two sizes."""
-    exported = OpenCvNetwork(data)
+    try:
+        content = read_content(data)
+    except ValueError as error:
+        raise TrainError(f"{checkpoint}: its network {error}, which no reader accepts") from None
+    exported = OpenCvNetwork(data, content)
     differences: dict[str, float] = {}
     for frame in (_test_stack(exported.inputs, *size) for size in ((80, 96), (128, 112))):
         try:
@@ -146,3 +151,62 @@ def _compare(network: TorchNetwork, data: bytes, checkpoint: Path) -> dict[str, 
             "PyTorch: not written"
         )
     return differences
+
+
+def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
+    """Read the weights of a file of ``glsim export``, by their names in PyTorch.
+
+    The file does not name its weights. A network of ``spec`` is therefore filled with random
+    numbers and exported: the tensor that holds the numbers of a weight shows its place in the file.
+
+    Args:
+        path: the ONNX file. It may have fewer inputs than ``spec``: the result has those inputs.
+        spec: the [model] table of a recipe.
+
+    Returns:
+        Name -> weight; without the buffers of `NOT_COPIED` that the graph does not use.
+
+    Raises:
+        TrainError: for a damaged file, another architecture, or weights that the exporter merged
+            (batch normalisation).
+    """
+    try:
+        data, content = read_onnx(path)
+    except DenoiserError as error:
+        raise TrainError(str(error)) from None
+    seen = {n: value for n, value in content.inputs._asdict().items() if value or n in spec}
+    model = build_model({**spec, **seen}).eval()
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for value in model.state_dict().values():
+            if value.is_floating_point():
+                # In [0.5, 0.6]: the exporter folds constants such as 0 and 1.
+                value.copy_(0.5 + 0.1 * torch.rand(value.shape, generator=generator))
+    example = _tensors(onnx_bytes(model, path))
+    found = _tensors(data)
+    if [value.shape for value in found] != [value.shape for value in example]:
+        raise TrainError(
+            f"{path}: is another architecture, or was exported by another version of glsim: start "
+            "from a network with the same [model], from its checkpoint, or without --from"
+        )
+    places = {tag.numpy().tobytes(): value for tag, value in zip(example, found, strict=True)}
+    weights = {}
+    for name, value in model.state_dict().items():
+        place = places.get(value.contiguous().numpy().tobytes())
+        if place is not None:
+            weights[name] = place.reshape(value.shape)  # a bias may have become (1, C, 1, 1)
+        elif name not in NOT_COPIED:
+            raise TrainError(
+                f"{path}: ONNX files do not keep {name} of this architecture: start from a "
+                "checkpoint (best.pt)"
+            )
+    return weights
+
+
+def _tensors(data: bytes) -> list[Tensor]:
+    """Return the constant float tensors of an ONNX graph, in the order of the file."""
+    import onnx
+
+    tensors = onnx.load_from_string(data).graph.initializer
+    arrays = [onnx.numpy_helper.to_array(tensor) for tensor in tensors]
+    return [torch.from_numpy(array.copy()) for array in arrays if array.dtype.kind == "f"]

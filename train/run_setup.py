@@ -14,8 +14,7 @@ from lightning_fabric import Fabric
 from lightning_fabric.utilities.exceptions import MisconfigurationException
 
 from glsim.denoise import checkpoint
-from glsim.denoise.loading import ONNX_SUFFIX, is_shipped, shipped_file
-from glsim.denoise.registry import NETWORKS
+from glsim.denoise.registry import NETWORKS, ONNX_SUFFIX, is_shipped, shipped_file
 from glsim.errors import ConfigError, TrainError
 from glsim.files.atomic import file_checksum, wrap_write_errors
 from glsim.files.lock import locked
@@ -82,7 +81,7 @@ def start_weights(recipe: Recipe) -> WeightsOf | None:
     with start_file(recipe.training.start) as path:
         if path.suffix != ONNX_SUFFIX:
             return WeightsOf(str(path), checkpoint.load(path)["model"])
-        from glsim.train.onnx_weights import weights_of_onnx  # loads the exporter
+        from glsim.train.onnx_export import weights_of_onnx  # loads the exporter
 
         return WeightsOf(str(path), weights_of_onnx(path, recipe.model))
 

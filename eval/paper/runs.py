@@ -1,6 +1,6 @@
 """Find the trained networks in FOLDER/*/, with their recipes and results.
 
-This module reads only JSON. It opens each checkpoint once, by ``glsim.denoise.load``, to report
+This module reads only JSON. It opens each checkpoint once, by ``glsim.load_denoiser``, to report
 truncated or foreign ones before scoring starts.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from glsim.denoise import Method, load
+from glsim.denoise import Denoiser, load_denoiser
 from glsim.errors import ConfigError, DatasetError, DenoiserError
 from glsim.files.atomic import read_json
 
@@ -56,7 +56,7 @@ class TrainedRun:
 
     @property
     def spec(self) -> str:
-        """Denoiser for ``glsim.denoise.load``."""
+        """Denoiser for ``glsim.load_denoiser``."""
         return f"{self.label}@{self.checkpoint}"
 
 
@@ -85,7 +85,7 @@ def find_trained_runs(folder: Path) -> tuple[list[TrainedRun], list[str]]:
     for checkpoint in checkpoints:
         try:
             run = _read(checkpoint)
-            load(run.spec)
+            load_denoiser(run.spec)
         except (DatasetError, DenoiserError) as error:
             refused.append(str(error))
             continue
@@ -184,7 +184,7 @@ def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
     return [*groups, *(twin for twin in twins if (twin.row, twin.size) not in trained)]
 
 
-def row_networks(runs: Path) -> dict[str, Method]:
+def row_networks(runs: Path) -> dict[str, Denoiser]:
     """Load a network for each row of the paper's tables: that with the first seed.
 
     Args:
@@ -198,7 +198,7 @@ def row_networks(runs: Path) -> dict[str, Method]:
     """
     groups = with_twins(group_by_network(find_trained_runs(runs)[0]))
     groups = sorted(groups, key=lambda group: group.size == "full")  # the largest comes last
-    return {str(g.row): load(g.members[0].spec) for g in groups if g.row is not None}
+    return {str(g.row): load_denoiser(g.members[0].spec) for g in groups if g.row is not None}
 
 
 #: The rows that the paper prints with and without artefact removal.

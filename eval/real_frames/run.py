@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.denoise import Method, compose, load
+from glsim.denoise import Denoiser, load_denoiser
 from glsim.errors import ConfigError, DenoiserError
 from glsim.eval.real_frames.frame_truth import FrameTruth, ScoredFrame
 from glsim.eval.real_frames.results import RealScores, add_up
@@ -34,7 +34,7 @@ class RealJob:
         """Score the frames ``numbers``: the job of a worker."""
         with warned_already():
             recording = split_recording(self.source)
-            methods = [load(spec) for spec in self.denoisers]
+            methods = [load_denoiser(spec) for spec in self.denoisers]
             for number in numbers:
                 yield score_frame(recording, number, methods, self.pairs_only)
 
@@ -44,7 +44,7 @@ class RealJob:
 
 
 def score_frame(
-    recording: SplitRecording, number: int, methods: Sequence[Method], pairs_only: bool = False
+    recording: SplitRecording, number: int, methods: Sequence[Denoiser], pairs_only: bool = False
 ) -> ScoredFrame:
     """Denoise one frame by every method and measure the maps.
 
@@ -68,7 +68,7 @@ def score_frame(
     tallies = {RAW: truth.tally(raw)}
     for method in methods:
         try:
-            parts = compose(method(raw[None]), raw)
+            parts = method.estimate(raw[None]).composites()
         except Exception as error:  # any error of a denoiser
             text = str(error).removeprefix(f"{method.label}: ")
             raise DenoiserError(f"{method.label}: frame {frame.name}: {text}") from error
@@ -102,7 +102,9 @@ def score_recording(
         DenoiserError: a denoiser fails on a frame.
 
     """
-    methods = [load(spec) for spec in denoisers]  # reports wrong ones before scoring starts
+    methods = [
+        load_denoiser(spec) for spec in denoisers
+    ]  # reports wrong ones before scoring starts
     labels = [RAW, *(method.label for method in methods)]
     if len(set(labels)) != len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)

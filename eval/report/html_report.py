@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from glsim.denoise import compose, load
+from glsim.denoise import load_denoiser
 from glsim.denoise.frames import Frames, Stacks
 from glsim.denoise.interface import Depth
 from glsim.errors import DatasetError
@@ -104,7 +104,7 @@ def example_frame(job: ScoringJob) -> GalleryFrame | None:
     Takes the next readable frame; returns None if there is none.
     """
     frames: Frames = job.frames()
-    methods = [load(spec) for spec in job.denoisers]
+    methods = [load_denoiser(spec) for spec in job.denoisers]
     before = max((method.before for method in methods), default=0)
     after = max((method.after for method in methods), default=0)
     stacks = Stacks(frames, before, after)
@@ -118,10 +118,11 @@ def example_frame(job: ScoringJob) -> GalleryFrame | None:
         for method in methods:
             try:
                 infrared = frames.infrared(number) if method.infrared else None
-                denoised = method(*stacks.around(number, method.before, method.after), infrared)
+                stack, now = stacks.around(number, method.before, method.after)
+                estimate = method.estimate(stack, now, infrared)
             except Exception:  # of a denoiser; scoring has counted it
                 continue
-            for part, depth in compose(denoised, sample.noisy_mm).items():
+            for part, depth in estimate.composites().items():
                 predictions[f"{method.label} [{part}]" if part else method.label] = depth
         return GalleryFrame(
             sample.clean_mm,

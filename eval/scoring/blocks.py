@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from glsim.denoise import Method, compose, load
+from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.frames import Frames, Stacks
 from glsim.denoise.interface import Depth
 from glsim.depth_protocol import DepthProtocol
@@ -67,7 +67,7 @@ class ScoringJob:
     """The task of an evaluation, sent to each worker.
 
     Attributes:
-        denoisers: see ``glsim.denoise.load``.
+        denoisers: see ``glsim.load_denoiser``.
         truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
         baseline_every: score trivial baselines on every n-th frame; 0 is never.
         stride: score only every n-th frame.
@@ -100,7 +100,7 @@ class ScoringJob:
     def run(self, blocks: Iterator[FrameBlock]) -> Iterator[ScoredBlock]:
         """Score blocks: the job of a worker."""
         with warned_already():
-            methods = [load(spec) for spec in self.denoisers]
+            methods = [load_denoiser(spec) for spec in self.denoisers]
             yield from map(_BlockScorer(self, self.frames(), methods), blocks)
 
     def doing(self, block: FrameBlock) -> str:
@@ -121,7 +121,7 @@ def warned_already() -> Iterator[None]:
 
 
 class _BlockScorer:
-    def __init__(self, job: ScoringJob, frames: Frames, methods: list[Method]) -> None:
+    def __init__(self, job: ScoringJob, frames: Frames, methods: list[Denoiser]) -> None:
         self._job, self._frames, self._methods = job, frames, methods
         before = max((method.before for method in methods), default=0)
         after = max((method.after for method in methods), default=0)
@@ -151,9 +151,9 @@ class _BlockScorer:
             try:
                 infrared = self._frames.infrared(number) if method.infrared else None
                 start = time.perf_counter()
-                denoised = method(stack, now, infrared)
+                estimate = method.estimate(stack, now, infrared)
                 time_ms = 1000 * (time.perf_counter() - start)
-                parts = _with_rounded(compose(denoised, sample.noisy_mm), self._job.rounded_mm)
+                parts = _with_rounded(estimate.composites(), self._job.rounded_mm)
                 scores = {part: score(depth, truth) for part, depth in parts.items()}
             except DenoiserError as error:
                 result.bad.append({"frame": str(key), "why": f"{method.label}: {error}"})

@@ -18,8 +18,16 @@ from glsim.dataset import open_dataset
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.header import is_dataset
 from glsim.dataset.layer_images import decode_layer
-from glsim.denoise.calibration import CalibratedFrames, DeviceCalibration
-from glsim.denoise.frames import Frames, Key, MovedFrames, Sample, check_millimetres, is_moved
+from glsim.denoise.calibration import DeviceCalibration
+from glsim.denoise.frames import (
+    CalibratedFrames,
+    Frames,
+    Key,
+    MovedFrames,
+    Sample,
+    check_millimetres,
+    is_moved,
+)
 from glsim.denoise.interface import Depth
 from glsim.depth_frame import Frames as DepthFrames
 from glsim.depth_protocol import MEANING, DepthProtocol

@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.denoise import load
+from glsim.denoise import load_denoiser
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.eval.metrics.metric import Metric
@@ -81,7 +81,9 @@ def evaluate(
         workers: number of processes; default: one per core.
         baselines: also score trivial predictions.
     """
-    methods = [load(spec) for spec in job.denoisers]  # reports wrong ones before scoring starts
+    methods = [
+        load_denoiser(spec) for spec in job.denoisers
+    ]  # reports wrong ones before scoring starts
     labels = [method.label for method in methods]
     if len(set(labels)) != len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)

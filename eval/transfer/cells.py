@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from glsim.denoise import GRIDS, load
+from glsim.denoise import GRIDS, load_denoiser
 from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.errors import DatasetError
 from glsim.eval.scoring.bias import BiasSums, BinSums, add_bias
@@ -91,7 +91,7 @@ def score_filters(job: ScoringJob, out: Path, *, workers: int, watch: Watch = No
         specs[f"{item.name}{CLEANED}"] = item.cleaned
     unique = tuple(dict.fromkeys(specs.values()))
     evaluation = _whole(replace(job, denoisers=unique), out, workers, watch)
-    labels = {spec: load(spec).label for spec in unique}
+    labels = {spec: load_denoiser(spec).label for spec in unique}
     return CellScores(
         {name: _scores(evaluation, labels[spec], name, spec) for name, spec in specs.items()}
     )
@@ -112,7 +112,7 @@ def score_network(
     Args:
         job: the test split; its denoisers are replaced.
         name: of the network in tables.
-        network: spec of ``glsim.denoise.load``.
+        network: spec of ``glsim.load_denoiser``.
         out: folder of the scores.
         composite: map of a soft validity, one of COMPOSITES.
         workers: number of processes.

@@ -125,7 +125,7 @@ def _export_frames(
 
 
 def _export_network(checkpoint: Path, out: Path) -> None:
-    from glsim.denoise.loading import ONNX_SUFFIX
+    from glsim.denoise.registry import ONNX_SUFFIX
 
     if out.suffix not in (ONNX_SUFFIX, ".safetensors"):
         raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX} or .safetensors")

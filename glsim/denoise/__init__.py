@@ -3,27 +3,20 @@
     from glsim.denoise import load_denoiser
     depth_mm, valid = load_denoiser("face")(noisy_mm)
 
-noisy_mm: (H, W), float or uint16 millimetres, 0 = no return. ``load_denoiser("face").stream()``
-takes the frames of a camera one by one; ``load`` gives the same denoiser as a ``Method``, which
-takes sequences of frames and returns a network's probability of depth.
+noisy_mm: (H, W), float or uint16 millimetres, 0 = no return. ``Denoiser.push`` takes the frames of
+a camera one by one; ``Denoiser.estimate`` takes sequences of frames and gives a network's
+probability of depth and standard deviation.
 """
 
-from glsim.denoise.composites import (
-    COMPOSITES,
-    DEFAULT_COMPOSITE,
-    check_composite,
-    compose,
-    composed,
-)
-from glsim.denoise.interface import Denoised, Denoiser, Method, SequenceDenoiser
-from glsim.denoise.map_denoiser import DepthStream, MapDenoiser
+from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite
+from glsim.denoise.denoiser import Denoiser, Estimate
+from glsim.denoise.interface import Denoised, DepthFunction
 from glsim.denoise.registry import (
     GRIDS,
     PAPER_FILTERS,
     SHIPPED,
     denoiser_names,
     describe_denoiser,
-    load,
     load_denoiser,
 )
 
@@ -35,15 +28,10 @@ __all__ = [
     "SHIPPED",
     "Denoised",
     "Denoiser",
-    "DepthStream",
-    "MapDenoiser",
-    "Method",
-    "SequenceDenoiser",
+    "DepthFunction",
+    "Estimate",
     "check_composite",
-    "compose",
-    "composed",
     "denoiser_names",
     "describe_denoiser",
-    "load",
     "load_denoiser",
 ]

@@ -5,14 +5,12 @@ These are the fixed pattern and the wiggling that ``glsim fit`` measured.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.frames import ChangedFrames, Frames, Sample
 from glsim.denoise.interface import Depth
 from glsim.errors import ConfigError
 from glsim.geometry.camera import Intrinsics
@@ -108,16 +106,3 @@ class DeviceCalibration:
                 f"within the device's image of {whole}"
             )
         return row, column
-
-
-class CalibratedFrames(ChangedFrames):
-    """Frames whose noisy maps are calibrated; clean maps stay."""
-
-    def __init__(self, frames: Frames, device: DeviceCalibration, own_camera: bool) -> None:
-        """own_camera: a data set states the intrinsics, so that maps may be crops."""
-        super().__init__(frames, device.identity, frames.protocol)
-        self._device, self._own_camera = device, own_camera
-
-    def _changed(self, sample: Sample) -> Sample:
-        crop = sample.intrinsics if self._own_camera else None
-        return replace(sample, noisy_mm=self._device(sample.noisy_mm, crop))

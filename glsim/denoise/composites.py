@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.interface import MIN_DEPTH_MM, Denoised, Depth, Mask, Probability
+from glsim.denoise.interface import MIN_DEPTH_MM, Depth, Mask, Probability
 from glsim.denoise.record import UNLIKELY
 from glsim.errors import ConfigError, did_you_mean
 
@@ -52,19 +52,16 @@ def check_composite(name: str, where: str) -> None:
         raise ConfigError(f"{where} {name}: no such composite ({did_you_mean(name, COMPOSITES)})")
 
 
-def compose(denoised: Denoised, noisy_mm: Depth) -> dict[str, NDArray[Any]]:
-    """Return the composites of a result: name -> (H, W) depth, 0 = none; name "" for a bool mask.
+def composed(
+    denoised: tuple[Depth, Mask | Probability], noisy_mm: Depth, composite: str
+) -> NDArray[Any]:
+    """Return one composite, (H, W) mm, 0 = none; a bool mask is applied whatever the composite.
 
     Args:
-        denoised: the result of a denoiser.
-        noisy_mm: (H, W) its input.
+        denoised: (H, W) depth, mm, and its mask or probability.
+        noisy_mm: (H, W) the input.
+        composite: one of COMPOSITES.
     """
-    names = ("",) if denoised[1].dtype.kind == "b" else COMPOSITES
-    return {name: composed(denoised, noisy_mm, name) for name in names}
-
-
-def composed(denoised: Denoised, noisy_mm: Depth, composite: str) -> NDArray[Any]:
-    """Return one composite; a bool mask is applied whatever the composite."""
     depth, valid = denoised
     none = depth.dtype.type(0)
     if valid.dtype.kind == "b":

@@ -1,25 +1,34 @@
-"""Frames of depth maps for denoisers, and their neighbours in time."""
+"""Frames of depth maps for denoisers: files, moved and calibrated ones, and neighbours in time."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.dataset.header import read_header
+from glsim.dataset.reader import open_dataset
+from glsim.denoise.calibration import DeviceCalibration
+from glsim.denoise.depth_files import dataset_root
 from glsim.denoise.interface import MIN_MEASURED_MM, Depth
+from glsim.depth_frame import DepthFrame
 from glsim.depth_protocol import (
     NEAREST_MM,
     DepthProtocol,
     offset_to_nearest,
+    stored_protocol,
     subtract_offset,
 )
 from glsim.errors import DatasetError
+from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
+from glsim.map_files import read_map_mm
 
 #: A frame with its nearest point at 1 mm and a smaller median depth, mm, is in whole metres.
 _METRES_MM = 10.0
@@ -154,6 +163,110 @@ class MovedFrames(ChangedFrames):
         )
 
 
+class CalibratedFrames(ChangedFrames):
+    """Frames whose noisy maps are calibrated; clean maps stay."""
+
+    def __init__(self, frames: Frames, device: DeviceCalibration, own_camera: bool) -> None:
+        """own_camera: a data set states the intrinsics, so that maps may be crops."""
+        super().__init__(frames, device.identity, frames.protocol)
+        self._device, self._own_camera = device, own_camera
+
+    def _changed(self, sample: Sample) -> Sample:
+        crop = sample.intrinsics if self._own_camera else None
+        return replace(sample, noisy_mm=self._device(sample.noisy_mm, crop))
+
+
+class MapFrames:
+    """Depth-map files as frames without ground truth; the files of a folder are one sequence."""
+
+    identity = ""
+    regions: Mapping[str, int] = {}
+
+    def __init__(
+        self,
+        files: Sequence[Path],
+        depth_unit_mm: float,
+        device: DeviceCalibration | None = None,
+        infrared: Sequence[Path] = (),
+        protocol: DepthProtocol = "depth",
+    ) -> None:
+        """Look up the data sets of the files. Raises DatasetError if one is damaged.
+
+        Args:
+            files: 16-bit depth maps.
+            depth_unit_mm: their step.
+            device: subtract its errors; crops of data sets have their place in its image.
+            infrared: one 16-bit image for each map.
+            protocol: "depth": as measured, with the offset that a data set states. "paper": the
+                nearest point of each map at 1 mm.
+        """
+        self.protocol: DepthProtocol = protocol
+        self._files, self._unit_mm, self._device = files, depth_unit_mm, device
+        self._infrared = infrared
+        self._roots = {folder: dataset_root(folder) for folder in {f.parent for f in files}}
+        #: Data set -> depth of the nearest point of its maps, mm; None: as measured.
+        self._nearest_mm = {
+            root: read_header(root)["settings"]["output"].get("nearest_to_mm")
+            for root in {*self._roots.values()}
+            if root is not None
+        }
+        moved = any(nearest is not None for nearest in self._nearest_mm.values())
+        self._pairs = self._dataset_pairs() if device is not None or moved else {}
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def key(self, number: int) -> Key:
+        """Return the key of a file; its subject is the folder."""
+        return Key(str(self._files[number].parent), "", number)
+
+    def load(self, number: int) -> Sample:
+        """Read a map, also used as ``clean_mm``.
+
+        Raises DatasetError if it is no 16-bit depth map, ConfigError if it is none of the device.
+        """
+        file = self._files[number]
+        root = self._roots[file.parent]
+        stored_mm = self._stored_offset_mm(number)
+        depth = read_map_mm(file, self._unit_mm, stored_mm, inside=root)
+        check_millimetres(depth, str(file), self.protocol)
+        if self._device is not None:
+            pair = self._pairs.get(file.absolute())
+            depth = self._device(depth, None if pair is None else pair.intrinsics)
+        height, width = depth.shape
+        offset_mm = 0.0
+        if self.protocol == "paper":
+            at_1_mm = root is not None and stored_protocol(self._nearest_mm[root]) == "paper"
+            offset_mm = stored_mm if at_1_mm else offset_to_nearest(depth)
+            depth = subtract_offset(depth, offset_mm)
+        camera = Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0)
+        return Sample(depth, depth, camera, offset_mm=offset_mm)
+
+    def as_stored(self, number: int, depth_mm: Depth, offset_mm: float) -> Depth:
+        """Return a denoised map with the offset of its file instead of its ``Sample``'s."""
+        change_mm = self._stored_offset_mm(number) - offset_mm
+        return subtract_offset(depth_mm, change_mm, self._unit_mm) if change_mm else depth_mm
+
+    def infrared(self, number: int) -> NDArray[Any]:
+        """Read the infrared counts of a map. Raises DatasetError if they are no 16-bit image."""
+        return read_depth_png(self._infrared[number])
+
+    def _stored_offset_mm(self, number: int) -> float:
+        pair = self._pairs.get(self._files[number].absolute())
+        return 0.0 if pair is None else pair.offset_mm
+
+    def _dataset_pairs(self) -> dict[Path, DepthFrame]:
+        """Return the frames of those maps that belong to data sets, by absolute path."""
+        wanted = {file.absolute() for file in self._files}
+        return {
+            path: pair
+            for root in self._nearest_mm
+            for pair in open_dataset(root)
+            for file in pair.record["files"].values()
+            if (path := root / file["name"]) in wanted
+        }
+
+
 class Stacks:
     """Reads frames with their neighbours in time; if read in order, each file is read once."""
 
@@ -175,15 +288,23 @@ class Stacks:
             raise cached
         return cached
 
-    def around(self, number: int, before: int, after: int) -> tuple[Depth, int]:
+    def around(
+        self, number: int, before: int | None = None, after: int | None = None
+    ) -> tuple[Depth, int]:
         """Return the noisy frames around a frame, (T, H, W) millimetres, and its index among them.
 
         Neighbours are of the same sequence and size, moved to the offset of the frame; unreadable
         ones are left out.
 
+        Args:
+            number: of the frame.
+            before, after: most neighbours; default: as many as the reader holds.
+
         Raises:
             DatasetError: if the frame itself cannot be read.
         """
+        before = self._before if before is None else before
+        after = self._after if after is None else after
         sample = self.sample(number)
         key = self._frames.key(number)
         stack: list[Depth] = []

@@ -1,23 +1,30 @@
-"""Run the network of an ONNX file: by onnxruntime if it is installed, else by OpenCV.
+"""Read a network of an ONNX file, and run it: by onnxruntime if it is installed, else by OpenCV.
 
 Each input of ``glsim.denoise.inputs`` is a named input of the graph, (1, images, H, W) float32; H
-and W are multiples of SIZE_MULTIPLE_PX.
+and W are multiples of SIZE_MULTIPLE_PX. Load only networks that you trust: a file is bounded in
+size, may use the operators of convolutional networks alone and no other file, and must run on a
+small frame of zeros, but how much memory and time a larger frame takes is the network's choice.
+
+Sizes and settings are read from the file itself (Protocol Buffers; numbers of fields as in
+onnx.proto of ONNX 1.17), since OpenCV does not tell them and the package onnx need not be there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import cv2
 import numpy as np
 
-from glsim.denoise.inputs import NetworkInputs
-from glsim.denoise.network import Depth, NetworkDenoiser, network_denoiser
-from glsim.denoise.onnx_check import check_onnx
-from glsim.denoise.onnx_inputs import read_inputs, read_record
-from glsim.errors import DenoiserError
+from glsim.denoise.composites import DOUBT
+from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
+from glsim.denoise.interface import Depth
+from glsim.denoise.network import NetworkFunction, Runner
+from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
+from glsim.depth_protocol import check_protocol
+from glsim.errors import ConfigError, DenoiserError
 from glsim.files.regular import read_regular
 
 Runtime = Literal["onnxruntime", "opencv"]
@@ -25,21 +32,114 @@ Runtime = Literal["onnxruntime", "opencv"]
 #: Largest file that is read, bytes: four times the float32 weights of the largest shipped recipe
 #: (Restormer, 26 million).
 _MAX_BYTES: Final = 2**29
+#: Side of the frame of zeros that a network must run on, px.
+_TRIAL_PX: Final = 32
+#: The operators of convolutional networks: those that ``glsim export`` writes, and more of their
+#: kind. Others would only be ways to run long (Loop, Scan) or to run other code.
+_OPERATOR_NAMES: Final = """
+    Abs Acos Add And ArgMax ArgMin Asin Asinh Atan AveragePool BatchNormalization Cast Ceil Clip
+    Concat Constant ConstantOfShape Conv ConvTranspose Cos Cosh DepthToSpace Div Elu Equal Erf Exp
+    Expand Flatten Floor Gather GatherElements GatherND Gelu Gemm GlobalAveragePool GlobalMaxPool
+    Greater GreaterOrEqual GridSample GroupNormalization HardSigmoid HardSwish Identity
+    InstanceNormalization IsInf IsNaN LayerNormalization LeakyRelu Less LessOrEqual Log LogSoftmax
+    MatMul Max MaxPool Mean Min Mish Mod Mul Neg Not Or Pad Pow PRelu Reciprocal ReduceL1 ReduceL2
+    ReduceMax ReduceMean ReduceMin ReduceProd ReduceSum ReduceSumSquare Relu Reshape Resize Round
+    ScatterElements ScatterND Shape Sigmoid Sign Sin Sinh Size Slice Softmax Softplus SpaceToDepth
+    Split Sqrt Squeeze Sub Sum Tan Tanh TopK Transpose Unsqueeze Where Xor
+"""
+_OPERATORS: Final = frozenset(_OPERATOR_NAMES.split())
+#: Prefix of the keys of a record, before the names of its fields; what is default has no entry.
+_PREFIX: Final = "glsim."
+
+# Numbers of fields: ModelProto, GraphProto, NodeProto, AttributeProto, TensorProto.
+_GRAPH, _METADATA = 7, 14
+_NODE, _INITIALIZER, _INPUT = 1, 5, 11
+_OPERATOR, _ATTRIBUTE, _DOMAIN = 4, 5, 7
+_TENSOR, _EXTERNAL = 5, 13
+#: ValueInfoProto.name and .type, and the way from a type to the sides of its shape.
+_NAME, _TYPE, _TO_SIDES, _SIDE = 1, 2, (1, 2, 1), 1
+
+
+class OnnxContent(NamedTuple):
+    """What an ONNX file says besides its graph."""
+
+    inputs: NetworkInputs
+    record: NetworkRecord
+
+
+def read_onnx(path: Path) -> tuple[bytes, OnnxContent]:
+    """Read and check a file that ``glsim export`` wrote, without running it.
+
+    Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
+    """
+    try:
+        data = read_regular(path, _MAX_BYTES)
+    except OSError as error:
+        raise DenoiserError(f"{path}: cannot be read: {error.strerror or error}") from None
+    try:
+        return data, read_content(data)
+    except (ValueError, ConfigError) as error:
+        reason = f"it {error}"
+    except (IndexError, TypeError):  # of bytes that are no message
+        reason = "it is cut short"
+    raise DenoiserError(f"{path}: is damaged, or is no network of glsim export ({reason})")
+
+
+def load_onnx(
+    path: Path, min_probability: float = 0.0, runtime: Runtime | None = None
+) -> NetworkFunction:
+    """Load a network that ``glsim export`` wrote.
+
+    Args:
+        path: the file.
+        min_probability: see ``NetworkFunction``.
+        runtime: default: onnxruntime if it is installed, else opencv.
+
+    Raises:
+        DenoiserError: as ``read_onnx``, and for a network that does not run on a frame of zeros.
+    """
+    data, content = read_onnx(path)
+    try:
+        network = run_onnx(data, content, runtime)
+        outputs = network(np.zeros((content.inputs.channels, _TRIAL_PX, _TRIAL_PX), np.float32))
+        if any(image.shape != (_TRIAL_PX, _TRIAL_PX) for image in outputs.values()):
+            raise ValueError("its outputs are not of the size of the frame")
+    except Exception as error:  # both runtimes have their own classes of errors
+        reason = " ".join(str(error).split())[:200]
+        raise DenoiserError(f"{path}: is damaged, or is no ONNX network ({reason})") from None
+    if "depth_mm" not in outputs:
+        raise DenoiserError(
+            f"{path}: has no output 'depth_mm' (but {', '.join(outputs)}): make it with "
+            "glsim export"
+        )
+    return NetworkFunction(network, str(path), min_probability)
+
+
+def run_onnx(data: bytes, content: OnnxContent, runtime: Runtime | None = None) -> Runner:
+    """Make the runner of a network; arguments as of ``load_onnx``. Raises the runtime's errors."""
+    if runtime == "opencv":
+        return OpenCvNetwork(data, content)
+    try:
+        return OnnxRuntimeNetwork(data, content)
+    except ImportError:
+        if runtime is not None:
+            raise
+        return OpenCvNetwork(data, content)
 
 
 class OpenCvNetwork:
     """Runs an ONNX graph by OpenCV, whose new engine (OpenCV 5) accepts frames of any size."""
 
-    def __init__(self, data: bytes) -> None:
-        self.inputs = read_inputs(data)
+    def __init__(self, data: bytes, content: OnnxContent) -> None:
+        self.inputs, self.record = content
         self._net = cv2.dnn.readNetFromONNX(
             np.frombuffer(data, np.uint8), engine=cv2.dnn.ENGINE_NEW
         )
-        self.outputs: Sequence[str] = self._net.getUnconnectedOutLayersNames()
+        self.outputs = tuple(self._net.getUnconnectedOutLayersNames())
 
-    def __call__(self, noisy_mm: Depth) -> Mapping[str, Depth]:
-        """Run the graph on (H, W) millimetres, or on the (C, H, W) stack of its inputs."""
-        for name, blob in _blobs(self.inputs, noisy_mm).items():
+    def __call__(self, stack: Depth) -> Mapping[str, Depth]:
+        """Run the graph on the (C, H, W) stack of its inputs."""
+        for name, blob in _blobs(self.inputs, stack).items():
             self._net.setInput(blob, name)
         images = self._net.forward(self.outputs)
         return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
@@ -48,11 +148,10 @@ class OpenCvNetwork:
 class OnnxRuntimeNetwork:
     """Runs an ONNX graph by onnxruntime, on as many threads as OpenCV uses."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, content: OnnxContent) -> None:
         import onnxruntime
 
-        self.inputs = read_inputs(data)
-
+        self.inputs, self.record = content
         onnxruntime.disable_telemetry_events()
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = cv2.getNumThreads()
@@ -63,69 +162,130 @@ class OnnxRuntimeNetwork:
         self._session = onnxruntime.InferenceSession(
             data, options, providers=["CPUExecutionProvider"]
         )
-        self.outputs: Sequence[str] = [output.name for output in self._session.get_outputs()]
+        self.outputs = tuple(output.name for output in self._session.get_outputs())
 
-    def __call__(self, noisy_mm: Depth) -> Mapping[str, Depth]:
-        """Run the graph on (H, W) millimetres, or on the (C, H, W) stack of its inputs."""
-        images = self._session.run(self.outputs, _blobs(self.inputs, noisy_mm))
+    def __call__(self, stack: Depth) -> Mapping[str, Depth]:
+        """Run the graph on the (C, H, W) stack of its inputs."""
+        images = self._session.run(self.outputs, _blobs(self.inputs, stack))
         return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
 
 
-def _blobs(inputs: NetworkInputs, noisy_mm: Depth) -> dict[str, Depth]:
+def _blobs(inputs: NetworkInputs, stack: Depth) -> dict[str, Depth]:
     """Return name -> (1, images, H, W) of each input of a graph."""
-    stack = noisy_mm[None] if noisy_mm.ndim == 2 else noisy_mm
     return {name: np.ascontiguousarray(part[None]) for name, part in inputs.named(stack).items()}
 
 
-def read_onnx(path: Path) -> bytes:
-    """Read a file that ``glsim export`` wrote.
+def read_content(data: bytes) -> OnnxContent:
+    """Check the operators of a file; return its inputs and record.
 
-    Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
+    Raises ValueError or ConfigError, with the reason, for a file that ``glsim export`` cannot have
+    written; IndexError or TypeError for bytes that are no message.
     """
-    try:
-        data = read_regular(path, _MAX_BYTES)
-    except OSError as error:
-        reason = error.strerror or error
-        raise DenoiserError(f"{path}: cannot be read: {reason}") from None
-    try:
-        check_onnx(data)
-    except ValueError as error:
-        raise DenoiserError(
-            f"{path}: is damaged, or is no network of glsim export (it {error})"
-        ) from None
-    return data
+    graphs = list(_messages(memoryview(data), _GRAPH))
+    if len(graphs) != 1:
+        raise ValueError("holds several graphs" if graphs else "holds no graph")
+    counts: dict[str, int] = {}
+    for number, part in _fields(graphs[0]):
+        if number == _NODE:
+            _check_node(part)
+        elif number == _INITIALIZER:
+            _check_tensor(part)
+        elif number == _INPUT:
+            counts[_text(part, _NAME)] = _images(part)
+    if counts.get(DEPTH) != 1 or counts.keys() - {DEPTH, INFRARED, BEFORE, AFTER}:
+        raise ValueError(f"has the inputs {', '.join(map(repr, counts)) or 'none'}")
+    inputs = NetworkInputs(INFRARED in counts, counts.get(BEFORE, 0), counts.get(AFTER, 0))
+    entries = _messages(memoryview(data), _METADATA)
+    return OnnxContent(inputs, _record({_text(entry, 1): _text(entry, 2) for entry in entries}))
 
 
-def load_onnx(
-    path: Path, min_probability: float = 0.0, runtime: Runtime | None = None
-) -> NetworkDenoiser:
-    """Load a network that ``glsim export`` wrote.
+def _record(text: Mapping[str, str]) -> NetworkRecord:
+    """Parse the entries of a record. Raises ValueError for a value that is out of range."""
+    given = {
+        name: text.get(f"{_PREFIX}{name}", default)
+        for name, default in DEFAULT_RECORD._asdict().items()
+    }
+    protocol = check_protocol(str(given["protocol"]), "protocol")
+    assert protocol is not None
+    record = NetworkRecord(
+        protocol,
+        bool(int(given["keep_clean"])),
+        int(given["margin_px"]),
+        float(given["unlikely"]),
+    )
+    if record.margin_px < DEFAULT_RECORD.margin_px or not 0 < record.unlikely < DOUBT:
+        raise ValueError(f"has the settings {', '.join(f'{k}={v}' for k, v in text.items()):.60}")
+    return record
 
-    min_probability: see ``NetworkDenoiser``. runtime: default onnxruntime if it is installed, else
-    opencv. Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
+
+def record_entries(record: NetworkRecord) -> dict[str, str]:
+    """Return the metadata of a network's file: key -> text; defaults have no entry."""
+    return {
+        f"{_PREFIX}{name}": value if isinstance(value, str) else f"{value:g}"
+        for name, default in DEFAULT_RECORD._asdict().items()
+        if (value := getattr(record, name)) != default
+    }
+
+
+def _check_node(node: memoryview) -> None:
+    name, domain = _text(node, _OPERATOR), _text(node, _DOMAIN)
+    if domain or name not in _OPERATORS:
+        raise ValueError(f"uses the operator {f'{domain} {name}'.strip()!a:.60}")
+    for attribute in _messages(node, _ATTRIBUTE):
+        for tensor in _messages(attribute, _TENSOR):
+            _check_tensor(tensor)
+
+
+def _check_tensor(tensor: memoryview) -> None:
+    if any(number == _EXTERNAL for number, _ in _fields(tensor)):
+        raise ValueError("keeps weights in another file")
+
+
+def _images(value: memoryview) -> int:
+    """Return the number of images of an input, the second side of its shape."""
+    messages = list(_messages(value, _TYPE))
+    for number in _TO_SIDES:
+        messages = [inner for message in messages for inner in _messages(message, number)]
+    return next((n for n in _messages(messages[1], _SIDE)), 0) if len(messages) > 1 else 0
+
+
+def _text(message: memoryview, number: int) -> str:
+    return bytes(next(_messages(message, number), b"")).decode("utf-8", "replace")
+
+
+def _messages(message: memoryview, number: int) -> Iterator[Any]:
+    return (content for found, content in _fields(message) if found == number)
+
+
+def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
+    """Yield number and content of the fields of a message: an integer, or bytes.
+
+    Raises ValueError for what is no message, IndexError for one that is cut short.
     """
-    data = read_onnx(path)
-    try:
-        network = _open(data, runtime)
-        record = read_record(data)
-    except Exception as error:  # both runtimes have their own classes of errors
-        reason = " ".join(str(error).split())[:200]
-        raise DenoiserError(f"{path}: is damaged, or is no ONNX network ({reason})") from None
-    if "depth_mm" not in network.outputs:
-        raise DenoiserError(
-            f"{path}: has no output 'depth_mm' (but {', '.join(network.outputs)}): make it with "
-            "glsim export"
-        )
-    uncertain = "sigma_mm" in network.outputs
-    return network_denoiser(network, str(path), uncertain, min_probability, network.inputs, record)
+    at = 0
+    while at < len(message):
+        key, at = _varint(message, at)
+        if key < 8:
+            raise ValueError("is damaged")
+        if key & 7 == 0:
+            value, at = _varint(message, at)
+            yield key >> 3, value
+            continue
+        length = {1: 8, 5: 4}.get(key & 7)
+        if key & 7 == 2:
+            length, at = _varint(message, at)
+        if length is None or at + length > len(message):
+            raise ValueError("is damaged or cut short")
+        yield key >> 3, message[at : at + length]
+        at += length
 
 
-def _open(data: bytes, runtime: Runtime | None) -> Any:
-    if runtime == "opencv":
-        return OpenCvNetwork(data)
-    try:
-        return OnnxRuntimeNetwork(data)
-    except ImportError:
-        if runtime is not None:
-            raise
-        return OpenCvNetwork(data)
+def _varint(message: memoryview, at: int) -> tuple[int, int]:
+    """Return an integer in seven bits a byte, and the place behind it."""
+    value = 0
+    for shift in range(0, 70, 7):
+        value |= (message[at] & 127) << shift
+        at += 1
+        if message[at - 1] < 128:
+            return value, at
+    raise ValueError("is damaged")

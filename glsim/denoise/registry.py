@@ -6,25 +6,26 @@ The filters are the dictionaries FILTERS and GRIDS of the modules in the folder 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import importlib
+import importlib.resources
 import itertools
+import sys
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from importlib.resources.abc import Traversable
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Final
 
+from glsim.denoise import shipped
 from glsim.denoise.composites import DEFAULT_COMPOSITE
-from glsim.denoise.interface import Method, build
-from glsim.denoise.loading import (
-    ONNX_SUFFIX,
-    NetworkOptions,
-    as_method,
-    from_callable,
-    from_file,
-    from_shipped,
-    is_shipped,
-)
-from glsim.denoise.map_denoiser import MapDenoiser
-from glsim.errors import ConfigError, did_you_mean
-from glsim.plugins import load_plugin, module_names, plugin_names, shipped_module
+from glsim.denoise.denoiser import Denoiser
+from glsim.denoise.inputs import MAX_NEIGHBOURS
+from glsim.denoise.interface import build, parameter
+from glsim.errors import CPU_TORCH, ConfigError, DenoiserError, did_you_mean
+from glsim.plugins import announce_code, load_plugin, module_names, plugin_names, shipped_module
 
 _FOLDER: Final = "denoise/filters"
 _MODULES: Final = [shipped_module(_FOLDER, name) for name in module_names(_FOLDER)]
@@ -43,6 +44,8 @@ NETWORKS: Final = {
     "face-azure-kinect": "Heads before an Azure Kinect.",
     "face-stereo": "Heads before a RealSense D4xx or TrueDepth.",
 }
+#: Package of the shipped networks, one file each; docs/model_card.md describes them.
+_SHIPPED_PACKAGE: ModuleType | str = shipped
 
 #: The columns of the paper's table 1, in its order.
 PAPER_FILTERS: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
@@ -54,7 +57,29 @@ GRIDS: Final[dict[str, dict[str, Sequence[float]]]] = {
 #: Windows of the mask clean-up that tuning tries, px.
 CLEANUPS: Final = (3, 5, 7)
 
-_SUFFIXES = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt", ".safetensors")
+#: Suffix of networks that run without PyTorch; the others need it.
+ONNX_SUFFIX: Final = ".onnx"
+_SUFFIXES: Final = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt", ".safetensors")
+
+
+@dataclass(frozen=True)
+class NetworkOptions:
+    """Parameters of a trained network on the command line."""
+
+    min_probability: float = parameter(
+        0.0, 0.0, 0.999, "keep a pixel if P(depth on the chosen surface) exceeds this; 0: see "
+        "--composite",
+    )  # fmt: skip
+    before: int = parameter(
+        MAX_NEIGHBOURS, 0, MAX_NEIGHBOURS, "networks of video: use at most this many earlier frames"
+    )
+    keep_clean: int | None = parameter(
+        None,
+        0,
+        1,
+        "1: a frame whose noise rounding and the form of surfaces explain comes back unchanged; "
+        "0: every frame is denoised; default: as the network was trained, 0 for face-stereo",
+    )
 
 
 def denoiser_names() -> list[str]:
@@ -74,15 +99,6 @@ def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
     return NETWORKS.get(name) or (kind.__doc__ or name).splitlines()[0], parameters
 
 
-def _plugins() -> list[str]:
-    return plugin_names("denoisers", [*_FILTERS, *NETWORKS])
-
-
-def _filter(name: str) -> Any:
-    """Return the class of a filter, or the class or function of a plug-in."""
-    return _FILTERS[name] if name in _FILTERS else load_plugin("denoisers", name, callable)
-
-
 def tuning_specs(name: str, cleanups: Sequence[int]) -> list[str]:
     """Return the settings that tuning tries for a filter, as written on the command line."""
     axes = GRIDS[name] | {"cleanup": cleanups}
@@ -92,69 +108,80 @@ def tuning_specs(name: str, cleanups: Sequence[int]) -> list[str]:
     ]
 
 
-def load(spec: str) -> Method:
-    """Load a denoiser: ``name:key=value,...``, ``module:function:key=value,...`` or a network file.
-
-    Network files are ``best.pt`` and ``face.safetensors`` (need PyTorch), and ``face.onnx``.
-
-    ``label@spec`` sets its name in tables. Raises ConfigError for an unknown name or parameter,
-    DenoiserError if it cannot be imported.
-    """
-    label, at, rest = spec.partition("@")
-    text = rest if at else spec
-    if not text or (at and not label):
-        raise ConfigError(f"--denoiser {spec!r}: give a name, e.g. median:size=5")
-    if text.endswith(_SUFFIXES):
-        return from_file(Path(text), label)
-    path, _, assignments = text.rpartition(":")
-    if path.endswith(_SUFFIXES):
-        return from_file(
-            Path(path), label, build(NetworkOptions, _assignments(assignments, spec), spec)
-        )
-    name, _, tail = text.partition(":")
-    if name in _FILTERS:
-        return as_method(label, build(_FILTERS[name], _assignments(tail, spec), spec))
-    if name in NETWORKS:
-        options = build(NetworkOptions, _assignments(tail, spec), spec)
-        return from_shipped(name, label, options)
-    if name in _plugins():
-        found = _filter(name)
-        return from_callable(found.__module__, found.__name__, _assignments(tail, spec), label)
-    function, _, parameters = tail.partition(":")
-    if function and "=" not in function:
-        return from_callable(name, function, _assignments(parameters, spec), label)
-    raise ConfigError(
-        f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
-        "or write module:function, or the path of a network (.onnx, .pt, .safetensors)"
-    )
-
-
 def load_denoiser(
     spec: str,
     *,
     device: Path | str | None = None,
     composite: str | None = DEFAULT_COMPOSITE,
     around: str | None = None,
-) -> MapDenoiser:
+) -> Denoiser:
     """Load a denoiser as a function of one depth map: ``load_denoiser("face")(depth_mm)``.
 
-    Raises what ``load`` and ``MapDenoiser`` raise.
-
     Args:
-        spec: as for ``load``.
+        spec: ``name:key=value,...``, ``module:function:key=value,...`` or a network file: best.pt
+            and face.safetensors (need PyTorch), or face.onnx. ``label@spec`` sets the name in
+            tables.
         device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are subtracted first.
         composite: see COMPOSITES; None returns networks' probability of depth.
         around: "face": denoise only around the nearest head, for live streams.
 
     Returns:
         A function of (H, W) float or integer millimetres, 0 = no return, that returns ``Denoised``,
-        depth and the mask of depth. Its ``stream()`` takes the frames of a camera one by one.
+        depth and the mask of depth. Its ``push`` takes the frames of a camera one by one.
+
+    Raises:
+        ConfigError: for an unknown name or parameter, and as ``Denoiser``.
+        DenoiserError: if it cannot be imported, or for a file that is missing or damaged.
     """
-    return MapDenoiser(load(spec), device, composite, around)
+    label, at, rest = spec.partition("@")
+    text = rest if at else spec
+    if not text or (at and not label):
+        raise ConfigError(f"--denoiser {spec!r}: give a name, e.g. median:size=5")
+    function, version, own_code = _resolve(text, spec, label)
+    return Denoiser(
+        label, function, version, own_code=own_code, device=device, composite=composite,
+        around=around,
+    )  # fmt: skip
+
+
+def _resolve(text: str, spec: str, label: str) -> tuple[Any, str, bool]:
+    """Return the function of a denoiser, its version, and whether it is the user's own code."""
+    path, _, assignments = text.rpartition(":")
+    if text.endswith(_SUFFIXES):
+        path, assignments = text, ""
+    if path.endswith(_SUFFIXES):
+        options = build(NetworkOptions, _assignments(assignments, spec), spec)
+        return *_from_file(Path(path), label, options), False
+    name, _, tail = text.partition(":")
+    if name in _FILTERS:
+        return build(_FILTERS[name], _assignments(tail, spec), spec), "", False
+    if name in NETWORKS:
+        options = build(NetworkOptions, _assignments(tail, spec), spec)
+        return *_from_shipped(name, label, options), False
+    if name in _plugins():
+        found = _filter(name)
+        given = _assignments(tail, spec)
+        return *_from_callable(found.__module__, found.__name__, given, label), True
+    function, _, parameters = tail.partition(":")
+    if function and "=" not in function:
+        return *_from_callable(name, function, _assignments(parameters, spec), label), True
+    raise ConfigError(
+        f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
+        "or write module:function, or the path of a network (.onnx, .pt, .safetensors)"
+    )
+
+
+def _plugins() -> list[str]:
+    return plugin_names("denoisers", [*_FILTERS, *NETWORKS])
+
+
+def _filter(name: str) -> Any:
+    """Return the class of a filter, or the class or function of a plug-in."""
+    return _FILTERS[name] if name in _FILTERS else load_plugin("denoisers", name, callable)
 
 
 def _assignments(text: str, spec: str) -> dict[str, str]:
-    """Parse ``key=value,key=value``. Raises ConfigError for another form."""
+    """Parse ``key=value,key=value``. Raises ConfigError for another form, or a name given twice."""
     pairs: dict[str, str] = {}
     for part in filter(None, text.split(",")):
         key, equals, value = part.partition("=")
@@ -162,3 +189,106 @@ def _assignments(text: str, spec: str) -> dict[str, str]:
             raise ConfigError(f"--denoiser {spec}: write name=value after the colon, not {part!r}")
         pairs[key] = value
     return pairs
+
+
+def _from_callable(
+    module: str, name: str, parameters: dict[str, str], label: str
+) -> tuple[Any, str]:
+    """Load ``module:name`` with parameters as keyword arguments, as numbers where possible.
+
+    Modules in the current folder are found too. A class is instantiated. Raises DenoiserError if
+    it cannot be imported or made.
+    """
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    announce_code(module)
+    try:
+        function: Any = getattr(importlib.import_module(module), name)
+    except AttributeError:
+        raise DenoiserError(f"{label}: module {module} has no {name!r}") from None
+    except Exception as error:
+        raise DenoiserError(f"{label}: cannot import {module}: {error}") from error
+    keywords = {key: _number(value) for key, value in parameters.items()}
+    try:
+        if isinstance(function, type):
+            function = function(**keywords)
+        elif keywords:
+            function = functools.partial(function, **keywords)
+    except Exception as error:
+        raise DenoiserError(f"{label}: cannot make {name}: {error}") from error
+    file = getattr(sys.modules[module], "__file__", None)
+    return function, "" if file is None else _version(Path(file))
+
+
+def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, str]:
+    """Load a network from an ONNX file, or from a checkpoint, which needs PyTorch.
+
+    Raises DenoiserError without the file or PyTorch, or for a damaged file.
+    """
+    if not path.exists():
+        raise DenoiserError(
+            f"{path}: no such file: give the best.pt of a run of glsim train, or an ONNX file of "
+            "glsim export"
+        )
+    network: Any
+    if path.suffix == ONNX_SUFFIX:
+        from glsim.denoise.onnx_file import load_onnx
+
+        network = load_onnx(path, options.min_probability)
+    else:
+        try:
+            from glsim.denoise.inference import load_network
+        except ImportError as error:
+            raise DenoiserError(
+                f"{label}: checkpoints need PyTorch: pip install 'glsim[train]' ({CPU_TORCH}), or "
+                f"export it where PyTorch is (glsim export {path} -o network.onnx) ({error})"
+            ) from None
+        network = load_network(path, options.min_probability)
+    network.before = min(network.before, options.before)
+    if options.keep_clean is not None:
+        network.keep_clean = bool(options.keep_clean)
+    return network, f"{_version(path)} {options}"
+
+
+def _from_shipped(name: str, label: str, options: NetworkOptions) -> tuple[Any, str]:
+    """Load a network shipped with glsim. Raises DenoiserError without its file."""
+    if is_shipped(name):
+        with shipped_file(name) as path:
+            return _from_file(path, label, options)
+    raise DenoiserError(
+        f"{label}: this installation has no {name}{ONNX_SUFFIX}, the weights of the shipped "
+        "network: install glsim again, or choose a network or filter with -d (glsim eval --list)"
+    )
+
+
+def shipped_file(name: str) -> AbstractContextManager[Path]:
+    """Return a context whose value is the file of a shipped network's weights."""
+    return importlib.resources.as_file(_shipped_folder() / f"{name}{ONNX_SUFFIX}")
+
+
+def is_shipped(name: str) -> bool:
+    """Return whether this installation has the weights of a network."""
+    try:
+        return (_shipped_folder() / f"{name}{ONNX_SUFFIX}").is_file()
+    except (ImportError, FileNotFoundError):
+        return False
+
+
+def _shipped_folder() -> Traversable:
+    return importlib.resources.files(_SHIPPED_PACKAGE)
+
+
+def _version(file: Path) -> str:
+    """Return a text that changes with the file."""
+    status = file.stat()
+    return f"{status.st_size} {status.st_mtime_ns}"
+
+
+def _number(text: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

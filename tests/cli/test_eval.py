@@ -164,7 +164,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (package / "__init__.py").write_text("")
     (package / "best.pt").rename(package / "face.onnx")
     monkeypatch.setattr("glsim.denoise.onnx_file.load_onnx", checkpoint_stand_in.load_network)
-    monkeypatch.setattr("glsim.denoise.loading._SHIPPED_PACKAGE", "shipped_stand_in")
+    monkeypatch.setattr("glsim.denoise.registry._SHIPPED_PACKAGE", "shipped_stand_in")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "shipped_stand_in", raising=False)
     return package / "face.onnx"

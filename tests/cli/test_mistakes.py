@@ -86,7 +86,6 @@ denoise map.png -o out.png --composite hardest
 denoise map.png -o out.png -d median --uncertainty s.png
 denoise map.png -o out.png --device broken.toml
 denoise map.png -o out.png --protocol papr
-denoise --watch nothing -o out
 eval
 eval nothing -d median
 eval empty -d median
@@ -199,9 +198,6 @@ denoise map.png -o out.png -d nomodule:f
 denoise map.png -o out.png -d median:size=nan
 denoise map.png -o out.png --around hand
 denoise map.png -o out.png --infrared file.png -d median
-denoise map.png --watch maps -o out
-denoise --watch maps -o maps -d median
-denoise --watch map.png -o out
 denoise 'nothing*.png' -o out
 live
 live nothing

@@ -79,7 +79,7 @@ def completed(shell: str, **asked: str) -> str:
 def test_bash_completes_commands_and_options() -> None:
     assert completed("bash", COMP_WORDS="glsim gen", COMP_CWORD="1").split() == ["generate"]
     words = completed("bash", COMP_WORDS="glsim denoise --", COMP_CWORD="2").split()
-    assert {"--watch", "--quiet", "--debug"} <= set(words)
+    assert {"--uncertainty", "--quiet", "--debug"} <= set(words)
 
 
 def test_bash_completes_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

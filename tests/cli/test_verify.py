@@ -105,7 +105,7 @@ def test_the_command_that_repairs_an_import(
     [
         ["preview", "data", "-o", "pictures"],
         ["eval", "data", "-o", "scores", "-d", "median"],
-        ["train", "noise2void-small", "--data", "data", "-o", "run"],
+        ["train", "recorrupted-small", "--data", "data", "-o", "run"],
         ["compare", "data", "data", "-o", "compared"],
     ],
 )

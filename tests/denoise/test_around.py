@@ -9,7 +9,7 @@ import pytest
 
 from glsim import Frame, load_settings, simulate
 from glsim.cli import main
-from glsim.denoise import load, load_denoiser
+from glsim.denoise import load_denoiser
 from glsim.denoise.around import head_box
 from glsim.denoise.interface import Depth
 from glsim.denoise.record import AROUND_PX
@@ -48,9 +48,9 @@ def test_a_network_around_depth_gives_what_it_gives_on_the_whole_frame(
 ) -> None:
     frame = head()
     frames = np.stack([head(seed=5), frame]) if network == "face-video" else frame[None]
-    near = load(network)(frames, len(frames) - 1)
+    near = load_denoiser(network).estimate(frames, len(frames) - 1)
     monkeypatch.setattr("glsim.denoise.network.box_around", lambda *_: None)
-    whole = load(network)(frames, len(frames) - 1)
+    whole = load_denoiser(network).estimate(frames, len(frames) - 1)
     np.testing.assert_allclose(near.valid, whole.valid, atol=1e-3)
     some = frame > 0
     np.testing.assert_allclose(near.depth_mm[some], whole.depth_mm[some], atol=0.01)

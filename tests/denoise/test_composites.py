@@ -13,16 +13,16 @@ import pytest
 
 from glsim import Frame, load_settings, simulate
 from glsim.cli.denoise import denoise
-from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, composed, load
-from glsim.denoise.composites import BESIDE_PX, calibrated, measured_surfaces
+from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, Denoiser, load_denoiser
+from glsim.denoise.composites import BESIDE_PX, calibrated, composed, measured_surfaces
 from glsim.denoise.interface import Denoised, Depth
-from glsim.denoise.loading import as_method
-from glsim.denoise.network import NetworkDenoiser
+from glsim.denoise.network import NetworkFunction
 from glsim.denoise.record import UNLIKELY
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.frame import frame_set
 from glsim.measures.silhouettes import find_edges
+from tests.support.runners import Runs
 
 #: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.
 REAL_FRAMES = Path(
@@ -205,18 +205,18 @@ def test_rims_of_simulated_heads_before_walls() -> None:
         "scene": {"wall_mm": {"uniform": [1100, 2200]}},
     }  # fmt: skip
     settings = load_settings(overrides=overrides, source={"subjects": 2, "frames_per_subject": 1})
-    network, lost, stray = load("face"), [], {"hard": 0, "measured": 0}
+    network, lost, stray = load_denoiser("face"), [], {"hard": 0, "measured": 0}
     for frame in simulate(settings):
         assert isinstance(frame, Frame)
         noisy = frame.noisy.astype(np.float32)
         clean = np.zeros_like(noisy)
         clean[frame.window.slices] = 1000 * frame.clean_m
-        denoised = network(noisy[None])
+        estimate = network.estimate(noisy[None])
         first, second = rings((clean > 0) & (clean < clean.max() - 100), 2)
-        out = composed(denoised, noisy, "measured")
+        out = estimate.composite("measured")
         lost.append((_cut(out, clean, first, noisy), _cut(out, clean, second, noisy)))
         for name in stray:
-            depth = composed(denoised, noisy, name)
+            depth = estimate.composite(name)
             stray[name] += int((few_neighbours(depth) & (noisy == 0)).sum())
     assert np.mean(lost, axis=0)[0] < 0.05
     assert np.mean(lost, axis=0)[1] < 0.01
@@ -226,15 +226,15 @@ def test_rims_of_simulated_heads_before_walls() -> None:
 @pytest.mark.long
 @needs_real_frames
 def test_real_frames_keep_their_silhouettes_and_shadows() -> None:
-    network = load("face")
+    network = load_denoiser("face")
     lost = {"hard": np.zeros(2), "measured": np.zeros(2)}
     for name in ("0030",):
         noisy = read_depth_png(REAL_FRAMES / f"{name}_depth.png").astype(np.float32)
         camera = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
         edges = find_edges(frame_set("real", [noisy], camera=camera).frames[0])
-        denoised = network(noisy[None])
+        estimate = network.estimate(noisy[None])
         for composite, total in lost.items():
-            out = composed(denoised, noisy, composite)
+            out = estimate.composite(composite)
             for ring in range(2):
                 column = edges.column + np.where(edges.side == 1, -ring, ring)
                 total[ring] += (out[edges.row, column] == 0).mean()
@@ -251,9 +251,10 @@ def test_a_networks_probability_is_cut_to_0_and_1() -> None:
     noisy = head_before_wall() + np.random.default_rng(0).normal(0, 2, (100, 120))
     noisy = np.where(head_before_wall() > 0, noisy, 0).astype(np.float32)
 
-    def network(frame_mm: Depth) -> dict[str, Depth]:
-        above = np.nextafter(np.float32(1), np.float32(2))
-        return {"depth_mm": frame_mm, "probability": np.full_like(frame_mm, above)}
+    class Network(Runs):
+        def __call__(self, stack: Depth) -> dict[str, Depth]:
+            above = np.nextafter(np.float32(1), np.float32(2))
+            return {"depth_mm": stack[0], "probability": np.full_like(stack[0], above)}
 
-    method = as_method("net", NetworkDenoiser(network, "net", False))
-    assert method(noisy[None].astype(np.float32)).valid.max() == 1
+    denoiser = Denoiser("net", NetworkFunction(Network(), "net"))
+    assert denoiser.estimate(noisy[None].astype(np.float32)).valid.max() == 1

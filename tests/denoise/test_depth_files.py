@@ -1,4 +1,4 @@
-"""The depth files that ``glsim denoise`` reads: their data set is looked up, and read, once."""
+"""The depth files of ``glsim denoise``: their steps, formats and the names of outputs."""
 
 from __future__ import annotations
 
@@ -8,41 +8,104 @@ import cv2
 import numpy as np
 import pytest
 
-from glsim.dataset.record_schema import read_object
-from glsim.denoise import depth_files, map_steps
-from glsim.errors import ConfigError
+from glsim.cli import main
+from glsim.denoise.depth_files import find_maps, input_step_mm
+from glsim.errors import ConfigError, DatasetError
+from glsim.files.png import encode_png, read_depth_png, stated_unit_mm
+from glsim.map_files import read_map_mm
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
+DEPTH_MM = 900 + np.random.default_rng(0).normal(0, 2, (40, 48)).astype(np.float32)
 
-def test_the_header_of_a_data_set_is_read_once_for_all_of_its_folders(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+
+def write(path: Path, unit: float, stated: bool = False, depth_mm: object = DEPTH_MM) -> Path:
+    units = np.rint(np.asarray(depth_mm) / unit).astype(np.uint16)
+    path.write_bytes(encode_png(units, unit if stated else None))
+    return path
+
+
+def denoise(*arguments: str) -> int:
+    return main(["denoise", *arguments, "-d", "masked_gaussian"])
+
+
+def test_a_png_states_its_step_and_is_a_plain_png_to_others(tmp_path: Path) -> None:
+    plain, stated = write(tmp_path / "a.png", 0.1), write(tmp_path / "b.png", 0.1, stated=True)
+    assert (stated_unit_mm(plain), stated_unit_mm(stated)) == (None, 0.1)
+    np.testing.assert_array_equal(read_depth_png(plain), read_depth_png(stated))
+    assert input_step_mm([stated], None) == input_step_mm([stated], 0.1) == 0.1
+    assert input_step_mm([plain], None) == 1.0
+    for given, words in ((1.0, "steps of 0.1 mm"), (None, "different steps")):
+        with pytest.raises(ConfigError, match=words):
+            input_step_mm([stated] if given else [plain, stated], given)
+    with pytest.raises(DatasetError, match=r"b.png: states steps of 0.1 mm, not 1: give --depth-u"):
+        read_map_mm(stated, 1.0)
+    np.testing.assert_allclose(read_map_mm(stated, 0.1), DEPTH_MM, atol=0.051)
+
+
+def test_the_header_of_another_program_is_none(tmp_path: Path) -> None:
+    (tmp_path / "train" / "anna").mkdir(parents=True)
+    file = write(tmp_path / "train" / "anna" / "depth.png", 1.0)
+    (tmp_path / "dataset.json").write_text('{"format": "of another program"}')
+    assert input_step_mm([file], None) == 1.0
+
+
+def test_the_step_of_the_output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    make(tmp_path, make_settings(depth_unit_mm=0.5), make_tasks(3, 2))
-    files = sorted(tmp_path.rglob("*_noisy.png"))
-    assert len({file.parent for file in files}) == 3
-    read = []
-    original = read_object
+    monkeypatch.chdir(tmp_path)
+    write(Path("plain.png"), 1.0)
+    expected = {
+        ("plain.png", "a.png"): 1.0,
+        ("plain.png", "b.png", "--out-unit-mm", "0.1"): 0.1,
+        ("a.png", "c.png"): 0.1,  # it states its step
+        ("a.png", "d.png", "--out-unit-mm", "0.5"): 0.5,
+    }
+    for (source, target, *options), step in expected.items():
+        assert denoise(source, "-o", target, *options) == 0
+        assert f"in steps of {step:g} mm" in capsys.readouterr().err
+        assert stated_unit_mm(Path(target)) == step
+    fine, coarse = (len(np.unique(read_depth_png(Path(name)))) for name in ("b.png", "a.png"))
+    assert fine > 2 * coarse
 
-    def count(path: Path) -> object:
-        read.append(path)
-        return original(path)
 
-    monkeypatch.setattr(depth_files, "read_object", count)
-    assert map_steps.unit_mm(files, None) == 0.5
-    assert len(read) == 1
+def test_depth_beyond_the_step_is_refused_or_keeps_the_step_of_the_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(Path("far.png"), 1.0, stated=True, depth_mm=DEPTH_MM + 6000)
+    assert denoise("far.png", "-o", "a.png") == 0
+    assert stated_unit_mm(Path("a.png")) == 1.0
+    assert denoise("far.png", "-o", "b.png", "--out-unit-mm", "0.1") == 2
+    assert "far.png: a depth of" in capsys.readouterr().err
+    assert not Path("b.png").exists()
 
 
-def test_a_header_that_changes_is_read_again(tmp_path: Path) -> None:
-    folder = tmp_path / "train" / "anna"
-    folder.mkdir(parents=True)
-    file = folder / "depth.png"
-    cv2.imwrite(str(file), np.full((4, 4), 900, np.uint16))
-    header = tmp_path / "dataset.json"
-    header.write_text('{"format": "of another program"}')
-    assert map_steps.unit_mm([file], None) == 1.0
-    make(tmp_path / "other", make_settings(depth_unit_mm=0.5), make_tasks(1, 1))
-    header.write_bytes((tmp_path / "other" / "dataset.json").read_bytes())
-    assert map_steps.unit_mm([file], None) == 0.5
+def test_maps_of_a_data_set_are_written_in_steps_of_a_tenth(tmp_path: Path) -> None:
+    make(tmp_path / "data", make_settings(depth_unit_mm=0.5), make_tasks(2, 2))
+    assert input_step_mm(sorted((tmp_path / "data").rglob("*_noisy.png")), None) == 0.5
+    assert denoise(str(tmp_path / "data"), "-o", str(tmp_path / "out")) == 0
+    written = sorted((tmp_path / "out").rglob("*.png"))
+    assert len(written) == 4
+    assert {stated_unit_mm(path) for path in written} == {0.1}
+
+
+def test_formats_of_floats_are_metres(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("in").mkdir()
+    write(Path("in/x.png"), 1.0)
+    assert denoise("in", "-o", "o", "--format", "npy") == 0
+    assert "in float32 metres" in capsys.readouterr().err
+    depth_m = np.load("o/x.npy")
+    assert depth_m.dtype == np.float32
+    assert np.median(depth_m) == pytest.approx(0.9, abs=0.01)
+    for arguments, words in (
+        (("in/x.png", "-o", "x.png", "--format", "npy"), "ends in .npy"),
+        (("in/x.png", "-o", "x.npy", "--out-unit-mm", "0.1"), "floats are metres"),
+    ):
+        assert denoise(*arguments) == 2
+        assert words in capsys.readouterr().err
 
 
 def test_maps_of_the_same_name_keep_their_folders(
@@ -53,14 +116,13 @@ def test_maps_of_the_same_name_keep_their_folders(
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(name, np.full((4, 4), 900, np.uint16))
     out = Path("out")
-    different = depth_files.find_maps(["day/a", "day/b/c"], out)
+    different = find_maps(["day/a", "day/b/c"], out)
     assert [target for _, target in different] == [out / "x.png", out / "y.png"]
     for inputs in (["day/a", "day/b"], ["day/*/x.png", "day/b/c/y.png"]):
-        pairs = depth_files.find_maps(inputs, out)
-        assert {str(source): target for source, target in pairs} == {
+        assert {str(source): target for source, target in find_maps(inputs, out)} == {
             "day/a/x.png": out / "a/x.png",
             "day/b/x.png": out / "b/x.png",
             "day/b/c/y.png": out / "b/c/y.png",
         }
     with pytest.raises(ConfigError, match=r"day/a/x.png: is given twice"):
-        depth_files.find_maps(["day/a", "day/a/x.png"], out)
+        find_maps(["day/a", "day/a/x.png"], out)

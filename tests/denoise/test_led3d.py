@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glsim.denoise import compose, load
+from glsim.denoise import load_denoiser
 from glsim.denoise.filters.led3d import enclosed_holes, largest_piece, outliers
 from glsim.errors import ConfigError
 from tests.support.eval_scenes import Array, dome, noisy
 
 
 def run(depth: Array, spec: str = "led3d") -> Array:
-    return compose(load(spec)(depth[None]), depth)[""]
+    return load_denoiser(spec).estimate(depth[None]).composites()[""]
 
 
 def test_outliers_are_far_from_their_four_nearest_neighbours() -> None:
@@ -88,4 +88,4 @@ def test_noise_and_the_mask_get_better_on_a_noisy_dome() -> None:
 
 def test_windows_other_than_the_medians_are_refused() -> None:
     with pytest.raises(ConfigError, match="size 3 or 5"):
-        load("led3d:size=4")
+        load_denoiser("led3d:size=4")

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import pytest
 
-from glsim.denoise import checkpoint, load
-from glsim.denoise.loading import shipped_file
-from glsim.denoise.onnx_file import load_onnx
-from glsim.denoise.onnx_inputs import read_record, record_entries
+from glsim.denoise import checkpoint, load_denoiser
+from glsim.denoise.onnx_file import load_onnx, read_onnx, record_entries
 from glsim.denoise.record import NetworkRecord
+from glsim.denoise.registry import shipped_file
 from glsim.errors import DenoiserError
 from glsim.train.models.registry import build_model
 from glsim.train.onnx_export import export_onnx
@@ -39,14 +39,14 @@ def test_every_file_of_a_network_has_its_record(trained: Path, suffix: str) -> N
         export_onnx(trained, path)
     elif suffix == ".safetensors":
         checkpoint.export_safetensors(trained, path)
-    network: Any = load(str(path)).function
+    network: Any = load_denoiser(str(path)).function
     found = (network.protocol, network.keep_clean, network.margin_px, network.unlikely)
     assert found == RECORD
     plane = np.full((1, 64, 64), 800, np.float32)
     for option, kept in (("", False), (":keep_clean=0", False), (":keep_clean=1", True)):
-        method = load(f"{path}{option}")
-        assert method.function.keep_clean == kept  # type: ignore[attr-defined]
-        assert np.array_equal(method(plane, 0).depth_mm, plane[0]) or not kept
+        denoiser: Any = load_denoiser(f"{path}{option}")
+        assert denoiser.function.keep_clean == kept
+        assert np.array_equal(denoiser.estimate(plane).depth_mm, plane[0]) or not kept
 
 
 @pytest.mark.parametrize(("scales", "margin_px"), [(2, 48), (4, 48), (5, 80), (6, 144)])
@@ -64,26 +64,18 @@ def test_the_shipped_networks_and_files_without_a_record() -> None:
         ("face-stereo", NetworkRecord(keep_clean=False, margin_px=80)),
     ):
         with shipped_file(name) as path:
-            assert read_record(path.read_bytes()) == record
-    assert record_entries(NetworkRecord()) == b"", "files of older versions keep their bytes"
-    assert read_record(record_entries(RECORD)) == RECORD
+            assert read_onnx(path)[1].record == record
+    assert record_entries(NetworkRecord()) == {}, "files of older versions keep their bytes"
 
 
 @pytest.mark.parametrize(
-    ("written", "instead"),
-    [
-        (b"\x0280", b"\x02-9"),
-        (b"\x0280", b"\x02ab"),
-        (b"\x030.3", b"\x030.5"),
-        (b"\x05paper", b"\x05other"),
-    ],
+    "bad", [{"margin_px": "-9"}, {"margin_px": "ab"}, {"unlikely": "0.5"}, {"protocol": "other"}]
 )
-def test_a_damaged_record_is_refused(tmp_path: Path, written: bytes, instead: bytes) -> None:
-    with shipped_file("face") as path:
-        data = path.read_bytes()
-    entries = record_entries(RECORD)
-    assert written in entries
+def test_a_damaged_record_is_refused(tmp_path: Path, bad: dict[str, str]) -> None:
+    with shipped_file("face-live") as path:
+        model = onnx.load(path)
+    onnx.helper.set_model_props(model, {f"glsim.{name}": text for name, text in bad.items()})
     damaged = tmp_path / "damaged.onnx"
-    damaged.write_bytes(data + entries.replace(written, instead))
+    onnx.save(model, damaged)
     with pytest.raises(DenoiserError, match=r"damaged\.onnx: is damaged"):
         load_onnx(damaged)

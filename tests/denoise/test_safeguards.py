@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
 
 from glsim import load_settings, simulate
-from glsim.denoise import load
-from glsim.denoise.network import Depth, NetworkDenoiser
+from glsim.denoise import load_denoiser
+from glsim.denoise.interface import Depth
+from glsim.denoise.network import NetworkFunction
 from glsim.denoise.safeguards import (
     HOLE_RISK_MM,
     MEASURED_RISK_MM,
@@ -21,6 +24,7 @@ from glsim.denoise.safeguards import (
 )
 from glsim.frame import Frame
 from tests.support.real_cameras import needs_real_cameras, real_depths
+from tests.support.runners import Runs
 
 
 def ball() -> np.ndarray:
@@ -191,31 +195,43 @@ def test_only_pixels_near_measured_depth_and_with_a_low_risk_are_trusted() -> No
     assert not trusted_mask(everywhere, np.full_like(depth, MEASURED_RISK_MM)).any()
 
 
-def shifts(noisy_mm: Depth) -> dict[str, Depth]:
+class Shifts(Runs):
     """A network: moves depth by 5 mm, predicts depth everywhere, cannot choose on the left."""
-    risk_mm = np.full_like(noisy_mm, 0.1)
-    risk_mm[:, :40] = 400.0
-    return {
-        "depth_mm": noisy_mm + 5,
-        "probability": np.full_like(noisy_mm, 0.9998),
-        "sigma_mm": np.full_like(noisy_mm, 2.0),
-        "choice": np.where(risk_mm > 1, np.float32(1 / 3), np.float32(1)),
-        "risk_mm": risk_mm,
-    }
+
+    outputs = ("depth_mm", "probability", "sigma_mm", "choice", "risk_mm")
+
+    def __init__(self, probability: float = 0.9998) -> None:
+        self._probability = probability
+
+    def __call__(self, stack: Depth) -> dict[str, Depth]:
+        noisy_mm = stack[0]
+        risk_mm = np.full_like(noisy_mm, 0.1)
+        risk_mm[:, :40] = 400.0
+        return {
+            "depth_mm": noisy_mm + 5,
+            "probability": np.full_like(noisy_mm, self._probability),
+            "sigma_mm": np.full_like(noisy_mm, 2.0),
+            "choice": np.where(risk_mm > 1, np.float32(1 / 3), np.float32(1)),
+            "risk_mm": risk_mm,
+        }
+
+
+def run(frame: Depth, probability: float = 0.9998, least: float = 0.0, clean: bool = True) -> Any:
+    function = NetworkFunction(Shifts(probability), "shifts", least)
+    function.keep_clean = clean
+    return function(frame[None], frame[None] > 0, 0)
 
 
 def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -> None:
-    denoise = NetworkDenoiser(shifts, "shifts", uncertain=True)
     clean = np.rint(ball())
-    depth, probability, sigma = denoise.with_uncertainty(clean, clean > 0)
+    depth, probability, sigma = run(clean)
     np.testing.assert_array_equal(depth, clean)
     np.testing.assert_array_equal(probability, clean > 0)
     assert (sigma < 0.33).all()
-    denoise.keep_clean = False
-    np.testing.assert_allclose(denoise(clean, clean > 0)[0], clean + 5, rtol=1e-6)
+    np.testing.assert_allclose(run(clean, clean=False)[0], clean + 5, rtol=1e-6)
     noise = np.random.default_rng(0).normal(0, 2, clean.shape).astype(np.float32)
     noisy = np.where(clean > 0, clean + noise, 0)
-    depth, probability = denoise(noisy, noisy > 0)
+    depth, probability, _ = run(noisy)
     np.testing.assert_allclose(depth, noisy + 5, rtol=1e-6)
     assert (probability[:, :40] == 0).all()
     assert probability[48, 48] > 0.99
@@ -227,15 +243,10 @@ def test_measured_pixels_that_are_unlikely_keep_their_probability(
     found: float, kept: float
 ) -> None:
     """A rejected pixel of low probability keeps it, so that the composite can drop it."""
-
-    def doubts(noisy_mm: Depth) -> dict[str, Depth]:
-        outputs = shifts(noisy_mm)
-        return outputs | {"probability": np.full_like(noisy_mm, found)}
-
     noise = np.random.default_rng(0).normal(0, 2, ball().shape).astype(np.float32)
     noisy = np.where(ball() > 0, ball() + noise, 0).astype(np.float32)
     left = np.s_[:, :40]
-    _, probability = NetworkDenoiser(doubts, "doubts", True)(noisy, noisy > 0)
+    probability = run(noisy, found)[1]
     np.testing.assert_allclose(probability[left], np.where(noisy > 0, kept, 0)[left])
 
 
@@ -244,7 +255,7 @@ def test_the_network_of_stereo_denoises_what_passes_for_clean(
     sensor: str, distance_mm: int
 ) -> None:
     """The noise is smooth over 13 px, so that rules for the form of surfaces take it for form."""
-    stereo, keeping = load("face-stereo"), load("face-stereo:keep_clean=1")
+    stereo, keeping = load_denoiser("face-stereo"), load_denoiser("face-stereo:keep_clean=1")
     overrides = {
         "sensor": sensor,
         "output": {"crop": 128, "depth_unit_mm": 0.1},
@@ -258,8 +269,8 @@ def test_the_network_of_stereo_denoises_what_passes_for_clean(
         noisy = (frame.noisy * np.float32(0.1)).astype(np.float32)
         truth = 1000 * frame.clean_m
         inside = (noisy > 0) & (cv2.erode(truth, np.ones((9, 9))) > 0)
-        denoised = stereo(noisy[None], 0).depth_mm
-        kept += np.array_equal(keeping(noisy[None], 0).depth_mm, noisy)
+        denoised = stereo.estimate(noisy[None]).depth_mm
+        kept += np.array_equal(keeping.estimate(noisy[None]).depth_mm, noisy)
         assert np.abs(denoised - noisy)[inside].mean() > 0.1
         errors.append([np.std((image - truth)[inside]) for image in (noisy, denoised)])
     assert kept >= 2
@@ -270,10 +281,9 @@ def test_a_minimum_probability_gives_a_mask() -> None:
     noise = np.random.default_rng(0).normal(0, 2, ball().shape).astype(np.float32)
     noisy = np.where(ball() > 0, ball() + noise, 0).astype(np.float32)
     for probability, kept in ((0.99, True), (0.9999, False)):  # the network's is 0.9998
-        _, valid = NetworkDenoiser(shifts, "shifts", True, probability)(noisy, noisy > 0)
+        valid = run(noisy, least=probability)[1]
         assert valid.dtype == bool
         assert valid[48, 48] == kept
         assert not valid[:, :40].any()
     clean = np.rint(ball())
-    _, valid = NetworkDenoiser(shifts, "shifts", True, 0.9)(clean, clean > 0)
-    np.testing.assert_array_equal(valid, clean > 0)
+    np.testing.assert_array_equal(run(clean, least=0.9)[1], clean > 0)

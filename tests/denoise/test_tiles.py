@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.resources
 from collections.abc import Mapping
 
 import cv2
@@ -10,10 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.denoise import shipped
-from glsim.denoise.network import SIZE_MULTIPLE_PX, NetworkDenoiser
-from glsim.denoise.onnx_file import OpenCvNetwork
+from glsim.denoise.network import SIZE_MULTIPLE_PX, NetworkFunction
+from glsim.denoise.onnx_file import OpenCvNetwork, read_onnx
+from glsim.denoise.registry import shipped_file
 from glsim.denoise.tiles import MARGIN_PX, TILE_PX, run_tiled
+from tests.support.runners import Runs
 
 Image = NDArray[np.float32]
 
@@ -28,14 +28,15 @@ def scene(height: int, width: int) -> Image:
     return depth.astype(np.float32)
 
 
-class Blur:
+class Blur(Runs):
     """Averages as far as a margin reaches, and notes the sizes of what it gets."""
 
     def __init__(self, margin_px: int) -> None:
         self.side = 2 * margin_px + 1
         self.shapes: list[tuple[int, ...]] = []
 
-    def __call__(self, noisy_mm: Image) -> Mapping[str, Image]:
+    def __call__(self, stack: Image) -> Mapping[str, Image]:
+        noisy_mm = stack[0]
         self.shapes.append(noisy_mm.shape)
         mean = cv2.blur(noisy_mm, (self.side, self.side), borderType=cv2.BORDER_CONSTANT)
         depth_mm = np.asarray(mean, np.float32)
@@ -46,8 +47,8 @@ class Blur:
 def test_tiles_give_what_the_whole_frame_gives(shape: tuple[int, int]) -> None:
     frame = scene(*shape)
     network = Blur(16)
-    tiled = run_tiled(network, frame, tile_px=96, margin_px=16)
-    whole = Blur(16)(frame)
+    tiled = run_tiled(network, frame[None], tile_px=96, margin_px=16)
+    whole = Blur(16)(frame[None])
     assert tiled.keys() == whole.keys()
     for name, image in whole.items():
         np.testing.assert_allclose(tiled[name], image, atol=1e-3)
@@ -59,17 +60,17 @@ def test_tiles_give_what_the_whole_frame_gives(shape: tuple[int, int]) -> None:
 
 def test_a_network_that_sees_farther_than_the_margin_differs() -> None:
     frame = scene(208, 208)
-    tiled = run_tiled(Blur(40), frame, tile_px=96, margin_px=16)
-    assert np.abs(tiled["depth_mm"] - Blur(40)(frame)["depth_mm"]).max() > 1
+    tiled = run_tiled(Blur(40), frame[None], tile_px=96, margin_px=16)
+    assert np.abs(tiled["depth_mm"] - Blur(40)(frame[None])["depth_mm"]).max() > 1
 
 
 @pytest.mark.long
 def test_the_shipped_network_gives_the_same_to_a_hundredth_of_a_millimetre() -> None:
-    file = importlib.resources.files(shipped) / "face.onnx"
-    network = OpenCvNetwork(file.read_bytes())
+    with shipped_file("face") as path:
+        network = OpenCvNetwork(*read_onnx(path))
     frame = scene(288, 304)
-    whole = network(frame)
-    tiled = run_tiled(network, frame, tile_px=272)
+    whole = network(frame[None])
+    tiled = run_tiled(network, frame[None], tile_px=272)
     assert tiled.keys() == whole.keys()
     known = whole["depth_mm"] > 0
     assert np.abs(tiled["depth_mm"] - whole["depth_mm"])[known].max() < 0.01
@@ -80,9 +81,9 @@ def test_a_denoiser_divides_large_frames_only() -> None:
     for unit in (TILE_PX, MARGIN_PX):
         assert unit % SIZE_MULTIPLE_PX == 0
     network = Blur(2)
-    denoise = NetworkDenoiser(network, "blur", uncertain=False)
+    denoise = NetworkFunction(network, "blur")
     for shape in ((800, 1280), (1032, 1030)):
         frame = np.zeros(shape, np.float32)
-        depth, _ = denoise(frame, frame > 0)
+        depth = denoise(frame[None], frame[None] > 0, 0)[0]
         assert depth.shape == shape
     assert network.shapes == [(800, 1280), *[(1024, 1024)] * 4]

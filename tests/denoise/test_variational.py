@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from glsim.denoise import GRIDS, load, load_denoiser
+from glsim.denoise import GRIDS, load_denoiser
 from glsim.denoise.filters.block_matching import noise_spectrum
 from glsim.denoise.filters.tgv import SurfaceGradients
 from glsim.denoise.interface import Depth, Mask
@@ -152,4 +152,4 @@ def test_bm3d_is_tuned_where_it_is_and_named_where_it_is_not(
     assert "tgv" in GRIDS
     monkeypatch.setattr("glsim.errors.find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r"the denoiser bm3d.* needs bm3d.*glsim\[bm3d\]"):
-        load("bm3d")
+        load_denoiser("bm3d")

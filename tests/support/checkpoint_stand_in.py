@@ -24,17 +24,18 @@ class Network:
     sigma_mm: float | None = None
     blind: bool = False
 
+    before: int = 0
+
     @property
     def uncertain(self) -> bool:
         return self.sigma_mm is not None
 
-    def __call__(self, noisy_mm: Any, valid: Any) -> tuple[Any, Any]:
-        valid = valid & (not self.blind)
+    def __call__(self, frames_mm: Any, measured: Any, now: int) -> tuple[Any, ...]:
+        noisy_mm, valid = frames_mm[now], measured[now] & (not self.blind)
         depth = np.where(valid, noisy_mm + self.gain * (900 - noisy_mm), 0).astype(np.float32)
-        return depth, np.where(valid, 0.75, 0.25).astype(np.float32) if self.soft else valid
-
-    def with_uncertainty(self, noisy_mm: Any, valid: Any) -> tuple[Any, Any, Any]:
-        return *self(noisy_mm, valid), np.full(noisy_mm.shape, self.sigma_mm, np.float32)
+        kept = np.where(valid, 0.75, 0.25).astype(np.float32) if self.soft else valid
+        sigma = () if self.sigma_mm is None else (np.full(depth.shape, self.sigma_mm, np.float32),)
+        return depth, kept, *sigma
 
 
 def load_network(path: Path, min_probability: float = 0.0) -> Network:

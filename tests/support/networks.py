@@ -22,8 +22,6 @@ BACKBONES: dict[str, dict[str, Any]] = {
     "restormer": {"kind": "restormer", "dim": 8, "blocks": [1, 1, 1, 1], "refinement": 1},
     "small_unet": {"kind": "small_unet", "width": 8, "scales": 3},
     "small_unet-silu": {"kind": "small_unet", "width": 8, "scales": 4, "activation": "silu"},
-    "partial_conv": {"kind": "partial_conv", "depth": 3, "width": 8},
-    "normalized_conv": {"kind": "normalized_conv", "depth": 3, "width": 8},
     "artifact_removal": {
         "kind": "artifact_removal",
         "backbone": {"kind": "dncnn", "depth": 3, "width": 8},
@@ -31,7 +29,6 @@ BACKBONES: dict[str, dict[str, Any]] = {
 }
 WRAPPERS: dict[str, dict[str, Any]] = {
     "paper": {"kind": "paper_input"},
-    "kept mask": {"kind": "masked_depth"},
     "masked": {"kind": "mask_aware"},
     "uncertain": {"kind": "mask_aware", "uncertainty": True},
     "surfaces": {"kind": "mask_aware", "uncertainty": True, "surfaces": True},

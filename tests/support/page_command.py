@@ -22,7 +22,7 @@ import typer
 _LONG = {"tune", "fetch", "transfer", "paper"}
 #: Words of command lines that need another machine, a network, or data of somebody else.
 _NOBODY = re.compile(
-    r"--watch|--slurm|--ray|--part|--merge|--hf|s3://|/shared|shared/|HEAD:|FaceXModel|"
+    r"--slurm|--ray|--part|--merge|--hf|s3://|/shared|shared/|HEAD:|FaceXModel|"
     r"\bscans\b|\bdumps\b|d3dfacs|\.bag\b|my_camera|--source people|--preset randomised|"
     r"-o (videos|sequences)|\b(heads|videos|sequences|test)\b(?=.*-d)|--runs"
 )

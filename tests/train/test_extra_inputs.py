@@ -231,7 +231,7 @@ def test_a_training_starts_from_a_network_of_single_frames_and_records_it(tmp_pa
 
 def test_losses_that_change_the_measured_depth_refuse_further_inputs(tmp_path: Path) -> None:
     bad = recipe(
-        model={"before": 2}, loss={"kind": "noise2void"}, training={"monitor": "interior_rmse_mm"}
+        model={"before": 2}, loss={"kind": "recorrupted"}, training={"monitor": "interior_rmse_mm"}
     )
     with pytest.raises(ConfigError, match="train networks with infrared or neighbours"):
         fit(bad, batch_source(bad), tmp_path)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 import torch
 from torch import Tensor
@@ -15,7 +13,7 @@ from glsim.train.models.registry import build_model
 from glsim.train.models.sigma_scale import calibrate, sigma_scale
 from tests.support.networks import build, frames, parts
 
-BACKBONES = ("dncnn", "small_unet", "partial_conv", "normalized_conv")
+BACKBONES = ("dncnn", "small_unet")
 
 
 def untrained(uncertainty: bool = True, surfaces: bool = False) -> MaskAware:
@@ -119,18 +117,6 @@ def test_what_is_in_a_hole_is_not_looked_at(wrapper: str, backbone: str) -> None
             garbage = torch.where(clean > 0, clean, code)
             for one, other in zip(expected, model(garbage), strict=True):
                 assert one is other is None or torch.equal(one, other)
-
-
-def test_partial_convolutions_do_not_read_the_fill() -> None:
-    """They replace it: channels in holes may hold anything."""
-    for backbone in ("partial_conv", "normalized_conv"):
-        network: Any = build("masked", backbone).eval().backbone
-        channels = depth_features(frames()).channels
-        valid = channels[:, -1:]
-        with torch.no_grad():
-            one = network(channels, valid)
-            other = network(torch.where(valid > 0, channels, 1e6), valid)
-        assert torch.equal(one, other)
 
 
 @pytest.mark.parametrize("filters", [FILTERS[:1], FILTERS[1::2], ("guided_1", "slopes")])

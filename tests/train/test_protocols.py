@@ -10,7 +10,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import open_dataset
-from glsim.denoise import checkpoint, load
+from glsim.denoise import checkpoint, load_denoiser
 from glsim.denoise.inference import load_network
 from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.onnx_file import load_onnx
@@ -110,7 +110,7 @@ def test_a_training_records_its_protocol_and_its_network_keeps_it(
     command += ["--set", "model.backbone.width=4", "--set", "model.backbone.depth=3"]
     assert main([*command, "--protocol", "paper"]) == 0
     assert read_json(out / "run.json")["data"]["protocol"] == "paper"
-    assert load(str(out / "best.pt")).protocol == "paper"
+    assert load_denoiser(str(out / "best.pt")).protocol == "paper"
     assert main([*command, "--resume", "--protocol", "depth"]) == 1
     assert "was trained on other data (protocol differ)" in capsys.readouterr().err
 
@@ -127,10 +127,10 @@ def test_networks_without_a_record_are_of_measured_depth(tmp_path: Path) -> None
     content |= {"progress": {}, "validation": {}}
     path = tmp_path / "best.pt"
     checkpoint.save(path, content | {"data": {}})
-    assert load(str(path)).protocol == "depth"
+    assert load_denoiser(str(path)).protocol == "depth"
     export_onnx(path, tmp_path / "net.onnx")
     assert load_onnx(tmp_path / "net.onnx").protocol == "depth"
-    assert load("median").protocol is None
+    assert load_denoiser("median").protocol is None
     checkpoint.save(path, content | {"data": {"protocol": "other"}})
     with pytest.raises(DenoiserError, match="protocol other"):
-        load(str(path))
+        load_denoiser(str(path))

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
 import torch
 from torch import Generator, Tensor
 
 from glsim.errors import ConfigError
-from glsim.train.losses.base import Loss
 from glsim.train.losses.registry import build_loss
-from glsim.train.losses.self_supervised import Noise2Void, Recorrupted, blind_spots
+from glsim.train.losses.self_supervised import Recorrupted
 from glsim.train.models.base import Prediction
 from glsim.train.recipe import load_recipe
 
@@ -34,59 +32,6 @@ def frames(seed: int = 0, size: int = 64) -> tuple[Tensor, Tensor]:
 
 def identity(noisy_mm: Tensor) -> Prediction:
     return Prediction(noisy_mm)
-
-
-def test_hidden_pixels_hold_a_measured_neighbour() -> None:
-    noisy, _ = frames()
-    spots = blind_spots(noisy, 0.2, 2, draw())
-    image, _, rows, columns = torch.nonzero(spots.mask, as_tuple=True)
-    assert len(image) == pytest.approx(0.2 * (noisy > 0).sum().item(), rel=0.1)
-    for b, r, c in zip(image.tolist(), rows.tolist(), columns.tolist(), strict=True):
-        square = noisy[b, 0, max(r - 2, 0) : r + 3, max(c - 2, 0) : c + 3]
-        value = spots.noisy_mm[b, 0, r, c]
-        assert value > 0
-        assert value != noisy[b, 0, r, c]
-        assert (square == value).any()
-    assert torch.equal(spots.noisy_mm[~spots.mask], noisy[~spots.mask])
-    assert (noisy[spots.mask] > 0).all()
-
-
-def test_replacements_come_from_all_of_the_neighbourhood_alike() -> None:
-    """A 3 x 3 square of known values: each of the eight neighbours one time in eight."""
-    image = torch.arange(1.0, 10.0).reshape(1, 1, 3, 3).repeat(4000, 1, 1, 1)
-    spots = blind_spots(image, 0.5, 1, draw())
-    middle = spots.noisy_mm[:, 0, 1, 1][spots.mask[:, 0, 1, 1]]
-    counts = torch.bincount(middle.long(), minlength=10)
-    assert counts[5] == counts[0] == 0
-    rest = counts[[1, 2, 3, 4, 6, 7, 8, 9]].double()
-    chi2 = ((rest - rest.mean()) ** 2 / rest.mean()).sum().item()
-    assert chi2 < 29.9  # 7 degrees of freedom, one in 10,000
-
-
-def test_a_lonely_pixel_cannot_be_hidden() -> None:
-    image = torch.zeros(1, 1, 9, 9)
-    image[0, 0, 4, 4] = 900
-    spots = blind_spots(image, 0.999, 2, draw())
-    assert torch.equal(spots.noisy_mm, image)
-    assert not spots.mask.any()
-    total, _ = Noise2Void().training_loss(identity, image, image, draw())
-    assert total == 0
-
-
-def test_the_blind_spot_makes_the_identity_the_worse_answer() -> None:
-    """Copying costs the difference of two noises; the true surface costs one noise."""
-    noisy, clean = frames()
-    loss = Noise2Void(share=0.3, beta_mm=1000)
-
-    def surface(_: Tensor) -> Prediction:
-        return Prediction(clean)
-
-    copied, known = (
-        loss.training_loss(model, noisy, torch.zeros_like(clean), draw(99))[0].item() * 2 * 1000**2
-        for model in (identity, surface)
-    )
-    assert known == pytest.approx(SIGMA_MM**2, rel=0.1)
-    assert copied > 1.8 * known
 
 
 def test_recorrupted_error_is_that_against_the_clean_depth_plus_a_constant() -> None:
@@ -123,9 +68,9 @@ def test_noise_is_added_to_measured_pixels_only() -> None:
     assert loss.tau == pytest.approx(math.sqrt(0.15 / 0.85))
 
 
-@pytest.mark.parametrize("loss", [Noise2Void(), Recorrupted()], ids=lambda loss: str(loss.kind))
-def test_clean_frames_are_not_seen_and_the_draw_decides(loss: Loss) -> None:
+def test_clean_frames_are_not_seen_and_the_draw_decides() -> None:
     noisy, clean = frames()
+    loss = Recorrupted()
 
     def value(clean_mm: Tensor, seed: int) -> float:
         return loss.training_loss(identity, noisy, clean_mm, draw(seed))[0].item()
@@ -137,12 +82,9 @@ def test_clean_frames_are_not_seen_and_the_draw_decides(loss: Loss) -> None:
     assert set(parts) == {"measured"}
 
 
-@pytest.mark.parametrize(
-    "table", [{"kind": "noise2void"}, {"kind": "recorrupted", "sigma_mm": 2.0}]
-)
-def test_a_filter_learns_to_smooth_without_clean_frames(table: dict[str, Any]) -> None:
+def test_a_filter_learns_to_smooth_without_clean_frames() -> None:
     """25 weights in place of a network: the surface's error falls well below the noise."""
-    loss = build_loss(table)
+    loss = Recorrupted(sigma_mm=2.0)
     weights = torch.zeros(1, 1, 5, 5)
     weights[0, 0, 2, 2] = 1.0
     weights.requires_grad_()
@@ -169,13 +111,11 @@ def test_a_filter_learns_to_smooth_without_clean_frames(table: dict[str, Any]) -
 
 
 def test_recipes_and_bad_tables() -> None:
-    for name in ("noise2void-small", "recorrupted-small"):
-        recipe = load_recipe(name)
-        assert recipe.size == "small"
-        assert build_loss(recipe.loss).model_fields_set
-        assert recipe.training.monitor == "interior_rmse_mm"
-        assert not recipe.model["uncertainty"], "no loss teaches it"
-    with pytest.raises(ConfigError, match=r"no such kind 'noise2viod'.*'noise2void'"):
-        build_loss({"kind": "noise2viod"})
-    with pytest.raises(ConfigError, match="share"):
-        build_loss({"kind": "noise2void", "share": 1.5})
+    recipe = load_recipe("recorrupted-small")
+    assert build_loss(recipe.loss).model_fields_set
+    assert recipe.training.monitor == "interior_rmse_mm"
+    assert not recipe.model["uncertainty"], "the loss does not teach it"
+    with pytest.raises(ConfigError, match=r"no such kind 'recorupted'.*'recorrupted'"):
+        build_loss({"kind": "recorupted"})
+    with pytest.raises(ConfigError, match="alpha"):
+        build_loss({"kind": "recorrupted", "alpha": 1.5})

@@ -17,8 +17,7 @@ class PairDataset(Dataset[Batch]):
     """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
 
     C = 1 for depth alone, else noisy_mm is the stack of all inputs (``glsim.denoise.inputs``).
-    The clean frame is the target of the recipe: the clean depth or the expected one. For a
-    `SecondCaptureLoss` it is a second capture: see `StoredCaptures`.
+    The clean frame is the target of the recipe: the clean depth or the expected one.
     """
 
     def __init__(self) -> None:

@@ -8,16 +8,12 @@ from typing import Any, Final
 from glsim.errors import ConfigError, did_you_mean
 from glsim.settings.tables import parse_table
 from glsim.train.losses.base import Loss
-from glsim.train.losses.second_capture import MultiView, Noise2Noise
-from glsim.train.losses.self_supervised import Noise2Void, Recorrupted
+from glsim.train.losses.self_supervised import Recorrupted
 from glsim.train.losses.supervised import AllPixels, Masked
 
 LOSSES: Final[dict[str, type[Loss]]] = {
     "all_pixels": AllPixels,
     "masked": Masked,
-    "multi_view": MultiView,
-    "noise2noise": Noise2Noise,
-    "noise2void": Noise2Void,
     "recorrupted": Recorrupted,
 }
 

@@ -17,35 +17,22 @@ from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel
 from glsim.train.models.dncnn import DnCNN
 from glsim.train.models.mask_aware import MaskAware
-from glsim.train.models.masked_depth import MaskedDepth
-from glsim.train.models.normalized_conv import NormalizedConvNet
 from glsim.train.models.paper_input import PaperInput
-from glsim.train.models.partial_autoencoder import PartialAutoencoder
-from glsim.train.models.partial_conv import PartialConvNet
 from glsim.train.models.restormer import Restormer
 from glsim.train.models.small_unet import SmallUNet
 from glsim.train.models.unet import UNet
 
-MODELS: Final[dict[str, type[PaperInput] | type[MaskAware] | type[MaskedDepth]]] = {
+MODELS: Final[dict[str, type[PaperInput] | type[MaskAware]]] = {
     "paper_input": PaperInput,
     "mask_aware": MaskAware,
-    "masked_depth": MaskedDepth,
 }
 BACKBONES: Final[dict[str, type[Backbone]]] = {
     "dncnn": DnCNN,
     "unet": UNet,
     "restormer": Restormer,
     "small_unet": SmallUNet,
-    "partial_conv": PartialConvNet,
-    "partial_autoencoder": PartialAutoencoder,
-    "normalized_conv": NormalizedConvNet,
     "artifact_removal": ArtifactRemoval,
 }
-
-
-#: Most weights of a model: ten times the largest of the paper's (Restormer, 26 million); 1 GB in
-#: float32, four times that while it is trained.
-MAX_PARAMETERS: Final = 250_000_000
 
 
 def build_model(spec: Mapping[str, Any]) -> DepthModel:
@@ -57,41 +44,20 @@ def build_model(spec: Mapping[str, Any]) -> DepthModel:
         spec: ``kind``, the parameters of its class, and the table of a backbone if it wraps one.
 
     Raises:
-        ConfigError: for an unknown kind or parameter, a value out of range, a parameter that the
-            wrapping model sets, and for more than MAX_PARAMETERS weights, before they take memory.
+        ConfigError: for an unknown kind or parameter, a value out of range, and a parameter that
+            the wrapping model sets.
     """
-    weight_shapes(spec)
-    return _build(spec)
-
-
-def weight_shapes(spec: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each tensor of a model's state, by name, without taking memory for it.
-
-    Raises ConfigError as ``build_model``.
-    """
-    with torch.device("meta"):
-        model = _build(spec)
-    count = parameter_count(model)
-    if count > MAX_PARAMETERS:
-        raise ConfigError(
-            f"model: has {count / 1e6:.0f} million weights, more than the "
-            f"{MAX_PARAMETERS / 1e6:.0f} allowed: make it narrower or less deep"
-        )
-    return {name: tuple(value.shape) for name, value in model.state_dict().items()}
-
-
-def inputs_of(spec: Mapping[str, Any]) -> NetworkInputs:
-    """Return what the network of a table sees besides depth. Raises ConfigError."""
-    with torch.device("meta"):
-        return _build(spec).inputs
-
-
-def _build(spec: Mapping[str, Any]) -> DepthModel:
     kind = _kind(spec, MODELS, "model")
     own = _parameters(kind, spec, {}, "model")
     settings = kind.backbone_settings(**own)
     model: DepthModel = kind(_backbone(spec.get("backbone"), settings, "model.backbone"), **own)
     return model
+
+
+def inputs_of(spec: Mapping[str, Any]) -> NetworkInputs:
+    """Return what the network of a table sees besides depth. Raises ConfigError."""
+    with torch.device("meta"):
+        return build_model(spec).inputs
 
 
 def parameter_count(model: nn.Module) -> int:

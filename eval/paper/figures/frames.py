@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from glsim.dataset import Dataset
-from glsim.denoise import DEFAULT_COMPOSITE, composed, load
+from glsim.denoise import load_denoiser
 from glsim.denoise.interface import Depth
 from glsim.depth_frame import DepthFrame
 from glsim.errors import DatasetError
@@ -34,7 +34,7 @@ class FigureFrame:
 
 
 class Column(NamedTuple):
-    """A method of a figure: its title, and the denoiser (``glsim.denoise.load``) that draws it."""
+    """A method of a figure: its title, and the denoiser (``glsim.load_denoiser``) that draws it."""
 
     title: str
     spec: str
@@ -68,8 +68,8 @@ def denoise(frame: FigureFrame, columns: Sequence[Column]) -> dict[str, Depth]:
     """
     maps: dict[str, Depth] = {}
     for column in columns:
-        denoised = load(column.spec)(frame.noisy[None])
-        maps[column.title] = composed(denoised, frame.noisy, DEFAULT_COMPOSITE).astype(np.float32)
+        denoised = load_denoiser(column.spec)(frame.noisy)
+        maps[column.title] = denoised.depth_mm.astype(np.float32)
     return maps
 
 

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise import load
-from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, composed
+from glsim.denoise import load_denoiser
+from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.denoise.interface import Depth
 from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.results import RealScores
@@ -98,8 +98,8 @@ def crops_figure(recording: SplitRecording, denoisers: Sequence[str]) -> Any:
     frame = recording.frames[number]
     raw = np.nan_to_num(frame.depth_mm)
     maps: dict[str, Depth] = {"raw": raw}
-    for method in map(load, denoisers):
-        maps[method.label] = composed(method(raw[None]), raw, DEFAULT_COMPOSITE)
+    for method in map(load_denoiser, denoisers):
+        maps[method.label] = method(raw).depth_mm
     return _draw_crops(frame, maps, _cut(recording, frame))
 
 

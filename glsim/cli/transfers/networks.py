@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from glsim.cli.transfers.steps import Step, StudyNetwork, StudyRun
-from glsim.denoise import load
+from glsim.denoise import load_denoiser
 from glsim.errors import CPU_TORCH, ConfigError, TrainError
 from glsim.eval.transfer.cases import TrainingSet
 from glsim.eval.transfer.study import TransferStudy
@@ -30,7 +30,7 @@ def steps_of_given(run: StudyRun, specs: Sequence[str], composite: str) -> Work:
     """Return the work for given networks. Raises ConfigError, DenoiserError."""
     named: dict[str, str] = {}
     for spec in specs:
-        load(spec)  # raises its error before any work starts
+        load_denoiser(spec)  # raises its error before any work starts
         label, at, file = spec.rpartition("@")
         path = Path(file)
         name = label if at else path.parent.name if path.name == "best.pt" else path.stem

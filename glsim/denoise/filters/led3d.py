@@ -16,9 +16,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.denoise.filters.windows import around, fill
+from glsim.denoise.filters.windows import around, fill, pieces
 from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 from glsim.errors import ConfigError
 
@@ -26,9 +25,6 @@ from glsim.errors import ConfigError
 _NEIGHBOURS = 4
 #: Half side of the square around a filled hole in which depth is smoothed, px (theirs is 9 x 9).
 _SMOOTHED_PX = 4
-#: Neighbours of one piece differ by at most this, mm: more than any slope of a face at 3 mm per
-#: pixel, less than the step to a wall. Theirs has no wall: all pixels around a face are 0 by then.
-_STEP_MM = 50.0
 
 
 @dataclass(frozen=True)
@@ -97,20 +93,6 @@ def largest_piece(depth_mm: Depth, valid: Mask) -> Mask:
     areas[0] = 0
     largest: Mask = valid & (labels == areas.argmax())
     return largest
-
-
-def pieces(depth_mm: Depth, valid: Mask) -> NDArray[np.int32]:
-    """Number the surfaces of a (H, W) map: 4-connected, steps of at most 50 mm; 0 = no depth."""
-    # Connected components know a mask only, so steps become gaps between pixels at twice the size.
-    height, width = valid.shape
-    grid = np.zeros((2 * height - 1, 2 * width - 1), np.uint8)
-    grid[::2, ::2] = valid
-    for axis, target in ((0, grid[1::2, ::2]), (1, grid[::2, 1::2])):
-        step = np.abs(np.diff(depth_mm, axis=axis)) <= _STEP_MM
-        both = np.delete(valid, 0, axis) & np.delete(valid, -1, axis)
-        target[...] = step & both
-    _, labels = cv2.connectedComponents(grid, connectivity=4)
-    return np.where(valid, labels[::2, ::2], 0).astype(np.int32)
 
 
 def enclosed_holes(mask: Mask) -> Mask:

@@ -1,0 +1,273 @@
+"""The denoiser: one class for single maps, the frames of a stream, and frames with neighbours."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.denoise.around import check_around, head_box
+from glsim.denoise.calibration import DeviceCalibration
+from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
+from glsim.denoise.interface import (
+    MIN_MEASURED_MM,
+    Denoised,
+    Depth,
+    DepthFunction,
+    Mask,
+    Probability,
+)
+from glsim.depth_protocol import MEANING, DepthProtocol, check_protocol
+from glsim.errors import ConfigError, DenoiserError, GlsimError
+from glsim.geometry.camera import Intrinsics
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a denoiser found for a frame, before a composite makes a depth map of it.
+
+    Attributes:
+        noisy_mm: (H, W) the frame.
+        depth_mm: (H, W) denoised depth, mm.
+        valid: (H, W) bool mask of depth, or the probability of depth, float in [0, 1].
+        sigma_mm: (H, W) float32 standard deviation, mm, from denoisers that predict it.
+    """
+
+    noisy_mm: Depth
+    depth_mm: Depth
+    valid: Mask | Probability
+    sigma_mm: Depth | None = None
+
+    def composite(self, name: str) -> NDArray[Any]:
+        """Return the depth map of a composite, (H, W) mm, 0 = none; a bool mask is applied."""
+        return composed((self.depth_mm, self.valid), self.noisy_mm, name)
+
+    def composites(self) -> dict[str, NDArray[Any]]:
+        """Return name -> depth map of each composite; name "" for a bool mask."""
+        names = ("",) if self.valid.dtype.kind == "b" else COMPOSITES
+        return {name: self.composite(name) for name in names}
+
+
+class Denoiser:
+    """A loaded denoiser; what ``glsim.load_denoiser`` returns.
+
+    Attributes:
+        label: its name in tables.
+        function: what denoises.
+        before, after: numbers of earlier and of later frames that it uses.
+        infrared: whether it uses infrared.
+        uncertain: whether it predicts its uncertainty.
+        protocol: where the depths of its training are counted from; None for both.
+        version: a text that changes with the file of the denoiser.
+        device: calibration that is subtracted from maps of ``__call__`` and ``push``; None: none.
+        composite: how a probability of depth becomes a depth map, one of COMPOSITES; None: not.
+    """
+
+    def __init__(
+        self,
+        label: str,
+        function: DepthFunction,
+        version: str = "",
+        *,
+        own_code: bool = False,
+        device: Path | str | None = None,
+        composite: str | None = DEFAULT_COMPOSITE,
+        around: str | None = None,
+    ) -> None:
+        """Wrap a function.
+
+        Args:
+            label: its name.
+            function: see ``DepthFunction``.
+            version: of the function's file.
+            own_code: the function is the user's, so that its errors are those of a denoiser.
+            device: sensor file whose fixed pattern and wiggling are subtracted first.
+            composite: see the class.
+            around: "face": only around the nearest head, see ``glsim.denoise.around``.
+
+        Raises:
+            DenoiserError: for something that cannot be called.
+            ConfigError: for an unknown composite or place, or an unusable device.
+        """
+        if not callable(function):
+            raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
+        if composite is not None:
+            check_composite(composite, "composite")
+        check_around(around)
+        self.label, self.function, self.version = label, function, version
+        self.before, self.after = (int(getattr(function, n, 0)) for n in ("before", "after"))
+        self._sequences = hasattr(function, "before") or hasattr(function, "after")
+        self.infrared = bool(getattr(function, "infrared", False))
+        self.uncertain = bool(getattr(function, "uncertain", False)) and around is None
+        self.protocol: DepthProtocol | None = check_protocol(
+            getattr(function, "protocol", None), f"{label}: protocol"
+        )
+        self.device = None if device is None else DeviceCalibration(device)
+        self.composite = composite
+        self._own_code, self._around_head = own_code, around is not None
+        self._held: deque[Depth] = deque(maxlen=1 + self.before)
+
+    def __call__(
+        self,
+        depth_mm: NDArray[Any],
+        infrared: NDArray[Any] | None = None,
+        *,
+        intrinsics: Intrinsics | None = None,
+    ) -> Denoised:
+        """Denoise one depth map, without neighbours in time.
+
+        Args:
+            depth_mm: (H, W), float or integer millimetres, 0 = no return. A network of the protocol
+                paper takes maps with their nearest point at 1 mm, see ``glsim.depth_protocol``.
+            infrared: (H, W) counts of the same pixels, for denoisers that use them.
+            intrinsics: intrinsics of a crop of the device's image.
+
+        Returns:
+            (H, W) depth in millimetres, 0 = none, and the (H, W) bool mask of depth. Without a
+            composite: the denoiser's own depth, and its mask or probability of depth in [0, 1].
+
+        Raises:
+            ConfigError: for an array that is no depth map, is not moved as the network needs it, or
+                is no image or crop of the device.
+            DenoiserError: if the denoiser does not return two images.
+        """
+        frame = self._frame(depth_mm, infrared, intrinsics)
+        return self._finished(self.estimate(frame[None], 0, infrared))
+
+    def push(
+        self,
+        depth_mm: NDArray[Any],
+        infrared: NDArray[Any] | None = None,
+        *,
+        intrinsics: Intrinsics | None = None,
+    ) -> Denoised:
+        """Denoise the next frame of a stream, with the frames pushed before it.
+
+        It is causal: a denoiser that would use later frames gets none. A frame of another size
+        begins a new sequence; one that is refused leaves the stream as it was. Arguments, result
+        and errors as of a call.
+        """
+        frame = self._frame(depth_mm, infrared, intrinsics)
+        if self._held and self._held[-1].shape != frame.shape:
+            self.reset()
+        self._held.append(frame)
+        return self._finished(self.estimate(np.stack(self._held), len(self._held) - 1, infrared))
+
+    def reset(self) -> None:
+        """Forget the frames pushed so far: the next one begins a new sequence."""
+        self._held.clear()
+
+    def estimate(
+        self, noisy_mm: Depth, now: int = 0, infrared: NDArray[Any] | None = None
+    ) -> Estimate:
+        """Denoise a frame of a sequence; the function gets copies, so it may work in place.
+
+        Args:
+            noisy_mm: (T, H, W) millimetres, 0 = no return, as measured: no device is subtracted.
+            now: index of the frame.
+            infrared: (H, W) counts of the frame, for denoisers that use them.
+
+        Raises:
+            DenoiserError: if the result is not two images of the frame's size (three of one that
+                predicts its uncertainty), and for errors of the user's own code.
+        """
+        if not self._around_head:
+            return self._estimate(noisy_mm, now, infrared)
+        frame = noisy_mm[now]
+        box = head_box(frame)
+        if box is None:
+            return Estimate(frame, frame.astype(np.float32), frame > 0)
+        counts = None if infrared is None else infrared[box]
+        part = self._estimate(noisy_mm[:, *box], now, counts)
+        depth_mm, valid = frame.astype(np.float32), (frame > 0).astype(part.valid.dtype)
+        depth_mm[box], valid[box] = part.depth_mm, part.valid
+        return Estimate(frame, depth_mm, valid)
+
+    def check_protocol(self, protocol: DepthProtocol) -> None:
+        """Raise ConfigError if the denoiser was trained under another protocol."""
+        if self.protocol is not None and self.protocol != protocol:
+            raise ConfigError(
+                f"{self.label}: was trained under the protocol {self.protocol} "
+                f"({MEANING[self.protocol]}), and this is {protocol}: give --protocol "
+                f"{self.protocol}, or a network trained with --protocol {protocol}"
+            )
+
+    def _frame(
+        self, depth_mm: NDArray[Any], infrared: NDArray[Any] | None, crop: Intrinsics | None
+    ) -> Depth:
+        """Check a map in memory; return a float32 copy (cameras reuse buffers), calibrated."""
+        if depth_mm.ndim != 2 or depth_mm.dtype.kind not in "fiu":
+            raise ConfigError(
+                f"{self.label}: give depth of shape (H, W) in millimetres, float or integer, not "
+                f"{depth_mm.shape} {depth_mm.dtype}"
+            )
+        if not (np.isfinite(depth_mm) & (depth_mm >= 0)).all():
+            raise ConfigError(f"{self.label}: depth must be finite and at least 0 (0 = no return)")
+        valid = depth_mm[depth_mm > 0]
+        if self.protocol == "paper" and valid.size and valid.min() > MIN_MEASURED_MM:
+            raise ConfigError(
+                f"{self.label}: was trained with {MEANING['paper']}, and this map's is at "
+                f"{valid.min():.0f} mm: subtract the difference (glsim denoise --protocol paper "
+                "does), or train a network with --protocol depth"
+            )
+        self._check_infrared(infrared, depth_mm.shape)
+        frame = np.array(depth_mm, np.float32)
+        return frame if self.device is None else self.device(frame, crop)
+
+    def _check_infrared(self, infrared: NDArray[Any] | None, shape: tuple[int, ...]) -> None:
+        if infrared is not None and infrared.shape != shape:
+            raise ConfigError(
+                f"{self.label}: infrared of shape {infrared.shape} for depth of shape {shape}: "
+                "give the infrared of the same pixels"
+            )
+
+    def _finished(self, estimate: Estimate) -> Denoised:
+        if self.composite is None:
+            return Denoised(estimate.depth_mm, estimate.valid)
+        depth_mm = estimate.composite(self.composite)
+        return Denoised(depth_mm, depth_mm > 0)
+
+    def _estimate(self, noisy_mm: Depth, now: int, infrared: NDArray[Any] | None) -> Estimate:
+        """Call the function; check what it returns."""
+        stack = noisy_mm.astype(np.float32)
+        valid = stack > 0
+        arguments = (stack, valid, now) if self._sequences else (stack[now], valid[now])
+        images = {}
+        if self.infrared:
+            self._check_infrared(infrared, stack.shape[1:])
+            images["infrared"] = None if infrared is None else infrared.astype(np.float32)
+        try:
+            result = self.function(*arguments, **images)
+        except GlsimError:
+            raise
+        except Exception as error:  # the user's code may raise anything
+            if not self._own_code:
+                raise
+            text = " ".join(str(error).split())
+            raise DenoiserError(f"{self.label}: {type(error).__name__}: {text}") from error
+        return Estimate(noisy_mm[now], *self._checked(result, stack.shape[1:]))
+
+    def _checked(self, result: Any, shape: tuple[int, ...]) -> list[NDArray[Any]]:
+        names = ("depth_mm", "valid", "sigma_mm")[
+            : 2 + bool(getattr(self.function, "uncertain", 0))
+        ]
+        if not isinstance(result, tuple) or len(result) != len(names):
+            raise DenoiserError(f"{self.label}: must return ({', '.join(names)})")
+        images = [np.asarray(part) for part in result]
+        for name, image in zip(names, images, strict=True):
+            if image.shape != shape:
+                raise DenoiserError(
+                    f"{self.label}: returned {name} of shape {image.shape} for a frame of {shape}"
+                )
+        valid = images[1]
+        if valid.dtype.kind not in "bf":
+            raise DenoiserError(
+                f"{self.label}: validity must be bool, or float in [0, 1], not {valid.dtype}"
+            )
+        if valid.dtype.kind == "f" and not ((valid >= 0) & (valid <= 1)).all():
+            raise DenoiserError(f"{self.label}: the probability of depth must lie in [0, 1]")
+        return images

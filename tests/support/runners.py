@@ -1,0 +1,13 @@
+"""A base class of networks of tests: what it sees, and what it returns."""
+
+from __future__ import annotations
+
+from glsim.denoise.inputs import DEPTH_ALONE
+from glsim.denoise.record import DEFAULT_RECORD
+
+
+class Runs:
+    """Attributes of a ``glsim.denoise.network.Runner`` of depth with a probability."""
+
+    inputs, record = DEPTH_ALONE, DEFAULT_RECORD
+    outputs = ("depth_mm", "probability")
