@@ -85,7 +85,7 @@ HOMES = {
         "glsim.validate",
         "glsim.fit.stereo_sensor",
         "glsim.compare.replayer",
-        "glsim.tune.bench",
+        "glsim.tune.preview",
         "glsim.cli",
     ),
     "trimesh": ("glsim.meshio",),

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -32,9 +32,6 @@ from glsim.cli.streams import open_closed_streams, printable, replace_what_a_str
 from glsim.errors import ConfigError, GlsimError
 from glsim.files.atomic import check_can_write, without_nan, write_atomic
 from glsim.settings.presets import preset_names, preset_title
-
-if TYPE_CHECKING:
-    from glsim.tune.address import Address
 
 
 def make_console(
@@ -187,27 +184,6 @@ CalibratedDeviceOption = Annotated[
         "before denoising."
     ),
 ]
-HostOption = Annotated[
-    str,
-    typer.Option(
-        help="Address to listen on; others than loopback are reachable.", rich_help_panel=MORE
-    ),
-]
-PortOption = Annotated[
-    int,
-    typer.Option(
-        min=0, max=65535, help="Port; a free one is taken if it is in use.", rich_help_panel=MORE
-    ),
-]
-NoBrowserOption = Annotated[
-    bool,
-    typer.Option(
-        "--no-browser", help="Print the address and open no browser.", rich_help_panel=MORE
-    ),
-]
-#: The port of pages that commands serve.
-PAGE_PORT = 8137
-
 #: Exit status that Typer returns for Ctrl-C.
 _INTERRUPTED = 130
 
@@ -325,13 +301,6 @@ def print_message(text: str) -> None:
     """Print a message on stderr, unless --quiet; without line breaks, however long."""
     if not options.quiet:
         console.print(_with_urls(text), soft_wrap=True)
-
-
-def announce_page(address: Address, command: str, no_browser: bool) -> None:
-    """Print a page's address, which lets one browser in, and open the user's browser."""
-    console.print(f"glsim {command}: {address.url}", soft_wrap=True)
-    if not no_browser:
-        address.open_browser()
 
 
 def print_written(paths: Sequence[Path]) -> None:

@@ -146,49 +146,35 @@ def wall_control(settings: Settings) -> Control:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class RigControl:
-    """A number of the rig that a slider moves; one number may set several fields of [rig]."""
-
-    label: str
-    least: float
-    most: float
-    unit: str
-    help: str
-    start: float
-
-
-def rig_controls(sensor: Sensor) -> list[RigControl]:
+def rig_controls(sensor: Sensor) -> list[Control]:
     """Return the sliders of the rig: focal length, and the place of each emitter."""
+
+    def control(
+        label: str, least: float, most: float, unit: str, help: str, start: float
+    ) -> Control:
+        value = Distribution(constant=start)
+        return Control(f"rig:{label}", label, "float", least, most, least, most, unit, help, value)
+
     focal = sensor.rig.intrinsics.fx
-    controls = [
-        RigControl("focal_px", 0.5 * focal, 2 * focal, "px", "focal length, both axes", focal)
-    ]
-    for number, emitter in enumerate(sensor.rig.emitters):
-        for axis, name in enumerate("xy"):
-            label = f"emitter{number + 1}_{name}_mm"
-            help = "baseline: emitter beside the camera" if axis == 0 else "emitter below it"
-            controls.append(
-                RigControl(label, -200, 200, "mm", help, 1000 * emitter.position_m[axis])
-            )
-    return controls
+    found = [control("focal_px", 0.5 * focal, 2 * focal, "px", "focal length, both axes", focal)]
+    for number, emitter in enumerate(sensor.rig.emitters, 1):
+        x_mm, y_mm = (1000 * emitter.position_m[axis] for axis in (0, 1))
+        found += [
+            control(f"emitter{number}_x_mm", -200, 200, "mm", "emitter beside the camera", x_mm),
+            control(f"emitter{number}_y_mm", -200, 200, "mm", "emitter below the camera", y_mm),
+        ]
+    return found
 
 
-def rig_values(sensor: Sensor, label: str, value: float) -> tuple[str, object]:
-    """Return name and value of ``--set`` for a moved slider of the rig."""
+def rig_value(sensor: Sensor, label: str, value: float | None) -> tuple[str, object]:
+    """Return name and value of ``--set`` for a moved slider of the rig; None takes it back."""
+    name = f"rig.{label}" if label == "focal_px" else "rig.emitter"
+    if value is None:
+        return name, None
     if label == "focal_px":
         camera = sensor.rig.intrinsics
-        return "rig.focal_px", [value, float(f"{value * camera.fy / camera.fx:.6g}")]
+        return name, [value, float(f"{value * camera.fy / camera.fx:.6g}")]
     number, axis = int(label[7:].split("_")[0]) - 1, "xy".index(label.split("_")[1])
-    tables = emitter_tables(sensor)
-    place = list(sensor.rig.emitters[number].position_m)
-    place[axis] = float(f"{value / 1000:.6g}")
-    tables[number]["position_m"] = place
-    return "rig.emitter", tables
-
-
-def emitter_tables(sensor: Sensor) -> list[dict[str, object]]:
-    """Return the emitters as [[rig.emitter]] tables."""
     tables: list[dict[str, object]] = []
     for emitter in sensor.rig.emitters:
         table: dict[str, object] = {"position_m": list(emitter.position_m)}
@@ -197,4 +183,7 @@ def emitter_tables(sensor: Sensor) -> list[dict[str, object]]:
         if emitter.path_from_m is not None:
             table["path_from_m"] = list(emitter.path_from_m)
         tables.append(table)
-    return tables
+    place = list(sensor.rig.emitters[number].position_m)
+    place[axis] = float(f"{value / 1000:.6g}")
+    tables[number]["position_m"] = place
+    return name, tables

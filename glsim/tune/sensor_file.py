@@ -14,7 +14,7 @@ from glsim.files.atomic import write_atomic
 from glsim.sensors.inheritance import EXTENDS, RIG_FILES
 from glsim.sensors.sensor import Sensor
 from glsim.settings.schema import Settings
-from glsim.tune.state import Tuning, toml_value
+from glsim.tune.tuning import Tuning, toml_value
 
 
 def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:
@@ -73,25 +73,50 @@ def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
     given = document.get("rig")
     rig = given if isinstance(given, Table) else tomlkit.table()
     entries = document.get("stage", tomlkit.aot())
-    by_name = {_name(entry): entry for entry in entries}
     _anchor_paths(document, rig, entries, sensor.file.parent)
-    if EXTENDS in document:
-        _name_inherited(document, entries, by_name, tuning, sensor)
-    for stage, code in tuning.code.items():
-        if stage not in by_name:
-            entry = tomlkit.table()
-            _insert(document, entries, entry, [_name(e) for e in entries], code.before, sensor)
-            by_name[stage] = entry
+    by_name = {_name(entry): entry for entry in entries}
+    _add_missing(entries, by_name, tuning, sensor, extends=EXTENDS in document)
+    for stage in tuning.code:
         entry = by_name[stage]
         entry["use"] = code_file(file, stage).name
         entry["name"] = stage
         declared = {s.name: s.spec.parameters for s in sensor.stages}[stage]
         for key in [k for k in entry if k not in {"use", "name", "enabled", *declared}]:
             del entry[key]
-    _set_values(tuning, sensor, rig, by_name)
+    for name, value in tuning.values.items():
+        table, _, key = name.removeprefix("stage.").partition(".")
+        if _in_sensor(name):
+            target = rig if table == "rig" else by_name.get(table)
+            if target is None:
+                raise ConfigError(f"the sensor has no stage {table!r}")
+            target[key] = _plain(value, sensor, table, key)
     if given is None and rig:
         document["rig"] = rig
+    if "stage" not in document and len(entries):
+        document["stage"] = entries
     return tomlkit.dumps(document)
+
+
+def _add_missing(
+    entries: Any, by_name: dict[str, Any], tuning: Tuning, sensor: Sensor, *, extends: bool
+) -> None:
+    """Add a [[stage]] for each new stage, and each changed one of the file that it extends."""
+    if extends and (new := [name for name, code in tuning.code.items() if code.new]):
+        raise ConfigError(
+            f"the new stage {new[0]!r} cannot be saved: {sensor.name} extends another sensor's "
+            "file, which says the chain; begin from that one"
+        )
+    changed = {name.removeprefix("stage.").partition(".")[0] for name in tuning.values}
+    order = [stage.name for stage in sensor.stages]
+    for number, stage in enumerate(sensor.stages):
+        if stage.name in by_name or stage.name not in {*changed, *tuning.code}:
+            continue
+        entry = by_name[stage.name] = tomlkit.table()
+        entry["use"] = stage.spec.name
+        if stage.spec.name != stage.name:
+            entry["name"] = stage.name
+        places = (n for n, other in enumerate(entries) if _name(other) in order[number:])
+        entries.insert(next(places, len(entries)), entry)
 
 
 def _anchor_paths(document: tomlkit.TOMLDocument, rig: Table, entries: Any, folder: Path) -> None:
@@ -107,72 +132,10 @@ def _anchor_paths(document: tomlkit.TOMLDocument, rig: Table, entries: Any, fold
             entry["use"] = str((folder / use).resolve())
 
 
-def _set_values(tuning: Tuning, sensor: Sensor, rig: Table, by_name: Mapping[str, Any]) -> None:
-    """Write the tuning's values into the rig and the stages. Raises ConfigError."""
-    for name, value in tuning.values.items():
-        if not _in_sensor(name):
-            continue
-        table, _, key = name.removeprefix("stage.").partition(".")
-        target = rig if table == "rig" else by_name.get(table)
-        if target is None:
-            raise ConfigError(f"the sensor has no stage {table!r}")
-        target[key] = _plain(value, sensor, table, key)
-
-
-def _name_inherited(
-    document: tomlkit.TOMLDocument,
-    entries: Any,
-    by_name: dict[str, Any],
-    tuning: Tuning,
-    sensor: Sensor,
-) -> None:
-    """Add a [[stage]] for each changed stage that the file has from the one it extends."""
-    own = {stage.name: stage for stage in sensor.stages}
-    for name, code in tuning.code.items():
-        if code.new:
-            raise ConfigError(
-                f"the new stage {name!r} cannot be saved: {sensor.name} extends another sensor's "
-                "file, which says the chain; begin from that one"
-            )
-    changed = {name.removeprefix("stage.").partition(".")[0] for name in tuning.values}
-    for name in own:
-        if name in by_name or name not in {*changed, *tuning.code}:
-            continue
-        entry = tomlkit.table()
-        entry["use"] = own[name].spec.name
-        if own[name].spec.name != name:
-            entry["name"] = name
-        entries.append(entry)
-        by_name[name] = entry
-    if "stage" not in document and len(entries):
-        document["stage"] = entries
-
-
 def _name(entry: Mapping[str, Any]) -> str:
     use = str(entry["use"])
     stem = Path(use).stem if use.endswith(".glsl") else use.rpartition(":")[2]
     return str(entry.get("name", stem))
-
-
-def _insert(
-    document: tomlkit.TOMLDocument,
-    entries: Any,
-    entry: Table,
-    names: list[str],
-    before: str | None,
-    sensor: Sensor,
-) -> None:
-    """Put a new [[stage]] where the chain has it."""
-    arrays = {s.name for s in sensor.stages if s.spec.function is not None}
-    place = next((n for n, name in enumerate(names) if name == before), None)
-    if before is None:
-        place = next((n for n, name in enumerate(names) if name in arrays), None)
-    if place is None:
-        entries.append(entry)
-    else:
-        entries.insert(place, entry)
-    if "stage" not in document:
-        document["stage"] = entries
 
 
 def _plain(value: Any, sensor: Sensor, table: str, key: str) -> Any:

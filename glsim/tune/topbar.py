@@ -1,32 +1,29 @@
-"""The top of the page: sensor, time, undo, comparison, and what leaves the page."""
+"""The top of the page: sensor, frame, undo, comparison, and the menu Save."""
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-from nicegui import background_tasks, ui
+from nicegui import ui
 
+from glsim.errors import ConfigError, GlsimError
 from glsim.sensors.sensor import sensor_names
-from glsim.tune.buttons import icon_button, scale_menu
-from glsim.tune.desk import Desk
-from glsim.tune.outputs import Outputs
-from glsim.tune.side_by_side import SideBySide
-from glsim.tune.state import Tuning
+from glsim.tune.sensor_file import checked_path, code_file, other_values, save_sensor
+from glsim.tune.tab import TuneTab
+from glsim.tune.tuning import Tuning, python_code, set_options, toml_value
+
+#: Ranges of colours of the difference, mm.
+_SCALES_MM = (2, 5, 10, 20, 50, 100)
 
 
 class TopBar:
-    """The elements of the top, and what they do.
+    """The elements of the top, and what they do."""
 
-    Attributes:
-        playing: whether frame follows frame.
-        noise_of: the frame whose noise is kept, or None.
-    """
-
-    def __init__(self, page: Desk, comparison: SideBySide) -> None:
-        self._page, self._comparison = page, comparison
-        self.playing = False
-        self.noise_of: int | None = None
+    def __init__(self, page: TuneTab) -> None:
+        self._page = page
         self._presenting = False
         ui.html("<b>glsim tune</b>", sanitize=False)
         names, own = sensor_names(), page.history.now.sensor
@@ -34,33 +31,34 @@ class TopBar:
         self._sensor = ui.select(listed, value=own, on_change=self._to_sensor)
         self._sensor.props('dense outlined options-dense aria-label="sensor"')
         self._sensor.style("width: 168px")
-        self._time()
+        self._play = _icon("play_arrow", "play or stop", page.toggle_play)
+        self._frame = self._number("frame", "expression, pose and noise", self._to_frame)
+        self._seed = self._number("seed", "other people, other noise", self._to_seed)
         ui.element("span").classes("grow")
-        self._undo = icon_button("undo", "undo (Ctrl+Z)", self.undo)
-        self._redo = icon_button("redo", "redo (Ctrl+Shift+Z)", self.redo)
+        self._undo = _icon("undo", "undo (Ctrl+Z)", self._go_back)
+        self._redo = _icon("redo", "redo (Ctrl+Shift+Z)", self._go_forward)
         ui.keyboard(self._key, ignore=["input", "textarea", "select"])
         with ui.button("A | B").props('flat dense aria-label="compare"'), ui.menu():
-            ui.menu_item("Keep these settings as B", comparison.keep)
-            ui.menu_item("Change places of A and B", comparison.swap)
-            ui.menu_item("Show A alone", comparison.drop)
-        scale_menu(page.call)
-        icon_button("fit_screen", "show the whole surface", lambda: page.call("fit"))
-        self.outputs = Outputs(page)
-        icon_button("contrast", "dark or light", page.change_theme)
+            ui.menu_item("Keep these settings as B", page.keep_other)
+            ui.menu_item("Show A alone", page.drop_other)
+        with ui.button("± 10 mm").props("flat dense") as scale, ui.menu():
+            scale.tooltip("range of colours of the difference")
+            for mm in _SCALES_MM:
+                ui.menu_item(f"± {mm} mm", lambda mm=mm: self._to_scale(scale, mm))
+        _icon("fit_screen", "show the whole image", lambda: page.call("fit"))
+        save = ui.button("Save").props('flat dense icon-right=expand_more aria-label="save"')
+        with save, ui.menu():
+            ui.menu_item("Save sensor…", self._ask_file)
+            ui.separator()
+            ui.menu_item("Copy command line", self._copy_command)
+            ui.menu_item("Copy Python", lambda: _copy(python_code(page.history.now)))
+            ui.menu_item("Copy link", self._copy_link)
 
-    def _time(self) -> None:
-        now = self._page.history.now
-        self._play = icon_button("play_arrow", "play or stop", self.toggle_play)
-        ui.label("frame").classes("word")
-        self._frame = ui.number(value=now.frame, min=0, format="%d", on_change=self._to_frame)
-        self._frame.props('dense outlined aria-label="frame"').classes("number")
-        self._frame.style("width: 62px").tooltip("number: expression, pose and noise")
-        same = ui.checkbox("same noise", on_change=self._lock).props("dense size=sm")
-        same.tooltip("keep the noise of this frame while others are shown")
-        ui.label("seed").classes("word")
-        self._seed = ui.number(value=self._seed_now(), min=0, format="%d", on_change=self._to_seed)
-        self._seed.props('dense outlined debounce=400 aria-label="seed"').classes("number")
-        self._seed.style("width: 62px").tooltip("other people, other noise")
+    def _number(self, name: str, help: str, change: Any) -> ui.number:
+        ui.label(name).classes("word")
+        box = ui.number(min=0, format="%d", on_change=change).classes("number")
+        box.props(f'dense outlined debounce=400 aria-label="{name}"').tooltip(help)
+        return box.style("width: 62px")
 
     def refresh(self) -> None:
         """Show the current tuning."""
@@ -68,56 +66,27 @@ class TopBar:
         self._presenting = True
         self._sensor.set_value(history.now.sensor)
         self._frame.set_value(history.now.frame)
-        self._seed.set_value(self._seed_now())
+        self._seed.set_value(history.now.values.get("seed", self._page.session.base.seed))
         self._presenting = False
         self._undo.set_enabled(history.can_undo)
         self._redo.set_enabled(history.can_redo)
-        self.outputs.refresh(history.now)
+        self._play.props(f"icon={'stop' if self._page.playing else 'play_arrow'}")
 
-    async def undo(self) -> None:
-        """Go one step back."""
+    async def _go_back(self) -> None:
         self._page.history.undo()
         await self._page.refresh()
 
-    async def redo(self) -> None:
-        """Go one step forward."""
+    async def _go_forward(self) -> None:
         self._page.history.redo()
         await self._page.refresh()
 
-    def toggle_play(self) -> None:
-        """Start or stop showing frame after frame."""
-        if self.playing:
-            self.stop()
-            return
-        self.playing = True
-        self._play.props("icon=stop")
-        self.next_frame()
-
-    def stop(self) -> None:
-        """Show the current frame only."""
-        self.playing = False
-        self._play.props("icon=play_arrow")
-
-    def next_frame(self) -> None:
-        """Show the next frame; called when the browser has the one before it."""
-        self._page.change(self.next_tuning(), "frame")
-
-    def next_tuning(self) -> Tuning:
-        """Return the current tuning at its next frame."""
-        page = self._page
-        count = page.picture.frames if page.picture else 1
-        return replace(page.history.now, frame=(page.history.now.frame + 1) % count)
+    async def _key(self, event: Any) -> None:
+        if event.action.keydown and str(event.key).lower() == "z" and event.modifiers.ctrl:
+            await (self._go_forward() if event.modifiers.shift else self._go_back())
 
     def _to_frame(self, event: Any) -> None:
         if event.value is not None and not self._presenting:
             self._page.change(replace(self._page.history.now, frame=int(event.value)), "frame")
-
-    def _lock(self, event: Any) -> None:
-        self.noise_of = self._page.history.now.frame if event.value else None
-        background_tasks.create(self._page.refresh(), name="same noise")
-
-    def _seed_now(self) -> int:
-        return int(self._page.history.now.values.get("seed", self._page.workshop.base.seed))
 
     def _to_seed(self, event: Any) -> None:
         if event.value is not None and not self._presenting:
@@ -131,6 +100,79 @@ class TopBar:
             self._page.selected = ""
             self._page.change(Tuning(event.value, kept, {}, now.frame))
 
-    async def _key(self, event: Any) -> None:
-        if event.action.keydown and str(event.key).lower() == "z" and event.modifiers.ctrl:
-            await (self.redo() if event.modifiers.shift else self.undo())
+    def _to_scale(self, button: ui.button, mm: int) -> None:
+        button.text = f"± {mm} mm"
+        self._page.call("scale", mm)
+
+    def _copy_command(self) -> None:
+        tuning = self._page.history.now
+        _copy(f"{self._page.session.command} {set_options(tuning)}")
+        if tuning.code:
+            ui.notify("changed code is not in it: save the sensor", type="warning")
+
+    async def _copy_link(self) -> None:
+        link = self._page.history.now.link()
+        _copy(str(await ui.run_javascript(f"location.origin + '/?s={link}'")))
+
+    def _ask_file(self) -> None:
+        """Ask for the name of a sensor file; a second click is needed to replace files."""
+        now = self._page.history.now
+        agreed: list[Path] = []
+
+        def click() -> None:
+            try:
+                path = checked_path(str(name.value))
+                files = [path, *(code_file(path, stage) for stage in now.code)]
+                present = [file for file in files if file.exists()]
+                if present and present != agreed:
+                    agreed[:] = present
+                    listed = ", ".join(file.name for file in present)
+                    warning.text = f"{listed}: already there. Click again to replace."
+                    button.text = "Replace"
+                    return
+                message = self._save(path)
+            except (GlsimError, OSError) as error:
+                ui.notify(str(error), type="negative")
+                return
+            dialog.close()
+            ui.notify(message, multi_line=True, timeout=12000, close_button="ok")
+
+        def changed() -> None:
+            agreed.clear()
+            warning.text, button.text = "", "Save"
+
+        with ui.dialog() as dialog, ui.card().style("min-width: min(420px, 90vw)"):
+            ui.label("Save sensor: the file with your values, comments kept")
+            file = Path.cwd() / f"{Path(now.sensor).stem}-tuned.toml"
+            name = ui.input("file", value=str(file), on_change=changed)
+            name.props("dense outlined autofocus").classes("w-full")
+            warning = ui.label().classes("problem").props('role="alert"')
+            with ui.row():
+                button = ui.button("Save", on_click=click).props("flat")
+                ui.button("Cancel", on_click=dialog.close).props("flat")
+        dialog.on("hide", dialog.delete)
+        dialog.open()
+
+    def _save(self, path: Path) -> str:
+        """Save the sensor; return what was written and the command of the same frame."""
+        page = self._page
+        if page.picture is None:
+            raise ConfigError("there is no picture yet: wait for the first one")
+        written = save_sensor(page.history.now, page.picture.sensor, path)
+        words = ["--sensor", str(path)]
+        for key, value in other_values(page.history.now).items():
+            words += ["--set", f"{key}={toml_value(value)}"]
+        files = ", ".join(str(file) for file in written)
+        return f"wrote {files}. The same frame: {page.session.command} {shlex.join(words)}"
+
+
+def _icon(icon: str, help: str, action: Any) -> ui.button:
+    """Add a button; ``help``: its name for screen readers, and keys in brackets."""
+    button = ui.button(icon=icon, on_click=action)
+    button.props(f'flat dense aria-label="{help.partition(" (")[0]}"').tooltip(help)
+    return button
+
+
+def _copy(text: str) -> None:
+    ui.clipboard.write(text)
+    ui.notify("copied")

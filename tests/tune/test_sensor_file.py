@@ -10,7 +10,7 @@ from glsim.errors import ConfigError
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, sensor_names, sensor_of
 from glsim.settings.schema import load_settings, with_assignments
 from glsim.tune.sensor_file import other_values, save_sensor
-from glsim.tune.state import StageCode, Tuning
+from glsim.tune.tuning import StageCode, Tuning
 
 LOUD = """#version 330 core
 // loud: adds the same amount everywhere.

@@ -1,25 +1,10 @@
-// The statistics of a frame as small charts and tables, beside a recording's.
+// The figures of a frame as small charts and tables, beside a recording's.
 
-import { ceiling, chart, text } from "./charts.js";
 import { REASONS } from "./maps.js";
 
-const NAMES = [
-  "valid",
-  "no_surface",
-  "shadow",
-  "out_of_range",
-  "low_signal",
-  "edge",
-  "dropped",
-  "window",
-  "moved",
-  "grown",
-  "saturated",
-  "unwrap",
-  "mixed",
-];
+const style = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
 
-const element = (parent, tag, cls, content) => {
+export const element = (parent, tag, cls, content) => {
   const made = document.createElement(tag);
   if (cls) made.className = cls;
   if (content !== undefined) made.textContent = content;
@@ -27,9 +12,75 @@ const element = (parent, tag, cls, content) => {
   return made;
 };
 
+// A number for people; "–" for none.
+export const text = (value) => {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  const size = Math.abs(value);
+  if (size >= 10000) return `${Number((value / 1000).toPrecision(3))}k`;
+  if (size >= 100 || Number.isInteger(value)) return value.toFixed(0);
+  return value.toFixed(size >= 10 ? 1 : 2);
+};
+
+// A round number of at least `value`: the end of an axis.
+function ceiling(value) {
+  if (!(value > 0)) return 1;
+  const power = 10 ** Math.floor(Math.log10(value));
+  return [1, 1.5, 2, 3, 4, 5, 7.5, 10].find((m) => m * power >= value * 0.999) * power;
+}
+
+// series: [{points: [[x, y], ...], colour: "--name", bars, dashed}]; x, y: [low, high] of the axes.
+export function chart(canvas, series, [x0, x1], [y0, y1], unit) {
+  const ratio = window.devicePixelRatio || 1;
+  const width = canvas.clientWidth,
+    height = canvas.clientHeight;
+  if (!width || !height) return;
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  const c = canvas.getContext("2d");
+  c.scale(ratio, ratio);
+  const [left, right, top, bottom] = [30, 6, 6, 24];
+  const toX = (v) => left + ((v - x0) / (x1 - x0 || 1)) * (width - left - right);
+  const toY = (v) => height - bottom - ((v - y0) / (y1 - y0 || 1)) * (height - top - bottom);
+  c.font = "10px system-ui, sans-serif";
+  c.fillStyle = style("--soft");
+  for (const v of [y0, (y0 + y1) / 2, y1]) {
+    c.globalAlpha = 0.25;
+    c.fillRect(left, Math.round(toY(v)), width - left - right, 1);
+    c.globalAlpha = 1;
+    c.textAlign = "right";
+    c.fillText(text(v), left - 4, toY(v) + 3);
+  }
+  for (const [v, align] of [
+    [x0, "left"],
+    [(x0 + x1) / 2, "center"],
+    [x1, "right"],
+  ]) {
+    c.textAlign = align;
+    c.fillText(align === "right" ? `${text(v)} ${unit}` : text(v), toX(v), height - bottom + 14);
+  }
+  c.lineWidth = 1.5;
+  for (const { points, colour, bars, dashed } of series) {
+    c.strokeStyle = c.fillStyle = style(colour);
+    c.setLineDash(dashed ? [4, 3] : []);
+    c.beginPath();
+    let pen = false;
+    for (const [at, v] of points) {
+      const known = v !== null && Number.isFinite(v);
+      if (bars) {
+        const wide = (toX(x1) - toX(x0)) / points.length;
+        c.fillRect(toX(at) - wide / 2 + 0.5, toY(v), Math.max(wide - 1, 1), toY(y0) - toY(v));
+      } else if (known && pen) c.lineTo(toX(at), toY(v));
+      else if (known) c.moveTo(toX(at), toY(v));
+      pen = known;
+    }
+    c.stroke();
+  }
+}
+
 export class Figures {
-  constructor(root) {
-    root.textContent = "";
+  // reasons: [name, help] of each code.
+  constructor(root, reasons) {
+    this.names = reasons.map(([name]) => name);
     this.summary = element(root, "dl", "facts");
     this.charts = {};
     for (const [key, title] of [
@@ -45,110 +96,83 @@ export class Figures {
     }
     element(root, "h3", "", "lost and moved pixels, share of the surface");
     this.reasons = element(root, "table", "reasons");
-    element(root, "h3", "", "silhouettes");
-    this.edges = element(root, "table", "edges");
-    this.realTitle = element(root, "h3", "", "");
-    this.real = element(root, "table", "real");
+    element(root, "h3", "", "gaps beside silhouettes");
+    this.edges = element(root, "table");
+    this.realTitle = element(root, "h3");
+    this.real = element(root, "table");
   }
 
-  fact(name, value) {
-    element(this.summary, "dt", "", name);
-    element(this.summary, "dd", "", value);
-  }
-
+  // now, other: figures of `frame_figures`; other: of setting B, or null.
   show(now, other) {
     this.now = now;
     this.other = other;
-    this.summary.textContent = "";
-    this.fact("σ on the face", `${text(now.face_sigma_mm)} mm`);
-    this.fact("mean error", `${text(now.bias_mm)} mm`);
-    this.fact("measured", now.surface_px ? `${((100 * now.measured_px) / now.surface_px).toFixed(1)} %` : "–");
-    this.fact("a frame", `${text(now.milliseconds)} ms`);
-    this.draw();
-    this.reasons.textContent = "";
+    this.summary.textContent = this.reasons.textContent = this.edges.textContent = "";
+    for (const [name, value] of [
+      ["σ on the face", `${text(now.face_sigma_mm)} mm`],
+      ["mean error", `${text(now.bias_mm)} mm`],
+      ["measured", now.surface_px ? `${((100 * now.measured_px) / now.surface_px).toFixed(1)} %` : "–"],
+      ["a frame", `${text(now.milliseconds)} ms`],
+    ]) {
+      element(this.summary, "dt", "", name);
+      element(this.summary, "dd", "", value);
+    }
     for (const [name, help, pixels, share] of now.reasons) {
-      const row = element(this.reasons, "tr");
-      const cell = element(row, "td", "", name.replaceAll("_", " "));
+      const row = tableRow(this.reasons, name.replaceAll("_", " "), `${(100 * share).toFixed(2)} %`);
+      row.title = `${help}: ${pixels} pixels`;
       const key = document.createElement("i");
-      key.style.background = REASONS[NAMES.indexOf(name)];
-      cell.prepend(key);
-      cell.title = help;
-      element(row, "td", "number", `${(100 * share).toFixed(2)} %`).title = `${pixels} pixels`;
+      key.style.background = REASONS[this.names.indexOf(name)];
+      row.firstChild.prepend(key);
     }
-    if (!now.reasons.length) element(element(this.reasons, "tr"), "td", "", "none");
-    this.edges.textContent = "";
-    this.edges.previousSibling.hidden = !now.silhouettes; // the page without a server has none
-    for (const side of now.silhouettes ? ["left", "right"] : []) {
-      const row = element(this.edges, "tr"),
-        edge = now.silhouettes[side];
-      element(row, "td", "", `gap, ${side}`);
+    if (!now.reasons.length) tableRow(this.reasons, "none");
+    for (const [side, edge] of Object.entries(now.silhouettes)) {
       const width = edge.width_px === null ? "no background" : `${text(edge.width_px)} px`;
-      element(row, "td", "number", width).title = `median of ${edge.edges} edges`;
+      tableRow(this.edges, side, width).title = `median of ${edge.edges} edges`;
     }
+    this.draw();
   }
 
   draw() {
-    const { now, other } = this;
+    const { now, other, charts } = this;
     if (!now) return;
     for (const [key, unit] of [
       ["distance", "mm"],
       ["angle", "°"],
     ]) {
-      const points = now[key].map(([at, sigma]) => [at, sigma]);
-      const second = other ? other[key].map(([at, sigma]) => [at, sigma]) : [];
-      const all = [...points, ...second];
-      if (!all.length) {
-        chart(this.charts[key], [], [0, 1], [0, 1], unit);
-        continue;
-      }
-      const x = key === "angle" ? [0, 90] : [Math.min(...all.map((p) => p[0])), Math.max(...all.map((p) => p[0]))];
-      chart(
-        this.charts[key],
-        [
-          { points: second, colour: "--second", dashed: true },
-          { points, colour: "--accent", dots: true },
-        ],
-        x,
-        [0, ceiling(Math.max(...all.map((p) => p[1])))],
-        unit,
-      );
+      const all = [...now[key], ...(other?.[key] ?? [])],
+        places = all.map(([at]) => at);
+      const series = [
+        { points: other?.[key] ?? [], colour: "--second", dashed: true },
+        { points: now[key], colour: "--accent" },
+      ];
+      const x = key === "angle" || !all.length ? [0, 90] : [Math.min(...places), Math.max(...places)];
+      chart(charts[key], series, x, [0, ceiling(Math.max(0, ...all.map(([, sigma]) => sigma)))], unit);
     }
-    const h = now.histogram,
-      n = h.counts.length;
-    const bars = h.counts.map((count, i) => [h.low_mm + ((i + 0.5) / n) * (h.high_mm - h.low_mm), count]);
-    chart(
-      this.charts.histogram,
-      [{ points: bars, colour: "--accent", bars: true }],
-      [h.low_mm, h.high_mm],
-      [0, ceiling(Math.max(1, ...h.counts))],
-      "mm",
-    );
-    const lags = (values) => values.map((v, i) => [i, v]);
+    const { counts, low_mm, high_mm } = now.histogram;
+    const bars = counts.map((count, i) => [low_mm + ((i + 0.5) / counts.length) * (high_mm - low_mm), count]);
+    const top = ceiling(Math.max(1, ...counts));
+    chart(charts.histogram, [{ points: bars, colour: "--accent", bars: true }], [low_mm, high_mm], [0, top], "mm");
     const { row, column } = now.autocorrelation;
-    const least = Math.min(0, ...row, ...column);
-    chart(
-      this.charts.correlation,
-      [
-        { points: lags(row), colour: "--accent", dots: true },
-        { points: lags(column), colour: "--second", dashed: true },
-      ],
-      [0, 8],
-      [least < -0.05 ? -0.5 : 0, 1],
-      "px",
-    );
+    const lags = [
+      { points: row.map((v, i) => [i, v]), colour: "--accent" },
+      { points: column.map((v, i) => [i, v]), colour: "--second", dashed: true },
+    ];
+    chart(charts.correlation, lags, [0, 8], [Math.min(0, ...row, ...column) < -0.05 ? -0.5 : 0, 1], "px");
   }
 
+  // real: figures of `recording_figures`; here: of the shown frame, or null.
   showReal(real, here) {
-    this.realTitle.textContent = real ? `recording ${real.title} (${real.frames} frames) and this` : "";
+    this.realTitle.textContent = `recording ${real.title} (${real.frames} frames) and this`;
     this.real.textContent = "";
-    if (!real) return;
-    const head = element(this.real, "tr");
-    for (const name of ["", "real", "this"]) element(head, "th", "", name);
+    tableRow(this.real, "", "real", "this");
     real.rows.forEach(([name, unit, value], i) => {
-      const row = element(this.real, "tr");
-      element(row, "td", "", unit ? `${name}, ${unit}` : name);
-      element(row, "td", "number", text(value));
-      element(row, "td", "number", here ? text(here.rows[i][2]) : "…");
+      tableRow(this.real, unit ? `${name}, ${unit}` : name, text(value), here ? text(here.rows[i][2]) : "…");
     });
   }
+}
+
+function tableRow(table, name, ...numbers) {
+  const row = element(table, "tr");
+  element(row, "td", "", name);
+  for (const number of numbers) element(row, "td", "number", number);
+  return row;
 }

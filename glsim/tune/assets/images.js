@@ -1,11 +1,8 @@
 // Images of a picture's layers on 2D canvases with a common zoom, cursor and profile line.
 
 import { DEPTH, DISPARITY, GREY, REASON_WORDS, SIGNED, word } from "./maps.js";
-import { alike } from "./packet.js";
 
 const EMPTY = word([27, 30, 36]);
-
-const LAYERS_OF = { difference: ["clean", "noisy"] };
 
 // The smallest and the largest value above 0 of the pixels that `counts` accepts; from 0 without two.
 function rangeOf(values, counts = () => true) {
@@ -22,12 +19,10 @@ function rangeOf(values, counts = () => true) {
 }
 
 // The values at the ends of the colours of all layers: {kind: [low, high]}. Depths reach from the nearest to
-// the farthest clean surface, or as the server says, disparities over the pixels that found the right one.
-// spanMm: most that depths reach; 0 for no bound.
-export function endsOf(picture, differenceMm, spanMm = 0) {
+// the farthest clean surface, disparities over the pixels that found the right one.
+export function endsOf(picture, differenceMm) {
   const { clean, reason, infrared, infrared_right: right, disparity } = picture.layers;
-  const [near, far] = picture.head.depth_ends || rangeOf(clean),
-    depths = [near, spanMm ? Math.min(far, near + spanMm / picture.head.depth_unit_mm) : far],
+  const depths = rangeOf(clean),
     brightest = (image) => (image ? rangeOf(image)[1] : 0),
     light = [0, Math.max(brightest(infrared), brightest(right))];
   return {
@@ -84,13 +79,9 @@ export class LayerImage {
 
   // Take a picture, or null. ends: of `endsOf`.
   set(picture, ends) {
-    const before = this.picture;
     this.picture = picture;
     if (!picture) return;
-    const { width, height } = picture,
-      scale = String(ends);
-    if (before && scale === this.scale && alike(before, picture, LAYERS_OF[this.kind] || [this.kind])) return;
-    this.scale = scale;
+    const { width, height } = picture;
     if (this.source.width !== width || this.source.height !== height || !this.pixels) {
       this.source.width = width;
       this.source.height = height;

@@ -1,4 +1,4 @@
-// Unpack what glsim/tune/packet.py packs: {head, layers: {name: typed array of the window}}.
+// Unpack what glsim/tune/preview.py packs: {head, layers: {name: typed array of the window}}.
 
 const TYPES = { u1: Uint8Array, u2: Uint16Array, f4: Float32Array };
 
@@ -24,18 +24,4 @@ export function valueAt(picture, name, x, y) {
     return name === "reason" ? 1 : 0;
   }
   return picture.layers[name][row * picture.width + column];
-}
-
-// Whether two pictures have equal values in these layers: what was made of them need not be made anew.
-export function alike(one, other, names) {
-  if (one === other) return true;
-  if (!one || one.left !== other.left || one.top !== other.top) return false;
-  if (one.width !== other.width || one.height !== other.height) return false;
-  return names.every((name) => {
-    const a = one.layers[name],
-      b = other.layers[name];
-    let i = 0;
-    while (i < a.length && a[i] === b[i]) i++;
-    return i === a.length;
-  });
 }

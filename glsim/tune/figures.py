@@ -1,9 +1,9 @@
-"""Figures of one frame: noisy against clean, and why pixels are lost."""
+"""Figures of the shown frame, and of a recording beside it as ``glsim compare`` measures both."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,67 +11,100 @@ from numpy.typing import NDArray
 
 from glsim.frame import Frame
 from glsim.measures.correlation import correlation_of, lagged_sums
-from glsim.measures.frame import frame_set
-from glsim.measures.silhouettes import find_edges
+from glsim.measures.frame import FrameSet, frame_set
+from glsim.measures.silhouettes import find_edges, measure_silhouettes
+from glsim.measures.spatial import measure_spatial
+from glsim.measures.validity import measure_invalid
 from glsim.reason import Reason
+from glsim.recordings.recording import read_frame_set
 
 Array = NDArray[np.float32]
 
+#: Frames of the recording that are measured; chosen, since the page waits for them.
+_RECORDED = 16
 #: Pixels up to this far behind the nearest point count as the face, mm: the depth of a head.
-FACE_MM = 250.0
+_FACE_MM = 250.0
 #: Width of the bins of distance and angle, and least pixels of a bin.
 _DISTANCE_MM, _ANGLE_DEG, _LEAST = 20.0, 10.0, 30
 #: Largest error on one surface, mm; larger ones count in ``beyond_px`` only.
-_SURFACE_MM = 50.0
+_SUR_FACE_MM = 50.0
 _BINS, _LAGS = 40, 8
 
 
-def frame_statistics(frame: Frame, normal: Array) -> dict[str, Any]:
+def frame_figures(frame: Frame) -> dict[str, Any]:
     """Return the figures of a frame as JSON values; None with too few pixels.
 
     Errors are noisy minus clean, mm, of pixels with both; sigma is their standard deviation about
     the mean of a bin on the face.
 
     Args:
-        normal: (h, w, 4) of the frame's window, in the camera's axes.
+        frame: with the layer ``normal``, (h, w, 4) in the camera's axes.
     """
     clean, noisy = frame.clean_m * np.float32(1000), frame.noisy_m * np.float32(1000)
     both = (clean > 0) & (noisy > 0)
     error = np.where(both, noisy - clean, np.float32(0))
-    same = both & (np.abs(error) <= _SURFACE_MM)
+    same = both & (np.abs(error) <= _SUR_FACE_MM)
     nearest = float(clean[clean > 0].min()) if (clean > 0).any() else 0.0
-    face = same & (clean < nearest + FACE_MM)
-    angle = np.degrees(np.arccos(np.clip(-normal[..., 2], 0.0, 1.0)))
+    face = same & (clean < nearest + _FACE_MM)
+    angle = np.degrees(np.arccos(np.clip(-frame.extra["normal"][..., 2], 0.0, 1.0)))
     values = error[same]
     return {
         "surface_px": int((clean > 0).sum()),
         "measured_px": int(both.sum()),
         "bias_mm": _number(values.mean() if values.size else math.nan),
-        "sigma_mm": _number(values.std() if values.size > 1 else math.nan),
         "face_sigma_mm": _number(error[face].std() if face.sum() > 1 else math.nan),
-        "beyond_px": int(both.sum() - same.sum()),
         "distance": _by(clean[face], error[face], _DISTANCE_MM),
         "angle": _by(angle[face], error[face], _ANGLE_DEG),
         "histogram": _histogram(values, frame.depth_unit_mm),
         "autocorrelation": _autocorrelation(error, face),
         "reasons": _reasons(frame),
+        "silhouettes": _silhouettes(frame),
     }
 
 
-def silhouette_widths(frame: Frame) -> dict[str, Any]:
+def _silhouettes(frame: Frame) -> dict[str, Any]:
     """Return the gaps beside the silhouettes as ``glsim compare`` measures them, px."""
-    single = frame_set("frame", [frame.noisy], camera=frame.intrinsics).frames[0]
-    edges = find_edges(single)
+    edges = find_edges(frame_set("frame", [frame.noisy], camera=frame.intrinsics).frames[0])
     sides = {}
     for number, side in enumerate(("left", "right")):
         own = edges.side == number
-        enough = int(own.sum()) >= 5
-        sides[side] = {
-            "edges": int(own.sum()),
-            "width_px": _number(np.median(edges.width[own]) if enough else math.nan),
-            "invalid_px": _number(edges.invalid[own].mean() if enough else math.nan),
-        }
+        width = np.median(edges.width[own]) if own.sum() >= 5 else math.nan
+        sides[side] = {"edges": int(own.sum()), "width_px": _number(width)}
     return sides
+
+
+def recording_figures(folder: Path) -> dict[str, Any]:
+    """Measure a recording. Raises ConfigError or DatasetError if it cannot be read."""
+    return _compared(read_frame_set(folder, most=_RECORDED))
+
+
+def tuned_figures(frame: Frame) -> dict[str, Any]:
+    """Measure a tuned frame as ``recording_figures`` measures a recording."""
+    noisy_mm = frame.noisy * frame.depth_unit_mm
+    camera, unit_mm = frame.intrinsics, frame.depth_unit_mm
+    return _compared(frame_set("tuned", [noisy_mm], [frame.infrared], camera, unit_mm))
+
+
+def _compared(frames: FrameSet) -> dict[str, Any]:
+    spatial = measure_spatial(frames.frames)
+    sides = measure_silhouettes(frames.frames)
+    rough = spatial.rough_mm
+    rows: list[tuple[str, str, float]] = [
+        ("residual in 7x7 px, 10th percentile", "mm", rough[0]),
+        ("residual in 7x7 px, median", "mm", rough[1]),
+        ("residual in 7x7 px, 90th percentile", "mm", rough[2]),
+        ("correlation to the next pixel", "", spatial.correlation[0]),
+        ("silhouette width, left", "px", sides.left.width_px),
+        ("silhouette width, right", "px", sides.right.width_px),
+        ("without depth beside it, left", "px", sides.left.invalid_px),
+        ("without depth beside it, right", "px", sides.right.invalid_px),
+        ("without depth, image centre", "%", 100 * measure_invalid(frames.frames)[0][2]),
+    ]
+    return {
+        "title": frames.title,
+        "frames": len(frames.frames),
+        "rows": [[name, unit, _number(value)] for name, unit, value in rows],
+    }
 
 
 def _number(value: float) -> float | None:
@@ -134,9 +167,9 @@ def _reasons(frame: Frame) -> list[list[Any]]:
     surface = frame.clean_m > 0
     whole = max(int(surface.sum()), 1)
     counts = np.bincount(frame.reason_codes[surface], minlength=len(Reason))
-    rows: list[Sequence[Any]] = [
+    rows = [
         [r.name.lower(), r.help, int(counts[r]), round(int(counts[r]) / whole, 5)]
         for r in Reason
         if counts[r] and r is not Reason.VALID
     ]
-    return sorted(([*row] for row in rows), key=lambda row: -int(row[2]))
+    return sorted(rows, key=lambda row: -row[2])

@@ -1,7 +1,7 @@
 """The changes to a sensor as one plain value, with an undo history.
 
-Names and values are those of ``--set``, in every output of the page: a command line, Python, a
-link, a sensor file.
+Names and values are those of ``--set`` in all that the page writes: a command line, Python, a link,
+a sensor file.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ import json
 import shlex
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from glsim.errors import ConfigError
 
@@ -21,11 +23,8 @@ Value = Any
 
 #: Steps that can be undone; a step is a few hundred bytes.
 _HISTORY = 200
-#: Longest link, and what it may unpack to: a few stages of 9,000 characters.
-_MAX_LINK, _MAX_UNPACKED = 60_000, 1 << 20
-#: Levels of tables and lists in a link: those of the emitters need five.
-_DEEPEST = 8
-_LINK_KEYS = ("sensor", "values", "code", "frame")
+#: Most bytes that a link may unpack to: a few stages of 9,000 characters.
+_MAX_UNPACKED = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -72,49 +71,18 @@ class Tuning:
 
     def link(self) -> str:
         """Pack the tuning into text for an address."""
-        tree = {
-            "sensor": self.sensor,
-            "values": dict(self.values),
-            "code": {k: [c.text, c.before, c.new] for k, c in self.code.items()},
-            "frame": self.frame,
-        }
-        packed = zlib.compress(json.dumps(tree, separators=(",", ":")).encode(), 9)
+        packed = zlib.compress(json.dumps(asdict(self), separators=(",", ":")).encode(), 9)
         return base64.urlsafe_b64encode(packed).decode().rstrip("=")
 
 
 def tuning_of_link(text: str) -> Tuning:
     """Unpack ``Tuning.link``. Raises ConfigError for anything else."""
     try:
-        if len(text) > _MAX_LINK:
-            raise ValueError("too long")
         packed = base64.urlsafe_b64decode(text + "=" * (-len(text) % 4))
-        unpacker = zlib.decompressobj()
-        raw = unpacker.decompress(packed, _MAX_UNPACKED)
-        if unpacker.unconsumed_tail:
-            raise ValueError("too large")
-        tree = json.loads(raw)
-        _check_depth(tree, _DEEPEST)
-        if not isinstance(tree, dict) or set(tree) != set(_LINK_KEYS):
-            raise ValueError("other keys")
-        code = {str(k): StageCode(str(t), b, bool(n)) for k, (t, b, n) in tree["code"].items()}
-        return Tuning(str(tree["sensor"]), dict(tree["values"]), code, int(tree["frame"]))
-    except (
-        ValueError,
-        TypeError,
-        ArithmeticError,
-        AttributeError,
-        RecursionError,
-        zlib.error,
-    ) as error:
-        raise ConfigError(f"the link holds no settings of glsim tune ({error})") from None
-
-
-def _check_depth(value: Any, levels: int) -> None:
-    if levels == 0:
-        raise ValueError("too deep")
-    if isinstance(value, dict | list):
-        for entry in value.values() if isinstance(value, dict) else value:
-            _check_depth(entry, levels - 1)
+        raw = zlib.decompressobj().decompress(packed, _MAX_UNPACKED)
+        return TypeAdapter(Tuning).validate_json(raw)
+    except (ValueError, zlib.error):
+        raise ConfigError("the link holds no settings of glsim tune: copy all of it") from None
 
 
 class History:

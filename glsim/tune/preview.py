@@ -1,11 +1,23 @@
-"""Draw the frame of a tuning. OpenGL is bound to a thread: all of a bench runs on one."""
+"""Draw the frame of a tuning, and pack it for the browser. OpenGL is bound to a thread.
+
+A packet is a JSON head, then the raw bytes of the frame's layers:
+
+    4 bytes   length of the head, little-endian, padded to a multiple of 4
+    head      {"width", "height", "window": [left, top, w, h], "layers": [[name, type], ...], ...}
+    layers    (h, w) of the window, uint16, uint8 or float32, little-endian, each padded to 4 bytes
+
+The layers are clean, noisy, reason and infrared of all sensors, infrared_right of stereo cameras,
+and disparity (pixels) of cameras that match images. Outside the window every layer is 0 and the
+reason is NO_SURFACE.
+"""
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import moderngl
@@ -22,46 +34,40 @@ from glsim.pipeline import Simulator
 from glsim.plan.tasks import Task, make_tasks
 from glsim.sensors.sensor import Sensor
 from glsim.settings.schema import Settings, with_assignments
-from glsim.tune.state import StageCode, Tuning
+from glsim.tune.tuning import StageCode, Tuning
 
 #: Layers that the page measures or shows besides the images.
 _EXTRA_LAYERS = ("normal", DISPARITY_LAYER)
-
 #: Values that need other faces or another plan, and so a simulator of their own.
 _OF_PLAN = ("seed", "devices")
-
+_TYPES = {"uint8": "u1", "uint16": "u2", "float32": "f4"}
 _PLACE = re.compile(r"(?P<file>[^\s;:]+\.\w+):(?P<line>\d+):\s*")
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnFrame:
+class Picture:
     """A drawn tuning.
 
     Attributes:
-        normal: (h, w, 4) of the frame's window.
-        milliseconds: to draw it.
+        frames: number of frames in the plan.
+        milliseconds: time to draw it.
     """
 
     tuning: Tuning
     frame: Frame
     sensor: Sensor
-    settings: Settings
     frames: int
-    normal: NDArray[np.float32]
     milliseconds: float
 
 
-class Bench:
-    """The simulators of one page, on a context of its own. Use it on one thread."""
+class Preview:
+    """Draws tunings on an OpenGL context of its own. Use it on one thread."""
 
     def __init__(
-        self,
-        base: Settings,
-        open_sources: Callable[[Settings], Sequence[FaceSource]],
-        backend: str | None = None,
+        self, base: Settings, open_sources: Callable[[Settings], Sequence[FaceSource]]
     ) -> None:
         """Take the settings that tunings change, and what opens the faces of some settings."""
-        self._base, self._open_sources, self._backend = base, open_sources, backend
+        self._base, self._open_sources = base, open_sources
         self._context: moderngl.Context | None = None
         self._plan: tuple[str, Mapping[str, Any]] | None = None
         self._tasks: Sequence[Task] = ()
@@ -71,36 +77,18 @@ class Bench:
         self._coded: tuple[Mapping[str, StageCode], Simulator] | None = None
         self._last: Simulator | None = None
 
-    def draw(self, tuning: Tuning, noise_of: int | None = None) -> DrawnFrame:
-        """Draw a tuning's frame.
-
-        Raises GlsimError: the bench serves on with what it has.
-
-        Args:
-            noise_of: number of the frame whose noise it has; None: its own.
-        """
+    def draw(self, tuning: Tuning) -> Picture:
+        """Draw a tuning's frame. Raises GlsimError: the preview goes on with what it has."""
         coded = self._with_code(tuning)
         values = {name: value for name, value in tuning.values.items() if name not in _OF_PLAN}
         simulator = coded.with_values(values) if values else coded
-        task = self._tasks[tuning.frame % len(self._tasks)]
-        if noise_of is not None:
-            noise = self._tasks[noise_of % len(self._tasks)].seeds.frame
-            task = replace(task, seeds=task.seeds._replace(frame=noise))
         start = time.perf_counter()
-        (frame,) = simulator.frames([task])
+        (frame,) = simulator.frames([self._tasks[tuning.frame % len(self._tasks)]])
         elapsed = 1000 * (time.perf_counter() - start)
         if not isinstance(frame, Frame):
             raise GlsimError(frame.why)
         self._last = simulator
-        return DrawnFrame(
-            tuning,
-            frame,
-            simulator.sensor,
-            simulator.settings,
-            len(self._tasks),
-            frame.extra["normal"],
-            elapsed,
-        )
+        return Picture(tuning, frame, simulator.sensor, len(self._tasks), elapsed)
 
     def _with_code(self, tuning: Tuning) -> Simulator:
         """Return the simulator of the tuning's sensor, plan and code."""
@@ -110,7 +98,7 @@ class Bench:
             sources = self._open_sources(settings)
             self._tasks = make_tasks(settings, list(sources))
             if self._context is None:
-                self._context = open_context(self._backend)
+                self._context = open_context()
             plain = Simulator(settings, sources, self._context, _EXTRA_LAYERS)
             if len(plain.sensor.rig.imagers_m) > 1:
                 plain = plain.with_layers((*LAYERS, INFRARED_RIGHT), _EXTRA_LAYERS)
@@ -128,13 +116,37 @@ class Bench:
         shipped_stages.cache_clear()
         self._plan = None
 
-    def close(self) -> None:
-        """Release the context; the next frame opens another one."""
-        self._plan = None
-        self._plain = self._coded = self._last = None
-        if self._context is not None:
-            self._context.release()
-            self._context = None
+
+def pack(frame: Frame, number: int) -> bytes:
+    """Return the packet of a frame; ``number`` stands in its head."""
+    camera, layers = frame.intrinsics, shown_layers(frame)
+    tree = {
+        "number": number,
+        "width": camera.width,
+        "height": camera.height,
+        "window": list(frame.window),
+        "focal_px": [camera.fx, camera.fy],
+        "centre_px": [camera.cx, camera.cy],
+        "depth_unit_mm": frame.depth_unit_mm,
+        "layers": [[name, _TYPES[layer.dtype.name]] for name, layer in layers.items()],
+    }
+    head = json.dumps(tree, separators=(",", ":"), allow_nan=False).encode()
+    head += b" " * (-len(head) % 4)
+    return b"".join([len(head).to_bytes(4, "little"), head, *map(_padded, layers.values())])
+
+
+def shown_layers(frame: Frame) -> dict[str, NDArray[Any]]:
+    """Return the (h, w) layers that a frame has, within its window, by name."""
+    stereo = frame.infrared_right_counts is not None
+    names = (*LAYERS, INFRARED_RIGHT) if stereo else LAYERS
+    layers = {name: frame.image(name)[frame.window.slices] for name in names}
+    extra = {n: frame.extra[n] for n in (DISPARITY_LAYER,) if n in frame.extra}
+    return layers | extra
+
+
+def _padded(image: NDArray[Any]) -> bytes:
+    raw = np.ascontiguousarray(image, image.dtype.newbyteorder("<")).tobytes()
+    return raw + b"\0" * (-len(raw) % 4)
 
 
 def marked_lines(message: str, file: str) -> dict[int, str]:
