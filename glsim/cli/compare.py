@@ -22,7 +22,7 @@ EXAMPLES = """
 
 glsim compare recording data
 
-glsim compare kinect_cal_data simulated -o table.md --figure compare.png --json compare.json
+glsim compare kinect_cal_data simulated -o table.md --json compare.json
 
 glsim compare monday tuesday --frames 200
 
@@ -57,9 +57,6 @@ def compare(
         Path | None,
         typer.Option("-o", "--out", metavar="FILE.md", help="Write the table as Markdown."),
     ] = None,
-    figure_file: Annotated[
-        Path | None, typer.Option("--figure", metavar="FILE.png", help="Draw nine panels.")
-    ] = None,
     json_file: JsonFileOption = None,
     frames: Annotated[
         int, typer.Option(min=1, max=2000, help="Frames of each set; larger sets are thinned.")
@@ -87,22 +84,17 @@ def compare(
     light, and the AUC of a classifier of patches (which needs the extra eval). It goes to stdout
     unless -o is given.
     """
-    from glsim.compare.figure import draw_comparison
     from glsim.compare.replay import replay
     from glsim.compare.run import compare_sets
     from glsim.errors import ConfigError, require_package
     from glsim.files.atomic import write_atomic
     from glsim.recordings.recording import read_frame_set
 
-    if figure_file is not None and figure_file.suffix.lower() != ".png":
-        raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
-    if figure_file is not None:
-        require_package("matplotlib", "--figure", "eval")
     if (second is None) == (replay_sensor is None):
         raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")
     if assignments and replay_sensor is None:
         raise ConfigError("--set changes the sensor of --replay: add --replay SENSOR")
-    check_outputs(json_file, figure_file, out)
+    check_outputs(json_file, out)
     real = read_frame_set(first, depth_unit_mm, focal_px, frames)
     if second is not None:
         simulated = read_frame_set(second, depth_unit_mm, focal_px, frames)
@@ -115,9 +107,6 @@ def compare(
     written = []
     if json_file is not None:
         written += write_json(comparison.as_json(), json_file)
-    if figure_file is not None:
-        write_atomic(draw_comparison(comparison), figure_file)
-        written.append(figure_file)
     if out is not None:
         write_atomic(table.encode(), out)
         written.append(out)

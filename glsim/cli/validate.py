@@ -23,14 +23,14 @@ from glsim.cli.common import (
 from glsim.cli.completion import sensor_words
 
 if TYPE_CHECKING:
-    from glsim.validate import ValidationReport
+    from glsim.validate.report import ValidationReport
 
 EXAMPLES = """
 [bold]Examples[/bold]
 
 glsim validate kinect-v2
 
-glsim validate my_sensor.toml --json checks.json --figure checks.png
+glsim validate my_sensor.toml --json checks.json
 
 glsim validate kinect-v1 --frames 200 --seed 3
 """
@@ -46,10 +46,6 @@ def validate(
         ),
     ],
     json_file: JsonFileOption = None,
-    figure_file: Annotated[
-        Path | None,
-        typer.Option("--figure", metavar="FILE.png", help="Draw figures of noise and edges."),
-    ] = None,
     markdown_file: Annotated[
         Path | None,
         typer.Option("--markdown", metavar="FILE.md", help="Write the table as Markdown."),
@@ -68,23 +64,11 @@ def validate(
     that was measured on devices, is a data sheet's, or was derived. The exit status is 0 if every
     check passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
     """
-    from glsim.errors import ConfigError, require_package
     from glsim.files.atomic import write_atomic
-    from glsim.gl.context import open_context
-    from glsim.validate import Captures, VirtualCamera, draw_figure, run_checks
+    from glsim.validate import validate_sensor
 
-    if figure_file is not None and figure_file.suffix.lower() != ".png":
-        raise ConfigError(f"--figure {figure_file}: give a name that ends in .png")
-    if figure_file is not None:
-        require_package("matplotlib", "--figure", "eval")
-    check_outputs(json_file, markdown_file, figure_file)
-    context = open_context(backend)
-    try:
-        captures = Captures(VirtualCamera(sensor, context, seed, frames))
-        report = run_checks(captures)
-        picture = draw_figure(captures) if figure_file is not None else None
-    finally:
-        context.release()
+    check_outputs(json_file, markdown_file)
+    report = validate_sensor(sensor, seed=seed, frames=frames, backend=backend)
     if not options.quiet and json_file != STDOUT:
         _print(report)
     written = []
@@ -93,40 +77,17 @@ def validate(
     if markdown_file is not None:
         write_atomic(report.as_markdown().encode(), markdown_file)
         written.append(markdown_file)
-    if figure_file is not None and picture is not None:
-        write_atomic(picture, figure_file)
-        written.append(figure_file)
     print_written(written)
     print_message(report.summary)
-    print_message(report.sources)
     return 0 if report.passed else 1
 
 
 def _print(report: ValidationReport) -> None:
-    from glsim.validate import band_texts, measured_texts
+    from glsim.validate.report import COLUMNS
 
-    table = Table(
-        "#",
-        "check",
-        "measured",
-        "band",
-        "source",
-        "kind",
-        "",
-        "note",
-        title=f"{report.title}\nchecks of the {report.sheet}",
-    )
+    table = Table(*COLUMNS, title=f"{report.title}\nchecks of the {report.sheet}")
     for result in report.results:
-        colour = _COLOURS[result.state]
-        table.add_row(
-            result.check.number,
-            result.check.description,
-            "\n".join(measured_texts(result)),
-            "\n".join(band_texts(result)),
-            result.check.source,
-            result.check.kind_text,
-            Text(str(result.state), style=colour),
-            result.note,
-        )
+        *cells, state, note = result.cells
+        table.add_row(*cells, Text(state, style=_COLOURS[state]), note)
         table.add_section()
     print_table(table)

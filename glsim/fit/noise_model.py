@@ -11,8 +11,12 @@ from glsim.fit.recording_statistics import RecordingStatistics
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.frame import DepthFrame, FrameSet
 from glsim.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
-from glsim.validate.checks.depth import COUNTS_PER_AMPLITUDE
-from glsim.validate.published_curves import TAP_READ_LSB2, TAP_SHOT_LSB, white_sigma_mm
+from glsim.sensors.kinect_v2 import (
+    COUNTS_PER_AMPLITUDE,
+    TAP_READ_LSB2,
+    TAP_SHOT_LSB,
+    white_sigma_mm,
+)
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from glsim.fit.recording_statistics import RecordingStatistics
 from glsim.geometry.camera import Intrinsics
+from glsim.sensors.kinect_v2 import FREQUENCIES_MHZ, FUSION_MM_PER_RAD
 from glsim.sensors.wiggling import CYCLES, Wave
-from glsim.validate.published_curves import FREQUENCIES_MHZ, FUSION_MM_PER_RAD
 
 Array = NDArray[np.float64]
 

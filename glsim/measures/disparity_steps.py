@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.measures.robust_line import fit_line
-
 Array = NDArray[np.float64]
 
 #: Neighbours of one surface differ by at most so many px of disparity; chosen, eight times the
@@ -75,8 +73,6 @@ class Gaps:
         width_px: median width; NaN with fewer than LEAST_STEPS.
         step_px: median difference of disparity.
         relative: median of width over difference of disparity.
-        slope: slope of width = offset + slope * difference, least absolute deviations.
-        offset_px: offset of that line.
 
     """
 
@@ -84,8 +80,6 @@ class Gaps:
     width_px: float
     step_px: float
     relative: float
-    slope: float
-    offset_px: float
 
 
 def find_steps(disparity: Array) -> Steps:
@@ -167,12 +161,9 @@ def measure_gaps(found: Sequence[Steps], right: bool) -> Gaps:
     width = np.concatenate([np.zeros(0), *(s.gap[u] for s, u in zip(found, use, strict=True))])
     step = np.concatenate([np.zeros(0), *(s.step[u] for s, u in zip(found, use, strict=True))])
     if width.size < LEAST_STEPS:
-        return Gaps(int(width.size), *(float("nan"),) * 5)
-    slope, offset = _line(step, width)
-    return Gaps(
-        int(width.size), float(np.median(width)), float(np.median(step)),
-        float(np.median(width / step)), slope, offset,
-    )  # fmt: skip
+        return Gaps(int(width.size), *(float("nan"),) * 3)
+    medians = (float(np.median(values)) for values in (width, step, width / step))
+    return Gaps(int(width.size), *medians)
 
 
 def between_share(found: Sequence[Steps]) -> float:
@@ -205,11 +196,3 @@ def border_band(disparity: Sequence[Array]) -> tuple[float, float]:
     if len(widths) < LEAST_ROWS:
         return float("nan"), float("nan")
     return float(np.median(widths)), float(np.median(rest))
-
-
-def _line(x: Array, y: Array) -> tuple[float, float]:
-    """Fit a line; return its slope and offset, NaN if x hardly varies."""
-    if float(np.subtract(*np.percentile(x, (90, 10)))) < _LEAST_STEP_PX:
-        return float("nan"), float("nan")
-    offset, slope = fit_line(x, y)
-    return slope, offset

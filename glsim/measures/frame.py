@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 
 Array = NDArray[np.float32]
+Stack = NDArray[np.float64]
 
 #: Infrared counts from here on are saturated (the files end at 65,535).
 SATURATED = 65_000.0
@@ -33,6 +34,8 @@ class DepthFrame:
         infrared: (H, W) float32 counts, or None.
         camera: intrinsics; lens distortion is not modelled.
         quantum_mm: step of stored depths, whose rounding adds quantum^2 / 12 to each variance.
+        clean_mm: (H, W) float32 true depth, NaN where there is no surface; None if unknown.
+        layers: further (H, W, components) float32 layers of the stages of a simulated frame.
 
     """
 
@@ -41,6 +44,8 @@ class DepthFrame:
     infrared: Array | None
     camera: Intrinsics
     quantum_mm: float = 1.0
+    clean_mm: Array | None = None
+    layers: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def rays(self) -> Array:
@@ -102,11 +107,71 @@ class FrameSet:
         """The camera of the first frame."""
         return self.frames[0].camera
 
+    @cached_property
+    def depth_mm(self) -> Stack:
+        """(T, H, W) depth, mm, NaN where there is none."""
+        return np.stack([frame.depth_mm for frame in self.frames]).astype(np.float64)
+
+    @property
+    def whole_mm(self) -> Stack:
+        """(T, H, W) depth rounded to whole mm, NaN where there is none."""
+        return np.rint(self.depth_mm)
+
+    @property
+    def encoded(self) -> NDArray[np.uint16]:
+        """(T, H, W) whole mm as files of 16 bits hold them, 0 = no depth."""
+        return np.nan_to_num(self.whole_mm).astype(np.uint16)
+
+    @cached_property
+    def clean_mm(self) -> Stack:
+        """(H, W) true depth of the first frame, mm; all NaN if unknown."""
+        clean = self.frames[0].clean_mm
+        shape = self.frames[0].depth_mm.shape
+        return np.full(shape, np.nan) if clean is None else clean.astype(np.float64)
+
+    @property
+    def residual_mm(self) -> Stack:
+        """(T, H, W) whole mm minus the true depth of a static scene."""
+        return self.whole_mm - self.clean_mm
+
+    @cached_property
+    def infrared(self) -> Array:
+        """(T, H, W) counts; 0 without infrared."""
+        images = [f.infrared if f.infrared is not None else 0 * f.depth_mm for f in self.frames]
+        return np.stack(images).astype(np.float32)
+
+    def layer(self, name: str) -> Array:
+        """Return the (T, H, W, components) stack of a layer of simulated frames."""
+        return np.stack([frame.layers[name] for frame in self.frames])
+
+    def centre(self, width: int = 64, height: int | None = None) -> FrameSet:
+        """Crop all images to their centre, width x height px (default: a square)."""
+        height = width if height is None else height
+        left, top = (self.camera.width - width) // 2, (self.camera.height - height) // 2
+        part = np.s_[top : top + height, left : left + width]
+        own = self.camera
+        camera = replace(own, width=width, height=height, cx=own.cx - left, cy=own.cy - top)
+
+        def crop(image: Array | None) -> Array | None:
+            return None if image is None else image[part]
+
+        frames = (
+            DepthFrame(
+                f.name,
+                f.depth_mm[part],
+                crop(f.infrared),
+                camera,
+                f.quantum_mm,
+                crop(f.clean_mm),
+                {name: layer[part] for name, layer in f.layers.items()},
+            )
+            for f in self.frames
+        )
+        return FrameSet(self.title, tuple(frames))
+
     def with_camera(self, camera: Intrinsics) -> FrameSet:
         """Return the set with other intrinsics."""
-        frames = (DepthFrame(f.name, f.depth_mm, f.infrared, camera, f.quantum_mm)
-                  for f in self.frames)  # fmt: skip
-        return FrameSet(self.title, tuple(frames))
+        return FrameSet(self.title, tuple(replace(f, camera=camera) for f in self.frames))
 
     def mean(self, part: slice = slice(None)) -> DepthFrame:
         """Return the mean of frames of one view over time; NaN where no frame has depth."""

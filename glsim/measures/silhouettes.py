@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.measures.frame import DepthFrame
-from glsim.measures.robust_line import fit_line
 
 Array = NDArray[np.float64]
 
@@ -39,6 +38,8 @@ _BEHIND_MM = 50.0
 #: before a wall at 1.8 m; below the range a shadow is no wider than the gap on the lit side.
 HEAD_SHIFTS = (100.0, 500.0)
 _LEAST_EDGES = 50
+#: Steps of reweighted least squares, and the residual below which all points weigh alike. Chosen.
+_FIT_STEPS, _LEAST_RESIDUAL = 30, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +219,17 @@ def _median_of_counts(counts: Array) -> float:
 
 
 def _line(x: Array, y: Array) -> tuple[float, float]:
-    """Fit a line; return its offset and slope, NaN for few points or if x hardly varies."""
+    """Fit y = offset + slope x by least absolute deviations, as half of the points may be outliers.
+
+    NaN for few points or if x hardly varies.
+    """
     if x.size < _LEAST_EDGES or float(np.subtract(*np.percentile(x, (90, 10)))) < 30.0:
         return float("nan"), float("nan")
-    return fit_line(x, y)
+    design = np.column_stack([np.ones_like(x), x])
+    weight: Array = np.ones_like(x)
+    fit: Array = np.zeros(2)
+    for _ in range(_FIT_STEPS):
+        solved = np.linalg.lstsq(design * weight[:, None], y * weight, rcond=None)
+        fit = np.asarray(solved[0], np.float64)
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(y - design @ fit), _LEAST_RESIDUAL))
+    return float(fit[0]), float(fit[1])

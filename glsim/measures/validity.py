@@ -31,11 +31,6 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
     )
 
 
-def hole_share(images: Sequence[NDArray[np.floating]]) -> float:
-    """Return the share of pixels without depth (NaN) of all images together."""
-    return float(np.mean([np.isnan(image).mean() for image in images]))
-
-
 def hole_share_beside_band(images: Sequence[NDArray[np.floating]]) -> float:
     """Return the share of holes to the right of the left border's band, of all images together.
 

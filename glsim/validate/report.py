@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from glsim.errors import ConfigError
+from glsim.files.atomic import without_nan
 from glsim.files.markdown import markdown_table
 
-#: Kinds of sources. measured: on real devices, published or on our real frames. datasheet: a
-#: manufacturer's document or the decoder's source. derived: computed from these or from physics.
-KINDS = ("measured", "datasheet", "derived")
+#: States of a result, in the order of summaries.
+STATES = ("pass", "exception", "FAIL", "n/a")
 #: Columns of the table of a report.
 COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
 
@@ -26,7 +25,6 @@ class Band:
         low: least value, in ``unit``.
         high: largest value.
         unit: of the number.
-        kind: of its source, one of KINDS; "" for that of its check.
 
     """
 
@@ -34,7 +32,6 @@ class Band:
     low: float
     high: float
     unit: str = ""
-    kind: str = ""
 
     def holds(self, value: float) -> bool:
         """Return whether a value lies inside; NaN does not."""
@@ -44,13 +41,13 @@ class Band:
     def text(self) -> str:
         """The band as text, such as: 1.3 to 2.1 mm."""
         if self.low == self.high:
-            number = _number(self.low)
+            number = f"{self.low:.4g}"
         elif math.isinf(self.high):
-            number = f">= {_number(self.low)}"
+            number = f">= {self.low:.4g}"
         elif math.isinf(self.low):
-            number = f"<= {_number(self.high)}"
+            number = f"<= {self.high:.4g}"
         else:
-            number = f"{_number(self.low)} to {_number(self.high)}"
+            number = f"{self.low:.4g} to {self.high:.4g}"
         return f"{number} {self.unit}".strip()
 
 
@@ -63,7 +60,8 @@ class Check:
         description: the checked quantity.
         bands: of its numbers.
         source: origin of the bands.
-        kind: of that source, one of KINDS; a band may have another.
+        kind: of that source: "measured" on devices, "datasheet" (also a decoder's source), or
+            "derived" from these or from physics.
 
     """
 
@@ -72,26 +70,6 @@ class Check:
     bands: tuple[Band, ...]
     source: str
     kind: str = "derived"
-
-    def kind_of(self, band: Band) -> str:
-        """Return the kind of source of one band."""
-        return band.kind or self.kind
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """The kinds of source of all bands, in the order of KINDS."""
-        own = {self.kind_of(band) for band in self.bands}
-        return tuple(kind for kind in KINDS if kind in own)
-
-    @property
-    def kind_text(self) -> str:
-        """The kinds as text, such as "measured: a; derived: b"."""
-        if len(self.kinds) == 1:
-            return self.kinds[0]
-        return "; ".join(
-            f"{kind}: {', '.join(b.key for b in self.bands if self.kind_of(b) == kind)}"
-            for kind in self.kinds
-        )
 
 
 @dataclass(frozen=True)
@@ -120,10 +98,9 @@ def validation_check(sheet: str, *checks: Check) -> Callable[[CheckFunction], Ch
     """Declare a function that measures checks.
 
     Args:
-        sheet: the sensor whose validation sheet has the checks; other sensors without a sheet of
-            their own are checked as a kinect-v2.
-        checks: what is checked; the function takes the ``Captures`` of a sensor and returns a
-            measurement for the number of each.
+        sheet: the sensor whose validation sheet has the checks.
+        checks: those that no file of ``glsim/validate/sheets`` holds; the function takes the
+            ``Captures`` of a sensor and returns a measurement for the number of each check.
     """
 
     def mark(function: CheckFunction) -> CheckFunction:
@@ -141,19 +118,9 @@ class CheckResult:
     measured: Measurement
 
     @property
-    def applicable(self) -> bool:
-        """Whether the check applies to this sensor."""
-        return not self.measured.why_not
-
-    @property
-    def passed(self) -> bool:
-        """Whether every number that applies lies in its band."""
-        return all(band.holds(self.value(band)) for band in self.bands)
-
-    @property
     def bands(self) -> list[Band]:
         """The bands that apply to this sensor."""
-        if not self.applicable:
+        if self.measured.why_not:
             return []
         return [b for b in self.check.bands if self.measured.values.get(b.key, 0) is not None]
 
@@ -164,44 +131,55 @@ class CheckResult:
 
     @property
     def state(self) -> str:
-        """pass, FAIL, exception or n/a."""
-        if not self.applicable:
+        """One of STATES: a check passes if every number that applies lies in its band."""
+        if self.measured.why_not:
             return "n/a"
-        if self.passed:
+        if all(band.holds(self.value(band)) for band in self.bands):
             return "pass"
         return "exception" if self.measured.exception else "FAIL"
 
     @property
-    def note(self) -> str:
-        """All remarks in one line."""
-        accepted = self.measured.exception if self.state == "exception" else ""
-        parts = (self.measured.why_not, accepted, self.measured.note)
-        return "; ".join(part for part in parts if part)
-
-    def as_json(self) -> dict[str, Any]:
-        """Convert to values for JSON; a number that could not be measured is null."""
-        numbers = []
+    def cells(self) -> tuple[str, ...]:
+        """The texts of COLUMNS; a number outside its band is marked with !."""
+        measured = []
         for band in self.bands:
             value = self.value(band)
-            numbers.append(
-                {
-                    "key": band.key,
-                    "measured": value if math.isfinite(value) else None,
-                    "low": band.low if math.isfinite(band.low) else None,
-                    "high": band.high if math.isfinite(band.high) else None,
-                    "unit": band.unit,
-                    "inside": band.holds(value),
-                    "kind": self.check.kind_of(band),
-                }
-            )
+            number = "?" if math.isnan(value) else f"{value:.3g}"
+            measured.append(f"{band.key} {number}{'' if band.holds(value) else ' !'}")
+        accepted = self.measured.exception if self.state == "exception" else ""
+        notes = (self.measured.why_not, accepted, self.measured.note)
+        return (
+            self.check.number,
+            self.check.description,
+            "\n".join(measured),
+            "\n".join(band.text for band in self.bands),
+            self.check.source,
+            self.check.kind,
+            self.state,
+            "; ".join(note for note in notes if note),
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Convert to values for JSON; a number that is not finite is null."""
+        numbers = [
+            {
+                "key": band.key,
+                "measured": self.value(band),
+                "low": band.low,
+                "high": band.high,
+                "unit": band.unit,
+                "inside": band.holds(self.value(band)),
+            }
+            for band in self.bands
+        ]
         return {
             "number": self.check.number,
             "check": self.check.description,
             "source": self.check.source,
-            "kinds": list(self.check.kinds),
+            "kind": self.check.kind,
             "state": self.state,
-            "note": self.note,
-            "numbers": numbers,
+            "note": self.cells[-1],
+            "numbers": without_nan(numbers),
         }
 
 
@@ -222,24 +200,12 @@ class ValidationReport:
         """Whether no check failed, except documented exceptions."""
         return all(result.state != "FAIL" for result in self.results)
 
-    def count(self, state: str) -> int:
-        """Count the results in a state: pass, exception, FAIL or n/a."""
-        return sum(result.state == state for result in self.results)
-
     @property
     def summary(self) -> str:
         """One line with the counts of all states."""
-        states = ("pass", "exception", "FAIL", "n/a")
-        counts = ", ".join(f"{self.count(s)} {s}" for s in states if self.count(s))
-        return f"{self.sensor}: {len(self.results)} checks: {counts} ({self.seconds:.0f} s)"
-
-    @property
-    def sources(self) -> str:
-        """One line: number of checks per kind of source; a check of several kinds is mixed."""
-        kinds = [r.check.kinds for r in self.results]
-        counts = {kind: sum(own == (kind,) for own in kinds) for kind in KINDS}
-        counts["of mixed kind"] = sum(len(own) > 1 for own in kinds)
-        return "sources: " + ", ".join(f"{n} {kind}" for kind, n in counts.items() if n)
+        counts = {state: sum(r.state == state for r in self.results) for state in STATES}
+        text = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
+        return f"{self.sensor}: {len(self.results)} checks: {text} ({self.seconds:.0f} s)"
 
     def as_json(self) -> dict[str, Any]:
         """Convert to values for a JSON file."""
@@ -250,53 +216,13 @@ class ValidationReport:
             "seed": self.seed,
             "frames": self.frames,
             "passed": self.passed,
-            "sources": self.sources,
             "checks": [result.as_json() for result in self.results],
         }
 
-    def as_markdown(self, columns: Sequence[str] = COLUMNS) -> str:
-        """Return a Markdown table with a row per check; ``columns`` are some of COLUMNS."""
-        rows = []
-        for result in self.results:
-            texts = (
-                result.check.number,
-                result.check.description,
-                "<br>".join(measured_texts(result)),
-                "<br>".join(band_texts(result)),
-                result.check.source,
-                result.check.kind_text,
-                result.state,
-                result.note,
-            )
-            cells = dict(zip(COLUMNS, texts, strict=True))
-            rows.append([cells[column].replace("|", "\\|") for column in columns])
-        return "\n".join(markdown_table(columns, rows)) + "\n"
-
-
-def measured_texts(result: CheckResult) -> list[str]:
-    """Format the numbers, one text per band; a number outside its band is marked with !."""
-    texts = []
-    for band in result.bands:
-        value = result.value(band)
-        number = "?" if math.isnan(value) else f"{value:.3g}"
-        texts.append(f"{band.key} {number}{'' if band.holds(value) else ' !'}")
-    return texts
-
-
-def band_texts(result: CheckResult) -> list[str]:
-    """Format the bands, one text per band."""
-    return [band.text for band in result.bands]
-
-
-def match_measurements(
-    checks: Sequence[Check], measurements: Mapping[str, Measurement]
-) -> tuple[CheckResult, ...]:
-    """Pair checks with measurements by number. Raises ConfigError for checks without one."""
-    missing = [check.number for check in checks if check.number not in measurements]
-    if missing:
-        raise ConfigError(f"no measurement for the checks {', '.join(missing)}")
-    return tuple(CheckResult(check, measurements[check.number]) for check in checks)
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}"
+    def as_markdown(self) -> str:
+        """Return a Markdown table with a row per check."""
+        rows = [
+            [cell.replace("|", "\\|").replace("\n", "<br>") for cell in result.cells]
+            for result in self.results
+        ]
+        return "\n".join(markdown_table(COLUMNS, rows)) + "\n"

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from glsim.faces.base import Face
 from glsim.faces.procedural.source import ProceduralFaces
 from glsim.geometry.mesh import Mesh
 
+#: Albedos: painted walls and boards; cloth; black plastic and cloth. Chosen.
+_CORNER, _CLOTH, _BLACK = 0.8, 0.4, 0.06
+#: Focal length times baseline of the device that made the frames, px mm.
+_FOCAL_BASELINE_PX_MM = 626_823 / 32
+#: Albedos that give the real frame's counts: 6,000 to 12,000 on the mug, 500 to 700 on the walls.
+_MUG_ALBEDO, _HANDLE_ALBEDO, _WALL_ALBEDO, _SIDE_ALBEDO = 0.5, 0.55, 0.8, 1.0
 #: Slant of the edge of ``depth_edge``, columns per row: the edge moves by one pixel about every
 #: 11 rows, so that it crosses pixels at all positions.
 EDGE_SLANT = 0.09
@@ -72,12 +78,6 @@ def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: floa
     return quad([*bottom, *top], albedo)
 
 
-def levels_on_ramp(encoded: NDArray[np.uint16]) -> int:
-    """Count the different depths on ``ten_centimetres``, in whole mm: 101 if none is missing."""
-    inside = encoded[(encoded >= 2950) & (encoded <= 3050)]
-    return len(np.unique(inside))
-
-
 def ten_centimetres(focal_px: float) -> Mesh:
     """Build a depth ramp of 12 cm at 3 m, over 88 px; 10 cm of it are evaluated."""
     return depth_ramp(3000.0, 44 * 3000.0 / focal_px, 60.0)
@@ -118,3 +118,75 @@ def faces(count: int, z_mm: float, seed: int) -> list[Mesh]:
         vertices = face.mesh.vertices_mm * np.array([1, -1, -1], np.float32)
         meshes.append(Mesh(vertices + np.array([0, 0, z_mm], np.float32), face.mesh.faces))
     return meshes
+
+
+def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
+    """Build the corner of a room in two real frames of a D435, in plain shapes.
+
+    Distances are read off the frames: a wall at 1.75 m, a board that recedes on the right from 0.35
+    to 1.6 m, a bag in the corner, a dark backpack, a box on the floor, and a frame on the board.
+
+    Args:
+        focal_baseline_px_mm: of the camera that looks at it; the scene grows with it, so that all
+            cameras see the same disparities: 11 px on the wall, up to 98 px on the board.
+    """
+    scale = np.float32(focal_baseline_px_mm / _FOCAL_BASELINE_PX_MM)
+    wall = rectangle((-3000.0, 260.0), (-1500.0, 1500.0), 1750.0, _CORNER)
+    deeper = rectangle((-100.0, 900.0), (-1500.0, 1500.0), 2300.0, _CORNER)
+    side = quad(
+        [(260.0, 1500.0, 1600.0), (290.0, 1500.0, 200.0), (290.0, -1500.0, 200.0),
+         (260.0, -1500.0, 1600.0)], _CORNER,
+    )  # fmt: skip
+    bag = rectangle((120.0, 215.0), (-420.0, -60.0), 1450.0, _CLOTH)
+    backpack = rectangle((-20.0, 190.0), (60.0, 460.0), 1250.0, _BLACK)
+    box = rectangle((-330.0, 120.0), (300.0, 1200.0), 1380.0, _CLOTH)
+    frame = quad(
+        [(245.0, 40.0, 480.0), (250.0, 40.0, 400.0), (250.0, -170.0, 400.0),
+         (245.0, -170.0, 480.0)], _BLACK,
+    )  # fmt: skip
+    mesh = merge_meshes(wall, deeper, side, bag, backpack, box, frame)
+    return Mesh(mesh.vertices_mm * scale, mesh.faces, mesh.albedo)
+
+
+def mug_before_walls() -> Mesh:
+    """Build the scene of the real frame of an Azure Kinect, in plain shapes: a mug before walls.
+
+    Distances are read off the frame: a mug at 0.26 m, its handle at 0.3 m, a wall that recedes on
+    the left, 0.38 m beside the camera, and one behind at 1.55 m.
+    """
+    mug = _cylinder((-71.0, 303.0), 41.0, (-18.0, 88.0), _MUG_ALBEDO)
+    handle = _cylinder((2.0, 306.0), 6.0, (5.0, 75.0), _HANDLE_ALBEDO)
+    left = quad(
+        [(-378, 900, 500), (-378, 900, 1550), (-378, -900, 1550), (-378, -900, 500)], _SIDE_ALBEDO
+    )
+    back = quad(
+        [(-378, 900, 1550), (1500, 900, 1550), (1500, -900, 1550), (-378, -900, 1550)], _WALL_ALBEDO
+    )
+    return merge_meshes(mug, handle, left, back)
+
+
+def _cylinder(
+    axis_mm: tuple[float, float], radius_mm: float, rows_mm: tuple[float, float], albedo: float
+) -> Mesh:
+    """Build the mantle of an upright cylinder.
+
+    Args:
+        axis_mm: (x, z) of its axis.
+        radius_mm: of the mantle.
+        rows_mm: (top, bottom), y.
+        albedo: of it.
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, 97)
+    x = axis_mm[0] + radius_mm * np.sin(turn)
+    z = axis_mm[1] - radius_mm * np.cos(turn)
+    count = len(turn)
+    upper = np.column_stack([x, np.full(count, rows_mm[0]), z])
+    lower = np.column_stack([x, np.full(count, rows_mm[1]), z])
+    first = np.arange(count - 1)
+    ring = np.column_stack([count + first, count + first + 1, first + 1, first])
+    faces = np.concatenate([ring[:, [0, 1, 2]], ring[:, [0, 2, 3]]])
+    return Mesh(
+        np.concatenate([upper, lower]).astype(np.float32),
+        faces.astype(np.int32),
+        np.full(2 * count, albedo, np.float32),
+    )

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.base import Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import Mesh
-from glsim.measures.stacks import Array, with_nan
+from glsim.measures.frame import DepthFrame, FrameSet
+from glsim.measures.stacks import with_nan
 from glsim.pipeline import Simulator
 from glsim.plan.tasks import make_tasks
 from glsim.sensors.sensor import Sensor, load_sensor
-from glsim.settings.schema import Settings, load_settings
+from glsim.settings.schema import load_settings
 
 #: Signs that turn camera axes into canonical axes: a half turn about x.
 _TO_CANONICAL = np.array([1, -1, -1], np.float32)
@@ -30,54 +29,6 @@ _KEPT_SIMULATORS = 4
 
 #: Changes to a sensor's stages: stage -> parameter -> value.
 Changes = Mapping[str, Mapping[str, float]]
-
-
-@dataclass(frozen=True, eq=False)
-class Capture:
-    """Frames of one static scene.
-
-    Attributes:
-        frames_mm: (T, H, W) delivered depth, whole mm, NaN = no depth.
-        fine_mm: (T, H, W) the same before rounding to uint16; stages may have rounded it.
-        clean_mm: (H, W) true depth, NaN = no surface.
-        infrared: (T, H, W) counts.
-        reason: (T, H, W) reason codes.
-        rays: (H, W, 2) x/z and y/z.
-        encoded: (T, H, W) uint16, the values of the depth files.
-        extra: name -> (T, H, W, components) of additional layers; none of a disabled stage.
-
-    """
-
-    frames_mm: Array
-    fine_mm: Array
-    clean_mm: Array
-    infrared: NDArray[np.float32]
-    reason: NDArray[np.uint8]
-    rays: NDArray[np.float32]
-    encoded: NDArray[np.uint16]
-    extra: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
-
-    @property
-    def residual_mm(self) -> Array:
-        """(T, H, W) delivered minus clean depth, mm."""
-        return self.frames_mm - self.clean_mm
-
-    def centre(self, width: int = 64, height: int | None = None) -> Capture:
-        """Crop all images to their centre, width x height px (default: a square)."""
-        h, w = self.clean_mm.shape
-        height = width if height is None else height
-        rows = slice((h - height) // 2, (h - height) // 2 + height)
-        columns = slice((w - width) // 2, (w - width) // 2 + width)
-        return Capture(
-            self.frames_mm[:, rows, columns],
-            self.fine_mm[:, rows, columns],
-            self.clean_mm[rows, columns],
-            self.infrared[:, rows, columns],
-            self.reason[:, rows, columns],
-            self.rays[rows, columns],
-            self.encoded[:, rows, columns],
-            {name: layer[:, rows, columns] for name, layer in self.extra.items()},
-        )
 
 
 class VirtualCamera:
@@ -104,7 +55,7 @@ class VirtualCamera:
         self._own_rig = dict(rig or {})
         self.sensor: Sensor = load_sensor(sensor, rig_overrides=self._own_rig)
         self._context = context
-        self._simulators: OrderedDict[str, tuple[Simulator, _Scene]] = OrderedDict()
+        self._simulators: OrderedDict[str, tuple[Simulator | None, _Scene]] = OrderedDict()
 
     @property
     def rig(self) -> SensorRig:
@@ -122,8 +73,8 @@ class VirtualCamera:
         scene: str = "scene",
         seed: int | None = None,
         extra: Sequence[str] = (),
-    ) -> Capture:
-        """Capture frames of a mesh.
+    ) -> FrameSet:
+        """Capture frames of a mesh: with clean depth, infrared, and depth before rounding.
 
         Args:
             mesh: in the camera frame, mm.
@@ -154,81 +105,42 @@ class VirtualCamera:
             overrides,
             {"subjects": 1, "frames_per_subject": frames or self.frames},
         )
-        simulator, source = self._simulator(f"{overrides} {tuple(extra)}", settings, extra)
         canonical = (mesh.vertices_mm - np.array((x, y, z), np.float32)) * _TO_CANONICAL
-        source.show(Mesh(canonical, mesh.faces, mesh.albedo), scene)
-        tasks = make_tasks(settings, [source])
-        return _stack_frames([f for f in simulator.frames(tasks) if isinstance(f, Frame)])
-
-    def _simulator(
-        self, key: str, settings: Settings, extra: Sequence[str]
-    ) -> tuple[Simulator, _Scene]:
-        """Return the simulator of some settings and its scene; the last few are kept."""
-        if key not in self._simulators:
-            source = _Scene()
-            self._simulators[key] = (Simulator(settings, [source], self._context, extra), source)
-            if len(self._simulators) > _KEPT_SIMULATORS:
-                self._simulators.popitem(last=False)
-        self._simulators.move_to_end(key)
-        return self._simulators[key]
+        source = _Scene(Mesh(canonical, mesh.faces, mesh.albedo), scene)
+        key = f"{overrides} {tuple(extra)}"
+        simulator, kept = self._simulators.pop(key, (None, source))
+        if simulator is None:
+            simulator = Simulator(settings, [source], self._context, extra)
+        kept.show(source)
+        self._simulators[key] = simulator, kept
+        if len(self._simulators) > _KEPT_SIMULATORS:
+            self._simulators.popitem(last=False)
+        tasks = make_tasks(settings, [kept])
+        made = [f for f in simulator.frames(tasks) if isinstance(f, Frame)]
+        return FrameSet(scene, tuple(_measured(f, str(k)) for k, f in enumerate(made)))
 
 
-class _Scene:
-    """A face source of one mesh, which can be replaced."""
+class _Scene(OneMesh):
+    """A mesh that can be replaced; the name of the scene decides the noise."""
 
-    name = "mesh"
-
-    def __init__(self) -> None:
-        self._shown: OneMesh | None = None
-
-    def show(self, mesh: Mesh, scene: str) -> None:
-        """Replace the mesh, canonical frame, mm; the name of the scene decides the noise."""
-        self._shown = OneMesh(mesh, scene)
-
-    @property
-    def _source(self) -> OneMesh:
-        assert self._shown is not None, "no mesh: call show() first"
-        return self._shown
-
-    def subjects(self, count: int | None) -> list[str]:
-        return self._source.subjects(count)
-
-    def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
-        return self._source.frames(subject, count)
-
-    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
-        return self._source.load(keys)
+    def show(self, other: _Scene) -> None:
+        self._mesh, self._subject = other._mesh, other._subject
 
 
-def _stack_frames(frames: list[Frame]) -> Capture:
-    """Stack frames of one window into arrays of the delivered image."""
-    first = frames[0]
-    shape = (first.intrinsics.height, first.intrinsics.width)
+def _measured(frame: Frame, name: str) -> DepthFrame:
+    """Return a simulated frame as measures take it, of the delivered image."""
+    shape = (frame.intrinsics.height, frame.intrinsics.width)
 
-    def pasted(name: str) -> NDArray[np.float32]:
-        out = np.zeros((len(frames), *shape), np.float32)
-        for image, frame in zip(out, frames, strict=True):
-            image[frame.window.slices] = getattr(frame, name)
+    def pasted(layer: NDArray[np.float32]) -> NDArray[np.float32]:
+        out = np.zeros((*shape, *layer.shape[2:]), np.float32)
+        out[frame.window.slices] = layer
         return out
 
-    encoded = np.stack([frame.noisy for frame in frames])
-    clean = np.zeros(shape)
-    clean[first.window.slices] = first.clean_m * 1000.0
-    return Capture(
-        with_nan(encoded),
-        with_nan(pasted("noisy_m").astype(np.float64) * 1000.0),
-        with_nan(clean),
-        pasted("infrared_counts"),
-        np.stack([frame.reason for frame in frames]),
-        first.intrinsics.rays(),
-        encoded,
-        {name: _paste_layer(frames, name, shape) for name in first.extra},
+    return DepthFrame(
+        name,
+        with_nan(pasted(frame.noisy_m) * 1000.0).astype(np.float32),
+        pasted(frame.infrared_counts),
+        frame.intrinsics,
+        clean_mm=with_nan(pasted(frame.clean_m) * 1000.0).astype(np.float32),
+        layers={name: pasted(layer) for name, layer in frame.extra.items()},
     )
-
-
-def _paste_layer(frames: list[Frame], name: str, shape: tuple[int, int]) -> NDArray[np.float32]:
-    """Paste an extra layer of frames of one window into (T, *shape, components)."""
-    layers = np.stack([frame.extra[name] for frame in frames])
-    out = np.zeros((len(frames), *shape, *layers.shape[3:]), np.float32)
-    out[:, *frames[0].window.slices] = layers
-    return out

@@ -23,8 +23,9 @@ from glsim.geometry.camera import Intrinsics
 from glsim.measures.frame import DepthFrame, FrameSet, frame_set
 from glsim.noise.registry import find_stage
 from glsim.recordings.recording import open_recording
+from glsim.sensors.kinect_v2 import white_sigma_mm
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
-from glsim.validate import VirtualCamera, published_curves, scenes
+from glsim.validate import VirtualCamera, scenes
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 EMITTER_M = (0.045, 0.0, 0.0)
@@ -163,7 +164,7 @@ def test_law_without_a_simulator() -> None:
     z = np.repeat([700.0, 1200.0, 2000.0, 3000.0], 128)[None].repeat(IMAGE.height, axis=0)
     stretch = np.linalg.norm(np.dstack([IMAGE.rays(), np.ones(z.shape)]), axis=-1)
     amplitude = GAIN / (z / 1000 * stretch) ** 2 / stretch
-    sigma = np.hypot(FLOOR_MM, published_curves.white_sigma_mm(amplitude) / stretch)
+    sigma = np.hypot(FLOOR_MM, white_sigma_mm(amplitude) / stretch)
     depth = np.rint(z + rng.normal(0, 1, (20, *z.shape)) * sigma).astype(np.uint16)
     found = measure_recording(frame_set("synthetic", depth, camera=IMAGE))
     model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), (0.0, 0.0, 0.0))

@@ -24,7 +24,7 @@ from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.recordings.recording import open_recording
 from glsim.sensors.sensor import load_sensor
 from glsim.validate import VirtualCamera
-from glsim.validate.corner_scene import room_corner
+from glsim.validate.scenes import room_corner
 from tests.support.planted_frames import noisy, plane
 from tests.support.real_cameras import REAL_CAMERAS, box_noise, needs_real_cameras
 

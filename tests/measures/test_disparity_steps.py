@@ -11,7 +11,7 @@ from glsim.measures.disparity_steps import (
     find_steps,
     measure_gaps,
 )
-from glsim.measures.validity import flip_share, hole_share, hole_share_beside_band
+from glsim.measures.validity import flip_share, hole_share_beside_band
 from tests.support.real_cameras import (
     D435_ROBOT_PX_MM,
     D435_WALL_PX_MM,
@@ -39,7 +39,6 @@ def test_the_gaps_on_both_sides_are_found() -> None:
     assert (left.width_px, left.step_px) == (19.0, NEAR_PX - FAR_PX)
     assert left.relative == pytest.approx(19 / 18)
     assert right.width_px == 3.0
-    assert np.isnan(left.slope)  # one difference of disparity
 
 
 def test_the_gaps_above_and_below_are_found_in_the_transposed_image() -> None:
@@ -48,19 +47,6 @@ def test_the_gaps_above_and_below_are_found_in_the_transposed_image() -> None:
     assert measure_gaps(along_rows, False).width_px == 0.0
     assert measure_gaps(along_columns, False).width_px == 7.0
     assert measure_gaps(along_columns, True).width_px == 26.0
-
-
-def test_the_slope_is_the_share_of_the_baseline_on_a_side() -> None:
-    frames = []
-    for near in (16.0, 20.0, 28.0, 40.0, 52.0):
-        image = np.full((60, 240), FAR_PX)
-        image[:, 100:140] = near
-        shadow = round(0.75 * (near - FAR_PX)) + 2
-        image[:, 100 - shadow : 100] = np.nan
-        frames.append(find_steps(image))
-    gaps = measure_gaps(frames, False)
-    assert gaps.slope == pytest.approx(0.75, abs=0.01)
-    assert gaps.offset_px == pytest.approx(2.0, abs=0.3)
 
 
 def test_slopes_and_single_rows_are_no_steps() -> None:
@@ -90,7 +76,6 @@ def test_the_band_at_the_border() -> None:
 def test_holes_and_flips() -> None:
     first, second = np.zeros((10, 10)), np.zeros((10, 10))
     first[0], second[1] = np.nan, np.nan
-    assert hole_share([first, second]) == pytest.approx(0.1)
     assert flip_share([first, second], [(0, 1)]) == pytest.approx(0.2)
     assert np.isnan(flip_share([first], []))
     band = np.zeros((10, 10))
@@ -103,24 +88,20 @@ def test_holes_and_flips() -> None:
 
 @needs_real_cameras
 def test_the_shadows_of_a_d435() -> None:
-    """Known: gap left 1.12 of the prediction, right 3 px, between 0.6 %, band + 6.8 px, 9.8 %."""
+    """Known: gap left 1.12 of the prediction, right 3 px, between 0.6 %, band + 6.8 px."""
     frames = real_disparities("d435_robot_room", D435_ROBOT_PX_MM)
     found = [find_steps(frame) for frame in frames]
     left, right = measure_gaps(found, False), measure_gaps(found, True)
     assert left.relative == pytest.approx(1.12, abs=0.03)
-    assert left.slope == pytest.approx(1.0, abs=0.05)
     assert right.width_px == pytest.approx(3.0, abs=0.5)
-    assert right.slope == pytest.approx(0.0, abs=0.05)
     assert between_share(found) == pytest.approx(0.006, abs=0.002)
     assert border_band(frames)[1] == pytest.approx(6.8, abs=0.4)
-    assert 0.06 < hole_share(frames) < 0.14
 
 
 @needs_real_cameras
 def test_the_holes_and_the_band_of_a_d435_before_a_wall() -> None:
-    """Known: 6.7 % holes, 1.4 % flips, band 11 to 12 px wider than the disparity."""
+    """Known: 3.3 % holes, 1.4 % flips, band 11 to 12 px wider than the disparity."""
     frames = real_disparities("d435_wall_2frames", D435_WALL_PX_MM)
-    assert hole_share(frames) == pytest.approx(0.067, abs=0.001)
     assert hole_share_beside_band(frames) == pytest.approx(0.033, abs=0.001)
     assert flip_share(frames, [(0, 1)]) == pytest.approx(0.014, abs=0.001)
     assert border_band(frames)[1] == pytest.approx(11.5, abs=0.7)
@@ -128,11 +109,9 @@ def test_the_holes_and_the_band_of_a_d435_before_a_wall() -> None:
 
 @needs_real_cameras
 def test_truedepth_has_shadows_above_and_below() -> None:
-    """Known: 22 mm and 7 mm of 29 mm, medians 23 and 6 px, 0.2 to 0.5 % between."""
+    """Known: medians 23 and 6 px, 0.2 to 0.5 % between."""
     frames = real_disparities("truedepth_box_and_can/box_can", 434.8 * 29.0, 0.1, 12)
     found = [find_steps(frame.T) for frame in frames]
     above, below = measure_gaps(found, False), measure_gaps(found, True)
-    assert 29 * below.slope == pytest.approx(22, abs=1.5)
-    assert 29 * above.slope == pytest.approx(6, abs=1.5)
     assert (above.width_px, below.width_px) == (pytest.approx(6, abs=1.5), pytest.approx(24, abs=3))
     assert between_share(found) < 0.009

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from glsim.measures import stacks as measure
-from glsim.validate import published_curves
+from glsim.sensors import kinect_v2
+from glsim.validate.checks.edges import shadow_px
+from glsim.validate.checks.phases import kde_phase_sigma_rad
 from tests.support.stage_harness import Z_MAX, z_mean, z_sd
 
 RNG = np.random.default_rng(5)
@@ -141,17 +143,10 @@ def test_masks() -> None:
     assert measure.steps_mm(step)[2].tolist() == [0, 0, 100, 100, 0, 0]
 
 
-def test_published_curves() -> None:
-    assert published_curves.fankhauser_mm(0.9) == pytest.approx(1.293)
-    assert published_curves.fankhauser_mm(0.9, np.radians(60)) - published_curves.fankhauser_mm(
-        0.9
-    ) == pytest.approx(0.34, abs=0.005)
-    assert published_curves.nguyen_mm([0.9, 3, 4]) == pytest.approx([1.68, 14.0, 25.8], rel=0.01)
-    assert published_curves.kde_phase_sigma_rad(50.0) == pytest.approx(
-        [0.033, 0.024, 0.040], rel=0.05
-    )
-    assert published_curves.tap_phase_sigma_rad(50.0) == pytest.approx(
-        [0.033, 0.024, 0.040], rel=0.11
-    )
-    assert published_curves.white_sigma_mm(391 / 0.81) == pytest.approx(0.40, abs=0.02)
-    assert published_curves.shadow_px(0.045, 365.456, 0.9, 2.0) == pytest.approx(10.05, abs=0.01)
+def test_constants_of_the_kinect_v2() -> None:
+    """The tap noise that is fitted to the published phase noise, and the depth noise it gives."""
+    at_50 = kinect_v2.tap_phase_sigma_rad(50.0)
+    assert kde_phase_sigma_rad(50.0) == pytest.approx([0.033, 0.024, 0.040], rel=0.05)
+    assert at_50 == pytest.approx([0.033, 0.024, 0.040], rel=0.11)
+    assert kinect_v2.white_sigma_mm(391 / 0.81) == pytest.approx(0.40, abs=0.02)
+    assert shadow_px(0.045, 365.456, 0.9, 2.0) == pytest.approx(10.05, abs=0.01)

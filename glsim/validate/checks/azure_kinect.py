@@ -11,14 +11,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.measures.frame import FrameSet
 from glsim.measures.rims import find_rims
 from glsim.measures.tiles import LAGS_PX, WIDE_PX, plane_tiles
 from glsim.validate import scenes
 from glsim.validate.captures import Captures
-from glsim.validate.mug_scene import mug_before_walls
-from glsim.validate.report import Band, Check, Measurement, validation_check
-from glsim.validate.sources import AZURE
-from glsim.validate.virtual_camera import Capture
+from glsim.validate.report import Measurement, validation_check
 
 _SHEET = "azure-kinect"
 
@@ -26,10 +24,10 @@ _SHEET = "azure-kinect"
 COUNTS = (60, 100, 150, 200, 300, 500, 1000, 3000, 9000)
 #: Infrared of the tiles whose noise's correlation is measured, counts: noise is largest there.
 DIM = (60.0, 200.0)
-#: Correlation of the real frame's noise in these tiles at LAGS_PX; bands allow 0.1 on either side.
-REAL_CORRELATION = {"rows": (0.75, 0.57, 0.29, 0.11), "columns": (0.76, 0.58, 0.32, 0.15)}
 #: Rims of the mug and its handle before the walls, mm: depth of foreground and background.
 MUG_MM, BEHIND_MM = 330.0, 1300.0
+#: Distance of the wall whose infrared grows from left to right, mm.
+_RAMP_MM = 1000.0
 
 
 def noise_law_mm(counts: float) -> float:
@@ -37,26 +35,12 @@ def noise_law_mm(counts: float) -> float:
     return float(np.hypot(0.42, 84 / counts**0.75))
 
 
-def _frame(capture: Capture) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def _frame(capture: FrameSet) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return depth, mm, and infrared of the first frame."""
-    return np.nan_to_num(capture.frames_mm[0]), capture.infrared[0]
+    return np.nan_to_num(capture.whole_mm[0]), capture.infrared[0]
 
 
-@validation_check(
-    _SHEET,
-    Check(
-        "1", "plane residual over infrared, of the real frame's law: its share, 60 to 9,000 counts",
-        tuple(Band(f"{a}-{b}", 0.85, 1.15) for a, b in pairwise(COUNTS)),
-        AZURE, "measured",
-    ),
-    Check(
-        "2", "correlation of the noise at 60 to 200 counts, 1 to 4 px along rows and columns",
-        tuple(Band(f"{way} {lag}", round(real - 0.1, 2), round(real + 0.1, 2))
-              for way, values in REAL_CORRELATION.items()
-              for lag, real in zip(LAGS_PX, values, strict=True)),
-        AZURE, "measured",
-    ),
-)  # fmt: skip
+@validation_check(_SHEET)
 def noise(captures: Captures) -> dict[str, Measurement]:
     """Measure walls of many distances and albedos."""
     camera = captures.camera
@@ -89,24 +73,7 @@ def noise(captures: Captures) -> dict[str, Measurement]:
     }
 
 
-@validation_check(
-    _SHEET,
-    Check("3", "shadow of an edge at 0.297 m on a wall at 1.52 m, to the right",
-          (Band("px", 18, 20, "px"),), AZURE, "measured"),
-    Check("4", "penumbra of that shadow", (Band("px", 2, 8, "px"),), AZURE, "measured"),
-    Check("5", "gaps beside the mug: the lit side, the shadow's",
-          (Band("lit", 2, 4, "px"), Band("shadow", 11, 18, "px")), AZURE, "measured"),
-    Check("6", "pixels between the surfaces, within 3 px of the mug's rims, rows",
-          (Band("share", 0, 0.011),), AZURE, "measured"),
-    Check("7", "bend of the mug's last pixel: median on the lit side, the shadow's; next pixel",
-          (Band("lit", -17, -2, "mm"), Band("shadow", -12, 2, "mm"),
-           Band("lit, next", -7, 1, "mm")),
-          AZURE, "measured"),
-    Check("8", "bend of the wall's first pixel: median by the shadow, next pixel, lit side",
-          (Band("shadow", 2, 84, "mm"), Band("shadow, next", 2, 53, "mm"),
-           Band("lit", 0, 17, "mm")),
-          AZURE, "measured"),
-)  # fmt: skip
+@validation_check(_SHEET)
 def rims(captures: Captures) -> dict[str, Measurement]:
     """Measure a bar's shadow, and the rims of a mug before walls."""
     camera = captures.camera
@@ -114,12 +81,12 @@ def rims(captures: Captures) -> dict[str, Measurement]:
     scene = scenes.merge_meshes(bar, scenes.wall(1520.0, 0.8))
     shot = camera.capture(scene, 1, None, scene="bar", extra=("lit",))
     row = camera.rig.intrinsics.height // 2
-    clean, lit = shot.clean_mm[row], shot.extra["lit"][0, row].reshape(-1)
+    clean, lit = shot.clean_mm[row], shot.layer("lit")[0, row].reshape(-1)
     front, back = np.flatnonzero(clean < 1000), clean > 1000
     shadow = np.flatnonzero(back & (lit < 0.5))
     shift = float(shadow.max() - front.max()) if shadow.size else 0.0
     penumbra = float((back & (lit > 0) & (lit < 1)).sum())
-    depth, _ = _frame(camera.capture(mug_before_walls(), 1, None, scene="mug"))
+    depth, _ = _frame(camera.capture(scenes.mug_before_walls(), 1, None, scene="mug"))
     return {
         "3": Measurement({"px": shift}),
         "4": Measurement({"px": penumbra}),
@@ -160,3 +127,55 @@ def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
             }
         ),
     }
+
+
+@validation_check(_SHEET)
+def limits(captures: Captures) -> dict[str, Measurement]:
+    """Measure walls, one whose albedo grows, and one nearer than the range."""
+    wall = captures.wall(1500.0, 0.8)
+    bright = captures.camera.capture(
+        scenes.wall(200.0, 0.8), 1, at_mm=(0, 0, 200.0), scene="bright"
+    ).centre()
+    ramp = scenes.albedo_ramp(330.0, 100.0, 0.5, 1.4)
+    steep = captures.camera.capture(ramp, 4, None, scene="steep ramp")
+    valid = np.isfinite(steep.whole_mm)
+    dim = captures.camera.capture(
+        scenes.albedo_ramp(_RAMP_MM, 500.0, 0.0, 0.1), 8, None, scene="dim ramp"
+    )
+    near = [z for z in range(140, 200, 5) if _share(captures, float(z), 0.1) > 0.5]
+    share = {f"{z} m": abs(captures.mean_error_mm(1000.0 * z)) - z for z in (0.5, 1, 2, 3)}
+    noise = {f"{z} m": captures.temporal_sigma_mm(1000.0 * z) for z in (1, 2, 3)}
+    return {
+        "9": Measurement({"counts m^2": float(wall.infrared.mean()) * 1.5**2}),
+        "10": Measurement(
+            {
+                "brightest": float(np.percentile(steep.infrared[valid], 99.99)),
+                "infrared": float(np.median(bright.infrared)),
+                "valid": float(np.isfinite(bright.whole_mm).mean()),
+            }
+        ),
+        "11": Measurement({"counts": _half_valid(dim.infrared, np.isfinite(dim.whole_mm))}),
+        "12": Measurement(
+            {
+                "nearest": float(min(near)) if near else None,
+                "3.8 m": _share(captures, 3800.0, 0.8),
+                "4 m": _share(captures, 4000.0, 0.8),
+            }
+        ),
+        "13": Measurement({k: max(v, 0.0) for k, v in share.items()}, note="of one device"),
+        "14": Measurement(noise),
+    }
+
+
+def _share(captures: Captures, z_mm: float, albedo: float) -> float:
+    """Return the share of pixels with depth in the middle of a wall."""
+    return float(np.isfinite(captures.wall(z_mm, albedo).whole_mm).mean())
+
+
+def _half_valid(infrared: np.ndarray, valid: np.ndarray) -> float:
+    """Return the infrared, counts, below which fewer than half of the pixels have depth."""
+    edges = np.arange(20, 140, 4)
+    bins = np.digitize(infrared.ravel(), edges)
+    shares = [valid.ravel()[bins == k].mean() for k in range(1, len(edges))]
+    least = next((k for k, share in enumerate(shares) if share >= 0.5), None)
+    return float("nan") if least is None else float(edges[least] + 2)

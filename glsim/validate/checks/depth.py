@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from math import inf
-
 import numpy as np
 
 from glsim.measures import stacks as measure
 from glsim.measures.stacks import Array
+from glsim.sensors.kinect_v2 import COUNTS_PER_AMPLITUDE
 from glsim.validate import scenes
 from glsim.validate.captures import Captures
-from glsim.validate.report import Band, Check, Measurement, validation_check
-from glsim.validate.sources import LF2, OWN, REAL, STRUCTURED_LIGHT
+from glsim.validate.report import Measurement, validation_check
 
 #: Allowed periods of the ripple of three taps at 80, 16 and 120 MHz, mm: 3 and 6 cycles per half
 #: wavelength; and the period of four taps at 80 MHz, which must be absent.
@@ -25,44 +23,23 @@ _WIGGLE_PX = 40
 #: Albedo of skin relative to white.
 _SKIN, _DARK = 0.6, 0.4
 
-#: Infrared counts per unit of the mean amplitude, as in libfreenect2.
-COUNTS_PER_AMPLITUDE = 16.0
 
-
-@validation_check(
-    "kinect-v2",
-    Check("22", "quantisation: share of fractions; variance it adds; levels on a 10 cm ramp at 3 m",
-          (Band("fractions", 0.0, 0.0), Band("variance", 0.07, 0.097, "mm^2", "derived"),
-           Band("levels", 95.0, inf, "", "derived")), f"MSDN; {OWN}", "datasheet"),
-    Check("A1", "no disparity banding: levels of depth missing on a ramp at 3 m",
-          (Band("missing", 0.0, 5.0, "%"),), STRUCTURED_LIGHT),
-)  # fmt: skip
+@validation_check("kinect-v2")
 def quantisation(captures: Captures) -> dict[str, Measurement]:
     """Measure check 22 and anti-check A1: rounding to mm, levels of depth on a ramp."""
-    ramp = captures.camera.capture(
-        scenes.ten_centimetres(captures.camera.rig.intrinsics.fx), crop=96, scene="ramp"
-    )
-    levels = scenes.levels_on_ramp(ramp.encoded)
-    fine = captures.wall(900).fine_mm
-    fine = fine[np.isfinite(fine)]
+    levels = captures.levels_on_ramp()
+    wall = captures.wall(900)
+    fine = wall.depth_mm[np.isfinite(wall.depth_mm)]
     # Depth is float32: a difference of up to 0.001 mm from a whole number is no fraction.
     fractions = float((np.abs(fine - np.rint(fine)) > 1e-3).mean()) if fine.size else float("nan")
-    values: dict[str, float | None] = {
-        "fractions": fractions,
-        "levels": float(levels),
-        "variance": None,
-    }
+    variance, note = None, "the chain's rounding cannot be switched off"
     if captures.ablations.no_rounding is not None:
-        exact = captures.wall(900, changes=captures.ablations.no_rounding).fine_mm
-        added = captures.wall(900).frames_mm - exact
-        values["variance"] = measure.mean_of((added - measure.mean_of(added)) ** 2)
+        exact = captures.wall(900, changes=captures.ablations.no_rounding)
+        added = wall.whole_mm - exact.depth_mm
+        variance, note = measure.mean_of((added - measure.mean_of(added)) ** 2), ""
+    values = {"fractions": fractions, "levels": float(levels), "variance": variance}
     return {
-        "22": Measurement(
-            values,
-            ""
-            if captures.ablations.no_rounding is not None
-            else "the chain's rounding cannot be switched off",
-        ),
+        "22": Measurement(values, note),
         "A1": Measurement({"missing": 100.0 * (101 - levels) / 101}),
     }
 
@@ -85,7 +62,7 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
         scene="albedo ramp", frames=captures.scene_frames,
     ).centre(2 * half_px - 4, 96)  # fmt: skip
     amplitude = capture.infrared.ravel() / COUNTS_PER_AMPLITUDE
-    valid = np.isfinite(capture.frames_mm).ravel()
+    valid = np.isfinite(capture.whole_mm).ravel()
     bins = np.arange(1.0, 17.0, 0.5)
     which = np.digitize(amplitude, bins) - 1
     used = np.unique(which[(which >= 0) & (which < len(bins))])
@@ -95,18 +72,10 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
     return x, y, measure.mean_of(valid[above].astype(np.float64))
 
 
-@validation_check(
-    "kinect-v2",
-    # Real frames, smooth surfaces within 3.5 m, relative to bright ones: 39 % valid at 9, 62 % at
-    # 11, 84 % at 13, 97 % at 15; half at 10; 88 % on average from 11 to 17. Bands: 20 % off that.
-    # libfreenect2's thresholds alone give 3 to 8 (derived); the frames decide.
-    Check("23", "amplitude at which half of the pixels are valid; share valid from 11 to 17",
-          (Band("a*", 8.0, 12.0), Band("valid", 70.0, 100.0, "%")),
-          f"{REAL}: 10 and 88 %, +-20 %", "measured"),
-)  # fmt: skip
+@validation_check("kinect-v2")
 def validity(captures: Captures) -> dict[str, Measurement]:
     """Measure check 23: the amplitude at which half of the pixels are valid."""
-    curve = captures.cached("validity", lambda: validity_curve(captures))
+    curve = validity_curve(captures)
     if curve is None:
         return {"23": Measurement(why_not="the sensor gives no infrared")}
     amplitude, share, above = curve
@@ -114,12 +83,7 @@ def validity(captures: Captures) -> dict[str, Measurement]:
     return {"23": Measurement({"a*": half_valid, "valid": 100 * above})}
 
 
-@validation_check(
-    "kinect-v2",
-    Check("25", "range, albedo 0.4: share valid outside 500 to 4500 mm; least share valid inside",
-          (Band("outside", 0.0, 0.0, "%"), Band("inside", 99.0, 100.0, "%")), f"{LF2}; MSDN",
-          "datasheet"),
-)  # fmt: skip
+@validation_check("kinect-v2")
 def ranges(captures: Captures) -> dict[str, Measurement]:
     """Measure check 25 on walls on both sides of both range gates.
 
@@ -127,15 +91,8 @@ def ranges(captures: Captures) -> dict[str, Measurement]:
     that none saturates: paper of real frames is lost beyond 63,000 counts, a wall of albedo 0.6 at
     530 mm, facing the camera, has 64,700.
     """
-
-    def valid(z: float) -> float:
-        capture = captures.camera.capture(
-            scenes.wall(z, _DARK), 8, 24, at_mm=(0, 0, z), scene=f"range {z}"
-        )
-        return 100.0 * float(np.isfinite(capture.frames_mm).mean())
-
-    outside = max(valid(z) for z in (300, 470, 4530, 5500))
-    inside = min(valid(z) for z in (530, 2000, 4470))
+    outside = max(captures.valid_percent(z, _DARK) for z in (300, 470, 4530, 5500))
+    inside = min(captures.valid_percent(z, _DARK) for z in (530, 2000, 4470))
     return {"25": Measurement({"outside": outside, "inside": inside})}
 
 
@@ -151,23 +108,17 @@ def wiggle_curve(captures: Captures) -> tuple[Array, Array]:
             at_mm=(0, 0, float(z)),
             scene=f"wiggle {z:g}",
         )
-        errors.append(measure.mean_of(capture.fine_mm - capture.clean_mm))
+        errors.append(measure.mean_of(capture.depth_mm - capture.clean_mm))
     return distances, np.array(errors)
 
 
-@validation_check(
-    "kinect-v2",
-    Check("26", "wiggle, 0.6 to 3 m: peak; power off the periods of three taps; at 468 mm",
-          (Band("peak", 1.5, 8.0, "mm", "measured"), Band("other", 0.0, 10.0, "%"),
-           Band("468 mm", 0.0, 5.0, "%")),
-          f"{REAL}: 1.2 mm at 417 and 1.4 mm at 625 mm; {LF2}; {OWN}", "derived"),
-)  # fmt: skip
+@validation_check("kinect-v2")
 def wiggle(captures: Captures) -> dict[str, Measurement]:
     """Measure check 26: the ripple of the mean error over distance.
 
     other: power of the residual of a fit of all allowed periods, over the power before the fit.
     """
-    z, error = captures.cached("wiggle", lambda: wiggle_curve(captures))
+    z, error = wiggle_curve(captures)
     if not np.isfinite(error).all():
         return {"26": Measurement({}, f"no depth at {z[~np.isfinite(error)][0]:.0f} mm")}
     ripple = measure.without_trend(z, error)
@@ -191,11 +142,7 @@ def wiggle(captures: Captures) -> dict[str, Measurement]:
     }
 
 
-@validation_check(
-    "kinect-v2",
-    Check("28", "unwrapping: errors beyond 300 mm on walls at a >= 15, 0.5 to 4.5 m",
-          (Band("gross", 0.0, 1e-4),), f"{LF2}; {OWN}", "derived"),
-)  # fmt: skip
+@validation_check("kinect-v2")
 def unwrapping(captures: Captures) -> dict[str, Measurement]:
     """Measure check 28 on walls over the whole range, each so dark that its amplitude is 15."""
     gross = total = 0
@@ -213,12 +160,7 @@ def unwrapping(captures: Captures) -> dict[str, Measurement]:
     return {"28": Measurement({"gross": share}, f"{gross} of {total} valid pixels")}
 
 
-@validation_check(
-    "kinect-v2",
-    Check("29", "device offset; change from frame to frame; skin bias if enabled",
-          (Band("offset", -30.0, 30.0, "mm", "measured"), Band("change", 0.0, 0.1, "mm"),
-           Band("skin", 4.0, 12.0, "mm")), f"iai_kinect2; {OWN}", "derived"),
-)  # fmt: skip
+@validation_check("kinect-v2")
 def offsets(captures: Captures) -> dict[str, Measurement]:
     """Measure check 29: the mean error of eight devices (seeds), its change over frames, skin.
 
@@ -230,7 +172,7 @@ def offsets(captures: Captures) -> dict[str, Measurement]:
         capture = captures.camera.capture(
             scenes.wall(900), 4, 128, at_mm=(0, 0, 900), scene="offset", seed=device
         )
-        means.append([measure.mean_of(frame) for frame in capture.fine_mm - capture.clean_mm])
+        means.append([measure.mean_of(frame) for frame in capture.depth_mm - capture.clean_mm])
     errors = np.array(means)
     values: dict[str, float | None] = {
         "skin": None,

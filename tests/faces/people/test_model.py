@@ -56,7 +56,7 @@ def load(
 ) -> Callable[[], BodyModel]:
     """Load the small model through the cache, as another process would."""
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(models, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(loading, "data_folder", lambda: tmp_path)
     monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
     return loading.load_model.__wrapped__
 

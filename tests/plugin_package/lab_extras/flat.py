@@ -15,6 +15,6 @@ import glsim
 )
 def flat(captures: Any) -> dict[str, glsim.Measurement]:
     """Measure the step between columns."""
-    frame = np.nanmean(captures.wall(900).frames_mm, axis=(0, 1))
+    frame = np.nanmean(captures.wall(900).whole_mm, axis=(0, 1))
     step = float(np.abs(np.diff(frame)).mean())
     return {"1": glsim.Measurement({"step": step})}
