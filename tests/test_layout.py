@@ -38,9 +38,7 @@ def test_recipes_and_commands_need_no_pytorch() -> None:
 
 
 def test_scoring_needs_no_figures_and_no_networks() -> None:
-    loaded = loaded_after(
-        "import glsim.eval.scoring.run, glsim.eval.report.tables, glsim.eval.study"
-    )
+    loaded = loaded_after("import glsim.eval.scoring.run, glsim.eval.report.tables")
     assert not loaded & {"torch", "matplotlib", "skimage", "scipy"}
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from glsim.denoise import Denoiser, load_denoiser
+from glsim.denoise import load_denoiser
 from glsim.errors import ConfigError, DatasetError, DenoiserError
 from glsim.files.atomic import read_json
 
@@ -182,23 +182,6 @@ def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
     trained = {(group.row, group.size) for group in groups}
     twins = [SeedGroup(group.members, twin=True) for group in groups if group.row in _TWINNED]
     return [*groups, *(twin for twin in twins if (twin.row, twin.size) not in trained)]
-
-
-def row_networks(runs: Path) -> dict[str, Denoiser]:
-    """Load a network for each row of the paper's tables: that with the first seed.
-
-    Args:
-        runs: folder with a folder per run of ``glsim train``.
-
-    Returns:
-        Row -> network. A row with artefact removal has its partner's.
-
-    Raises:
-        ConfigError: if there is no such folder or no checkpoint in it.
-    """
-    groups = with_twins(group_by_network(find_trained_runs(runs)[0]))
-    groups = sorted(groups, key=lambda group: group.size == "full")  # the largest comes last
-    return {str(g.row): load_denoiser(g.members[0].spec) for g in groups if g.row is not None}
 
 
 #: The rows that the paper prints with and without artefact removal.

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from glsim.depth_protocol import MEANING
 from glsim.eval.metrics.metric import GROUPS, Metric
+from glsim.eval.metrics.prediction import FLYING_MM
 from glsim.eval.metrics.regions import REGION_METRICS
 from glsim.eval.metrics.score import METRICS
-from glsim.eval.report.bias_table import bias_document
 from glsim.eval.report.document import Document, Heading, TextTable
-from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean
+from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean, ScoreSummary
+from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias
 from glsim.eval.scoring.run import Evaluation, write_csv
 
 #: Method -> metric -> mean over the set.
@@ -25,20 +26,24 @@ TABLE_SECTIONS: Final[dict[str, list[str]]] = {
     title: [m.name for m in TABLE_METRICS.values() if m.in_table and GROUPS[m.group] == title]
     for title in dict.fromkeys(GROUPS.values())
 }
-
-
+#: The metrics of trivial baselines in tables.
+_BASELINE_METRICS: Final = (
+    *("mse_mm2", "psnr_db", "ssim_paper", "ssim_standard", "iou", "flips_px", "both_rmse_mm"),
+    "normal_mean_deg",
+)
+#: The metrics of table.tex -> heading.
+_LATEX_HEADS: Final = {
+    "mse_mm2": r"MSE [mm$^2$]",
+    "psnr_db": "PSNR [dB]",
+    "ssim_standard": "SSIM",
+    "iou": "IoU",
+    "flying_px": "flying [px]",
+    "input_rmse_mm": "RMSE [mm]",
+    "both_interior_rmse_mm": "interior [mm]",
+    "normal_mean_deg": r"normals [$^\circ$]",
+}
 #: Fewer subjects than this are too few for a bootstrap: 3^3 = 27 draws of 3 differ. Chosen.
 FEW_SUBJECTS: Final = 5
-
-
-def few_subjects(count: int) -> str:
-    """Return the warning that goes with intervals of so few subjects."""
-    if count < 2:
-        return "There is one subject: nothing is known of others, and there are no intervals."
-    return (
-        f"The intervals are of {count} subjects, too few to trust them: score "
-        f"{FEW_SUBJECTS} or more."
-    )
 
 
 def format_number(value: float, unit: str = "mm") -> str:
@@ -57,20 +62,16 @@ def best_methods(table: ResultTable, metric: Metric) -> set[str]:
     known = {name: value for name, value in means.items() if not math.isnan(value)}
     if metric.better == "neither" or not known:
         return set()
-    top = (max if metric.better == "higher" else min)(known.values())
-    return {
-        n
-        for n, v in known.items()
-        if format_number(v, metric.unit) == format_number(top, metric.unit)
-    }
+    top = format_number((max if metric.better == "higher" else min)(known.values()), metric.unit)
+    return {name for name, value in known.items() if format_number(value, metric.unit) == top}
 
 
 def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> str:
     """Return table.md: all documents of the result."""
     protocol = f"Protocol {evaluation.protocol}: {MEANING[evaluation.protocol]}."
-    head = Document(heading, [protocol])
     documents = [*result_documents(evaluation, table), *note_documents(evaluation, table)]
-    return "\n".join([head.markdown(), *(document.markdown(level=2) for document in documents)])
+    head = Document(heading, [protocol]).markdown()
+    return "\n".join([head, *(document.markdown(level=2) for document in documents)])
 
 
 def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
@@ -80,15 +81,14 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
         [
             f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. In "
             "brackets the 95 % interval over subjects (bootstrap). Bold: the best mean. Arrows: "
-            "which way is better. Maps are scored as denoisers return them, unrounded; rows that "
-            "name a step are rounded to it, as files are."
+            "which way is better. Maps are scored as denoisers return them, unrounded."
         ],
     )
     for title, names in TABLE_SECTIONS.items():
         metrics = [TABLE_METRICS[name] for name in names]
         heads = [f"{m.heading} {m.arrow}".strip() for m in metrics]
         scores.parts += [Heading(title), _table(table, metrics, heads, intervals=True)]
-    others = (region_document(table), bias_document(evaluation.summary), _baselines(evaluation))
+    others = (_region_document(table), _bias_document(evaluation.summary), _baselines(evaluation))
     return [scores, *(document for document in others if document is not None)]
 
 
@@ -98,28 +98,6 @@ def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]
     documents = [Document("Definitions", [[f"**{m.heading}**: {m.help}." for m in shown]])]
     notes = _remarks(evaluation, table)
     return [*documents, Document("Remarks", [notes])] if notes else documents
-
-
-def region_document(table: ResultTable) -> Document | None:
-    """Return a table per region metric, with a column per part of the face; None without parts."""
-    first = next(iter(table.values()))
-    document = Document(
-        "Parts of the face",
-        [
-            "RMSE and bias are over the pixels of input_interior_* (input and clean valid, no "
-            "edge), normals over those of normal_mean_deg. Parts without such pixels in any frame "
-            "are left out; table.csv has all parts."
-        ],
-    )
-    for name in REGION_METRICS:
-        metrics = [entry.metric for entry in first.values()]
-        metrics = [m for m in metrics if m.name.startswith(f"{name}@")]
-        metrics = [m for m in metrics if any(entries[m.name].frames for entries in table.values())]
-        if metrics:
-            title = f"{name} [{metrics[0].unit}] {metrics[0].arrow}".strip()
-            parts = [m.name.partition("@")[2] for m in metrics]
-            document.parts += [Heading(title), _table(table, metrics, parts)]
-    return document if len(document.parts) > 1 else None
 
 
 def _table(
@@ -141,24 +119,61 @@ def _table(
     return TextTable(["method", *heads], rows)
 
 
-#: The metrics of trivial baselines in tables.
-BASELINE_METRICS: Final = (
-    "mse_mm2",
-    "psnr_db",
-    "ssim_paper",
-    "ssim_standard",
-    "iou",
-    "flips_px",
-    "both_rmse_mm",
-    "normal_mean_deg",
-)
+def _region_document(table: ResultTable) -> Document | None:
+    """Return a table per region metric, with a column per part of the face; None without parts."""
+    first = next(iter(table.values()))
+    document = Document(
+        "Parts of the face",
+        [
+            "RMSE and bias are over the pixels of input_interior_* (input and clean valid, no "
+            "edge), normals over those of normal_mean_deg. Parts without such pixels in any frame "
+            "are left out; table.csv has all parts."
+        ],
+    )
+    for name in REGION_METRICS:
+        metrics = [
+            entry.metric
+            for entry in first.values()
+            if entry.metric.name.startswith(f"{name}@")
+            and any(entries[entry.metric.name].frames for entries in table.values())
+        ]
+        if metrics:
+            title = f"{name} [{metrics[0].unit}] {metrics[0].arrow}".strip()
+            parts = [m.name.partition("@")[2] for m in metrics]
+            document.parts += [Heading(title), _table(table, metrics, parts)]
+    return document if len(document.parts) > 1 else None
+
+
+def _bias_document(summary: ScoreSummary) -> Document | None:
+    """Return the table of the bias of each method by distance; None without large enough bins."""
+    by_method = {
+        method: {b.from_mm: b for b in summary.bias_by_distance(method) if b.is_enough}
+        for method in summary.methods
+    }
+    edges = sorted({edge for bins in by_method.values() for edge in bins})
+    if not edges:
+        return None
+    rows = []
+    for method, bins in by_method.items():
+        largest = largest_bias(bins.values())
+        size = "n/a" if largest is None else f"{abs(largest.mean_mm):.2f}"
+        means = [f"{bins[edge].mean_mm:+.2f}" if edge in bins else "n/a" for edge in edges]
+        rows.append([f"`{method}`", size, *means])
+    note = (
+        f"Mean of prediction - truth per {BIAS_BIN_MM} mm of the truth's depth, over interior "
+        f"pixels where method and input have depth, without errors beyond {FLYING_MM:.0f} mm. "
+        f"Columns: lower edge of the bin, m; bins of fewer than {ENOUGH_PIXELS} pixels are left "
+        "out (bias_by_distance.csv has all, with intervals)."
+    )
+    head = ["method", "largest ↓", *(f"{edge / 1000:.1f}" for edge in edges)]
+    return Document("Bias over distance [mm]", [note, TextTable(head, rows)])
 
 
 def _baselines(evaluation: Evaluation) -> Document | None:
     baselines = evaluation.baselines
     if not baselines.methods:
         return None
-    metrics = [METRICS[name] for name in BASELINE_METRICS]
+    metrics = [METRICS[name] for name in _BASELINE_METRICS]
     rows = [
         [name, *(format_number(baselines.mean(name, m.name), m.unit) for m in metrics)]
         for name in baselines.methods
@@ -169,72 +184,61 @@ def _baselines(evaluation: Evaluation) -> Document | None:
 
 def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
     """List frames that a mean leaves out, and frames that could not be scored."""
+    lines = []
+    subjects = len(evaluation.summary.subjects)
+    if subjects < FEW_SUBJECTS:
+        lines.append(
+            f"The intervals are of {subjects} subjects, too few to trust them: score "
+            f"{FEW_SUBJECTS} or more."
+        )
     undefined: dict[str, list[str]] = {}
     for method, entries in table.items():
         for name in (name for names in TABLE_SECTIONS.values() for name in names):
             if missing := entries[name].undefined:
                 remark = f"{name} is undefined in {missing} frames, which its mean leaves out"
                 undefined.setdefault(remark, []).append(f"`{method}`")
-    lines = [f"{remark}: {', '.join(methods)}." for remark, methods in undefined.items()]
-    subjects = len(evaluation.summary.subjects)
-    if subjects < FEW_SUBJECTS:
-        lines.insert(0, few_subjects(subjects))
+    lines += [f"{remark}: {', '.join(methods)}." for remark, methods in undefined.items()]
     if evaluation.bad:
         lines.append(f"{evaluation.bad} frames could not be scored (bad.csv), the first of them:")
         lines += list(evaluation.first_bad)
     return lines
 
 
-def write_table_csv(path: Path, table: ResultTable) -> None:
+def write_table_csv(path: Path, table: Mapping[str, Mapping[str, MetricMean]]) -> None:
     """Write table.csv: one line per method and metric, with all values."""
-    first = next(iter(table))
     fields = (
         *("method", "metric", "unit", "better", "mean", "low_95", "high_95", "frames"),
-        *("undefined", f"p_vs_{first}", "p_holm"),
+        *("undefined", f"p_vs_{next(iter(table))}", "p_holm"),
     )
-    rows = (
-        dict(
-            zip(
-                fields,
-                (
-                    method, e.metric.name, e.metric.unit, e.metric.better, e.mean, e.low, e.high,
-                    e.frames, e.undefined, e.p, e.p_holm,
-                ),
-                strict=True,
-            )
+    rows = [
+        (
+            *(method, e.metric.name, e.metric.unit, e.metric.better, e.mean, e.low, e.high),
+            *(e.frames, e.undefined, e.p, e.p_holm),
         )
         for method, entries in table.items()
         for e in entries.values()
-    )  # fmt: skip
-    write_csv(path, fields, rows)
+    ]
+    write_csv(path, fields, (dict(zip(fields, row, strict=True)) for row in rows))
 
 
-_LATEX_METRICS: Final = (
-    "mse_mm2",
-    "psnr_db",
-    "ssim_standard",
-    "iou",
-    "flying_px",
-    "input_rmse_mm",
-    "both_interior_rmse_mm",
-    "normal_mean_deg",
-)
-_LATEX_HEADS: Final = {
-    "mse_mm2": r"MSE [mm$^2$]",
-    "psnr_db": "PSNR [dB]",
-    "ssim_standard": "SSIM",
-    "iou": "IoU",
-    "flying_px": "flying [px]",
-    "input_rmse_mm": "RMSE [mm]",
-    "both_interior_rmse_mm": "interior [mm]",
-    "normal_mean_deg": r"normals [$^\circ$]",
-}
+def write_bias_csv(path: Path, summary: ScoreSummary) -> None:
+    """Write bias_by_distance.csv: one line per method and bin of distance."""
+    fields = ("method", "from_mm", "to_mm", "bias_mm", "low_95", "high_95", "pixels", "subjects")
+    rows = [
+        (
+            *(method, b.from_mm, b.from_mm + BIAS_BIN_MM, b.mean_mm, b.low_mm, b.high_mm),
+            *(b.pixels, b.subjects),
+        )
+        for method in summary.methods
+        for b in summary.bias_by_distance(method)
+    ]
+    write_csv(path, fields, (dict(zip(fields, row, strict=True)) for row in rows))
 
 
 def table_latex(table: ResultTable) -> str:
     """Return table.tex: a booktabs tabular of the main metrics."""
     arrows = {"lower": r"$\downarrow$", "higher": r"$\uparrow$", "neither": ""}
-    metrics = [METRICS[name] for name in _LATEX_METRICS]
+    metrics = [METRICS[name] for name in _LATEX_HEADS]
     tops = {m.name: best_methods(table, m) for m in metrics}
     heads = " & ".join(f"{_LATEX_HEADS[m.name]} {arrows[m.better]}" for m in metrics)
     lines = [
@@ -245,15 +249,12 @@ def table_latex(table: ResultTable) -> str:
         r"\midrule",
     ]
     for method, entries in table.items():
-        cells = []
+        name = method
+        for special in "_%&#$":
+            name = name.replace(special, f"\\{special}")
+        cells = [rf"\texttt{{{name}}}"]
         for m in metrics:
             text = format_number(entries[m.name].mean, m.unit)
             cells.append(rf"\textbf{{{text}}}" if method in tops[m.name] else text)
-        lines.append(rf"{_escaped(method)} & {' & '.join(cells)} \\")
+        lines.append(rf"{' & '.join(cells)} \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
-
-
-def _escaped(text: str) -> str:
-    for special in "_%&#$":
-        text = text.replace(special, f"\\{special}")
-    return rf"\texttt{{{text}}}"

@@ -35,14 +35,7 @@ PSNR_OF_MEAN: Final = Metric(
 )
 #: Target number of frames per method for figures, and the metrics kept for them.
 _SAMPLED_FRAMES: Final = 1000
-SAMPLED_METRICS: Final = (
-    "mse_mm2",
-    "flips_px",
-    "flying_px",
-    "both_interior_rmse_mm",
-    "input_interior_rmse_mm",
-    "normal_mean_deg",
-)
+_SAMPLED_METRICS: Final = ("mse_mm2", "both_interior_rmse_mm")
 
 
 @dataclass(frozen=True)
@@ -99,7 +92,7 @@ class ScoreSummary:
     Attributes:
         total_frames: of the set.
         metrics: name -> metric, the columns of the rows.
-        sampled: method -> SAMPLED_METRICS of frames spread evenly over the set.
+        sampled: method -> _SAMPLED_METRICS of frames spread evenly over the set.
         histograms: method -> counts of |error| in bins of ``blocks.BIN_MM``.
         bias_sums: method -> subject -> errors over distance.
 
@@ -148,7 +141,7 @@ class ScoreSummary:
         number = self._rows.get(method, 0)
         self._rows[method] = number + 1
         if number % max(1, self.total_frames // _SAMPLED_FRAMES) == 0:
-            values = [float("nan") if row[name] is None else row[name] for name in SAMPLED_METRICS]
+            values = [float("nan") if row[name] is None else row[name] for name in _SAMPLED_METRICS]
             self.sampled.setdefault(method, []).append(values)
 
     def add_histogram(self, method: str, counts: list[int]) -> None:
@@ -166,11 +159,9 @@ class ScoreSummary:
         """Return the bias of a method per 100 mm of distance, near to far."""
         return bias_by_distance(self.bias_sums.get(method, {}))
 
-    def sampled_frames(self, method: str, *metrics: str) -> NDArray[np.float64]:
-        """Return (N, K) values of K SAMPLED_METRICS, of the sampled frames that have all."""
-        values = np.array(self.sampled[method])[
-            :, [SAMPLED_METRICS.index(name) for name in metrics]
-        ]
+    def sampled_frames(self, method: str) -> NDArray[np.float64]:
+        """Return (N, 2) MSE, mm^2, and interior RMSE, mm, of the sampled frames that have both."""
+        values = np.array(self.sampled[method])
         defined: NDArray[np.float64] = values[~np.isnan(values).any(axis=1)]
         return defined
 

@@ -24,7 +24,6 @@ from glsim.eval.metrics.score import score
 from glsim.eval.scoring.baselines import TRIVIAL_BASELINES
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
 from glsim.eval.scoring.pairs import TruthLayer, open_frames
-from glsim.frame import decode_depth, encode_depth
 
 #: Histograms of absolute errors have BINS bins of this width, and one more for larger errors.
 BIN_MM: Final = 0.1
@@ -75,8 +74,6 @@ class ScoringJob:
             denoisers.
         protocol: where depths are counted from, see ``glsim.depth_protocol``; default: as the files
             are stored.
-        rounded_mm: also score each map rounded to this step, as a file would hold it; 0: only as
-            the denoiser returns it.
     """
 
     dataset: Path
@@ -89,7 +86,6 @@ class ScoringJob:
     truth: TruthLayer = "clean"
     device: Path | None = None
     protocol: DepthProtocol | None = None
-    rounded_mm: float = 0.0
 
     def frames(self) -> Frames:
         """Open the frames to score. Raises DatasetError."""
@@ -153,7 +149,7 @@ class _BlockScorer:
                 start = time.perf_counter()
                 estimate = method.estimate(stack, now, infrared)
                 time_ms = 1000 * (time.perf_counter() - start)
-                parts = _with_rounded(estimate.composites(), self._job.rounded_mm)
+                parts = estimate.composites()
                 scores = {part: score(depth, truth) for part, depth in parts.items()}
             except DenoiserError as error:
                 result.bad.append({"frame": str(key), "why": f"{method.label}: {error}"})
@@ -175,20 +171,6 @@ class _BlockScorer:
                 if prediction is not None and prediction.shape == truth.clean.shape:
                     scored = json_row(score(prediction, truth), float("nan"))
                     result.baselines.append(place | {"method": name} | scored)
-
-
-def _with_rounded(parts: dict[str, Depth], step_mm: float) -> dict[str, Depth]:
-    """Return maps by name, and each rounded to a step in mm as files are; 0: no rounded ones."""
-    if not step_mm:
-        return parts
-    rounded = {
-        f"{name}, {step_mm:g} mm".removeprefix(", "): decode_depth(
-            encode_depth(depth * np.float32(0.001), step_mm), step_mm
-        )
-        * np.float32(1000)
-        for name, depth in parts.items()
-    }
-    return parts | rounded
 
 
 def json_row(scores: dict[str, float], time_ms: float) -> Row:

@@ -100,7 +100,6 @@ def evaluate(
     identity = [_VERSION, frames.identity, job.split, job.denoisers, job.baseline_every, job.stride]
     metrics = metrics_with_regions(frames.regions)
     identity += [list(metrics), [method.version for method in methods]]
-    identity += [job.rounded_mm] if job.rounded_mm else []
     digest = hashlib.blake2b(json.dumps(identity).encode(), digest_size=8).hexdigest()
     folder = out / ".blocks" / digest
     with wrap_write_errors(folder):

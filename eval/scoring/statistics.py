@@ -9,9 +9,6 @@ extra.
 from __future__ import annotations
 
 import itertools
-import math
-import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -129,21 +126,3 @@ def holm_correction(p_values: _Array) -> _Array:
     factors = len(known) - np.arange(len(known))
     corrected[order] = np.minimum(1.0, np.maximum.accumulate(p_values[order] * factors))
     return corrected
-
-
-def student_t_test(first: Sequence[float], second: Sequence[float]) -> tuple[float, float]:
-    """Return Student's t of two groups with a common variance, and its two-sided p.
-
-    NaN for fewer than three values or an empty group; t is 0 for equal groups without variance, and
-    infinite for unequal ones. Needs the extra ``eval`` (SciPy).
-    """
-    if not first or not second or len(first) + len(second) < 3:
-        return math.nan, math.nan
-    from scipy import stats
-
-    if len({*first}) == 1 and {*first} == {*second}:
-        return 0.0, 1.0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # groups without variance: t is infinite
-        found = stats.ttest_ind(first, second)
-    return float(found.statistic), float(found.pvalue)

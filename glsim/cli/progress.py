@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from glsim.dataset import GenerateProgress
     from glsim.eval.scoring.run import ScoringProgress
+    from glsim.eval.studies.runner import Displays
 
 
 def rate_text(per_second: float) -> str:
@@ -88,3 +89,11 @@ def scoring_progress(title: str) -> Iterator[Callable[[ScoringProgress], None] |
             bar.update(task, total=state.total, completed=state.done, bad=state.bad)
 
         yield update
+
+
+def study_displays() -> Displays:
+    """Return the bars and signals of a study's steps."""
+    from glsim.cli.train import stopping, training_progress
+    from glsim.eval.studies.runner import Displays
+
+    return Displays(generation_progress, scoring_progress, training_progress, stopping)

@@ -93,16 +93,3 @@ def _contents(kind: str, root: Path) -> tuple[int, int]:
     if not frames:
         raise ConfigError(f"{root}: holds no frames of {PAPER_SOURCES[kind].name}")
     return len(people), frames
-
-
-def set_text(tables: list[dict[str, Any]]) -> str:
-    """Return the tables as text for ``--set``: source=[{kind="d3dfacs", ...}]."""
-    rows = (", ".join(f"{key}={_toml(value)}" for key, value in table.items()) for table in tables)
-    return "source=[" + ", ".join(f"{{{row}}}" for row in rows) + "]"
-
-
-def _toml(value: str | int) -> str:
-    if isinstance(value, int):
-        return str(value)
-    text = value.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{text}"'

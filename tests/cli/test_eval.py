@@ -1,4 +1,4 @@
-"""``glsim denoise``, ``glsim eval --list`` and ``glsim paper study`` as a user meets them."""
+"""``glsim denoise`` and ``glsim eval`` as a user meets them."""
 
 from __future__ import annotations
 
@@ -135,7 +135,6 @@ def test_denoise_names_what_it_cannot_read(maps: Path, capsys: pytest.CaptureFix
         (["paper", "tables", "maps", "--table", "3", "--runs", "nowhere"], "no such folder"),
         (["paper", "tables", "maps", "--table", "3", "--runs", "maps"], "no */best.pt"),
         (["eval", "maps", "--workers", "0"], "--workers 0"),
-        (["study", "-o", "s", "--sensors", "kinect-v3"], "no such sensor"),
     ],
 )
 def test_wrong_usage(
@@ -229,19 +228,9 @@ def test_list_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     listing = capsys.readouterr().out
     assert "median: Median over a square" in listing
     assert "size=5" in listing
-    for command in ("eval", "denoise", "paper study"):
+    for command in ("eval", "denoise", "paper tables"):
         assert main([*command.split(), "--help"]) == 0
         assert f"glsim {command}" in capsys.readouterr().out
-
-
-def test_a_small_study(tmp_path: Path) -> None:
-    command = ["paper", "study", "-o", str(tmp_path), "--sensors", "led3d,ideal", "--subjects", "5"]
-    command += ["--frames-per-subject", "1", "--crop", "64", "--workers", "1", "-q"]
-    assert main(command) == 0
-    text = (tmp_path / "study.md").read_text()
-    assert "| `led3d` |" in text
-    assert "## Who wins" in text
-    assert (tmp_path / "led3d" / "scores" / "paper_table_1.md").is_file()
 
 
 def test_scores_without_matplotlib_are_tables_and_say_so_first(
@@ -254,7 +243,7 @@ def test_scores_without_matplotlib_are_tables_and_say_so_first(
     monkeypatch.setattr(
         "glsim.cli.figures.find_spec", lambda name: None if name == "matplotlib" else found(name)
     )
-    command = ["eval", "pairs", "-d", "median", "-o", "s", "--workers", "1", "--no-baselines"]
+    command = ["eval", "pairs", "-d", "median", "-o", "s", "--workers", "1"]
     assert main(command) == 0
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("no figures and no report.html, tables alone: they need Matplotlib:")
@@ -271,10 +260,10 @@ def test_tables_have_the_input_first_and_one_row_per_network(
     monkeypatch.chdir(tmp_path)
     write_pairs(tmp_path / "pairs", 2)
     (tmp_path / "soft_net.py").write_text("def net(noisy, valid): return noisy, valid * 0.8\n")
-    command = ["eval", "pairs", "-d", "net@soft_net:net", "--workers", "1", "--no-baselines"]
+    command = ["eval", "pairs", "-d", "net@soft_net:net", "--workers", "1"]
 
-    def methods(*more: str) -> tuple[list[str], list[str]]:
-        assert main([*command, "-o", "s", "--no-figures", "-q", *more]) == 0
+    def methods() -> tuple[list[str], list[str]]:
+        assert main([*command, "-o", "s", "--no-figures", "-q"]) == 0
         first_table = (tmp_path / "s" / "table.md").read_text().split("### ")[1]
         with (tmp_path / "s" / "table.csv").open(newline="") as file:
             in_csv = list(dict.fromkeys(row["method"] for row in csv.DictReader(file)))
@@ -282,8 +271,6 @@ def test_tables_have_the_input_first_and_one_row_per_network(
 
     every = [f"net [{composite}]" for composite in COMPOSITES]
     assert methods() == (["noisy", "net [measured]"], ["noisy", *every])
-    assert methods("--composites") == (["noisy", *every], ["noisy", *every])
-    assert methods("--no-noisy-input") == (["net [measured]"], every)
     assert main([*command, "-o", "f", "-q"]) == 0
     report = (tmp_path / "f" / "report.html").read_text()
     assert "net [measured]" in report

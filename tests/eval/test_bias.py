@@ -113,18 +113,6 @@ def test_the_tables_and_the_csv_file_hold_it(
     assert rows[0]["subjects"] == "3"
 
 
-def test_the_report_draws_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pairs = write_walls(tmp_path / "pairs")
-    command = ["eval", str(pairs), "-d", "noisy", "--no-baselines", "--workers", "1", "-q"]
-    for enough, there in ((1000, True), (100_000, False)):
-        monkeypatch.setattr("glsim.eval.scoring.bias.ENOUGH_PIXELS", enough)
-        assert main([*command, "-o", str(tmp_path / str(enough))]) == 0
-        figure = tmp_path / str(enough) / "figures" / "bias_by_distance.png"
-        assert figure.exists() == there
-        page = (tmp_path / str(enough) / "report.html").read_text()
-        assert ("Bias over distance [mm]" in page) == there
-
-
 def test_another_truth_is_another_score_and_not_a_cached_one(tmp_path: Path) -> None:
     pairs = write_walls(tmp_path / "pairs")
     biases = {}

@@ -7,10 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from glsim.eval.report.figures.bias_curves import _leave_out_far_curves
 from glsim.eval.report.figures.curves import cumulative_shares
 from glsim.eval.report.figures.style import new_figure, plain_log_axis
-from glsim.eval.report.tables import few_subjects, format_number
+from glsim.eval.report.tables import format_number
 from glsim.eval.scoring.blocks import BIN_MM, BINS
 
 
@@ -43,25 +42,6 @@ def test_logarithmic_axes_have_plain_labels_that_do_not_overlap(
     assert not any(t.get_text() for t in axis.get_xticklabels(minor=True))
     boxes = [t.get_window_extent() for t in axis.get_xticklabels()]
     assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
-
-
-def test_one_far_curve_does_not_flatten_the_others() -> None:
-    for tops, end in (({"a": 1.0, "b": 2.0, "far": 300.0}, 11.0), ({"a": 1.0, "b": 4.0}, None)):
-        figure = new_figure(4.0, 3.0)
-        axis = figure.subplots()
-        axis.plot([0, 1], [0, max(tops.values())])
-        before = axis.get_ylim()
-        _leave_out_far_curves(figure, axis, tops)
-        if end is None:
-            assert axis.get_ylim() == before
-        else:
-            assert axis.get_ylim() == pytest.approx((-end, end))
-            assert "far to 300 mm" in figure.get_supxlabel()
-
-
-def test_few_subjects_are_said() -> None:
-    assert "intervals are of 2 subjects, too few" in few_subjects(2)
-    assert "no intervals" in few_subjects(1)
 
 
 def test_whole_millimetres_make_no_stairs() -> None:

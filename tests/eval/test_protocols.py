@@ -14,7 +14,7 @@ from glsim.cli import main
 from glsim.dataset import open_dataset
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import ConfigError, DatasetError
-from glsim.eval.report.html_report import example_frame
+from glsim.eval.report.results import example_frame
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.pairs import open_frames
 from glsim.eval.scoring.run import Evaluation, evaluate
@@ -95,9 +95,9 @@ def test_a_plain_folder_at_1_mm_is_scored(folder: Path, tmp_path: Path) -> None:
     assert found.summary.mean("noisy", "mse_mm2") == pytest.approx(sets_mse, rel=1e-6)
     assert np.isnan(found.summary.mean("noisy", "normal_mean_deg"))
     assert np.isnan(found.summary.mean("noisy", "normal_good_pct"))
-    frame = example_frame(ScoringJob(folder, "test", ("noisy",)))
-    assert frame is not None
-    assert frame.in_space(frame.clean).max() > 900
+    example = example_frame(ScoringJob(folder, "test", ("noisy",)))
+    assert example is not None
+    assert example[0].in_space(example[0].clean).max() > 900
     with pytest.raises(ConfigError, match=r"--protocol depth: the maps in .* have the nearest"):
         run(folder, tmp_path / "p", "depth")
 

@@ -13,7 +13,6 @@ from glsim.plan.paper_sources import (
     missing_counts,
     paper_counts,
     paper_mixture,
-    set_text,
 )
 from glsim.plan.paper_split import PAPER_IMAGES
 from glsim.plan.tasks import make_tasks
@@ -55,7 +54,7 @@ def test_sets_that_are_there_are_used_and_filled_up(tmp_path: Path) -> None:
     assert tables[1]["count"] == counts["d3dfacs"] - 2
     assert tables[2]["count"] == counts["facewarehouse"]
     assert tables[3]["subjects"] == PAPER_SOURCES["biwi"].people
-    settings = load_settings(None, ["split=paper", set_text(tables)])
+    settings = load_settings(overrides={"split": "paper", "source": tables})
     tasks = make_tasks(settings, open_sources(settings))
     assert len(tasks) == 600
     assert [sum(task.source == n for task in tasks) for n in range(4)] == [
@@ -74,7 +73,7 @@ def test_without_a_set_all_heads_are_embedded() -> None:
 
 def test_folders_with_odd_names_are_quoted(tmp_path: Path) -> None:
     root = write_tree("d3dfacs_alignments", tmp_path / 'a "b", c')
-    settings = load_settings(None, [set_text(paper_mixture({"d3dfacs": root}, 60))])
+    settings = load_settings(overrides={"source": paper_mixture({"d3dfacs": root}, 60)})
     assert settings.source[0].root == root.resolve()
 
 

@@ -1,4 +1,4 @@
-"""Scores of a reproduction without its trainings: the files that the paper's pages read."""
+"""Scores of a reproduction without its trainings: the files that the page of values reads."""
 
 from __future__ import annotations
 
@@ -7,45 +7,35 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from glsim.denoise import PAPER_FILTERS
-from glsim.eval.paper.cases import CASE_METRICS, case_folder
+from glsim.eval.paper.tables import PAPER_COLUMNS
+from glsim.eval.paper.values import case_folder
 from tests.support.checkpoint_stand_in import write_run
 
-#: 1 - SSIM of the fakes, per mm² of MSE, 1e-7.
-DISSIMILARITY = {"paper": 9.0, "depth": 4.8}
 
-
-def write_table(path: Path, mse: Mapping[str, float], protocol: str) -> Path:
-    """Write the lines of a table.csv of glsim eval; all metrics but MSE and SSIM are 10."""
+def write_table(path: Path, mse: Mapping[str, float]) -> Path:
+    """Write the lines of a table.csv of glsim eval; all metrics but MSE are 10."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["method", "metric", "mean", "frames"])
         for name, value_mm2 in mse.items():
-            for metric in CASE_METRICS:
-                value = value_mm2 if metric == "mse_mm2" else 10.0
-                if metric == "ssim_16bit":
-                    value = 1 - 1e-7 * DISSIMILARITY[protocol] * value_mm2
-                writer.writerow([name, metric, value, 50])
+            for metric in PAPER_COLUMNS:
+                writer.writerow([name, metric, value_mm2 if metric == "mse_mm2" else 10.0, 50])
     return path
 
 
-def write_scores(root: Path, mask: str, seed: int, protocol: str, mse: dict[str, float]) -> Path:
+def write_filters(root: Path, mask: str, seed: int, protocol: str, mse: dict[str, float]) -> Path:
     """Write the scores of the filters on one data set; a filter without an MSE has 1 mm²."""
     path = root / "filters" / mask / str(seed) / protocol / "table.csv"
-    return write_table(path, {n: mse.get(n, 1.0) for n in (*PAPER_FILTERS, "face")}, protocol)
+    return write_table(path, {name: mse.get(name, 1.0) for name in (*PAPER_FILTERS, "face")})
 
 
 def write_networks(
-    root: Path,
-    mask: str,
-    protocol: str,
-    noisy_mm2: float,
-    rows: Mapping[str, float],
-    size: str = "small",
+    root: Path, mask: str, protocol: str, noisy_mm2: float, rows: Mapping[str, float], size: str
 ) -> Path:
     """Write trained rows (row -> MSE) with one seed, and their table."""
     place = case_folder(root, protocol, mask)  # type: ignore[arg-type]  # a protocol as text
     for row in rows:
         write_run(place / "runs" / f"{row}-0", 0.1, row=row, size=size)
     mse = {f"{row}-0": value for row, value in rows.items()}
-    return write_table(place / "table.csv", {"noisy": noisy_mm2, **mse}, protocol)
+    return write_table(place / "table.csv", {"noisy": noisy_mm2, **mse})

@@ -1,4 +1,4 @@
-"""The frames of a reproduction that its figures show, and what each method makes of them."""
+"""The frame of a reproduction that its figures show, and what each method makes of it."""
 
 from __future__ import annotations
 
@@ -40,11 +40,6 @@ class Column(NamedTuple):
     spec: str
 
 
-def settings_of(dataset: Dataset) -> Settings:
-    """Return the settings that made a data set."""
-    return Settings.model_validate(dataset.header["settings"])
-
-
 def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
     """Return the middle frame of the test split, of one kind of face source if it has any.
 
@@ -56,7 +51,7 @@ def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
     numbers = [n for n, pair in enumerate(split) if pair.record["source"] == kind]
     chosen = numbers or range(len(split))
     pair = split[chosen[len(chosen) // 2]]
-    rig = sensor_of(settings_of(dataset)).rig
+    rig = sensor_of(Settings.model_validate(dataset.header["settings"])).rig
     window = replace(rig, intrinsics=pair.intrinsics)
     return FigureFrame(pair, pair.clean_mm, pair.noisy_mm, rig, window)
 
@@ -74,20 +69,14 @@ def denoise(frame: FigureFrame, columns: Sequence[Column]) -> dict[str, Depth]:
 
 
 def network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> list[Column]:
-    """Return a column for each row of the paper's tables that has a network: the largest one."""
+    """Return a column for each row of the paper's tables that has a network: the largest one.
+
+    It shows the first seed; its title says size and steps below the row.
+    """
     columns = []
     for row in rows:
-        of_row = [group for group in groups if group.row == row]
-        of_row.sort(key=lambda group: group.size == "full")
+        of_row = sorted((g for g in groups if g.row == row), key=lambda g: g.size == "full")
         if of_row:
-            columns.append(network_column(of_row[-1], row))
+            run = of_row[-1].members[0]
+            columns.append(Column(f"{row}\n{run.size}, {run.steps:,} steps", run.spec))
     return columns
-
-
-def network_column(group: SeedGroup, name: str) -> Column:
-    """Return the column of a figure that shows a network as its first seed has trained it.
-
-    The title says the size of the network and its training steps below ``name``.
-    """
-    run = group.members[0]
-    return Column(f"{name}\n{group.size}, {run.steps:,} steps", run.spec)

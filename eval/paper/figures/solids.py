@@ -1,28 +1,83 @@
-"""Shaded triangles in Matplotlib's 3D axes, millimetres: x right, z away from the camera, y up."""
+"""Figures 1 and 3: surfaces in Matplotlib's 3D axes, mm: x right, y away from the camera, z up."""
 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.eval.report.figures.style import matplotlib
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-#: Direction to the light in figure axes: from the upper left, behind the camera.
-_LIGHT: Final = np.array([-0.4, -0.75, 0.55]) / np.linalg.norm([-0.4, -0.75, 0.55])
-#: Brightness of a face that the light does not reach.
-_AMBIENT: Final = 0.35
-_TEXT_SIZE: Final = 7
-#: Distances of ticks, mm; the first that needs at most so many.
-_TICK_STEPS_MM: Final = (50, 100, 200, 500)
-_MOST_TICKS: Final = 4
+from glsim.denoise.interface import Depth
+from glsim.eval.paper.figures.frames import FigureFrame
+from glsim.eval.report.figures.cut_surface import cut_surface
+from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
+from glsim.geometry.camera import Intrinsics
+from glsim.geometry.depth_map import lit_by_marching, normals
 
 Points = NDArray[np.floating[Any]]
+_TEXT_SIZE: Final = 7
+#: Direction to the light in figure axes: from the upper left, behind the camera.
+_LIGHT: Final = np.array([-0.4, -0.75, 0.55]) / np.linalg.norm([-0.4, -0.75, 0.55])
+#: Brightness of a triangle that the light does not reach.
+_AMBIENT: Final = 0.35
+#: Colours: seen and lit by the projector; seen in its shadow.
+_LIT, _SHADOW, _SKIN = "#e9b98a", "#7b1e3a", "#dbccbd"
+_CAMERA, _PROJECTOR, _FRUSTUM, _WINDOW = "#1a1a1a", "#c0392b", "#5f6f7f", "#0072b2"
+#: Rays of light that are drawn to the shadow.
+_RAYS: Final = 9
+#: Margin around a head, mm.
+_MARGIN_MM: Final = 15.0
+
+
+def frustum_figure(frame: FigureFrame, note: str) -> Any:
+    """Draw figure 1: the whole viewing frustum, and beside it the head with the shadow."""
+    figure = new_figure(8.6, 4.6)
+    lit = lit_by_marching(frame.clean / np.float32(1000), frame.window)
+    far = float(frame.clean.max()) + 150.0
+    x, y, _ = _image_corners(frame.rig.intrinsics, far).T
+    low, high = _bounds(frame)
+    emitters = to_figure_axes(
+        1000.0 * np.array([e.position_m for e in frame.rig.emitters[:1]]).reshape(-1, 3)
+    )
+    boxes = (
+        (
+            "viewing frustum",
+            np.array([x.min(), -60.0, -y.max()]),
+            np.array([x.max(), far, -y.min()]),
+        ),
+        ("the head, and the projector's shadow on it", low, high),
+    )
+    for place, (title, start, end) in enumerate(boxes):
+        axis = _axes_3d(figure, place, start, end, 18.0, -140.0)
+        axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.02)
+        _draw_surface(axis, frame.clean, frame, (start, end), lit)
+        if place == 0:
+            _draw_frustum(axis, frame.rig.intrinsics, far, _FRUSTUM)
+            _draw_frustum(axis, frame.window.intrinsics, far, _WINDOW)
+            axis.plot([0], [0], [0], marker="s", color=_CAMERA, markersize=5, linestyle="")
+            axis.plot(*emitters.T, marker="D", color=_PROJECTOR, markersize=5, linestyle="")
+        else:
+            _draw_rays(axis, frame, lit, emitters, start)
+    figure.legend(
+        handles=_legend(frame), loc="outside upper center", ncols=3, fontsize=_TEXT_SIZE - 1,
+        frameon=False,
+    )  # fmt: skip
+    add_note(figure, note)
+    return figure
+
+
+def surfaces_figure(frame: FigureFrame, note: str) -> Any:
+    """Draw figure 3: the surfaces of the clean and the noisy map of a frame."""
+    figure = new_figure(7.6, 4.3)
+    bounds = _bounds(frame)
+    for place, (title, depth) in enumerate({"clean": frame.clean, "noisy": frame.noisy}.items()):
+        # From a little above the head, and from the side where no shadow falls.
+        axis = _axes_3d(figure, place, *bounds, 12.0, -62.0)
+        axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.0, pad=-4)
+        _draw_surface(axis, depth, frame, bounds)
+    add_note(figure, note)
+    return figure
 
 
 def to_figure_axes(points_mm: Points) -> NDArray[np.float64]:
@@ -31,53 +86,108 @@ def to_figure_axes(points_mm: Points) -> NDArray[np.float64]:
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
-def axes_3d(
-    figure: Figure, place: int, columns: int, elevation_deg: float, azimuth_deg: float
+def _bounds(frame: FigureFrame) -> tuple[Points, Points]:
+    """Return the corners of a box around the clean surface, figure axes."""
+    points = frame.window.intrinsics.unproject(frame.clean)
+    seen = to_figure_axes(points)[frame.clean > 0]
+    return seen.min(axis=0) - _MARGIN_MM, seen.max(axis=0) + _MARGIN_MM
+
+
+def _axes_3d(
+    figure: Any, place: int, low: Points, high: Points, elevation_deg: float, azimuth_deg: float
 ) -> Any:
-    """Add 3D axes in millimetres to a figure with one row of ``columns``."""
-    axis = figure.add_subplot(1, columns, place, projection="3d", computed_zorder=False)
+    """Add 3D axes that show a box with equal scales to a figure of two columns."""
+    axis = figure.add_subplot(1, 2, place + 1, projection="3d", computed_zorder=False)
     axis.view_init(elev=elevation_deg, azim=azimuth_deg)
     axis.set_proj_type("persp", focal_length=2.0)
-    for name in ("x", "y", "z"):
+    ticker = matplotlib("ticker")
+    for name, a, b in zip("xyz", low, high, strict=True):
+        getattr(axis, f"set_{name}lim")(a, b)
+        getattr(axis, f"{name}axis").set_major_locator(ticker.MaxNLocator(4))
         axis.tick_params(axis=name, labelsize=_TEXT_SIZE - 1, pad=-2)
-        getattr(axis, f"{name}axis").pane.set_alpha(0.25)
-        getattr(axis, f"{name}axis")._axinfo["grid"]["linewidth"] = 0.3
     axis.set_xlabel("x [mm]", fontsize=_TEXT_SIZE, labelpad=-4)
     axis.set_ylabel("distance [mm]", fontsize=_TEXT_SIZE, labelpad=-2)
     axis.set_zlabel("up [mm]", fontsize=_TEXT_SIZE, labelpad=-4)
+    axis.set_box_aspect(np.asarray(high) - np.asarray(low))
     return axis
 
 
-def set_limits(axis: Any, low: Points, high: Points, zoom: float = 1.0) -> None:
-    """Show the box from ``low`` to ``high``, figure axes, with equal scales."""
-    for name, a, b in zip("xyz", low, high, strict=True):
-        getattr(axis, f"set_{name}lim")(a, b)
-        step = next(
-            s for s in _TICK_STEPS_MM if b - a <= _MOST_TICKS * s or s == _TICK_STEPS_MM[-1]
-        )
-        getattr(axis, f"set_{name}ticks")(np.arange(np.ceil(a / step), b / step + 1e-9) * step)
-    axis.set_box_aspect(np.asarray(high) - np.asarray(low), zoom=zoom)
-
-
-def add_triangles(
-    axis: Any, corners_mm: Points, colours: Points, normals: Points | None = None, zorder: int = 1
+def _draw_surface(
+    axis: Any,
+    depth_mm: Depth,
+    frame: FigureFrame,
+    bounds: tuple[Points, Points],
+    lit: NDArray[np.floating] | None = None,
 ) -> None:
-    """Draw triangles as a matte surface.
+    """Draw the surface of a map between bounds; pixels in mid-air beyond are left out.
 
-    corners_mm: (N, 3, 3) in the axes of the figure. colours: (N, 3) or (3,) RGB, 0 to 1.
-    normals: (N, 3) unit normals; default: those of the triangles, turned to the light.
+    Args:
+        lit: (H, W) 0 where the projector's light does not reach; None: one colour for all.
     """
-    if normals is None:
-        sides = corners_mm[:, 1] - corners_mm[:, 0], corners_mm[:, 2] - corners_mm[:, 0]
-        normals = np.cross(*sides)
-        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    light = _AMBIENT + (1 - _AMBIENT) * np.clip(normals @ _LIGHT, 0, 1)
-    faces = np.clip(np.broadcast_to(colours, normals.shape) * light[:, None], 0, 1)
-    axis.add_collection3d(_collection(corners_mm, faces, zorder))
-
-
-def _collection(corners_mm: Points, faces: Points, zorder: int) -> Any:
-    matplotlib("figure")  # raises the error that names the extra
+    mesh = cut_surface(depth_mm, frame.window)
+    if mesh is None:
+        return
+    points = mesh.vertices_mm * np.array([1.0, -1.0, -1.0])  # to the axes of the camera
+    corners = to_figure_axes(points)[mesh.faces]
+    inside = ((corners >= bounds[0]) & (corners <= bounds[1])).all(axis=(1, 2))
+    # Normals of the map are those of its pixels: triangles alone show each millimetre as a step.
+    towards = to_figure_axes(normals(depth_mm / np.float32(1000), frame.window.rays()))
+    column, row = np.floor(frame.window.intrinsics.project(points)).astype(np.int64).T
+    row, column = row.clip(0, depth_mm.shape[0] - 1), column.clip(0, depth_mm.shape[1] - 1)
+    smooth = towards[row, column][mesh.faces].mean(axis=1)
+    rgb = matplotlib("colors").to_rgb
+    colours = np.tile(np.array(rgb(_SKIN if lit is None else _LIT)), (len(mesh.faces), 1))
+    if lit is not None:
+        colours[(lit[row, column][mesh.faces] == 0).all(axis=1)] = rgb(_SHADOW)
+    shade = _AMBIENT + (1 - _AMBIENT) * np.clip(smooth @ _LIGHT, 0, 1)
+    shaded = np.clip(colours * shade[:, None], 0, 1)[inside]
     collection = importlib.import_module("mpl_toolkits.mplot3d.art3d").Poly3DCollection
     # Edges in the colour of the face close the seams between triangles.
-    return collection(corners_mm, facecolors=faces, edgecolors=faces, linewidths=0.2, zorder=zorder)
+    axis.add_collection3d(
+        collection(corners[inside], facecolors=shaded, edgecolors=shaded, linewidths=0.2)
+    )
+
+
+def _image_corners(camera: Intrinsics, distance_mm: float) -> Points:
+    """Return the (4, 3) corners of the image at a distance, camera axes, mm."""
+    x = (np.array([0, camera.width, camera.width, 0]) - camera.cx) / camera.fx
+    y = (np.array([0, 0, camera.height, camera.height]) - camera.cy) / camera.fy
+    return np.stack([x, y, np.ones(4)], axis=1) * distance_mm
+
+
+def _draw_frustum(axis: Any, camera: Intrinsics, far_mm: float, colour: str) -> None:
+    """Draw the pyramid from the camera to the image's corners, and the image at its end."""
+    ends = to_figure_axes(_image_corners(camera, far_mm))
+    for end in ends:
+        axis.plot(*np.stack([np.zeros(3), end]).T, color=colour, linewidth=0.8)
+    axis.plot(*np.concatenate([ends, ends[:1]]).T, color=colour, linewidth=0.8)
+
+
+def _draw_rays(
+    axis: Any, frame: FigureFrame, lit: NDArray[np.floating], emitters: Points, low: Points
+) -> None:
+    """Draw rays from the projector to points in its shadow, within the box of the axes."""
+    rows, columns = np.nonzero((frame.clean > 0) & (lit == 0))
+    if not len(rows) or not len(emitters):
+        return
+    points = to_figure_axes(frame.window.intrinsics.unproject(frame.clean))[rows, columns]
+    order = np.argsort(points[:, 2])
+    for point in points[order[np.linspace(0, len(order) - 1, _RAYS).astype(int)]]:
+        share = (low[1] - emitters[0, 1]) / (point[1] - emitters[0, 1])  # where it enters the box
+        start = emitters[0] + share * (point - emitters[0])
+        axis.plot(*np.stack([start, point]).T, color=_PROJECTOR, linewidth=0.6, linestyle=":")
+
+
+def _legend(frame: FigureFrame) -> list[Any]:
+    patch, line = matplotlib("patches").Patch, matplotlib("lines").Line2D
+    handles = [
+        line([], [], color=colour, linewidth=1, label=f"{name}, {c.width}x{c.height} px")
+        for colour, name, c in ((_FRUSTUM, "frustum", frame.rig.intrinsics),
+                                (_WINDOW, "crop", frame.window.intrinsics))
+    ]  # fmt: skip
+    handles.append(line([], [], color=_CAMERA, marker="s", linestyle="", label="camera"))
+    if frame.rig.emitters:
+        text = f"projector, {1000 * frame.rig.baseline_m:.0f} mm beside; its blocked rays"
+        handles.append(line([], [], color=_PROJECTOR, marker="D", linestyle=":", label=text))
+    handles.append(patch(facecolor=_LIT, label="seen and lit"))
+    return [*handles, patch(facecolor=_SHADOW, label="seen, in the projector's shadow")]

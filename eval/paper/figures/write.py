@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 from glsim.dataset import Dataset, open_dataset
 from glsim.errors import ConfigError
@@ -17,46 +16,36 @@ from glsim.eval.paper.figures.frames import (
     denoise,
     network_columns,
 )
-from glsim.eval.paper.figures.frustum import frustum_figure
-from glsim.eval.paper.figures.panels import PanelRow, panel_figure
-from glsim.eval.paper.figures.surfaces import surfaces_figure
+from glsim.eval.paper.figures.solids import frustum_figure, surfaces_figure
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
-from glsim.eval.paper.runs import (
-    ARTEFACT_REMOVAL,
-    SeedGroup,
-    find_trained_runs,
-    group_by_network,
-)
+from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network, with_twins
 from glsim.eval.report.document import CaptionedPng, Document
+from glsim.eval.report.figures.panels import PanelFrame, PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.report.page import html_page
 from glsim.files.atomic import write_atomic
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Folder of the figures in that of the reproduction.
 FOLDER: Final = "paper_figures"
 _NOISY: Final = Column("noisy\nBaseline", "noisy")
 #: The filters of figure 2, in the order of the paper's table 1.
 _FILTERS: Final = ("median", "nlm", "adaptive", "bilateral")
-#: Rows of the paper's tables in figures 4 and 5.
-_ARCHITECTURES: Final = ("Restormer", "UNet")
-_DNCNN: Final = ("D7", "D20", "D64", "AR D7", "AR D20", "AR D64")
-#: The row that stands for the paper's networks beside ours.
-_THEIRS: Final = "D20"
-#: Our shipped network.
-_SHIPPED: Final = "face"
-
-
-@dataclass(frozen=True)
-class _Figure:
-    """A figure to draw. rows: of the paper's tables, whose networks it shows."""
-
-    name: str
-    caption: str
-    draw: Callable[[], Figure]
-    rows: Sequence[str] = ()
+#: Figure of networks -> rows of the paper's tables, kinds of panels, caption.
+_NETWORKS: Final[dict[str, tuple[tuple[str, ...], tuple[PanelRow, ...], str]]] = {
+    "figure_4": (
+        ("Restormer", "UNet"),
+        ("depth", "error", "side"),
+        "Restormer and UNet: depth, error, and the surface seen from 30 degrees aside.",
+    ),
+    "figure_5": (
+        ("D7", "D20", "D64", "AR D7", "AR D20", "AR D64"),
+        ("depth", "error", "normals"),
+        "DnCNN with 7, 20 and 64 layers, without and with artefact removal (AR), where a row with "
+        "AR is its partner's network: depth, error, and normal maps.",
+    ),
+}
+#: The row that stands for the paper's networks beside ours, and our shipped network.
+_THEIRS, _SHIPPED = "D20", "face"
 
 
 def write_paper_figures(
@@ -71,116 +60,85 @@ def write_paper_figures(
     Raises ConfigError without a data set, DatasetError, DenoiserError, and GlsimError without
     Matplotlib.
     """
-    data = reproduction / "data"
+    data, runs = reproduction / "data", reproduction / "runs"
     if not data.is_dir():
         raise ConfigError(
             f"{reproduction}: has no data/ to draw: run glsim paper reproduce -o {reproduction} "
             "first"
         )
     dataset = open_dataset(data)
-    runs = reproduction / "runs"
     trained = find_trained_runs(runs)[0] if any(runs.glob("*/best.pt")) else []
-    groups = group_by_network(trained)
+    groups = with_twins(group_by_network(trained))
     note = data_note(dataset)
-    pictures, absent = [], []
-    for figure in _figures(dataset, groups, note):
-        drawn = {group.row for group in groups}
-        missing = [
-            row for row in figure.rows if not {row, row.removeprefix(ARTEFACT_REMOVAL)} & drawn
-        ]
-        if figure.rows and len(missing) == len(figure.rows):
-            absent.append(f"{figure.name}: no network of {', '.join(missing)} in {runs}")
-            continue
-        caption = f"{figure.caption} {note}"
-        if missing:
-            caption += f" Missing, without a checkpoint: {', '.join(missing)}."
-        drawing(figure.name)
-        pictures.append(CaptionedPng(figure.name, caption, to_png(figure.draw())))
+    pictures = []
+    for name, (caption, draw) in _figures(dataset, groups, note).items():
+        drawing(name)
+        pictures.append(CaptionedPng(name, f"{caption} {note}", to_png(draw())))
     out = reproduction / FOLDER
-    paths = []
-    for picture in pictures:
-        paths.append(out / f"{picture.name}.png")
-        write_atomic(picture.png, paths[-1])
     captions = Document(
         "Figures after Kendrick, Yap and Tan",
         [[f"**{p.name}.png**: {p.caption}" for p in pictures]],
     )
-    if absent:
-        captions.parts += ["Left out:", absent]
-    notes = [Document("Left out", [absent])] if absent else []
-    page = html_page(captions.title, [], pictures, notes)
-    for name, text in (("captions.md", captions.markdown()), ("paper_figures.html", page)):
-        paths.append(out / name)
-        write_atomic(text.encode(), paths[-1])
-    return paths
+    files = {f"{p.name}.png": p.png for p in pictures}
+    files["captions.md"] = captions.markdown().encode()
+    files["paper_figures.html"] = html_page(captions.title, [], pictures).encode()
+    for name, content in files.items():
+        write_atomic(content, out / name)
+    return [out / name for name in files]
 
 
-def _figures(dataset: Dataset, groups: Sequence[SeedGroup], note: str) -> list[_Figure]:
-    """Return the six figures; nothing is drawn yet."""
+def _figures(
+    dataset: Dataset, groups: Sequence[SeedGroup], note: str
+) -> dict[str, tuple[str, Callable[[], Any]]]:
+    """Return name -> caption and drawing function of the six figures; nothing is drawn yet."""
     example = choose_frame(dataset)
-    of_facewarehouse = choose_frame(dataset, "facewarehouse")
-    shown = source_name(of_facewarehouse.pair.record["source"])
-    filters = [Column(f"{PRINTED_FILTERS[name][0]}\n", name) for name in _FILTERS]
-    ours = [_own_column(group) for group in groups if group.row is None]
-    beside = [
-        *network_columns(groups, (_THEIRS,)),
-        *ours,
-        Column(f"ours, {_SHIPPED}\nshipped", _SHIPPED),
-    ]
-
-    def panels(columns: Sequence[Column], rows: Sequence[PanelRow]) -> Callable[[], Figure]:
-        return lambda: _panels(example, [_NOISY, *columns], rows, note)
-
-    maps: tuple[PanelRow, ...] = ("depth", "error", "side")
-    return [
-        _Figure(
-            "figure_1",
+    scan = choose_frame(dataset, "facewarehouse")
+    figures: dict[str, tuple[str, Callable[[], Any]]] = {
+        "figure_1": (
             "The viewing frustum of the sensor with the head in it, camera and projector; right, "
-            "what the camera sees of the head, and where the projector's light does not reach: its "
-            "rays are dotted behind what stops them.",
-            lambda: frustum_figure(dataset, example, note),
+            "what the camera sees of the head, and where the projector's light does not reach.",
+            lambda: frustum_figure(example, note),
         ),
-        _Figure(
-            "figure_2",
+        "figure_2": (
             "The paper's filters beside the truth: depth, error, and the surface seen from 30 "
             "degrees aside. Adaptive is a filter over time, on single frames the identity.",
-            panels(filters, maps),
+            lambda: _panels(
+                example,
+                [Column(PRINTED_FILTERS[name].title, name) for name in _FILTERS],
+                ("depth", "error", "side"),
+                note,
+            ),
         ),
-        _Figure(
-            "figure_3",
-            f"A depth map in 3D, left clean, right noisy: {shown}.",
-            lambda: surfaces_figure(of_facewarehouse, note),
+        "figure_3": (
+            "A depth map in 3D, left clean, right noisy: "
+            f"{source_name(scan.pair.record['source'])}.",
+            lambda: surfaces_figure(scan, note),
         ),
-        _Figure(
-            "figure_4",
-            "Restormer and UNet: depth, error, and the surface seen from 30 degrees aside.",
-            panels(network_columns(groups, _ARCHITECTURES), maps),
-            _ARCHITECTURES,
-        ),
-        _Figure(
-            "figure_5",
-            "DnCNN with 7, 20 and 64 layers, without and with artefact removal (AR): depth, error, "
-            "and normal maps. A row with AR that was not trained is its partner's network.",
-            panels(network_columns(groups, _DNCNN), ("depth", "error", "normals")),
-            _DNCNN,
-        ),
-        _Figure(
-            "figure_6",
-            f"Ours in the place of theirs. The shipped network `{_SHIPPED}` is trained on other "
-            "sensors and heads; the mask-aware networks are trained on the pairs of this data set, "
-            f"like {_THEIRS}.",
-            panels(beside, ("depth", "error", "side", "normals")),
-        ),
-    ]
-
-
-def _own_column(group: SeedGroup) -> Column:
-    """Return the column of a network that is no row of the paper, named by what tells it apart."""
-    run, what = group.members[0], group.title.rpartition(", ")[2]
-    return Column(f"ours, mask-aware\n{what}, {run.steps:,} steps", run.spec)
+    }
+    for name, (rows, kinds, caption) in _NETWORKS.items():
+        columns = network_columns(groups, rows)
+        missing = [row for row in rows if row not in {group.row for group in groups}]
+        if columns:
+            lacks = f" Missing, without a checkpoint: {', '.join(missing)}." if missing else ""
+            figures[name] = (
+                caption + lacks,
+                lambda columns=columns, kinds=kinds: _panels(example, columns, kinds, note),
+            )
+    own = [(group.title.rpartition(", ")[2], group.members[0]) for group in groups if not group.row]
+    ours = [Column(f"ours, mask-aware\n{what}, {run.steps:,} steps", run.spec) for what, run in own]
+    shipped = Column(f"ours, {_SHIPPED}\nshipped", _SHIPPED)
+    beside = [*network_columns(groups, (_THEIRS,)), *ours, shipped]
+    figures["figure_6"] = (
+        f"Ours in the place of theirs. The shipped network `{_SHIPPED}` is trained on other "
+        "sensors and heads; the mask-aware networks are trained on the pairs of this data set, "
+        f"like {_THEIRS}.",
+        lambda: _panels(example, beside, ("depth", "error", "side", "normals"), note),
+    )
+    return figures
 
 
 def _panels(
     frame: FigureFrame, columns: Sequence[Column], rows: Sequence[PanelRow], note: str
-) -> Figure:
-    return panel_figure(frame, denoise(frame, columns), rows, note)
+) -> Any:
+    maps = denoise(frame, [_NOISY, *columns])
+    return method_panels(PanelFrame(frame.clean, frame.window.intrinsics), maps, rows, note)

@@ -1,0 +1,189 @@
+"""Reproduce the paper: data, networks, tables 1 to 3, figures, and the 39 printed values.
+
+FOLDER/data, FOLDER/runs             pairs and networks with dense clean maps, measured depth
+FOLDER/[mask_MASK/][protocol_paper/] those of the other three cases, each with its tables
+FOLDER/filters/MASK/SEED             data for table 1 alone, with PROTOCOL/ for its scores
+FOLDER/paper_figures, paper_values.* figures 1 to 6; each printed value beside ours
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from pydantic import Field
+
+from glsim.depth_protocol import DepthProtocol
+from glsim.errors import ConfigError, did_you_mean
+from glsim.eval.paper.figures.write import write_paper_figures
+from glsim.eval.paper.score import score_tables
+from glsim.eval.paper.values import FILTERS_FOLDER, MASKS, case_folder, mask_folder, write_values
+from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.studies.runner import Runner
+from glsim.plan.paper_sources import PAPER_SOURCES, paper_mixture
+from glsim.settings.schema import Settings, load_settings
+from glsim.settings.tables import TomlTable, merge_tables, parse_table, read_toml
+from glsim.train.recipe import Recipe, load_recipe
+
+_FOLDER: Final = Path(__file__).parent / "plans"
+#: ``output.clean_mask`` of the data.
+CleanMask = Literal["dense", "as-noisy"]
+
+
+class TrainingGroup(TomlTable):
+    """Recipes that are trained with the same limits, all with the first seed, then the next."""
+
+    recipes: tuple[str, ...] = Field(min_length=1)
+    steps: int | None = Field(None, ge=1, description="default: as in the recipe")
+    set: tuple[str, ...] = Field((), description="changes to the recipe, as glsim train --set")
+    seeds: tuple[int, ...] = Field((), description="default: those of the plan")
+    masks: tuple[CleanMask, ...] = Field((), description="default: those of the plan")
+
+
+class FilterSets(TomlTable):
+    """Data sets for table 1 alone: one for each seed and mask of the clean maps."""
+
+    seeds: tuple[int, ...] = Field((1,), min_length=1)
+    subjects: int = Field(ge=1)
+    frames_per_subject: int = Field(ge=1)
+
+
+class ReproductionPlan(TomlTable):
+    """What a reproduction generates, trains and scores: a file of eval/paper/plans/."""
+
+    title: str
+    protocols: tuple[DepthProtocol, ...] = Field(("depth",), min_length=1)
+    masks: tuple[CleanMask, ...] = Field(("dense",), min_length=1)
+    seeds: tuple[int, ...] = Field((0,), min_length=1)
+    subjects: int = Field(ge=1, description="embedded heads, without the paper's face sets")
+    frames_per_subject: int = Field(ge=1)
+    images: int | None = Field(None, ge=len(PAPER_SOURCES), description="in all, with face sets")
+    denoisers: tuple[str, ...] = Field((), description="scored beside the paper's filters")
+    settings: dict[str, Any] = Field(default_factory=dict, description="as for glsim generate")
+    report: bool = Field(True, description="draw report.html and the paper's figures")
+    train: tuple[TrainingGroup, ...] = Field(min_length=1)
+    filters: FilterSets | None = None
+
+    def data_settings(self, mask: str, roots: Mapping[str, Path]) -> Settings:
+        """Return the settings of the networks' data. Raises ConfigError.
+
+        Args:
+            mask: of the clean maps, a key of MASKS.
+            roots: kind of source -> folder, for the face sets of the paper that are there.
+        """
+        tree: dict[str, Any] = {"output": {"clean_mask": mask}}
+        if not roots:
+            return self._settings(tree, self.subjects, self.frames_per_subject)
+        if self.images is None:
+            raise ConfigError(f"{self.title}: a plan with face sets needs images = N")
+        tree["source"] = paper_mixture(roots, self.images)
+        return load_settings(overrides=_merged(self.settings, tree))
+
+    def filter_settings(self, sets: FilterSets, mask: str, seed: int) -> Settings:
+        """Return the settings of a data set for table 1 alone."""
+        tree = {"output": {"clean_mask": mask}, "seed": seed, "split": [0, 0, 1]}
+        return self._settings(tree, sets.subjects, sets.frames_per_subject)
+
+    def _settings(self, tree: dict[str, Any], subjects: int, frames: int) -> Settings:
+        source = {"kind": "procedural", "subjects": subjects, "frames_per_subject": frames}
+        return load_settings(overrides=_merged(self.settings, tree), source=source)
+
+    def trainings(self, protocol: DepthProtocol, mask: str) -> dict[str, Recipe]:
+        """Return run -> recipe of the networks of a case, in order. Raises ConfigError."""
+        return {
+            f"{Path(name).stem}-{seed}": load_recipe(
+                name, group.set, _recipe_overrides(protocol, seed, group.steps)
+            )
+            for group in self.train
+            if mask in (group.masks or self.masks)
+            for seed in group.seeds or self.seeds
+            for name in group.recipes
+        }
+
+
+def _merged(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
+    tree: dict[str, Any] = {}
+    merge_tables(tree, first)
+    merge_tables(tree, second)
+    return tree
+
+
+def _recipe_overrides(protocol: DepthProtocol, seed: int, steps: int | None) -> dict[str, Any]:
+    limits = {} if steps is None else {"training": {"max_steps": steps}}
+    return {"seed": seed, "data": {"protocol": protocol}} | limits
+
+
+def load_plan(size: str) -> ReproductionPlan:
+    """Load a shipped plan by its name, or a plan from a TOML file. Raises ConfigError."""
+    file = Path(size) if size.endswith(".toml") else _FOLDER / f"{size}.toml"
+    if not file.is_file():
+        known = [shipped.stem for shipped in _FOLDER.glob("*.toml")]
+        raise ConfigError(f"--size {size}: no such plan ({did_you_mean(size, known)})")
+    return parse_table(ReproductionPlan, read_toml(file), str(file))
+
+
+def reproduce(
+    plan: ReproductionPlan, runner: Runner, roots: Mapping[str, Path] | None = None
+) -> list[Path]:
+    """Generate, train and score all of a plan; finished steps of an earlier call are skipped.
+
+    Args:
+        plan: what to do.
+        runner: the folder, and how progress is shown.
+        roots: kind of source -> folder, for the face sets of the paper that are there.
+
+    Returns:
+        The files of the values beside ours.
+
+    Raises:
+        GlsimError: a step failed; the message names it.
+        KeyboardInterrupt: a training was stopped by a signal.
+    """
+    out = runner.out
+    cases = [(protocol, mask) for mask in plan.masks for protocol in plan.protocols]
+    trainings = {case: plan.trainings(*case) for case in cases}  # reports wrong recipes first
+    for mask in plan.masks:
+        runner.generate(plan.data_settings(mask, roots or {}), mask_folder(out, mask) / "data")
+    if plan.filters is not None:
+        _score_filters(plan, plan.filters, runner)
+    for (protocol, mask), recipes in trainings.items():
+        data, folder = mask_folder(out, mask) / "data", case_folder(out, protocol, mask)
+        for name, recipe in recipes.items():
+            runner.train(recipe, [data], folder / "runs" / name)
+        job = ScoringJob(data, "test", plan.denoisers, protocol=protocol)
+        _score(job, (1, 2, 3), runner, folder, folder / "runs", plan.report)
+    if plan.report:
+        inputs = sorted(str(path.stat().st_mtime_ns) for path in out.glob("runs/*/best.pt"))
+        runner.step("draw figures", lambda: write_paper_figures(out), inputs, out / "paper_figures")
+    return runner.step("compare the printed values", lambda: write_values(out)) or []
+
+
+def _score_filters(plan: ReproductionPlan, sets: FilterSets, runner: Runner) -> None:
+    for mask in MASKS:
+        for seed in sets.seeds:
+            folder = runner.out / FILTERS_FOLDER / mask / str(seed)
+            runner.generate(plan.filter_settings(sets, mask, seed), folder / "data")
+            for protocol in plan.protocols:
+                job = ScoringJob(folder / "data", "test", (), protocol=protocol)
+                _score(job, (1,), runner, folder / protocol)
+
+
+def _score(
+    job: ScoringJob,
+    tables: tuple[int, ...],
+    runner: Runner,
+    folder: Path,
+    runs: Path | None = None,
+    report: bool = False,
+) -> None:
+    """Score a case into its folder."""
+
+    def run() -> None:
+        with runner.displays.scoring("scoring") as progress:
+            score_tables(
+                job, folder, tables, runs, figures=report, workers=runner.workers, progress=progress
+            )
+
+    names = " ".join(str(table) for table in tables)
+    runner.step(f"tables {names} in {folder.relative_to(runner.out).as_posix()}", run)

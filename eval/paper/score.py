@@ -1,0 +1,82 @@
+"""Score denoisers and trained networks, and write the paper's tables beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from glsim.dataset import open_dataset
+from glsim.dataset.disk_format import HEADER
+from glsim.denoise import PAPER_FILTERS
+from glsim.errors import ConfigError, DatasetError, DenoiserError
+from glsim.eval.paper.data_note import data_note
+from glsim.eval.paper.runs import find_trained_runs, group_by_network
+from glsim.eval.paper.tables import PAPER_ROWS, paper_table
+from glsim.eval.report.results import write_results
+from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.run import ScoringProgress, evaluate
+
+
+def score_tables(
+    job: ScoringJob,
+    out: Path,
+    tables: Sequence[int] = (),
+    runs: Path | None = None,
+    *,
+    figures: bool = True,
+    workers: int = 1,
+    progress: Callable[[ScoringProgress], None] | None = None,
+) -> list[Path]:
+    """Score the denoisers of a job and the networks of a folder; write all results.
+
+    Args:
+        job: what is scored; the paper's filters are added for a table, the noisy input always.
+        out: folder of the results.
+        tables: numbers of the paper's tables to write as paper_table_N.md.
+        runs: folder with a folder per run of ``glsim train``.
+        figures: draw report.html.
+        workers: number of processes.
+        progress: called after each block of frames.
+
+    Returns:
+        The written files.
+
+    Raises:
+        ConfigError: an unknown table, tables 2 and 3 without ``runs``, or a wrong denoiser.
+        DatasetError: some frames could not be scored; the results of the others are written.
+        DenoiserError: a checkpoint in ``runs`` was skipped; likewise.
+    """
+    for table in tables:
+        if table not in PAPER_ROWS:
+            raise ConfigError(f"--table {table}: there are 1 (filters), 2 and 3 (networks)")
+        if table != 1 and runs is None:
+            raise ConfigError(f"--table {table}: give --runs, the folder of trained networks")
+    trained, refused = ([], []) if runs is None else find_trained_runs(runs)
+    rows = {row for table in tables for row in PAPER_ROWS[table]}
+    trained = [run for run in trained if not rows or run.row is None or run.row in rows]
+    specs = [*PAPER_FILTERS] if tables or not job.denoisers else ["noisy"]
+    specs += [*job.denoisers, *(run.spec for run in trained)]
+    job = replace(job, denoisers=tuple(dict.fromkeys(specs)))
+    evaluation = evaluate(job, out, workers=workers, progress=progress)
+    table = evaluation.summary.compared()
+    pages = {f"paper_table_{n}": paper_table(n, evaluation, table, trained, refused)
+             for n in tables}  # fmt: skip
+    if pages and (job.dataset / HEADER).is_file():
+        note = data_note(open_dataset(job.dataset))
+        for page in pages.values():
+            page.parts.insert(1, note)
+    # The figures show one seed of each network.
+    others = {run.spec for group in group_by_network(trained) for run in group.members[1:]}
+    drawn = [spec for spec in job.denoisers if spec not in others]
+    written = write_results(evaluation, table, job, out, pages, drawn=drawn if figures else None)
+    if evaluation.bad:
+        raise DatasetError(
+            f"{evaluation.bad} of {evaluation.frames} frames could not be scored, see "
+            f"{out / 'bad.csv'}, the first: {evaluation.first_bad[0]}; tables contain the others"
+        )
+    if refused:
+        raise DenoiserError(
+            f"{len(refused)} of the checkpoints in {runs} were skipped, the first: {refused[0]}"
+        )
+    return written

@@ -1,0 +1,200 @@
+"""The paper's tables 1 (filters), 2 and 3 (networks): the printed values beside ours."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from glsim.denoise import COMPOSITES, PAPER_FILTERS
+from glsim.depth_protocol import MEANING
+from glsim.eval.metrics.ssim import PRESETS
+from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
+from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network, with_twins
+from glsim.eval.report.document import Document, Heading, TextTable
+from glsim.eval.report.tables import TABLE_METRICS, ResultTable, format_number
+from glsim.eval.scoring.aggregate import MetricMean
+from glsim.eval.scoring.run import Evaluation
+
+#: Table -> its rows. Table 2 compares architectures, table 3 each depth with and without AR.
+PAPER_ROWS: Final = {
+    1: PAPER_FILTERS,
+    2: ("Restormer", "UNet", "D7", "D20", "D64"),
+    3: ("D7", "AR D7", "D20", "AR D20", "D64", "AR D64"),
+}
+#: Trivial predictions that no method may lose to, by their names among the trivial baselines.
+NOTHING_LOSES_TO: Final = ("zero image", "mean face")
+#: Our metric -> heading of the printed columns. Of the readings of SSIM the one with L of 16-bit
+#: maps has values like the printed ones.
+PAPER_COLUMNS: Final = {
+    "mse_mm2": "MSE [mm²]",
+    "psnr_db": "PSNR per image [dB]",
+    "ssim_16bit": "SSIM (ours: L = 65535)",
+}
+_SURFACE_COLUMNS: Final = {
+    "both_interior_rmse_mm": "interior RMSE [mm]",
+    "both_rmse_mm": "RMSE, valid in both [mm]",
+    "normal_mean_deg": "normals [°]",
+    "flips_px": "flipped pixels",
+    "flying_px": "flying pixels",
+}
+_TRIVIAL: Final = (
+    "Zero image: a map without any depth. Mean face: the mean of the true maps where most of them "
+    "have depth, the same map for every frame. A method that loses to one of them is worse than no "
+    "method. Both are scored on at most 200 frames, evenly spread."
+)
+_ARTEFACT_REMOVAL: Final = (
+    "AR, artefact removal, maps the input back through the adjoint of the measurement operator "
+    "before the network. In deepinv's class that operator is the identity for denoising: a row "
+    "with AR is the same network as its partner. That the paper used it so is an inference."
+)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A row of a table: its name in the paper, what ours is, and the scores of each seed."""
+
+    name: str
+    what: str
+    printed: PrintedRow | None
+    seeds: Sequence[Mapping[str, MetricMean]]
+
+    def mean(self, metric: str) -> float:
+        """Return the mean over seeds; NaN without scores."""
+        values = [entries[metric].mean for entries in self.seeds]
+        return statistics.fmean(values) if values else math.nan
+
+    def cell(self, metric: str) -> str:
+        """Return mean and standard deviation over seeds as text."""
+        return mean_and_spread(
+            [entries[metric].mean for entries in self.seeds], TABLE_METRICS[metric].unit
+        )
+
+
+def mean_and_spread(values: Sequence[float], unit: str) -> str:
+    """Return the mean of seeds and, of several finite ones, their standard deviation as text."""
+    if not values:
+        return "-"
+    text = format_number(statistics.fmean(values), unit)
+    if len(values) < 2 or not all(map(math.isfinite, values)):  # a seed may predict no depth
+        return text
+    return f"{text} ± {format_number(statistics.stdev(values), unit)}"
+
+
+def paper_table(
+    which: int,
+    evaluation: Evaluation,
+    table: ResultTable,
+    trained: Sequence[TrainedRun] = (),
+    refused: Sequence[str] = (),
+) -> Document:
+    """Return the page of one of the paper's tables.
+
+    Args:
+        which: 1, 2 or 3.
+        evaluation: the scores.
+        table: the scores by the label of a method.
+        trained: the scored networks.
+        refused: reasons why other networks are left out.
+    """
+    groups = with_twins(group_by_network(trained)) if which > 1 else []
+    rows = _network_rows(which, groups, table)
+    rows += [
+        _Row(PRINTED_FILTERS[name].title, "filter", PRINTED_FILTERS[name], [table[name]])
+        for name in PAPER_FILTERS
+        if which == 1 or name != "adaptive"
+    ]
+    labels = {run.label for run in trained}
+    rows += [
+        _Row("-", f"`{name}`", None, [entries])
+        for name, entries in table.items()
+        if name not in PAPER_FILTERS and name.split(" [")[0] not in labels
+    ]
+    baselines = evaluation.baselines
+    rows += [
+        _Row(f"**{name}**", "no method may lose to it", None, [baselines.entries(name)])
+        for name in NOTHING_LOSES_TO
+        if name in baselines.methods
+    ]
+    document = Document(
+        f"Table {which} of Kendrick, Yap and Tan: printed and measured",
+        [
+            f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Protocol "
+            f"{evaluation.protocol}: {MEANING[evaluation.protocol]}. Ours are means over seeds ± "
+            "their standard deviation. Nothing is extrapolated: the numbers of a row that was "
+            "trained smaller stand for that size only.",
+            _printed_and_ours(rows, table["noisy"]["mse_mm2"].mean),
+            f"SSIM with the printed constants: {PRESETS['paper']}. No single reading of the "
+            "constants, range and types gives the paper's SSIM column.",
+            *([_ARTEFACT_REMOVAL] if which == 3 else []),
+            *([_TRIVIAL] if baselines.methods else []),
+            Heading("What all-pixel metrics hide"),
+            TextTable(
+                ["row", "ours is", *(f"{text} ↓" for text in _SURFACE_COLUMNS.values())],
+                [[row.name, row.what, *map(row.cell, _SURFACE_COLUMNS)] for row in rows],
+            ),
+        ],
+    )
+    of_table = [group for group in groups if group.row is None or group.row in PAPER_ROWS[which]]
+    notes = [note for group in of_table for note in _training_notes(group)]
+    notes += [f"left out: {why}" for why in refused]
+    if notes:
+        document.parts += [Heading("What is missing or less than published"), notes]
+    return document
+
+
+def _network_rows(which: int, groups: Sequence[SeedGroup], table: ResultTable) -> list[_Row]:
+    """Return the rows of networks: the paper's, also those without a network, then all others."""
+    rows = []
+    for name in (*PAPER_ROWS[which], None) if which > 1 else ():
+        found = [
+            _Row(name or "-", _description(group, part), name and PRINTED_NETWORKS[name], seeds)
+            for group in groups
+            if group.row == name
+            for part in ("", *COMPOSITES)
+            if (seeds := _entries(group, part, table))
+        ]
+        if name is not None and not found:
+            found = [_Row(name, "**missing**", PRINTED_NETWORKS[name], [])]
+        rows += found
+    return rows
+
+
+def _entries(group: SeedGroup, part: str, table: ResultTable) -> list[Mapping[str, MetricMean]]:
+    labels = [f"{run.label} [{part}]" if part else run.label for run in group.members]
+    return [table[label] for label in labels if label in table]
+
+
+def _description(group: SeedGroup, part: str) -> str:
+    minutes = statistics.fmean(run.minutes for run in group.members)
+    name = f"{group.title} [{part}]" if part else group.title
+    return f"{name}, {group.size}, seeds: {len(group.members)}, {minutes:.1f} min each"
+
+
+def _printed_and_ours(rows: Sequence[_Row], noisy_mm2: float) -> TextTable:
+    head = ["row", "ours is"]
+    for heading in PAPER_COLUMNS.values():
+        head += [f"{heading}, printed", "ours"]
+    head += ["MSE over the noisy input's, printed", "ours", "SSIM, printed constants, ours"]
+    printed_noisy = PRINTED_FILTERS["noisy"].mse_mm2
+    lines = []
+    for row in rows:
+        printed = ["-"] * 4
+        if (own := row.printed) is not None:
+            printed = [format_number(own.mse_mm2), f"{own.psnr_db:.2f}", f"{own.ssim:.4f}"]
+            printed.append(f"{own.mse_mm2 / printed_noisy:.3f}")
+        ratio = row.mean("mse_mm2") / noisy_mm2 if noisy_mm2 else math.nan
+        ours = [*map(row.cell, PAPER_COLUMNS), "-" if math.isnan(ratio) else f"{ratio:.3f}"]
+        pairs = [cell for pair in zip(printed, ours, strict=True) for cell in pair]
+        lines.append([row.name, row.what, *pairs, row.cell("ssim_paper")])
+    return TextTable(head, lines)
+
+
+def _training_notes(group: SeedGroup) -> list[str]:
+    """Return notes on settings smaller than published and on interrupted trainings."""
+    notes = [group.members[0].description] if group.members[0].description else []
+    if unfinished := [run.label for run in group.members if not run.finished]:
+        notes.append(f"interrupted, scored as far as it came: {', '.join(unfinished)}")
+    return [f"{group.title}, {group.size}: {note}" for note in notes]

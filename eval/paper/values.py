@@ -1,0 +1,241 @@
+"""The 39 values that the paper prints beside ours, in four cases, with a verdict by one rule.
+
+The paper does not say where depths are counted from, nor whether its clean maps have holes. So all
+is scored in four cases: a protocol (``glsim.depth_protocol``) times a mask of the clean maps, which
+are dense, or BlenSor's: without depth where the noisy map has none.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import statistics
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal, get_args
+
+from glsim.denoise import PAPER_FILTERS
+from glsim.depth_protocol import DepthProtocol
+from glsim.errors import ConfigError, DatasetError
+from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
+from glsim.eval.paper.runs import find_trained_runs, group_by_network, with_twins
+from glsim.eval.paper.tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
+from glsim.eval.report.document import Document, TextTable
+from glsim.eval.report.page import html_page
+from glsim.eval.report.tables import TABLE_METRICS, format_number
+from glsim.files.atomic import wrap_read_errors, write_atomic
+
+#: Folder of the filters' data sets and scores in that of a reproduction.
+FILTERS_FOLDER: Final = "filters"
+#: ``output.clean_mask`` -> what it is, in pages.
+MASKS: Final = {"dense": "dense clean maps", "as-noisy": "BlenSor's mask"}
+
+Verdict = Literal["inside the seeds' spread", "same order", "other order", "not comparable"]
+#: Each verdict and its rule.
+VERDICTS: Final[dict[Verdict, str]] = {
+    "inside the seeds' spread": "in some case at most two standard deviations of our seeds away",
+    "same order": "in some case all seeds lie on the printed side of the noisy input",
+    "other order": "in no case they do",
+    "not comparable": "not scored, or the noisy input itself, whose noise is the paper's own",
+}
+#: Standard deviations of our seeds within which a value is reproduced: 95 % of a normal one.
+_SPREADS: Final = 2.0
+#: Half of the last printed digit: a smaller difference from the noisy input is none.
+_ROUNDING: Final = 5e-5
+
+
+@dataclass
+class Case:
+    """Our scores in one case.
+
+    Attributes:
+        title: protocol and mask.
+        values: row of the paper or trivial prediction -> metric -> mean of each seed.
+        noisy: row -> metric -> mean of the noisy input on the same frames, of each seed.
+        sizes: row -> size of its network.
+    """
+
+    title: str
+    values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    noisy: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    sizes: dict[str, str] = field(default_factory=dict)
+
+    def add(self, row: str, means: dict[str, float], noisy: dict[str, float]) -> None:
+        """Add the means of one seed to a row."""
+        for target, source in ((self.values, means), (self.noisy, noisy)):
+            for metric in PAPER_COLUMNS:
+                target.setdefault(row, {}).setdefault(metric, []).append(source[metric])
+
+
+def mask_folder(out: Path, mask: str) -> Path:
+    """Return the folder of a mask's data in a reproduction, which holds dense maps itself."""
+    return out if mask == "dense" else out / f"mask_{mask}"
+
+
+def case_folder(out: Path, protocol: DepthProtocol, mask: str = "dense") -> Path:
+    """Return the folder of the networks and tables of a case in that of a reproduction."""
+    folder = mask_folder(out, mask)
+    return folder if protocol == "depth" else folder / f"protocol_{protocol}"
+
+
+def read_cases(folder: Path) -> list[Case]:
+    """Read all scores of a reproduction. Raises DatasetError for a table that cannot be read.
+
+    Returns:
+        The four cases. One without scores has no rows.
+    """
+    cases = []
+    for protocol in get_args(DepthProtocol):
+        for mask, words in MASKS.items():
+            case = Case(f"protocol {protocol}, {words}")
+            for table in sorted(folder.glob(f"{FILTERS_FOLDER}/{mask}/*/{protocol}/table.csv")):
+                _add_filters(case, table)
+            _add_networks(case, case_folder(folder, protocol, mask))
+            cases.append(case)
+    return cases
+
+
+def _add_filters(case: Case, path: Path) -> None:
+    means = read_means(path)
+    trivial = path.with_name("baselines.csv")
+    if trivial.is_file():
+        means |= read_means(trivial)
+    for name in (*PAPER_FILTERS, *NOTHING_LOSES_TO):
+        if name in means:
+            title = PRINTED_FILTERS[name].title if name in PRINTED_FILTERS else name
+            case.add(title, means[name], means["noisy"])
+
+
+def _add_networks(case: Case, place: Path) -> None:
+    """Add the scores of the trained networks; of several sizes of a row the largest."""
+    if not (place / "table.csv").is_file():
+        return
+    try:
+        groups = with_twins(group_by_network(find_trained_runs(place / "runs")[0]))
+    except ConfigError:  # nothing was trained there
+        return
+    means = read_means(place / "table.csv")
+    for group in sorted(groups, key=lambda group: group.size == "full"):
+        scored = [run.label for run in group.members if run.label in means]
+        if group.row is not None and scored:
+            case.values.pop(group.row, None)
+            case.noisy.pop(group.row, None)
+            case.sizes[group.row] = group.size
+            for label in scored:
+                case.add(group.row, means[label], means["noisy"])
+
+
+def read_means(path: Path) -> dict[str, dict[str, float]]:
+    """Read table.csv or baselines.csv of ``glsim eval``: method -> metric -> mean over frames.
+
+    Raises DatasetError if the file cannot be read, or is another table.
+    """
+    means: dict[str, dict[str, float]] = {}
+    with wrap_read_errors(path):
+        rows = list(csv.DictReader(path.read_text().splitlines()))
+    for row in rows:
+        try:
+            means.setdefault(row["method"], {})[row["metric"]] = float(row["mean"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(f"{path}: is no table of glsim eval: {error!r}") from None
+    return means
+
+
+def printed_values() -> list[tuple[int, PrintedRow, str, float]]:
+    """Return the 39 values in the order of the tables: table, row, our metric, value."""
+    tables = [(1, row) for row in PRINTED_FILTERS.values()]
+    tables += [(2 if row.title in ("Restormer", "UNet") else 3, row)
+               for row in PRINTED_NETWORKS.values()]  # fmt: skip
+    return [
+        (table, row, metric, value)
+        for table, row in tables
+        for metric, value in zip(PAPER_COLUMNS, row[1:], strict=True)
+    ]
+
+
+def verdict(row: str, metric: str, printed: float, cases: Sequence[Case]) -> Verdict:
+    """Judge a printed value by the rules of VERDICTS.
+
+    Args:
+        row: as printed.
+        metric: ours.
+        printed: the value.
+        cases: our scores.
+    """
+    scored = [case for case in cases if row in case.values]
+    for case in scored:
+        values = case.values[row][metric]
+        if len(values) > 1:
+            off = abs(statistics.fmean(values) - printed)
+            if off <= _SPREADS * statistics.stdev(values) + _ROUNDING:
+                return "inside the seeds' spread"
+    of_noisy = PRINTED_FILTERS["noisy"]
+    if not scored or row == of_noisy.title:
+        return "not comparable"
+    wanted = _side(printed, of_noisy[1 + [*PAPER_COLUMNS].index(metric)])
+    for case in scored:
+        pairs = zip(case.values[row][metric], case.noisy[row][metric], strict=True)
+        if {_side(value, noisy) for value, noisy in pairs} == {wanted}:
+            return "same order"
+    return "other order"
+
+
+def _side(value: float, noisy: float) -> int:
+    """Return the sign of value - noisy: 0 where the printed digits could not show it."""
+    return 0 if abs(value - noisy) < _ROUNDING else int(math.copysign(1, value - noisy))
+
+
+def write_values(folder: Path) -> list[Path]:
+    """Write paper_values.md and paper_values.html to the folder of a reproduction.
+
+    Raises:
+        DatasetError: for a table that cannot be read.
+        GlsimError: without Jinja2.
+    """
+    document = values_document(read_cases(folder))
+    texts = {"md": document.markdown(), "html": html_page("The paper, value by value", [document])}
+    paths = [folder / f"paper_values.{suffix}" for suffix in texts]
+    for path, text in zip(paths, texts.values(), strict=True):
+        write_atomic(text.encode(), path)
+    return paths
+
+
+def values_document(cases: Sequence[Case]) -> Document:
+    """Return the page of all printed values beside ours."""
+    rows, counts = [], Counter[str]()
+    for table, row, metric, printed in printed_values():
+        unit = TABLE_METRICS[metric].unit
+        judged = verdict(row.title, metric, printed, cases)
+        counts[judged] += 1
+        sizes = sorted({case.sizes[row.title] for case in cases if row.title in case.sizes})
+        name = f"{row.title} ({', '.join(sizes)})" if sizes else row.title
+        cells = [_cell(case, row.title, metric) for case in cases]
+        title = metric.split("_")[0].upper()
+        value = format_number(printed, unit)
+        rows.append([str(table), name, title, value, *cells, f"**{judged}**"])
+    for name in NOTHING_LOSES_TO:
+        cells = [_cell(case, name, "mse_mm2") for case in cases]
+        rows.append(["-", name, "MSE", "-", *cells, "no method may lose to it"])
+    titles = [case.title for case in cases]
+    return Document(
+        "The 39 printed values",
+        [
+            'Kendrick, Yap and Tan, "Synthetic Data Generation for Demonstrating Noise Reduction '
+            'in Facial Depth Imaging", tables 1 to 3: MSE in mm², PSNR in dB, SSIM with L = 65535. '
+            "Ours are means over seeds ± their standard deviation in four cases: depth as measured "
+            "or with the nearest point at 1 mm, dense clean maps or BlenSor's mask. A network that "
+            "was trained smaller than published says so, and its verdict stands for that size.",
+            TextTable(
+                ["verdict", "values", "rule, the first that holds"],
+                [[name, str(counts[name]), rule] for name, rule in VERDICTS.items()],
+            ),
+            TextTable(["table", "row", "metric", "printed", *titles, "verdict"], rows),
+        ],
+    )
+
+
+def _cell(case: Case, row: str, metric: str) -> str:
+    values = case.values.get(row, {}).get(metric, [])
+    return mean_and_spread(values, TABLE_METRICS[metric].unit)

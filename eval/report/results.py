@@ -1,0 +1,154 @@
+"""Write the results of an evaluation: tables, CSV files, and report.html with figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from glsim.denoise import load_denoiser
+from glsim.denoise.frames import Frames, Stacks
+from glsim.denoise.interface import Depth
+from glsim.errors import DatasetError
+from glsim.eval.report.document import CaptionedPng, Document
+from glsim.eval.report.figures.curves import bias_curves, disagreement, error_curves
+from glsim.eval.report.figures.panels import PANEL_ROWS, PanelFrame, method_panels
+from glsim.eval.report.figures.style import to_png
+from glsim.eval.report.page import html_page
+from glsim.eval.report.tables import (
+    ResultTable,
+    note_documents,
+    result_documents,
+    table_latex,
+    table_markdown,
+    write_bias_csv,
+    write_table_csv,
+)
+from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.run import Evaluation
+from glsim.files.atomic import write_atomic
+
+#: Largest number of methods side by side in a figure, which is as wide as a paper page.
+_COLUMNS: Final = 5
+
+
+def write_results(
+    evaluation: Evaluation,
+    table: ResultTable,
+    job: ScoringJob,
+    out: Path,
+    pages: Mapping[str, Document] | None = None,
+    drawn: Sequence[str] | None = None,
+) -> list[Path]:
+    """Write table.md, table.tex, the CSV files, further pages and, with figures, report.html.
+
+    Of a network's composites tables and figures show the default; table.csv has all.
+
+    Args:
+        evaluation: the scores.
+        table: method -> metric -> mean.
+        job: what was scored.
+        out: folder.
+        pages: file name without .md -> page, which report.html shows first.
+        drawn: denoisers of the job that figures show; None: no figures and no report.html.
+
+    Returns:
+        The written files.
+    """
+    heading = f"{job.dataset.name}, {job.split}, protocol {evaluation.protocol}"
+    if job.truth != "clean":
+        heading += f", compared with the {job.truth} depth"
+    shown = replace(evaluation, summary=evaluation.summary.one_composite())
+    shown_table = {method: table[method] for method in shown.summary.methods}
+    texts = {
+        "table.md": table_markdown(shown, shown_table, heading),
+        "table.tex": table_latex(shown_table),
+        **{f"{name}.md": page.markdown() for name, page in (pages or {}).items()},
+    }
+    for name, text in texts.items():
+        write_atomic(text.encode(), out / name)
+    write_table_csv(out / "table.csv", table)
+    if evaluation.baselines.methods:
+        write_table_csv(out / "baselines.csv", evaluation.baselines.compared())
+    write_bias_csv(out / "bias_by_distance.csv", evaluation.summary)
+    names = ["rows.csv", "table.csv", "bias_by_distance.csv", *texts]
+    if drawn is not None:
+        pictures = _pictures(shown, replace(job, denoisers=tuple(drawn)))
+        for picture in pictures:
+            write_atomic(picture.png, out / "figures" / f"{picture.name}.png")
+        sections = [*(pages or {}).values(), *result_documents(shown, shown_table)]
+        page = html_page(heading, sections, pictures, note_documents(shown, shown_table))
+        write_atomic(page.encode(), out / "report.html")
+        names.append("report.html")
+    return [out / name for name in names]
+
+
+def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
+    """Draw the figures of the denoisers of a job."""
+    summary = evaluation.summary.only({spec.partition("@")[0] for spec in job.denoisers})
+    pictures = [
+        CaptionedPng(
+            "disagreement",
+            "All-pixel MSE and surface error: a dot per frame, a large dot for the mean of a "
+            "method. Methods that keep the input's mask lie above each other, because MSE cannot "
+            "tell them apart.",
+            to_png(disagreement(summary)),
+        ),
+        CaptionedPng(
+            "error_curves",
+            "Cumulative absolute error on the pixels where input and truth have depth, the same "
+            "for every method.",
+            to_png(error_curves(summary)),
+        ),
+    ]
+    if (over_distance := bias_curves(summary)) is not None:
+        caption = "Bias over distance: mean error per 100 mm, with its 95 % interval over subjects."
+        pictures.append(CaptionedPng("bias_by_distance", caption, to_png(over_distance)))
+    example = example_frame(job)
+    if example is not None:
+        frame, maps = example
+        names = [name for name in maps if name in summary.methods]
+        sheets = -(-len(names) // _COLUMNS)
+        for sheet in range(sheets):
+            # Methods are spread evenly, so that no figure has a single column.
+            first, last = (len(names) * edge // sheets for edge in (sheet, sheet + 1))
+            part = {_wrapped(name): maps[name] for name in names[first:last]}
+            figure = method_panels(frame, part, PANEL_ROWS, frame.title)
+            caption = "One frame denoised by every method, in the same scale."
+            pictures.append(CaptionedPng(f"gallery_{sheet + 1}", caption, to_png(figure)))
+    return pictures
+
+
+def _wrapped(name: str) -> str:
+    return name.replace(":", "\n", 1).replace(" [", "\n[", 1)
+
+
+def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None:
+    """Denoise the frame in the middle of the set by every method.
+
+    Takes the next readable frame; returns None if there is none.
+    """
+    frames: Frames = job.frames()
+    methods = [load_denoiser(spec) for spec in job.denoisers]
+    before = max((method.before for method in methods), default=0)
+    after = max((method.after for method in methods), default=0)
+    stacks = Stacks(frames, before, after)
+    for number in range(len(frames) // 2, len(frames)):
+        try:
+            sample = stacks.sample(number)
+        except DatasetError:
+            continue
+        maps: dict[str, Depth] = {}
+        for method in methods:
+            try:
+                infrared = frames.infrared(number) if method.infrared else None
+                stack, now = stacks.around(number, method.before, method.after)
+                estimate = method.estimate(stack, now, infrared)
+            except Exception:  # of a denoiser; scoring has counted it
+                continue
+            for part, depth in estimate.composites().items():
+                maps[f"{method.label} [{part}]" if part else method.label] = depth
+        title = f"{frames.key(number)}, protocol {frames.protocol}"
+        return PanelFrame(sample.clean_mm, sample.intrinsics, title, sample.offset_mm), maps
+    return None

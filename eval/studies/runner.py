@@ -1,0 +1,157 @@
+"""Run the steps of a study: data sets, trainings, scores. The same call goes on after a kill.
+
+A step is skipped if its output exists and FOLDER/steps/NAME.json says that it was finished with the
+same inputs. Steps without an output run every time: scoring reuses its finished blocks by itself.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from glsim.dataset import GenerateProgress, generate
+from glsim.dataset.disk_format import HEADER
+from glsim.errors import CPU_TORCH, DatasetError, GlsimError, TrainError
+from glsim.eval.scoring.run import ScoringProgress
+from glsim.files.atomic import read_json, to_json, write_atomic
+from glsim.settings.schema import Settings
+
+if TYPE_CHECKING:
+    from glsim.train.recipe import Recipe
+
+_T = TypeVar("_T")
+
+
+@contextmanager
+def _silent(_title: str = "") -> Iterator[None]:
+    yield None
+
+
+@contextmanager
+def _never() -> Iterator[Callable[[], bool]]:
+    yield lambda: False
+
+
+@dataclass(frozen=True)
+class Displays:
+    """Context managers that show progress and notice signals; default: nothing is shown."""
+
+    generation: Callable[[], AbstractContextManager[Callable[[GenerateProgress], None] | None]] = (
+        _silent
+    )
+    scoring: Callable[[str], AbstractContextManager[Callable[[ScoringProgress], None] | None]] = (
+        _silent
+    )
+    training: Callable[[str], AbstractContextManager[Callable[[Any], None] | None]] = _silent
+    stopping: Callable[[], AbstractContextManager[Callable[[], bool]]] = _never
+
+
+@dataclass
+class Runner:
+    """The steps of a study in one folder.
+
+    Attributes:
+        out: folder of the study.
+        workers: number of worker processes.
+        announce: called with a line before each step.
+        displays: progress of the steps.
+        dry: announce the steps without running them.
+    """
+
+    out: Path
+    workers: int = 1
+    announce: Callable[[str], None] = lambda _: None
+    displays: Displays = Displays()
+    dry: bool = False
+    _start: float = field(default_factory=time.monotonic)
+
+    def step(
+        self, name: str, run: Callable[[], _T], inputs: Any = None, output: Path | None = None
+    ) -> _T | None:
+        """Run a step unless it is complete.
+
+        Args:
+            name: of the step, unique in the study.
+            run: does the work.
+            inputs: JSON values that the output depends on.
+            output: file or folder whose absence makes the step incomplete; None: run every time.
+
+        Returns:
+            What ``run`` returns; None for a step that was complete.
+        """
+        done = output is not None and output.exists() and self._record(name) == _plain(inputs)
+        minutes = (time.monotonic() - self._start) / 60
+        self.announce(f"{minutes:.0f} min, {name}{': complete' if done else ''}")
+        if done or self.dry:
+            return None
+        try:
+            result = run()
+        except GlsimError as error:
+            message = f"{name}: {error}: the same command goes on there"
+            raise type(error)(message) from error
+        if output is not None:
+            path = self._record_path(name)
+            write_atomic(to_json({"inputs": _plain(inputs)}, str(path)).encode(), path)
+        return result
+
+    def generate(self, settings: Settings, folder: Path) -> None:
+        """Generate a data set. Raises DatasetError if no frame could be made."""
+
+        def run() -> None:
+            with self.displays.generation() as progress:
+                summary = generate(settings, folder, workers=self.workers, progress=progress)
+            if not sum(summary.frames.values()):
+                raise DatasetError(f"{folder}: no frame could be made, see skipped.jsonl there")
+
+        name = f"generate {self._name(folder)}"
+        self.step(name, run, settings.model_dump(mode="json"), folder / HEADER)
+
+    def train(self, recipe: Recipe, data: Sequence[Path], folder: Path) -> None:
+        """Train a network, or go on with its training.
+
+        Raises:
+            TrainError: without PyTorch, and as ``glsim.train.loop.fit``.
+            KeyboardInterrupt: for a training that a signal has stopped; it is saved.
+        """
+
+        def run() -> None:
+            try:
+                from glsim.train.batches import stored_batches
+                from glsim.train.loop import fit
+            except ImportError as error:
+                raise TrainError(
+                    "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
+                    f"({CPU_TORCH}) ({error})"
+                ) from None
+
+            pairs = stored_batches(data, recipe)
+            with self.displays.stopping() as stop, self.displays.training(recipe.title) as show:
+                report = fit(recipe, pairs, folder, resume=True, on_step=show, should_stop=stop)
+            if report["state"] == "interrupted":
+                raise KeyboardInterrupt
+
+        inputs = [recipe.model_dump(mode="json"), [self._name(each) for each in data]]
+        self.step(f"train {self._name(folder)}", run, inputs, folder / "best.pt")
+
+    def _name(self, folder: Path) -> str:
+        return folder.relative_to(self.out).as_posix()
+
+    def _record_path(self, name: str) -> Path:
+        return self.out / "steps" / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.json"
+
+    def _record(self, name: str) -> Any:
+        """Return the inputs with which a step was finished; "none" if it was not."""
+        try:
+            return read_json(self._record_path(name)).get("inputs", "none")
+        except DatasetError:
+            return "none"
+
+
+def _plain(inputs: Any) -> Any:
+    return json.loads(json.dumps(inputs))

@@ -1,1 +1,0 @@
-"""Transfer: networks on sensors and faces that were not in training, beside tuned filters."""

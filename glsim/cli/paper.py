@@ -1,0 +1,150 @@
+"""``glsim paper``: reproduce the paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from glsim.cli.common import WorkersOption, print_message, print_written, with_messages
+from glsim.cli.eval import (
+    DatasetArgument,
+    DenoisersOption,
+    FiguresOption,
+    OutOption,
+    ProtocolOption,
+    RunsOption,
+    SplitOption,
+    score_and_write,
+)
+from glsim.cli.progress import study_displays
+from glsim.errors import ConfigError
+
+app = typer.Typer(
+    help="Reproduce the paper: its data, networks, tables and figures.", no_args_is_help=True
+)
+
+REPRODUCE_EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim paper reproduce -o reproduced               small, for a CPU: an hour of one core
+
+glsim paper reproduce -o tiny --size tiny         every step once, as a check: two minutes
+
+glsim paper reproduce -o paper --size full        the paper's size, for a GPU
+
+glsim paper reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
+
+glsim paper reproduce -o reproduced --plan        print the steps, run nothing
+
+glsim paper reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
+
+Repeat the same command to resume an interrupted one.
+"""
+TABLES_EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim paper tables data -o table1                     table 1, the filters
+
+glsim paper tables data --table 2 --table 3 --runs runs -o tables    networks in runs/*/
+
+Repeat the same command to resume an interrupted run.
+"""
+PAGES_EXAMPLES = """
+[bold]Examples[/bold]
+
+glsim paper figures reproduced
+
+glsim paper values reproduced                 each printed value beside ours
+"""
+
+RootOption = Annotated[
+    Path | None,
+    typer.Option(help="Folder of this face set of the paper. Without it: embedded heads."),
+]
+FolderArgument = Annotated[Path, typer.Argument(help="Folder of glsim paper reproduce.")]
+
+
+def reproduce(
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for all results.")],
+    size: Annotated[
+        str,
+        typer.Option(help="Plan: tiny (a check), small (CPU), full (GPU), or your own .toml."),
+    ] = "small",
+    plan: Annotated[
+        bool, typer.Option("--plan", help="Print the steps without running them.")
+    ] = False,
+    d3dfacs: RootOption = None,
+    facewarehouse: RootOption = None,
+    biwi: RootOption = None,
+    workers: WorkersOption = "auto",
+) -> None:
+    """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
+
+    One folder contains all results: data/, runs/, paper_table_1.md to _3.md, report.html, the
+    paper's figures in paper_figures/, and paper_values.html, each printed value beside ours.
+    protocol_paper/ holds the networks and tables under the paper's protocol (nearest point at
+    1 mm), mask_as-noisy/ those with BlenSor's mask. Rows with artefact removal are their partners'
+    networks. A finished step is not repeated: delete its folder to do it again.
+    """
+    from glsim.eval.paper.reproduce import load_plan
+    from glsim.eval.paper.reproduce import reproduce as run
+    from glsim.eval.studies.runner import Runner
+    from glsim.worker_processes import worker_count
+
+    chosen = load_plan(size)
+    given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
+    roots = {kind: root for kind, root in given.items() if root is not None}
+    announce = typer.echo if plan else print_message
+    runner = Runner(out, worker_count(workers), announce, study_displays(), dry=plan)
+    print_message(chosen.title)
+    print_written(run(chosen, runner, roots))
+
+
+def tables(
+    dataset: DatasetArgument,
+    table: Annotated[
+        list[int],
+        typer.Option(help="Table of the paper: 1 (filters), 2 or 3 (networks). Repeatable."),
+    ] = [1],  # noqa: B006  # Typer reads it and makes a new list
+    runs: RunsOption = None,
+    denoiser: DenoisersOption = None,
+    split: SplitOption = "test",
+    out: OutOption = Path("scores"),
+    protocol: ProtocolOption = None,
+    figures: FiguresOption = True,
+    workers: WorkersOption = "auto",
+) -> None:
+    """Write the paper's tables beside ours, and all that ``glsim eval`` writes.
+
+    Nothing is trained: tables 2 and 3 contain the networks in --runs and list the rows that are
+    missing there.
+    """
+    from glsim.depth_protocol import check_protocol
+    from glsim.eval.scoring.blocks import ScoringJob
+
+    job = ScoringJob(dataset, split, tuple(denoiser or ()), protocol=check_protocol(protocol))
+    score_and_write(job, out, sorted(set(table)), runs, figures, workers)
+
+
+def figures(folder: FolderArgument) -> None:
+    """Draw the paper's figures 1 to 6 from the data and networks of a reproduction."""
+    from glsim.eval.paper.figures.write import write_paper_figures
+
+    print_written(write_paper_figures(folder, lambda name: print_message(f"drawing {name}")))
+
+
+def values(folder: FolderArgument) -> None:
+    """Write paper_values.html: each value that the paper prints beside ours in four cases."""
+    from glsim.eval.paper.values import write_values
+
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: no such folder: run glsim paper reproduce -o {folder} first")
+    print_written(write_values(folder))
+
+
+app.command("reproduce", epilog=REPRODUCE_EXAMPLES)(with_messages(reproduce))
+app.command("tables", epilog=TABLES_EXAMPLES)(with_messages(tables))
+app.command("figures", epilog=PAGES_EXAMPLES)(with_messages(figures))
+app.command("values", epilog=PAGES_EXAMPLES)(with_messages(values))

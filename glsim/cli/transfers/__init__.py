@@ -1,1 +1,0 @@
-"""Studies of ``glsim transfer`` (keys: eval/transfer/study.py), and its steps."""
