@@ -18,8 +18,6 @@ glsim export data -o clouds --to ply --split test        point clouds with norma
 
 glsim export data -o depth --to exr,open3d --layers noisy --frames 10
 
-glsim export data -o ros --to rosbag                     pip install 'glsim\\[formats]'
-
 glsim export data --hf me/faces                          to the Hugging Face Hub, as it is
 
 glsim export run/best.pt -o face.onnx                    a network
@@ -45,7 +43,7 @@ def export(
         str | None,
         typer.Option(
             help="Formats of a data set's frames, several with commas: npz (default), ply, exr, "
-            "hdf5, rosbag, ... A wrong name lists them all."
+            "... A wrong name lists them all."
         ),
     ] = None,
     layers: Annotated[
