@@ -21,14 +21,14 @@ from glsim.appearance.beard import (
     make_brows,
 )
 from glsim.appearance.binding import Binding, Motion, Points, Rigid, skull_motion
-from glsim.appearance.cloth import ClothGrid, fit_cloth, make_cloth_grid
+from glsim.appearance.cloth import ClothGrid, Worn, fit_cloth, make_cloth_grid, make_clothes
+from glsim.appearance.garments import SHOES
 from glsim.appearance.glasses import make_glasses
 from glsim.appearance.hair import make_hair
 from glsim.appearance.outfit import Outfit, draw_outfit
 from glsim.appearance.patterns import Pattern, pattern_factors
 from glsim.appearance.scalp import Scalp, make_scalp
 from glsim.appearance.shell import Shell, uncovered
-from glsim.appearance.tailor import Worn, make_garment, make_lower, make_shoes
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceSource, WornPart
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
@@ -253,9 +253,8 @@ class Dresser:
             glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
             wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
             worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
-        for made, albedo, pattern in self._make_clothes(vertices, own.scale, outfit):
-            if made is not None:
-                wear("cloth", *made[:2], albedo, pattern, made[2])
+        for piece, albedo, pattern in self._clothes(vertices, own.scale, outfit):
+            wear("cloth", piece.binding, piece.faces, albedo, pattern, piece.casts)
         cloth = [
             thing.binding
             for thing in worn
@@ -266,18 +265,20 @@ class Dresser:
             occluder = uncovered(occluder, own.body, cloth)
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
-    def _make_clothes(
+    def _clothes(
         self, vertices: Points, scale: float, outfit: Outfit
-    ) -> Iterator[tuple[Worn | None, float, Pattern]]:
-        """Yield garment, trousers or skirt, and shoes, each with its albedo and pattern."""
+    ) -> Iterator[tuple[Worn, float, Pattern]]:
+        """Yield the pieces of cloth, each with its albedo and pattern."""
         if outfit.garment is None or outfit.lower is None or self._cloth is None:
             return
-        body = fit_cloth(self._cloth, vertices)
-        tucked, seed = outfit.tucked, outfit.seed
-        garment = make_garment(body, outfit.garment, tucked, scale, seed)
-        yield garment, outfit.cloth_albedo, outfit.pattern
-        yield make_lower(body, outfit.lower, tucked, scale, seed), outfit.trousers_albedo, "plain"
-        yield make_shoes(body, seed), outfit.shoes_albedo, "plain"
+        garments = outfit.garment, outfit.lower, SHOES
+        body, tucked = fit_cloth(self._cloth, vertices), outfit.tucked
+        pieces = make_clothes(body, garments, tucked, scale, outfit.seed)
+        albedos = outfit.cloth_albedo, outfit.trousers_albedo, outfit.shoes_albedo
+        patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
+        for piece, albedo, pattern in zip(pieces, albedos, patterns, strict=True):
+            if piece is not None:
+                yield piece, albedo, pattern
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
         """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""

@@ -10,7 +10,7 @@ from typing import Final, Protocol, TypeVar
 import numpy as np
 
 from glsim.appearance.beard import BEARDS, BeardStyle
-from glsim.appearance.garments import GARMENTS, LOWERS, Garment, Lower
+from glsim.appearance.garments import LOWER, UPPER, Garment
 from glsim.appearance.glasses import GLASSES, GlassesStyle
 from glsim.appearance.patterns import Pattern
 from glsim.appearance.styles import STYLES, HairStyle
@@ -48,8 +48,6 @@ PATTERNS: Final[tuple[tuple[Pattern, float], ...]] = (
     ("checks", 0.08),
     ("print", 0.12),
 )
-#: Share of garments that are tucked into a skirt; chosen.
-SKIRT_TUCKED: Final = 0.6
 BEARD_FROM_YEARS: Final = 18.0  # chosen
 #: Rims: black plastic to metal; chosen.
 RIM_ALBEDO: Final = (0.06, 0.55)
@@ -90,7 +88,7 @@ class Outfit:
     pattern: Pattern = "plain"
     trousers_albedo: float = 0.0
     tucked: bool = False
-    lower: Lower | None = None
+    lower: Garment | None = None
     shoes_albedo: float = 0.0
     seed: int = 0
     words: Mapping[str, str] = field(default_factory=dict)
@@ -160,15 +158,15 @@ def draw_outfit(
             lens_albedo = note("lens_albedo", float(draw.uniform(*LENS_ALBEDO[lens])), 3)
     if worn("cloth"):
         draw = rng("cloth")
-        garment = _pick(GARMENTS, draw)
+        garment = UPPER[_choose(_garment_weights(UPPER, woman), draw)]
         words["appearance.cloth"] = garment.name
         cloth_albedo = note("cloth_albedo", _cloth_albedo(draw), 3)
         trousers_albedo = note("trousers_albedo", _cloth_albedo(draw), 3)
         shoes_albedo = note("shoes_albedo", _cloth_albedo(draw), 3)
-        lower = LOWERS[_choose(_lower_weights(woman), draw)]
+        lower = LOWER[_choose(_garment_weights(LOWER, woman), draw)]
         pattern = PATTERNS[_choose([share for _, share in PATTERNS], draw)][0]
         words |= {"appearance.lower": lower.name, "appearance.pattern": pattern}
-        tucked = bool(draw.random() < (SKIRT_TUCKED if lower.skirt else garment.tucked))
+        tucked = bool(draw.random() < garment.tucked)
     return Outfit(
         hair, beard, beard_mm, brow_mm, hair_albedo, glasses, lens, rim_albedo, lens_albedo,
         garment, cloth_albedo, pattern, trousers_albedo, tucked, lower, shoes_albedo,
@@ -201,10 +199,10 @@ def _hair_weights(age: float, woman: bool | None) -> list[float]:
     return [w * (can_be_bald if b else 1.0) for w, b in zip(weights, bald, strict=True)]
 
 
-def _lower_weights(woman: bool | None) -> list[float]:
-    """Weights of LOWERS; of people of unknown sex the mean of women and men."""
+def _garment_weights(garments: Sequence[Garment], woman: bool | None) -> list[float]:
+    """Weights of garments; of people of unknown sex the mean of women and men."""
     share = 0.5 if woman is None else float(woman)
-    return [share * lower.women + (1 - share) * lower.men for lower in LOWERS]
+    return [share * garment.women + (1 - share) * garment.men for garment in garments]
 
 
 def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:

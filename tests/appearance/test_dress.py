@@ -97,7 +97,7 @@ def test_beards_follow_the_jaw() -> None:
     neutral = frames("p0001", 1)[0]
     vertices, _ = heads().neutral("p0001")
     person = heads()._subject("p0001")
-    open_mouth = person.frames([{"AU26": 1.0}])[0]
+    open_mouth = person.frame({"AU26": 1.0})
     chin = np.array([name == "chin" for name in heads().region_names])[heads().regions]
     drop = (vertices - open_mouth)[chin, 1].mean()
     assert drop > 5
