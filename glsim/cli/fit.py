@@ -32,9 +32,7 @@ EXAMPLES = """
 
 glsim fit recording/
 
-glsim fit depth/ --infrared infrared/ -o my_kinect.toml --albedo 0.8
-
-glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --centre-px 320,240
+glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --albedo 0.8
 
 glsim fit recording.bag -o my_d435.toml             stereo: recognised by its depths
 """
@@ -48,19 +46,9 @@ def fit(
     out: Annotated[Path, typer.Option("-o", "--out", help="The sensor file to write.")] = Path(
         "sensor.toml"
     ),
-    infrared: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Infrared images of the frames. Default: beside them."),
-    ] = None,
     focal_px: Annotated[
         float | None,
         typer.Option(min=1, help="Focal length, pixels. Default: stated, or the base sensor's."),
-    ] = None,
-    centre_px: Annotated[
-        str | None,
-        typer.Option(
-            help="Principal point x,y, pixels. Default: as the focal length, or the image centre."
-        ),
     ] = None,
     albedo: Annotated[
         float, typer.Option(min=0.01, max=2, help="Albedo of the scene relative to a white wall.")
@@ -117,13 +105,13 @@ def fit(
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
     check_outputs(out)
-    recording = open_recording(frames, depth_unit_mm, infrared=infrared)
+    recording = open_recording(frames, depth_unit_mm)
     if (matching := stereo_base(recording, base)) is not None:
-        fit_stereo_recording(recording, matching, out, focal_px, centre_px, as_json=as_json)
+        fit_stereo_recording(recording, matching, out, focal_px, as_json=as_json)
         return
     name, tree = base_sensor(base)
     recorded = recording.read_static()
-    image = _camera(tree["rig"], recording.camera, recorded.camera, focal_px, centre_px)
+    image = _camera(load_sensor(name).rig.intrinsics, recording.camera, recorded.camera, focal_px)
     recorded = recorded.with_camera(image)
     statistics = measure_recording(recorded)
     smoothing = find_smoothing(statistics.correlation)
@@ -174,34 +162,22 @@ def fit(
 
 
 def _camera(
-    rig: dict[str, Any],
-    stated: Intrinsics | None,
-    frames: Intrinsics,
-    focal_px: float | None,
-    centre_px: str | None,
+    own: Intrinsics, stated: Intrinsics | None, frames: Intrinsics, focal_px: float | None
 ) -> Intrinsics:
-    """Choose the intrinsics: of options, the recording, or the base sensor, in this order."""
-    from glsim.cli.common import two_numbers
+    """Choose the intrinsics: with ``focal_px``, else the recording's, else the base sensor's."""
     from glsim.geometry.camera import Intrinsics
 
-    width, height = frames.width, frames.height
-    size = width, height
-    focal, centre = rig["focal_px"], rig["centre_px"]
-    same = size == (rig["width"], rig["height"])
-    if stated is not None and (stated.width, stated.height) == size:
-        focal, centre, same = (stated.fx, stated.fy), (stated.cx, stated.cy), True
-    if focal_px is not None:
-        focal = focal_px, focal_px
-    elif not same:
+    size = width, height = frames.width, frames.height
+    known = [k for k in (stated, own) if k is not None and (k.width, k.height) == size]
+    if known:
+        focal = (focal_px or known[0].fx, focal_px or known[0].fy)
+        return Intrinsics(*size, *focal, known[0].cx, known[0].cy)
+    if focal_px is None:
         raise ConfigError(
-            f"the frames are {width}x{height}, the base sensor's {rig['width']}x{rig['height']}: "
+            f"the frames are {width}x{height}, the base sensor's {own.width}x{own.height}: "
             "give --focal-px"
         )
-    if centre_px is not None:
-        centre = two_numbers("--centre-px", centre_px)
-    elif not same:
-        centre = width / 2, height / 2
-    return Intrinsics(width, height, *focal, *centre)
+    return Intrinsics(*size, focal_px, focal_px, width / 2, height / 2)
 
 
 def _result_lines(

@@ -11,7 +11,6 @@ from glsim.cli.common import (
     print_json,
     print_message,
     print_written,
-    two_numbers,
 )
 from glsim.errors import ConfigError
 
@@ -60,7 +59,6 @@ def fit_stereo_recording(
     base: str,
     out: Path,
     focal_px: float | None,
-    centre_px: str | None,
     *,
     as_json: bool = False,
 ) -> None:
@@ -71,7 +69,6 @@ def fit_stereo_recording(
         base: sensor that the file extends.
         out: the sensor file.
         focal_px: of the recording; None: as stated, the base's, or by its baseline.
-        centre_px: "x,y", principal point; None: as stated, the base's, or the middle.
         as_json: print JSON.
 
     Raises:
@@ -88,7 +85,7 @@ def fit_stereo_recording(
     product = 1000.0 * sensor.rig.intrinsics.fx * sensor.rig.baseline_m
     steps = matcher_value(sensor, "subpixel_steps")
     statistics = measure_stereo(frames, find_lattice(frames), steps, product)
-    image = _camera(recording, sensor, statistics, focal_px, centre_px)
+    image = _camera(recording, sensor, statistics, focal_px)
     named = str(Path(base).resolve()) if base.endswith(".toml") else base
     context = open_context(None)
     try:
@@ -119,7 +116,6 @@ def _camera(
     sensor: Sensor,
     statistics: StereoStatistics,
     focal_px: float | None,
-    centre_px: str | None,
 ) -> Intrinsics:
     """Choose the intrinsics: of options, the recording, the base sensor, or its baseline."""
     from glsim.geometry.camera import Intrinsics
@@ -133,8 +129,6 @@ def _camera(
             focal, centre = (known.fx, known.fy), (known.cx, known.cy)
     if focal_px is not None:
         focal = focal_px, focal_px
-    if centre_px is not None:
-        centre = two_numbers("--centre-px", centre_px)
     if min(focal) < 1:
         raise ConfigError(f"the focal length would be {min(focal):.3g} px: give --focal-px")
     return Intrinsics(width, height, *focal, *centre)

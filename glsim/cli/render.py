@@ -28,8 +28,6 @@ glsim render face.obj --set scene.room=office --set scene.camera_mm=1000
 
 glsim render scan.ply -o out --sensor kinect-v2-paper --seed 7
 
-glsim render face.obj --raw --set scene.wall_mm=1300
-
 glsim render face.glb --set pose.yaw_deg=30 --set tof_floor.sigma_mm=2 --set scene.wall_mm=1300
 """
 
@@ -51,29 +49,21 @@ def render(
         str,
         typer.Option(help="File axes that become x, y, z, such as +x+y+z; overrides detection."),
     ] = "auto",
-    raw: Annotated[
-        bool, typer.Option("--raw", help="Also write the Kinect V2's raw frame for libfreenect2.")
-    ] = False,
     preset: PresetOption = None,
     config: ConfigOption = None,
     backend: BackendOption = None,
 ) -> None:
     """Render one mesh to a clean and a noisy depth map (16-bit PNG, millimetres).
 
-    Writes FACE_clean.png, FACE_noisy.png, FACE_infrared.png, FACE_reason.png and FACE_preview.png;
-    with --raw also FACE_raw.bin, ten packed sub-images of 11 bits, and FACE_p0.bin, their phase
-    tables in the format of libfreenect2.
+    Writes FACE_clean.png, FACE_noisy.png, FACE_infrared.png, FACE_reason.png and FACE_preview.png.
     """
     from glsim.dataset import write_frame
     from glsim.faces.one_mesh import OneMesh
-    from glsim.files.atomic import write_atomic
     from glsim.files.png import write_picture
     from glsim.frame import LAYERS, Frame
     from glsim.meshio.load import load_mesh
     from glsim.pipeline import simulate
     from glsim.preview import PreviewFrame, contact_sheet
-    from glsim.sensors import kinect_packet
-    from glsim.sensors.sensor import sensor_of
     from glsim.settings.schema import load_settings
     from glsim.settings.source_settings import parse_source
 
@@ -85,20 +75,12 @@ def render(
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
     single = parse_source({"subjects": 1, "frames_per_subject": 1})
     one_frame = settings.model_copy(update={"source": (single,)})
-    used = sensor_of(settings)
-    if raw:
-        kinect_packet.taps_stage(used)
-    extra = kinect_packet.REQUIRED_LAYERS if raw else ()
-    for frame in simulate(one_frame, sources=[source], backend=backend, extra_layers=extra):
+    for frame in simulate(one_frame, sources=[source], backend=backend):
         assert isinstance(frame, Frame), "a bad face raises, because strict is set"
         paths = write_frame(frame, out, face.stem, LAYERS)
         preview = out / f"{face.stem}_preview.png"
         sheet = contact_sheet([PreviewFrame.of_frame(frame)], f"{face.name}, {settings.sensor}")
         write_picture(sheet, preview)
-        if raw:
-            paths += [out / f"{face.stem}_raw.bin", out / f"{face.stem}_p0.bin"]
-            write_atomic(kinect_packet.encode_packet(used, frame), paths[-2])
-            write_atomic(kinect_packet.p0_tables(), paths[-1])
         print_written([*paths, preview])
         valid = int((frame.noisy_m > 0).sum())
         print_message(f"{int((frame.clean_m > 0).sum())} pixels of surface, {valid} measured")

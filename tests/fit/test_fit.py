@@ -99,10 +99,6 @@ def check_loop(files: list[str], out: Path, base: str) -> dict[str, dict[str, fl
     return stages
 
 
-def depth_files(folder: Path) -> list[str]:
-    return sorted(str(file) for file in folder.glob("*_depth.png"))
-
-
 def copy_depth(folder: Path, to: Path) -> Path:
     """The same recording without its infrared."""
     to.mkdir(parents=True)
@@ -126,22 +122,6 @@ def test_the_loop_closes(recording: Path, tmp_path: Path, infrared: bool) -> Non
 def test_the_loop_closes_for_the_fast_sensor(context: moderngl.Context, tmp_path: Path) -> None:
     folder = record(context, "kinect-v2-fast", tmp_path / "frames")
     check_loop([str(folder)], tmp_path / "mine.toml", "kinect-v2-fast")
-
-
-def test_what_it_prints(
-    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["fit", str(recording), "-o", str(tmp_path / "mine.toml")]) == 0
-    printed = capsys.readouterr().out
-    for words in (
-        "amplitude of a white wall",
-        "noise over infrared",
-        "fixed pattern",
-        "wiggling",
-        "beside depth edges",
-    ):
-        assert words in printed
-    assert "1.2 to 1.5 m" in printed
 
 
 def test_statistics_of_a_recording(recording: Path) -> None:
@@ -227,7 +207,6 @@ def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
     ("arguments", "status", "message"),
     [
         ([], 2, "the base sensor's 512x424: give --focal-px"),
-        (["--focal-px", "50", "--centre-px", "3"], 2, "--centre-px 3: give two numbers, x,y"),
         (["-o", "sensor.json"], 2, "give a name that ends in .toml"),
         (["--base", "kinect-v1"], 2, "no fit starts from 'kinect-v1'"),
     ],
@@ -294,14 +273,6 @@ def test_a_real_pair_gives_the_published_light_and_noise() -> None:
     rows_mm = np.hypot(found.pattern.alternation_mm, found.pattern.row_mm)
     assert rows_mm == pytest.approx(0.64, rel=0.1)  # four devices: 0.59 to 0.68
     assert found.pattern.column_mm < 0.29
-
-
-def test_unrelated_noise_is_refused(tmp_path: Path) -> None:
-    """No frame resembles another although each is white noise without any structure."""
-    rng = np.random.default_rng(7)
-    frames = rng.integers(500, 4000, (3, 48, 64)).astype(np.uint16)
-    with pytest.raises(DatasetError, match="0000 and 0001 show different scenes"):
-        read(write(tmp_path / "noise", frames))
 
 
 def test_infrared_in_a_folder_of_its_own(recording: Path, tmp_path: Path) -> None:
@@ -377,29 +348,6 @@ def test_wiggling_of_a_slanted_wall() -> None:
         assert wiggling.phase_rad[harmonic] == pytest.approx(list(phases.values()), abs=0.15)
     facing = np.rint(900 + rng.normal(0, 1.0, (4, *depth.shape))).astype(np.uint16)
     assert fit_wiggling(measure_recording(frame_set("wall", facing, camera=IMAGE)), IMAGE) is None
-
-
-@pytest.mark.long
-def test_harmonics_of_the_simulator_come_back(context: moderngl.Context) -> None:
-    """A slanted wall before kinect-v2 with one phase for all frequencies: size and phase, deg."""
-    harmonics = {
-        "harmonic_2": 0.015, "harmonic_5": 0.006, "harmonic_phase_spread": 0.0,
-        "harmonic_2_phase_deg": 60.0, "harmonic_5_phase_deg": -100.0,
-    }  # fmt: skip
-    camera = VirtualCamera("kinect-v2", context, seed=4)
-    half = 2500.0
-    slanted = scenes.quad(
-        [(-half, half, 3600), (half, half, 700), (half, -half, 700), (-half, -half, 3600)]
-    )
-    frames = camera.capture(slanted, 16, None, changes={"tof_light": harmonics}).encoded
-    found = measure_recording(frame_set("slanted", frames, camera=IMAGE))
-    model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), EMITTER_M)
-    values = fitted_values(found, model, wiggling=fit_wiggling(found, IMAGE))
-    assert values["harmonic_2"] == pytest.approx(0.015, rel=0.15)
-    assert values["harmonic_5"] == pytest.approx(0.006, rel=0.25)
-    assert values["harmonic_2_phase_deg"] == pytest.approx(60, abs=12)
-    assert values["harmonic_5_phase_deg"] == pytest.approx(-100, abs=20)
-    assert values["harmonic_phase_spread"] == 0
 
 
 def test_values_without_a_place_are_named() -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.numpy_twins.lattice import lattice_noise, normal_share
 from glsim.noise.stage import draw_values
 from glsim.reason import Reason
 from glsim.sensors.sensor import load_sensor
@@ -16,7 +15,6 @@ from glsim.settings.schema import with_assignments
 from tests.support.scenes import frames_of, plate, settings_for
 from tests.support.stage_harness import (
     HEIGHT,
-    WHOLE,
     WIDTH,
     Z_MAX,
     Image,
@@ -123,23 +121,6 @@ def test_heavy_tails_keep_sigma() -> None:
     assert kurtosis > 5.5
 
 
-@pytest.mark.parametrize("spacing", [1.0, 2.0, 5.0])
-def test_neighbours_are_alike_over_the_drawn_length(spacing: float) -> None:
-    """At 0.87 of the lattice's spacing the correlation is one half, along x and along y."""
-    fields = [
-        lattice_noise(WHOLE, (np.float32(spacing), np.float32(1.5 * spacing)), 9000 + n)
-        for n in range(15)
-    ]
-    for axis, length in ((1, spacing), (0, 1.5 * spacing)):
-        lags = range(1, 25)
-        size = WIDTH if axis else HEIGHT
-        measured = [np.mean([_shifted_product(f, axis, lag, size) for f in fields]) for lag in lags]
-        half = np.interp(0.5, measured[::-1], list(lags)[::-1]) if measured[0] > 0.5 else 1.0
-        if length >= 2:
-            assert half == pytest.approx(0.87 * length, rel=0.05)
-        assert abs(measured[int(np.ceil(3 * length)) - 1]) < 0.1  # splines are 3 nodes wide
-
-
 #: Measured correlation of the noise of RealSense cameras (plane residual of a D435, a D455 and a
 #: D405; mean of rows and columns) at these distances, px.
 LAGS = [1, 2, 3, 4, 6, 8, 12]
@@ -170,28 +151,9 @@ def _shifted_product(field: Image, axis: int, lag: int, size: int) -> float:
     return float((ahead * behind).mean())
 
 
-def test_the_field_is_normal_with_variance_one_between_nodes_too() -> None:
-    fields = np.stack(
-        [lattice_noise(WHOLE, (np.float32(3.3), np.float32(2.1)), n) for n in range(60)]
-    )
-    per_place = fields[:, ::20, ::20].reshape(60, -1)  # places far apart, with all kinds of weights
-    assert abs(z_mean(per_place)) < Z_MAX
-    assert abs(z_sd(per_place, 1.0)) < Z_MAX
-    for share in (0.01, 0.1, 0.5, 0.9):
-        measured = (normal_share(fields) < share).mean()
-        assert measured == pytest.approx(share, rel=0.2)  # the sums of bytes have thin tails
-
-
 def test_single_pixels_are_lost_at_the_drawn_rate() -> None:
     hits = _lost(single_share=0.02)
     assert abs((hits.mean() - 0.02) / np.sqrt(0.02 * 0.98 / hits.size)) < Z_MAX
-
-
-def test_clusters_are_lost_at_the_drawn_rate_and_are_clusters() -> None:
-    hits = np.stack([_lost(n, cluster_share=0.02, cluster_px=4.0) for n in range(20)])
-    assert hits.mean() == pytest.approx(0.02, rel=0.15)
-    beside = hits[:, :, 1:][hits[:, :, :-1]].mean()
-    assert beside > 0.6  # single pixels have 0.02 here
 
 
 def _lost(seed: int = 0, **p: float) -> Image:
@@ -374,29 +336,3 @@ def test_shadows_fall_on_no_side_one_side_or_both(context: moderngl.Context) -> 
     assert one[1] == 0
     assert both[0] == pytest.approx(43 * 0.162, abs=1)
     assert both[1] == pytest.approx(13 * 0.162, abs=1)
-
-
-#: Temporal sigma of a plane of skin at 0.9 m, mm: figures of the named sensors' own files.
-NAMED_SIGMA_MM = {
-    "azure-kinect": 0.52,  # measured, as tests/sensors/test_azure_kinect.py holds it over infrared
-    "kinect-v2": 1.2,  # real frames: 1.25 mm at 0.79 m, 1.4 at 1.36 m
-    "kinect-v2-fankhauser": 1.5 - 0.45 + 0.3 * 0.81,
-    "kinect-v1": 1.2 + 1.9 * 0.25,
-    "led3d": 4.0,
-    # Plane residual at 0.9 m of real frames: 0.06 and 0.12 px of f B 19.1 and 19.6 px m.
-    "D435, least": 2.5,
-    "D435, most": 5.0,
-}
-
-
-def test_named_sensors_lie_within_the_ranges() -> None:
-    sigmas = []
-    for seed in range(300):
-        p = drawn(seed)["any_camera_noise"]
-        at_usual_mm = 1000 * 0.9**2 * p["inverse_per_m"]
-        sigmas.append(np.linalg.norm([p["floor_mm"], p["light_mm"], at_usual_mm]))
-    low, high = np.quantile(sigmas, [0.05, 0.95])
-    assert low < min(NAMED_SIGMA_MM.values()), (low, high)
-    assert high > max(NAMED_SIGMA_MM.values()), (low, high)
-    assert min(sigmas) > 0.2
-    assert max(sigmas) < 10

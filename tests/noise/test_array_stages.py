@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from glsim.errors import ConfigError
 from glsim.noise.array_stages import despeckle
 from glsim.noise.registry import find_stage
-from glsim.noise.stage import array_stage
 from glsim.reason import Reason
 from glsim.sensors.sensor import load_sensor
 from tests.support.scenes import frames_of, plate, sensor_file, settings_for
@@ -92,23 +90,6 @@ def test_a_function_that_is_none_is_named(mine: Path, use: str, message: str) ->
     (mine / "broken.py").write_text("def")
     with pytest.raises(ConfigError, match=message):
         load_sensor(sensor_file(mine, f'use = "{use}"'))
-
-
-def test_functions_of_modules_are_found() -> None:
-    spec = find_stage("glsim.noise.array_stages:despeckle")
-    assert spec.function is despeckle
-    assert list(spec.parameters) == ["min_area_px", "max_step_mm"]
-    assert spec.reach_px({"min_area_px": 20}) == 19
-
-
-def test_declarations_carry_file_and_line() -> None:
-    @array_stage(a=("int", 1, 0, 2, "px", "what"))
-    def stage(view: Any, layers: Any, p: Any) -> dict[str, Any]:
-        return {}
-
-    parameter = stage.stage_parameters["a"]  # type: ignore[attr-defined]
-    assert parameter.file == Path(__file__)
-    assert parameter.line > 70
 
 
 def test_despeckle_looks_as_far_as_it_declares() -> None:

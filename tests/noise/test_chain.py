@@ -12,7 +12,6 @@ from glsim.errors import ConfigError, ShaderError
 from glsim.frame import Frame
 from glsim.reason import Reason
 from glsim.sensors.sensor import load_sensor
-from glsim.settings.schema import load_settings
 from tests.support.scenes import frames_of, plate, sensor_file, settings_for
 from tests.support.tof_harness import Camera, quad
 
@@ -66,16 +65,6 @@ def test_stages_run_in_order_under_names_of_their_own(context: moderngl.Context,
         load_sensor(sensor_file(add, two[0], two[0]))
 
 
-def test_two_uses_of_a_stage_have_noise_of_their_own(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
-    noise = 'use = "gaussian"\nname = "{}"\nsigma_mm = 20'
-    one, other = (run(context, sensor_file(tmp_path, noise.format(name))).noisy_m for name in "ab")
-    assert not np.array_equal(one, other)
-    inside = one > 0
-    assert abs(np.corrcoef(one[inside], other[inside])[0, 1]) < 0.1
-
-
 def test_switched_off_stages_leave_no_trace(context: moderngl.Context, add: Path) -> None:
     off = sensor_file(add, 'use = "add.glsl"\nenabled = false', 'use = "gaussian"\nenabled = 0')
     frame = run(context, off)
@@ -109,19 +98,6 @@ def test_a_small_layer_is_a_stage_of_its_own_size(
     frame = run(context, sensor_file(tmp_path, 'use = "small.glsl"', 'use = "grow.glsl"'))
     rows, columns = np.nonzero(frame.clean)
     np.testing.assert_array_equal(frame.noisy[rows, columns], columns // 3 + 100 * (rows // 3))
-
-
-def test_draws_are_recorded_and_constants_are_not(context: moderngl.Context, add: Path) -> None:
-    sensor = sensor_file(
-        add, 'use = "add.glsl"\nby_mm = { uniform = [1, 50] }\ntimes = { choice = [1, 2] }'
-    )
-    frames = frames_of(context, settings_for(sensor), plate(), 12)
-    for frame in frames:
-        assert set(frame.parameters) == {"add.by_mm", "add.times"}
-        by = frame.parameters["add.by_mm"] * frame.parameters["add.times"]
-        assert values(frame) == {round(900 + by)}
-    assert len({frame.parameters["add.by_mm"] for frame in frames}) == 12
-    assert {frame.parameters["add.times"] for frame in frames} == {1.0, 2.0}
 
 
 def stage_text(outputs: str, reads: str = "", body: str = "") -> str:
@@ -168,29 +144,6 @@ def test_what_does_not_fit_is_refused_before_anything_is_drawn(
     (tmp_path / "odd.glsl").write_text(stage_text("out float a;", "uniform uint u_sede;"))
     with pytest.raises(ConfigError, match=message):
         load_sensor(sensor_file(tmp_path, *stages))
-
-
-def test_noise_in_disparity_needs_no_emitter_at_zero(tmp_path: Path) -> None:
-    load_sensor(sensor_file(tmp_path, 'use = "gaussian"', 'use = "perlin"\namplitude_px = 0'))
-    load_sensor(sensor_file(tmp_path, 'use = "disparity_quantise"\nenabled = false'))
-    load_sensor(sensor_file(tmp_path, 'use = "disparity_quantise"', emitter=True))
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        ({"add": {"by_mm": 101}}, r"add.by_mm: 101 is outside \[-100, 100\] mm \(how far\)"),
-        ({"add": {"by_mn": 1}}, "no such parameter 'by_mn' of stage 'add' .*'by_mm'"),
-        ({"ad": {"by_mm": 1}}, "has no stage 'ad' .did you mean 'add'"),
-        ({"add": {"enabled": 2}}, r"add.enabled: 2 is outside \[0, 1\]"),
-    ],
-)
-def test_overrides_are_checked_like_files(
-    add: Path, overrides: dict[str, dict[str, float]], message: str
-) -> None:
-    settings = load_settings(overrides={"stage": overrides})
-    with pytest.raises(ConfigError, match=message):
-        load_sensor(sensor_file(add, 'use = "add.glsl"'), settings.stage)
 
 
 def test_a_shader_that_leaves_nan_is_reported(context: moderngl.Context, add: Path) -> None:

@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 
 import glsim
-from glsim.errors import ConfigError
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
-from glsim.gl.includes import SHADER_ROOT
 from glsim.pipeline import Simulator
 from glsim.plan.tasks import Task, make_tasks
-from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
+from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import Settings, load_settings
 from glsim.settings.seeds import stable_seed
 from tests.support.scenes import face_mesh
@@ -134,31 +132,3 @@ def test_the_same_bytes_alone_and_in_any_order(context: moderngl.Context, tmp_pa
     again = draw(context, settings, third.seed, first.seed)
     assert np.array_equal(again[1].noisy_m, first.noisy_m)
     assert not np.array_equal(second.noisy_m, first.noisy_m)
-
-
-def test_structured_light_and_spatial_filter_have_earlier_frames_too(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
-    stages = (SENSOR_FOLDER / "kinect-v1-pattern.toml").read_text().split("[[rig.imager]]")[1]
-    file = tmp_path / "filtered.toml"
-    file.write_text(
-        f'title = "small"\n{RIG}\n[[rig.imager]]{stages}'
-        '[[stage]]\nuse = "spatial_filter"\n[[stage]]\nuse = "temporal_filter"\n'
-    )
-    (frame,) = draw(context, settings_of(str(file)), 5)
-    earlier = frame.extra["earlier_depth"]
-    off = settings_of(str(file), temporal_filter={"enabled": False})
-    (alone,) = draw(context, off, stable_seed("earlier frame", 5, 8))
-    assert (earlier[..., 0] == alone.noisy_m).mean() > 0.98, "filtered along rows and columns"
-
-
-def test_code_of_ones_own_that_exposes_has_no_twin(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
-    settings = settings_of(camera(tmp_path), **filtered())
-    source = OneMesh(face_mesh(40))
-    simulator = Simulator(settings, [source], context)
-    code = (SHADER_ROOT / "stereo/stereo_exposure.glsl").read_text() + "// mine\n"
-    own = simulator.with_stage("stereo_exposure", code)
-    with pytest.raises(ConfigError, match=r"'stereo_exposure' has none: switch temporal_filter"):
-        list(own.frames(make_tasks(settings, [source])))

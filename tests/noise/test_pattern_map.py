@@ -15,7 +15,6 @@ from glsim.errors import ConfigError
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.settings.schema import load_settings
 from glsim.validate import VirtualCamera, scenes
-from tests.support.stage_harness import Z_MAX, z_sd
 
 SHAPE = (424, 512)
 HOLE = np.s_[150:260, 200:240]
@@ -78,18 +77,6 @@ def test_shader_and_twin_add_the_same_map(context: moderngl.Context, tmp_path: P
     assert np.abs(noisy[0] - noisy[1]).max() < 1e-3
     with pytest.raises(ConfigError, match=r"own.npy: the map of the fixed pattern is 512x424, the"):
         Corrupter(settings, (100, 100), "numpy")
-
-
-def test_without_a_map_nothing_changes(context: moderngl.Context, tmp_path: Path) -> None:
-    file = sensor_file(tmp_path, a_map())
-    off = load_settings(overrides={"sensor": file, "rig": {"fixed_pattern_map": ""}})
-    flat = np.full(SHAPE, 900, np.uint16)
-    with Corrupter(off, SHAPE) as corrupter:
-        assert corrupter.sensor.pattern_map is None
-        error = 1000.0 * corrupter.corrupt(flat, "wall").noisy_m.astype(np.float64) - 900.0
-    # Every third pixel and column means away: independent draws of the pixels' part.
-    rest = (error - error.mean(axis=0))[::3, ::3]
-    assert abs(z_sd(rest, 0.22)) < Z_MAX
 
 
 def test_the_header_of_a_data_set_names_the_map_by_its_values(tmp_path: Path) -> None:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
 
-from glsim.frame import Frame
 from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import shipped_stages
-from glsim.pipeline import simulate
 from glsim.reason import Reason
-from glsim.settings.schema import load_settings
 from tests.support.stage_harness import HEIGHT, WIDTH, Image, crop, flat, frame, layers_of, values
 
 STAGE = "fill_from_points"
@@ -90,36 +86,3 @@ def test_a_window_has_the_pixels_of_the_whole_frame() -> None:
     inner = np.s_[reach:, reach:]
     assert part[inner].size > 10_000
     assert np.array_equal(part[inner], whole[at.window.slices][inner])
-
-
-def test_points_are_the_devices_own() -> None:
-    layers = layers_of(steps(0.5, 1.4), np.array([0.0, 0.0, -1.0, 0.6]))
-    first = run(layers)["depth"]
-    assert np.array_equal(run(layers, frame(seed=9))["depth"], first)
-    assert not np.array_equal(run(layers, frame(device_seed=1))["depth"], first)
-
-
-def test_the_filtered_camera_has_no_holes_and_larger_silhouettes(context: moderngl.Context) -> None:
-    made = []
-    for sensor in ("truedepth", "truedepth-filtered"):
-        settings = load_settings(
-            overrides={
-                "sensor": sensor,
-                "pose": {"distance_mm": 450, "motion": 0},
-                "scene": {"wall_mm": 1500},
-                "output": {"crop": 240, "depth_unit_mm": 0.1},
-            },
-            source={"subjects": 1, "frames_per_subject": 1},
-        )
-        (frame_,) = simulate(settings)
-        assert isinstance(frame_, Frame)
-        made.append(frame_)
-    plain, filtered = made
-    assert (plain.noisy == 0).mean() > 0.003
-    assert (filtered.noisy > 0).all()
-    near = [((f.noisy > 0) & (f.noisy < 9000)).sum() for f in made]
-    assert near[1] > 1.05 * near[0]
-    face = plain.clean_m < 0.5
-    inner = np.s_[100:140, 100:140]
-    errors_mm = [1000 * np.abs(f.noisy_m - f.clean_m)[inner][face[inner]] for f in made]
-    assert np.median(errors_mm[1]) < 2.0, "the relief of a face, flattened a little"

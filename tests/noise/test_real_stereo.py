@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
 from glsim.noise.numpy_twins.lattice import lattice_noise
-from glsim.noise.realsense_filters import smooth_disparity
 from tests.support.stage_harness import WHOLE, Image, frame, layers_of, run_twin
 
 REAL = Path(__file__).resolve().parents[3] / "shared/data/real-cameras/d435_wall_2frames"
@@ -113,14 +112,3 @@ def test_real_noise_has_the_correlation_of_the_widest_lattice(
             off = correlations(tiles, axis) - correlations(ours, axis)
             assert np.abs(off).mean() < 0.1, off
             assert np.abs(off).max() < 0.2, off
-
-
-def test_the_spatial_filter_leaves_most_of_real_noise(
-    depths_mm: list[NDArray[np.float64]],
-) -> None:
-    """White noise would fall to 0.11: the filter is narrower than the noise is correlated."""
-    steps, valid = disparity_steps(depths_mm[0]), depths_mm[0] > 0
-    smooth = smooth_disparity(steps, 0.5, 20.0, 2)
-    assert ((smooth > 0) == valid).all()
-    sigmas = [np.median([t.std() for t in residuals(image, valid)]) for image in (steps, smooth)]
-    assert 0.6 < sigmas[1] / sigmas[0] < 0.95, sigmas

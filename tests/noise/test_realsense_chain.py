@@ -10,7 +10,6 @@ import pytest
 
 import glsim
 from glsim.corrupt import Corrupter
-from glsim.errors import ConfigError
 from glsim.sensors import sensor
 from tests.support.scenes import (
     face_mesh,
@@ -92,14 +91,6 @@ def test_earlier_frames_of_the_scene_smooth_this_one(
         inside = made.noisy[made.clean > 0].astype(float)
         sigmas.append(inside.std())
     assert sigmas[1] / sigmas[0] == pytest.approx(np.sqrt(0.4 / 1.6), rel=0.06)
-
-
-def test_the_temporal_filter_asks_for_earlier_frames(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
-    named = sensor_file(tmp_path, 'use = "temporal_filter"', emitter=True)
-    with pytest.raises(ConfigError, match="match_stereo does; filter the depth of other cameras"):
-        frames_of(context, settings_for(named), plate())
 
 
 def test_a_still_sequence_of_depth_maps_is_filtered_after_it_was_made() -> None:

@@ -13,7 +13,7 @@ from glsim.noise.numpy_twins import TWINS
 from glsim.noise.numpy_twins.dots import cells
 from glsim.noise.registry import shipped_stages
 from glsim.reason import Reason
-from tests.support.stage_harness import FRAME, Image, crop, flat, frame, run_shader, run_twin, scene
+from tests.support.stage_harness import FRAME, Image, crop, frame, run_shader, run_twin, scene
 
 #: Stages of time of flight and of imagers have layers of their own: test_tof_agreement and
 #: test_stereo_light.
@@ -156,23 +156,3 @@ def test_depth_and_reason_fit(use: str, p: Mapping[str, float]) -> None:
     if "reason" not in run_twin(use, layers, FRAME, **p):
         np.testing.assert_array_equal(after, before)
     assert not np.isin(written["reason"][before & ~after], layers["reason"][before]).any()
-
-
-@pytest.mark.parametrize("use", ["millimetre_quantise", "gaussian", "perlin", "disparity_quantise"])
-def test_no_depth_is_rounded_or_moved_away(context: moderngl.Context, use: str) -> None:
-    p = {"millimetre_quantise": {"step_mm": 100.0}, "gaussian": {"sigma_mm": 100.0}}.get(use, {})
-    layers = flat(0.02)
-    for written in (
-        run_shader(context, use, layers, FRAME, **p),
-        run_twin(use, layers, FRAME, **p),
-    ):
-        assert (written["depth"] > 0).all()
-
-
-@pytest.mark.parametrize("use", ["axial", "gaussian", "lateral", "perlin", "simplex", "low_signal"])
-def test_frames_differ_and_repeat(context: moderngl.Context, use: str) -> None:
-    layers = scene()
-    first, again = (run_shader(context, use, layers, frame(1))["depth"] for _ in range(2))
-    other = run_shader(context, use, layers, frame(2))["depth"]
-    assert first.tobytes() == again.tobytes()
-    assert (first != other).mean() > 0.05

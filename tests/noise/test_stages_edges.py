@@ -17,7 +17,6 @@ from tests.support.stage_harness import (
     flat,
     frame,
     run_shader,
-    z_correlation,
     z_mean,
     z_rate,
     z_sd,
@@ -55,11 +54,6 @@ def test_edges_jitter_by_sigma(context: moderngl.Context, sigma: float, axis: in
     assert far.mean() * shares.shape[0] == pytest.approx(len(shares) - (EDGE - first), abs=0.1)
 
 
-def test_no_depth_between_the_surfaces(context: moderngl.Context) -> None:
-    depth = run_shader(context, "lateral", step(FAR), sigma_px=1.5)["depth"][INNER]
-    assert set(np.unique(depth)) == {np.float32(NEAR), np.float32(FAR)}
-
-
 @pytest.mark.parametrize(("angle", "angle_px"), [(0.0, 0.0), (60.0, 0.0), (60.0, 0.035)])
 @pytest.mark.parametrize("slope_mm", [0.5, 2.0])
 def test_on_a_slope_jitter_becomes_noise(
@@ -73,23 +67,6 @@ def test_on_a_slope_jitter_becomes_noise(
     error_mm = (depth.astype(np.float64) - layers["depth"])[INNER] * 1000
     assert abs(z_mean(error_mm)) < Z_MAX
     assert abs(z_sd(error_mm, slope_mm * sigma)) < Z_MAX
-
-
-def test_jitter_in_x_and_y_is_independent(context: moderngl.Context) -> None:
-    errors: list[NDArray[np.float64]] = []
-    for ramp in (np.arange(WIDTH)[None, :], np.arange(HEIGHT)[:, None] * np.ones((1, WIDTH))):
-        layers = flat(0.9 + 1e-3 * ramp)
-        depth = run_shader(context, "lateral", layers)["depth"]
-        errors.append((depth - layers["depth"])[INNER].astype(np.float64))
-    assert abs(z_correlation(*errors)) < Z_MAX
-
-
-def test_steps_below_edge_mm_are_slopes(context: moderngl.Context) -> None:
-    layers = step(NEAR + 0.019)
-    between = run_shader(context, "lateral", layers)["depth"][INNER]
-    assert len(np.unique(between)) > 100
-    apart = run_shader(context, "lateral", layers, edge_mm=18)["depth"][INNER]
-    assert len(np.unique(apart)) == 2
 
 
 def test_lateral_reasons(context: moderngl.Context) -> None:

@@ -23,8 +23,6 @@ from tests.support.stage_harness import (
     z_rate,
 )
 
-CENTRE = (HEIGHT // 2, WIDTH // 2)
-
 
 def strip(numbers: list[float]) -> Image:
     """An image that starts with these numbers and is filled with the last one."""
@@ -76,20 +74,6 @@ def test_infrared_follows_lambert_and_the_inverse_square(
     np.testing.assert_allclose(counts, 12 + np.where(valid, light, 0), rtol=3e-5, atol=1e-4)
 
 
-def test_infrared_laws_at_the_centre(context: moderngl.Context) -> None:
-    def counts(z: float, albedo: float = 1.0, lit: float = 1.0) -> float:
-        layers = flat(z)
-        layers["albedo"], layers["lit"] = layers["albedo"] / 0.6 * albedo, layers["lit"] * lit
-        return float(run_shader(context, "infrared", layers)["infrared"][CENTRE])
-
-    assert counts(1.0) == pytest.approx(30_300, rel=1e-4)
-    assert counts(0.9) / counts(1.8) == pytest.approx(4.0, rel=1e-5)
-    for share in (0.1, 0.5):
-        assert counts(0.9, albedo=share) == pytest.approx(share * counts(0.9), rel=1e-5)
-        assert counts(0.9, lit=share) == pytest.approx(share * counts(0.9), rel=1e-5)
-    assert counts(0.0) == 0.0
-
-
 @pytest.mark.parametrize("spreads", [-2.0, -1.0, 0.0, 1.0, 2.0])
 def test_low_signal_is_lost_as_the_normal_law_says(
     context: moderngl.Context, spreads: float
@@ -105,10 +89,3 @@ def test_low_signal_is_lost_as_the_normal_law_says(
     other = run_shader(context, "low_signal", layers, frame(1))["depth"] == 0
     assert abs(z_correlation(lost, other)) < Z_MAX
     assert abs(z_correlation(lost, np.roll(lost, 1, axis=1))) < Z_MAX
-
-
-def test_low_signal_without_spread_is_a_threshold(context: moderngl.Context) -> None:
-    counts = strip([0.0, 387.4, 387.468, 387.5, 500.0])
-    layers = {**flat(0.9), "infrared": counts}
-    depth = run_shader(context, "low_signal", layers, spread_counts=0)["depth"]
-    np.testing.assert_array_equal(depth[0, :5] > 0, [0, 0, 1, 1, 1])

@@ -22,9 +22,6 @@ from tests.support.stage_harness import (
 )
 
 CELLS = (-(-HEIGHT // 3), -(-WIDTH // 3))
-#: Cells whose windows lie within the frame, and one of them.
-INNER = (slice(3, -3), slice(3, -3))
-CELL = (30, 40)
 
 
 def dots(rows: int = CELLS[0], columns: int = CELLS[1]) -> tuple[NDArray[np.int64], ...]:
@@ -69,55 +66,6 @@ def test_one_dot_in_nine_pixels() -> None:
     assert abs(chi - 8) / np.sqrt(16) < Z_MAX
     for lag in ((0, 1), (1, 0), (1, 1)):
         assert abs(z_correlation(place, np.roll(place, lag, axis=(0, 1)))) < Z_MAX
-
-
-def test_flat_plane_is_matched(context: moderngl.Context) -> None:
-    match = run_shader(context, "correlation_window", flat(0.9))["dot_match"]
-    x, y = dots()
-    assert (match[INNER] > 0).all()
-    np.testing.assert_array_equal(match[INNER], ((x % 3) + 3 * (y % 3) + 1)[INNER])
-
-
-@pytest.mark.parametrize("size", [(1, 1), (3, 3), (5, 5), (HEIGHT, 3), (3, WIDTH)])
-@pytest.mark.parametrize("behind", [0.0, 1.4])
-def test_small_and_thin_things_are_not_found(
-    context: moderngl.Context, size: tuple[int, int], behind: float
-) -> None:
-    depth = np.full((HEIGHT, WIDTH), behind)
-    top, left = 90 if size[0] < HEIGHT else 0, 120 if size[1] < WIDTH else 0
-    depth[top : top + size[0], left : left + size[1]] = 0.7
-    match = run_shader(context, "correlation_window", flat(depth))["dot_match"]
-    x, y = dots()
-    inside = (x < WIDTH) & (y < HEIGHT)
-    on = depth[np.minimum(y, HEIGHT - 1), np.minimum(x, WIDTH - 1)] == 0.7
-    assert (on & inside).any() or size == (1, 1)
-    assert not match[on & inside].any()
-
-
-def test_two_thirds_must_be_seen(context: moderngl.Context) -> None:
-    """Remove the dots of a window one by one: it matches until a third is gone."""
-    around = [at for at in window_of(CELL) if at != tuple(int(p[CELL]) for p in dots()[::-1])]
-    count = len(around) + 1
-    layers = flat(0.9)
-    for gone in range(len(around)):
-        match = run_shader(context, "correlation_window", layers)["dot_match"][CELL]
-        assert (match > 0) == (count - gone > 2 * count / 3)
-        layers["depth"][around[gone]] = 0.0
-
-
-def test_two_thirds_must_agree(context: moderngl.Context) -> None:
-    """Move dots away by a pixel of disparity: the rule's own arithmetic, written out."""
-    around = [at for at in window_of(CELL) if at != tuple(int(p[CELL]) for p in dots()[::-1])]
-    layers = flat(0.9)
-    results = []
-    for at in around:
-        expected = rule(layers["depth"], CELL)
-        match = run_shader(context, "correlation_window", layers)["dot_match"][CELL]
-        assert (match > 0) == expected
-        results.append(expected)
-        layers["depth"][at] = FOCAL_BASELINE / (FOCAL_BASELINE / 0.9 + 30.0)
-    assert results[0]
-    assert not all(results)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -172,16 +120,6 @@ def test_spread_reasons(context: moderngl.Context) -> None:
     np.testing.assert_array_equal(
         written["reason"][~before & ~after], layers["reason"][~before & ~after]
     )
-
-
-def test_steps_of_disparity_are_no_other_surface(context: moderngl.Context) -> None:
-    """A plane at 4 m whose depths are 72 mm apart, as 1/8 px of disparity makes them."""
-    layers = flat(4.0)
-    layers["depth"] += np.float32(0.072) * (np.arange(WIDTH) % 2)
-    layers["dot_match"] = scene()["dot_match"] * 0 + 1
-    written = run_shader(context, "dot_spread", layers)
-    assert (np.abs(written["depth"] - layers["depth"]) > 0.07).any()
-    assert (written["reason"][written["depth"] > 0] == Reason.VALID).all()
 
 
 def test_a_plane_comes_through_whole(context: moderngl.Context) -> None:

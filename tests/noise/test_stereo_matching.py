@@ -84,18 +84,6 @@ def test_disparities_are_found_between_pixels(disparity: float) -> None:
     assert inner[inner > 0].std() < 0.13
 
 
-def test_the_amplitude_takes_the_preference_of_whole_pixels_off() -> None:
-    ramp = np.broadcast_to(np.linspace(20, 30, WIDTH), (HEIGHT, WIDTH))
-    left, right = seen(ramp)
-    error = []
-    for amplitude in (0.0, 0.11):
-        found = run(left, right, amplitude_px=amplitude, subpixel_steps=256)["disparity"]
-        off = (found - ramp)[10:-10, 60:-10]
-        error.append(float(off[found[10:-10, 60:-10] > 0].std()))
-        assert abs(np.median(off)) < 0.06
-    assert error[1] < 0.6 * error[0]
-
-
 def test_depths_are_those_of_whole_steps() -> None:
     """Every depth is round(f B 32 / (unit n)) units, as a real D4xx's."""
     ramp = np.broadcast_to(np.linspace(20, 30, WIDTH), (HEIGHT, WIDTH))
@@ -168,20 +156,6 @@ def test_reasons_tell_hidden_from_unmatched_pixels() -> None:
     assert (reason[20:30, 100:300] == Reason.VALID).all()
     wrong = run(left, right, clean_m=np.full_like(clean, 0.5))["reason"]
     assert (wrong[20:30, 100:300] == Reason.MOVED).all()
-
-
-def test_largest_disparity_and_shift_bound_the_range() -> None:
-    left, right = seen(np.full((HEIGHT, WIDTH), 50.0))
-    clean = np.full((HEIGHT, WIDTH), FOCAL_PX * BASELINE_M / 50, np.float32)
-    near = run(left, right, clean_m=clean, largest_px=45)
-    assert not near["depth"][10:-10, 150:].any()
-    assert (near["reason"][20:-20, 150:] == Reason.OUT_OF_RANGE).all()
-    shifted = run(left, right, clean_m=clean, disparity_shift=30, disparities=64)
-    assert (shifted["depth"][10:-10, 150:-10] > 0).mean() > 0.98
-    assert (
-        not run(left, right, disparity_shift=60, disparities=64)["depth"][20:-20, 180:-20].mean()
-        > 0.3
-    )
 
 
 def test_small_regions_and_dim_dots() -> None:
@@ -262,42 +236,3 @@ def test_refinement_removes_the_preference_of_whole_pixels() -> None:
     )
     assert np.ptp(plain) > 0.15
     assert np.ptp(refined) < 0.5 * np.ptp(plain) - 0.01
-
-
-def test_refined_noise_is_alike_over_the_support_and_less_than_unrefined() -> None:
-    truth = np.full((HEIGHT, WIDTH), 20.4)
-    left, right = seen(truth)
-    noisy = [
-        np.clip(np.rint(i + np.random.default_rng(k).normal(0, 8, i.shape)), 0, 255).astype("f4")
-        for k, i in enumerate((left, right))
-    ]
-    plain, refined = (
-        match(noisy[0], noisy[1], parameters(refine_px=w))[20:-20, 60:-40] / 256.0 for w in (0, 9)
-    )
-    assert refined.std() < 0.8 * plain.std()
-    step = np.diff(refined, axis=1).std()
-    assert step < 0.4 * refined.std()  # white noise has sqrt 2
-
-
-def test_the_support_may_be_longer_along_the_baseline() -> None:
-    truth = np.full((HEIGHT, WIDTH), 20.4)
-    left, right = seen(truth)
-    noisy = np.clip(left + np.random.default_rng(5).normal(0, 8, left.shape), 0, 255)
-    found = match(
-        np.rint(noisy).astype(np.float32), right, parameters(support_px=15, support_across_px=3)
-    )[20:-20, 60:-40]
-    along, across = (np.diff(found, axis=axis).std() for axis in (1, 0))
-    assert along < 0.6 * across
-
-
-@pytest.mark.parametrize("threads", [1, 2, 4])
-def test_refined_disparities_are_the_same_for_any_number_of_threads(threads: int) -> None:
-    truth = np.broadcast_to(np.linspace(20.0, 30.0, WIDTH), (HEIGHT, WIDTH))
-    left, right = seen(truth)
-    expected = match(left, right, parameters(refine_px=9))
-    before = cv2.getNumThreads()
-    try:
-        cv2.setNumThreads(threads)
-        np.testing.assert_array_equal(match(left, right, parameters(refine_px=9)), expected)
-    finally:
-        cv2.setNumThreads(before)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from glsim.geometry.rect import Rect
-from tests.support.tof_harness import QUIET, Camera, face_scenes, merged, quad
+from tests.support.tof_harness import QUIET, Camera, face_scenes, quad
 
 SENSORS = ["kinect-v2", "kinect-v2-fast", "azure-kinect", "azure-kinect-wfov"]
 
@@ -61,51 +61,6 @@ def test_a_crop_is_a_part_of_the_frame(context: moderngl.Context, sensor: str) -
     inner = Rect(crop.left - window.left, crop.top - window.top, crop.width, crop.height)
     for name in ("depth", "reason", "infrared"):
         np.testing.assert_array_equal(whole[name][crop.slices], part[name][inner.slices], name)
-
-
-def test_taking_the_centre_for_all_samples_costs_less_than_it_may(
-    context: moderngl.Context,
-) -> None:
-    """smooth_mm = 0.05 against all samples everywhere."""
-    cam = Camera.open(context)
-    for scene in face_scenes(6, seed=1):
-        quick = cam.shoot(scene, QUIET)
-        exact = cam.shoot(scene, merged(QUIET, {"tof_light": {"smooth_mm": 0.0}}))
-        one, other = quick["depth"] > 0, exact["depth"] > 0
-        assert (one == other).mean() > 0.999  # haze beside faces is just decodable
-        error_mm = 1000 * np.abs(quick["depth"] - exact["depth"])[one & other]
-        assert np.quantile(error_mm, 0.99) < 0.2  # optics of 0.22 px blur less of it away
-        assert np.quantile(error_mm, 0.999) < 3.0  # at rims, of nostrils and ears too
-        turned = error_mm > 100  # dark pixels in shadows, unwrapped to another turn
-        assert turned.mean() < 5e-4
-        assert error_mm[~turned].mean() < 0.02
-
-
-def test_the_clean_depth_is_that_of_the_pixels_centre(context: moderngl.Context) -> None:
-    fine, coarse = Camera.open(context), Camera.open(context, supersample=1)
-    for scene in face_scenes(3, seed=2):
-        one, frame = fine.clean(scene)
-        other, same = coarse.clean(scene)
-        assert frame.window == same.window
-        assert ((one["clean"] > 0) == (other["clean"] > 0)).mean() > 0.9999
-        both = (one["clean"] > 0) & (other["clean"] > 0)
-        assert np.quantile(np.abs(one["clean"] - other["clean"])[both], 0.999) < 2e-5
-        cosine = (one["normal"] * other["normal"])[..., :3].sum(axis=-1)[both]
-        assert np.median(np.degrees(np.arccos(np.clip(cosine, -1, 1)))) < 4
-        off = np.abs(one["albedo"][both] - other["albedo"][both])
-        assert (
-            off > 0.02
-        ).mean() < 5e-3  # the edges of lips and brows: a pixel has its area's mean
-
-
-@pytest.mark.parametrize("samples", [1, 5])
-def test_other_numbers_of_samples_work(context: moderngl.Context, samples: int) -> None:
-    three, other = Camera.open(context), Camera.open(context, supersample=samples)
-    scene = [quad(900.0, (-100, 100), (-120, 120)), quad(1500.0)]
-    one, two = three.shoot(scene, QUIET), other.shoot(scene, QUIET)
-    valid = (one["depth"] > 0) & (two["depth"] > 0)
-    assert valid.mean() > 0.97
-    assert np.median(1000 * np.abs(one["depth"] - two["depth"])[valid]) < 0.01
 
 
 def test_a_lens_that_distorts_keeps_planes_plane(context: moderngl.Context) -> None:

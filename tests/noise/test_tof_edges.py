@@ -11,7 +11,7 @@ from glsim.geometry.pose import pose_matrix
 from glsim.measures.frame import DepthFrame
 from glsim.measures.silhouettes import find_edges
 from glsim.reason import Reason
-from tests.support.tof_harness import QUIET, Camera, Image, Placed, merged, quad
+from tests.support.tof_harness import Camera, Image, Placed, quad
 
 OFF = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}
 ROWS = slice(120, 300)
@@ -69,67 +69,6 @@ def test_what_the_filters_remove_says_why(context: moderngl.Context) -> None:
     codes = layers["reason"][ROWS, 230:280][lost]
     assert set(np.unique(codes)) <= {Reason.EDGE, Reason.MIXED, Reason.UNWRAP}
     assert {Reason.MIXED} <= set(np.unique(codes))
-
-
-def test_a_small_step_is_left_alone(context: moderngl.Context) -> None:
-    """Within a face: the edge filter never fires below its 100 mm."""
-    layers = edge(Camera.open(context), 900.0, 940.0, filters=True, albedo=0.6)
-    assert (layers["depth"][ROWS, 230:280] > 0).all()
-
-
-def test_silhouettes_before_nothing_grow_and_stay_in_place(context: moderngl.Context) -> None:
-    cam = Camera.open(context)
-    scene = [quad(900.0, (-100, 100), (-100, 100), albedo=0.6)]
-    layers = cam.shoot(scene, merged(QUIET, OFF))
-    clean, depth = layers["clean"] > 0, layers["depth"]
-    assert (depth[clean] > 0).all()
-    grown = (depth > 0) & ~clean
-    assert (layers["reason"][grown] == Reason.GROWN).all()
-    rim = 2 * (clean.any(axis=0).sum() + clean.any(axis=1).sum())
-    assert 0.3 < grown.sum() / rim < 2.3
-    # Halo and haze come from aside; a rim lacks half of the late light, so that it is too near.
-    assert np.abs(1000 * depth[clean] - 900).max() < 5.0
-    late_mm = 0.87 * 70.0  # a pixel with nothing behind it has the halo's light, and the core's
-    assert (1000 * depth[grown] > 897.5).all()
-    assert (1000 * depth[grown] < 902.5 + late_mm).all()
-    noisy = cam.shoot(scene)
-    assert (noisy["depth"] > 0)[clean].mean() > 0.995
-    assert 0.3 < ((noisy["depth"] > 0) & ~clean).sum() / rim < 2.3
-
-
-@pytest.mark.parametrize(("far", "width"), [(1100.0, 4.0), (1500.0, 8.8), (2000.0, 12.0)])
-def test_shadows_are_as_wide_as_geometry_says(
-    context: moderngl.Context, far: float, width: float
-) -> None:
-    """B f (1 / near - 1 / far) beside the occluder, on the side away from the emitter only.
-
-    B is the mean of the three points by their light, 54 mm.
-    """
-    cam = Camera.open(context)
-    half = 40 * 900 / FOCAL
-    layers = cam.shoot([quad(900.0, (-half, half), (-half, half)), quad(far)])
-    lit, near = layers["lit"], layers["clean"] < 0.95
-    row = lit[205]
-    behind = ~near[205]
-    left, right = (
-        row[: int(CENTRE)][behind[: int(CENTRE)]],
-        row[int(CENTRE) :][behind[int(CENTRE) :]],
-    )
-    assert (1 - left).sum() == pytest.approx(width, abs=1.0)
-    assert (1 - right).sum() < 0.1
-    column = lit[:, int(CENTRE)][~near[:, int(CENTRE)]]
-    assert (1 - column).sum() < 1.0, "at most the pixel that the edge itself runs through"
-    assert ((left > 0.2) & (left < 0.8)).any(), "a penumbra"
-    middle = lit[205] == 0
-    assert np.isin(layers["reason"][205][middle & (layers["depth"][205] == 0)],
-                   [Reason.SHADOW, Reason.MIXED, Reason.EDGE, Reason.UNWRAP]).all()  # fmt: skip
-
-
-def test_without_offset_there_is_no_shadow(context: moderngl.Context) -> None:
-    cam = Camera.open(context, "kinect-v2-fast", emitter=[{"position_m": [0.0, 0.0, 0.001]}])
-    scene = [quad(900.0, (-50, 50), (-50, 50)), quad(2000.0)]
-    lit = cam.shoot(scene, {"tof_shadow": {"spread_mm": 0.0}})["lit"]
-    assert (lit == 1).all()
 
 
 def test_an_edge_is_where_it_is(context: moderngl.Context) -> None:

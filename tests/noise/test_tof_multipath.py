@@ -50,13 +50,3 @@ def test_twin_agrees(context: moderngl.Context) -> None:
     assert (one == other).mean() >= 0.999
     apart = np.abs(drawn["depth"] - computed["depth"])[one & other]
     assert (apart <= 0.00101).mean() >= 0.999
-
-
-def test_its_size_follows_its_strength(context: moderngl.Context) -> None:
-    cam = Camera.open(context)
-    sizes = []
-    for strength in (0.0, 0.5, 1.0):
-        changes = merged(QUIET, ON, {"tof_multipath": {"strength": strength}})
-        sizes.append(cam.shoot(corner(), changes)["infrared"].sum())
-    assert sizes[0] == cam.shoot(corner(), QUIET)["infrared"].sum()
-    assert sizes[0] < sizes[1] < sizes[2]

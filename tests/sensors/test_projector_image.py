@@ -105,21 +105,6 @@ def test_depth_is_measured_by_the_image(context: moderngl.Context, tmp_path: Pat
     assert (dark.noisy > 0).mean() < 0.4, "without the pattern little is found"
 
 
-def test_structured_light_finds_nothing_outside_of_the_image(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
-    sensor_file(tmp_path, random_dots((80, 60), 0.3))
-    file = tmp_path / "phone.toml"
-    narrow = PATTERN.replace("[80, 64]", "[30, 50]")
-    file.write_text(f'extends = "truedepth"\ntitle = "own"\n{RIG}{narrow}')
-    frame = frame_of(str(file))
-    half_px = 140 * np.tan(np.radians(15))
-    across = np.abs(np.arange(200) + 0.5 - 100)
-    assert (frame.noisy[:, across > half_px + 6] == 0).all()
-    inside = (frame.noisy > 0) & (across < half_px - 6)
-    assert inside[30:-30].sum() > 0.9 * 90 * (across < half_px - 6).sum()
-
-
 def test_none_of_a_fine_pattern_is_lost(tmp_path: Path) -> None:
     """The mean over a pixel of the camera keeps all light, wherever the dots lie."""
     image = random_dots((1500, 2000), 0.01)
@@ -130,15 +115,6 @@ def test_none_of_a_fine_pattern_is_lost(tmp_path: Path) -> None:
     assert 0 < found.max() < 0.5, "dots of one pixel are spread over those that the camera sees"
     coarse = read_projector_image(tmp_path / "dots.png", (80, 64), (5000, 5000)).brightness
     assert np.array_equal(coarse, image / np.float32(255)), "coarser than the camera: as it is"
-
-
-def test_8_and_16_bits_are_the_same_light(tmp_path: Path) -> None:
-    dots = random_dots((30, 40))
-    sensor_file(tmp_path, dots)
-    eight = load_sensor(str(tmp_path / "own.toml"))
-    sensor_file(tmp_path, dots.astype(np.uint16) * 257)
-    sixteen = load_sensor(str(tmp_path / "own.toml"))
-    assert eight.describe()["projector_image"] == sixteen.describe()["projector_image"]
 
 
 def test_the_header_of_a_data_set_names_the_image_by_its_values(tmp_path: Path) -> None:

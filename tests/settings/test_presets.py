@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from glsim.cli.generate_plan import scene_line
 from glsim.errors import ConfigError
 from glsim.settings.presets import preset_names, preset_title
 from glsim.settings.schema import load_settings
@@ -21,16 +20,6 @@ def test_the_shipped_presets_load_and_have_a_title() -> None:
     assert office.source[0].kind == "people"
     assert office.scene.room == "office"
     assert load_settings(preset="living-room").scene.room == "living-room"
-
-
-def test_the_paper_preset_is_the_papers_set_up() -> None:
-    paper = load_settings(preset="paper")
-    assert paper.sensor == "kinect-v2-paper"
-    assert (paper.split, paper.output.crop) == ("paper", 128)
-    assert paper.pose.distance_mm.constant == 900
-    assert paper.scene.room == "none"
-    assert paper.scene.wall_mm is None
-    assert paper.source[0].kind == "procedural"
 
 
 def test_a_file_then_assignments_then_options_change_a_preset(tmp_path: Path) -> None:
@@ -70,12 +59,3 @@ def test_counts_hold_for_sources_of_every_kind(tmp_path: Path) -> None:
 def test_an_unknown_preset_names_the_nearest() -> None:
     with pytest.raises(ConfigError, match=r"no such preset 'ofice' \(did you mean 'office'\?\)"):
         load_settings(preset="ofice")
-
-
-def test_the_plan_says_what_the_scene_is() -> None:
-    line = scene_line(load_settings(preset="office").scene)
-    assert "room 'office', one per sequence" in line
-    assert "900 to 2400 mm behind" in line
-    assert "0 to 2 other people" in line
-    assert "nothing" in scene_line(load_settings().scene)
-    assert "a wall at 1500 mm" in scene_line(load_settings(None, ["scene.wall_mm=1500"]).scene)
