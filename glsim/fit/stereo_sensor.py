@@ -28,7 +28,7 @@ from glsim.fit.sensor_file import BASES
 from glsim.fit.stereo_statistics import StereoStatistics
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
-from glsim.noise.triangulation import MATCHER
+from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 from glsim.validate import scenes
 from glsim.validate.virtual_camera import VirtualCamera

@@ -18,8 +18,8 @@ from glsim.errors import ConfigError
 from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import EARLIER_LAYER, INFRARED
 from glsim.noise.registry import shipped_stages
+from glsim.noise.rig_checks import MATCHER
 from glsim.noise.stage import ENABLED, ArrayFunction, Stage, StageValues
-from glsim.noise.triangulation import MATCHER
 from glsim.settings.seeds import stable_seed
 
 

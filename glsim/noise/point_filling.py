@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
-from glsim.noise.match_reasons import is_other_surface
 from glsim.noise.numpy_twins.random import random_bits
 from glsim.noise.stage import array_stage
+from glsim.noise.stereo_matching import is_other_surface
 from glsim.reason import Reason
 
 __all__ = ["fill_from_points"]

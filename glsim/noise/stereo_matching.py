@@ -21,16 +21,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.geometry.camera import Point
 from glsim.geometry.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.image_alignment import STEPS_PER_PX
 from glsim.noise.layer_names import DISPARITY_LAYER
-from glsim.noise.match_reasons import match_reasons
 from glsim.noise.numpy_twins.layers import pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
 from glsim.noise.semi_global import NO_MATCH, match, reject_unlit
 from glsim.noise.stage import array_stage
-from glsim.noise.view_warp import warp_to_camera
+from glsim.reason import Reason
 
 __all__ = ["match_stereo"]
 
@@ -183,3 +183,102 @@ def _device_error(device_seed: int, window: Rect, grain_px: float) -> NDArray[np
     field: NDArray[np.float32] = smooth[reach:-reach, reach:-reach].astype(np.float32)
     field.flags.writeable = False
     return field
+
+
+#: A match that is farther from the true disparity has found another surface, px: ten times the
+#: noise. Chosen.
+_OTHER_SURFACE_PX = 1.0
+#: A view sees another surface if its depth is smaller by this share. Chosen: a step of 1 px at
+#: most distances.
+_HIDDEN_SHARE = 0.02
+
+
+def match_reasons(
+    view: StageView, layers: Layers, depth_m: NDArray[np.float32], p: Mapping[str, float]
+) -> NDArray[np.float32]:
+    """Return the reason codes of matched depth.
+
+    Args:
+        layers: clean; for two imagers also right_clean. All of the window, metres.
+        depth_m: (h, w) after matching, 0 = none.
+        p: parameters of the stage ``match_stereo``.
+    """
+    clean = layers["clean"]
+    surface, found = clean > 0, depth_m > 0
+    fb = np.float32(view.focal_baseline_px_m)
+    true_px = np.where(surface, fb / np.where(surface, clean, 1), 0)
+    reason = layers["reason"].copy()
+    lost = surface & ~found
+    reason[lost] = float(Reason.WINDOW)
+    nearest_px = p["largest_px"]
+    reason[lost & (true_px > nearest_px)] = float(Reason.OUT_OF_RANGE)
+    if "right_clean" in layers:
+        reason[lost & _hidden(view, layers, true_px)] = float(Reason.SHADOW)
+    reason[is_other_surface(view, clean, depth_m)] = float(Reason.MOVED)
+    return reason
+
+
+def is_other_surface(
+    view: StageView, clean_m: NDArray[np.float32], depth_m: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Return where a depth's disparity is not that of the clean surface.
+
+    Args:
+        clean_m, depth_m: (h, w) metres, 0 = none; where either is, the answer is no.
+    """
+    fb = np.float32(view.focal_baseline_px_m)
+    both = (clean_m > 0) & (depth_m > 0)
+    found_px, true_px = (fb / np.where(both, d, 1) for d in (depth_m, clean_m))
+    other: NDArray[np.bool_] = both & (np.abs(found_px - true_px) > _OTHER_SURFACE_PX)
+    return other
+
+
+def _hidden(view: StageView, layers: Layers, true_px: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return where the second imager sees another surface, or nothing of the scene."""
+    right, clean = layers["right_clean"], layers["clean"]
+    height, width = clean.shape
+    axis_px = np.array(view.optics.second_view_m[:2]) / np.hypot(*view.optics.second_view_m[:2])
+    row, column = np.mgrid[:height, :width]
+    column = np.rint(column - axis_px[0] * true_px).astype(np.int64)
+    row = np.rint(row - axis_px[1] * true_px).astype(np.int64)
+    beside = (column < 0) | (column >= width) | (row < 0) | (row >= height)
+    there = right[row.clip(0, height - 1), column.clip(0, width - 1)]
+    hidden: NDArray[np.bool_] = beside | ((there > 0) & (there < (1 - _HIDDEN_SHARE) * clean))
+    return hidden
+
+
+Image = NDArray[np.float32]
+
+
+def warp_to_camera(depth_m: Image, imager_m: Point, focal_px: float) -> Image:
+    """Return what of a depth map a camera at the origin sees, in pixels of the same grid.
+
+    Pixels shift by focal length times offset over depth; a nearer one covers farther ones. Each is
+    drawn into the two pixels that it falls between, so that a slanted surface has no cracks.
+
+    Args:
+        depth_m: (H, W) seen by the imager, metres, 0 = none.
+        imager_m: its place, with z = 0.
+
+    Returns:
+        (H, W) metres, 0 where nothing is seen: what the imager does not see stays empty.
+    """
+    height, width = depth_m.shape
+    row, column = np.nonzero(depth_m)
+    depth = depth_m[row, column]
+    # Farthest first: of several values for one pixel NumPy keeps the last.
+    order = np.argsort(-depth, kind="stable")
+    row, column, depth = row[order], column[order], depth[order]
+    shift = np.float64(focal_px) / depth
+    x, y = column + shift * imager_m[0], row + shift * imager_m[1]
+    seen = np.zeros_like(depth_m)
+    upright = abs(imager_m[1]) > abs(imager_m[0])
+    along = np.floor(y if upright else x).astype(np.int64)
+    across = np.rint(x if upright else y).astype(np.int64)
+    # Per pixel both neighbours are written before any nearer one.
+    along = np.stack([along, along + 1], axis=1).ravel()
+    across, depth = np.repeat(across, 2), np.repeat(depth, 2)
+    rows, columns = (along, across) if upright else (across, along)
+    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    seen[rows[inside], columns[inside]] = depth[inside]
+    return seen

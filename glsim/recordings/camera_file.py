@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 
 from glsim.errors import ConfigError, DatasetError, did_you_mean
 from glsim.geometry.camera import Distortion, Intrinsics
-from glsim.noise.triangulation import MATCHER
+from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import load_sensor, sensor_names
 from glsim.settings.tables import TomlTable, parse_table, read_toml
 

@@ -25,10 +25,9 @@ from glsim.errors import ConfigError, did_you_mean
 from glsim.geometry.camera import SensorRig
 from glsim.noise.chain import check_chain
 from glsim.noise.layer_names import PATTERN_LAYER, PROJECTOR_LAYER
-from glsim.noise.light import check_light
 from glsim.noise.registry import find_stage, is_code
+from glsim.noise.rig_checks import check_light, check_triangulation
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
-from glsim.noise.triangulation import check_triangulation
 from glsim.plugins import load_plugin, plugin_file, plugin_names
 from glsim.sensors.inheritance import read_sensor_tree
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
@@ -36,9 +35,8 @@ from glsim.sensors.projector_image import ProjectorImage, read_projector_image
 from glsim.sensors.rig_table import RigTable
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
-from glsim.settings.problems import first_problem
 from glsim.settings.schema import Settings, place_of
-from glsim.settings.tables import TomlTable, merge_tables, parse_table
+from glsim.settings.tables import TomlTable, first_problem, merge_tables, parse_table
 
 SENSOR_FOLDER = Path(__file__).parent
 

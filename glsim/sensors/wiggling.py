@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from glsim.geometry.camera import FloatArray
-from glsim.noise.light import SPEED_OF_LIGHT
+from glsim.noise.rig_checks import SPEED_OF_LIGHT
 from glsim.noise.stage import ENABLED, Stage
 
 #: Periods per half wavelength of the harmonics that three taps alias.

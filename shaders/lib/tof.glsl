@@ -10,7 +10,7 @@ const float TWO_PI = 6.28318530718;
 // libfreenect2's ab_multiplier_per_frq: contrast at 16 MHz over contrast at each frequency.
 const vec3 CONTRAST_MULTIPLIER = vec3(1.322581, 1.0, 1.612903);
 
-// 3e8 m/s, as in the decoder's tables (glsim/noise/light.py, SPEED_OF_LIGHT).
+// 3e8 m/s, as in the decoder's tables (glsim/noise/rig_checks.py, SPEED_OF_LIGHT).
 const float HALF_WAVE_M_MHZ = 150.0;
 
 // Cosines and sines of the three taps' phases 0, 120 and 240 degrees.

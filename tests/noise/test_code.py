@@ -10,8 +10,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.errors import ConfigError
-from glsim.noise.declared_stage import declared_stage
-from glsim.noise.registry import find_stage, is_code
+from glsim.noise.registry import declared_stage, find_stage, is_code
 from glsim.sensors.sensor import load_sensor, sensor_code
 from glsim.settings.schema import load_settings
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.noise.frame_context import StageView
-from glsim.noise.light import SPEED_OF_LIGHT
 from glsim.noise.numpy_twins.layers import Image
+from glsim.noise.rig_checks import SPEED_OF_LIGHT
 
 TWO_PI = np.float32(6.28318530718)
 _MOST_TURNS = 64
