@@ -77,6 +77,6 @@ plt.show()
 # .. code-block:: sh
 #
 #    glsim eval data -d noisy -d median -d quadric:sigma_px=2 -d face -o scores
-#    glsim paper study -o study
+#    glsim transfer -o study
 #
-# :doc:`/noise_study` has this comparison under four noise models, with tuned filters.
+# :doc:`/paper_studies` has this comparison under four noise models, with tuned filters.

@@ -1,4 +1,4 @@
-"""A self-supervised loss: it never sees a clean frame. Limits: docs/self_supervised.md."""
+"""A self-supervised loss: it never sees a clean frame. Limits: docs/rivals.md."""
 
 from __future__ import annotations
 
