@@ -1,18 +1,24 @@
-"""The Python of the README and of docs/: what it imports is public, and the first example runs.
-
-``make docs`` checks links within the site; tests/test_site.py checks commands and contents.
-"""
+"""The pages of docs/ and the README: links, commands, imports and contents."""
 
 from __future__ import annotations
 
 import ast
 import importlib
 import re
+import shlex
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from glsim.noise.registry import shipped_stages
+from glsim.settings.schema import Settings
+from glsim.train.recipe import Recipe
+from scripts.check_site import find_broken_links
+from scripts.reference import CHAPTERS
+from scripts.reference.commands import commands, options_of
+from scripts.reference.settings import setting_names
 from tests.support.imports import ROOT
 from tests.support.scenes import face_mesh
 
@@ -24,12 +30,13 @@ PAGES = [
 SCRIPTS = sorted([*(DOCS / "tutorials").glob("*.py"), *(DOCS / "gallery").glob("*.py")])
 #: Where a user imports from; nothing deeper.
 PUBLIC = ("glsim", "glsim.train", "glsim.transforms")
-_BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
 
-def snippets(page: Path) -> list[str]:
-    """The Python blocks of a page."""
-    return _BLOCK.findall(page.read_text(encoding="utf-8"))
+def blocks(page: Path, language: str) -> list[str]:
+    """The blocks of a language on a page."""
+    text = page.read_text(encoding="utf-8")
+    found: list[str] = re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    return found
 
 
 def private_imports(code: str) -> list[str]:
@@ -45,10 +52,34 @@ def private_imports(code: str) -> list[str]:
     return private
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
-def test_pages_import_public_names_only(page: Path) -> None:
-    for code in snippets(page):
+def wrong_option(line: str) -> str | None:
+    """What a command line names that glsim does not have; None if nothing."""
+    known = dict(commands())
+    words = shlex.split(line, comments=True)[1:]
+    if words[:1] and words[0].startswith("-"):
+        return None  # options of glsim itself
+    name = next((" ".join(words[:n]) for n in (2, 1) if " ".join(words[:n]) in known), None)
+    if name is None:
+        return f"no command {words[0]}"
+    options = {word.split("=")[0] for word in words if re.match(r"--?[a-zA-Z]", word)}
+    missing = options - options_of(known[name])
+    return f"glsim {name} has no {', '.join(sorted(missing))}" if missing else None
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_a_page_names_what_there_is(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for code in blocks(page, "python"):
         assert private_imports(code) == []
+    lines = [line for b in blocks(page, "sh") for line in b.replace("\\\n", " ").splitlines()]
+    lines = [line for line in lines if line.startswith("glsim ")]
+    assert [wrong for line in lines if (wrong := wrong_option(line))] == []
+    targets = re.findall(r"\]\(([\w./-]+\.(?:md|png|webp))(?:#[\w-]+)?\)", text)
+    targets += re.findall(r"(?:\{image\}|:img-top:) (\S+)", text)
+    for target in targets:  # a link that starts with / starts from docs/
+        if "generated/" not in target:
+            place = DOCS / target[1:] if target.startswith("/") else page.parent / target
+            assert place.exists(), target
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.name)
@@ -56,28 +87,46 @@ def test_scripts_import_public_names_only(script: Path) -> None:
     assert private_imports(script.read_text(encoding="utf-8")) == []
 
 
-def test_deeper_imports_are_found() -> None:
+def test_wrong_imports_commands_and_links_are_found(tmp_path: Path) -> None:
     assert private_imports("from glsim.meshio.load import load_mesh")
     assert private_imports("from glsim import no_such_name")
-    assert private_imports("import glsim.pipeline")
-    assert not private_imports("import glsim\nfrom glsim import simulate")
-    assert sum(len(snippets(page)) for page in PAGES) >= 5
+    assert wrong_option("glsim generat -o data") == "no command generat"
+    assert wrong_option("glsim generate -o data --sujects 3") == "glsim generate has no --sujects"
+    (tmp_path / "one.html").write_text('<a href="two.html#gone">wrong</a> <img src="none.png">')
+    (tmp_path / "two.html").write_text('<h1 id="here">Title</h1>')
+    assert find_broken_links(tmp_path) == [
+        "one.html: none.png is not there",
+        "one.html: two.html#gone has no such anchor",
+    ]
 
 
-def test_every_file_that_a_page_names_exists() -> None:
-    """Paths such as ``glsim/settings/schema.py`` in the text, and links between pages."""
-    for page in PAGES:
-        text = page.read_text(encoding="utf-8")
-        named = re.findall(
-            r"`((?:glsim|train|eval|shaders|tests|scripts|benchmarks)/[\w./-]+)`", text
-        )
-        linked = re.findall(r"\]\(([\w./-]+\.(?:md|png))(?:#[\w-]+)?\)", text)
-        for path in named:
-            assert (ROOT / path).exists(), f"{page.name} names {path}"
-        for path in linked:  # a link that starts with / starts from docs/
-            if "generated/" not in path:
-                place = DOCS / path[1:] if path.startswith("/") else page.parent / path
-                assert place.exists(), f"{page.name} links to {path}"
+def test_tables_of_contents_reach_every_page() -> None:
+    named = set()
+    for page in PAGES[1:]:
+        for block in blocks(page, r"\{toctree\}"):
+            for line in block.splitlines():
+                if line.strip() and not line.startswith(":"):
+                    found = re.search(r"<(.*)>", line)
+                    target = found[1] if found else line.strip()
+                    place = DOCS / target[1:] if target.startswith("/") else page.parent / target
+                    named.add(place.resolve())
+    assert {p.with_suffix("") for p in PAGES[1:]} - {DOCS / "index"} - named == set()
+
+
+def test_the_reference_names_all_that_there_is() -> None:
+    pages: dict[str, str] = {}
+    for chapter in CHAPTERS.values():
+        pages |= chapter()
+    for name, spec in shipped_stages().items():
+        for parameter in spec.parameters.values():
+            assert f"| `{parameter.name}` | {parameter.type} |" in pages[f"stages/{name}"]
+    for model, page in ((Settings, "settings"), (Recipe, "recipes")):
+        for key in setting_names(model):
+            assert f"| `{key.rpartition('.')[2]}` |" in pages[page], key
+    for name, command in commands():
+        assert f"## `glsim {name}`" in pages["commands"]
+        for option in options_of(command) - {"-h", "--help"}:
+            assert f"`{option}`" in pages["commands"]
 
 
 def test_the_first_example_of_the_readme_runs(
@@ -89,7 +138,18 @@ def test_the_first_example_of_the_readme_runs(
     (tmp_path / "face.obj").write_text("\n".join(lines))
     monkeypatch.chdir(tmp_path)
     variables: dict[str, Any] = {}
-    exec(compile(snippets(PAGES[0])[0], "README.md", "exec"), variables)
-    frame = variables["frame"]
-    assert frame.noisy.shape == (128, 128)
-    assert frame.noisy.any()
+    exec(compile(blocks(PAGES[0], "python")[0], "README.md", "exec"), variables)
+    assert variables["frame"].noisy.shape == (128, 128)
+    assert variables["frame"].noisy.any()
+
+
+@pytest.mark.long
+def test_the_example_of_the_readme_is_typed(tmp_path: Path) -> None:
+    """As written, under ``mypy --strict``; a misspelt attribute is found."""
+    (code,) = (block for block in blocks(PAGES[0], "python") if "frames(settings" in block)
+    for name, text, status in (("right", code, 0), ("wrong", f"{code}\nframe.no_such\n", 1)):
+        file = tmp_path / f"{name}.py"
+        file.write_text(text)
+        command = [ROOT / "scripts" / "check_types.sh", file]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+        assert done.returncode == status, done.stdout + done.stderr

@@ -109,22 +109,6 @@ def test_the_commands_of_a_page_run(folder: Path, page: str) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_the_pages_are_found() -> None:
-    assert {"README.md", "docs/start.md", "docs/export.md", "docs/howto/commands.md"} <= {*PAGES}
-
-
-def test_no_command_hides_in_an_indented_block() -> None:
-    """The test above runs fenced shell blocks only, so commands must not be indented blocks."""
-    found = [
-        f"{path.name}: {line}"
-        for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
-        if not {"_build", "generated"} & {*path.parts}
-        for line in path.read_text(encoding="utf-8").splitlines()
-        if re.match(r"    (glsim|pip|ray|python3?) ", line)
-    ]
-    assert found == []
-
-
 def test_a_wrong_line_that_is_only_read_is_noticed(folder: Path) -> None:
     for line in ("glsim paper tabels data", "glsim tune kinect-v2 --prot 80", "glsim fetch"):
         done = subprocess.run(
