@@ -95,15 +95,15 @@ def _turn(name: str, arguments: argparse.Namespace) -> dict[str, float]:
 
 def _faces(sensor: str, frames: int, ict_root: Path | None) -> tuple[Settings, FaceSource]:
     """Return settings of so many frames, and their source, of a new person every frame."""
-    from glsim.faces.ict_facekit import IctFaceKit
-    from glsim.faces.procedural.source import ProceduralFaces
+    from glsim.faces.sources.ict_facekit import IctFaceKit
+    from glsim.faces.sources.procedural import ProceduralFaces
 
-    each = 60
+    each = 60 if ict_root is None else 1
     count: dict[str, Any] = {"subjects": frames // each + 1, "frames_per_subject": each}
     if ict_root is None:
         return load_settings(overrides={"sensor": sensor}, source=count), ProceduralFaces(0)
     count |= {"kind": "ict-facekit", "root": ict_root}
-    source = IctFaceKit(ict_root, 0, new_identity_every_frame=True)
+    source = IctFaceKit(ict_root, 0)
     return load_settings(overrides={"sensor": sensor}, source=count), source
 
 

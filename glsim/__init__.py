@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from glsim.eval.scoring.run import evaluate
     from glsim.exports import export_dataset, push_dataset
     from glsim.exports.base import Export
-    from glsim.faces.base import Face, FaceKey, FaceSettings
+    from glsim.faces.base import Face, FaceKey, FaceSettings, FaceSource
     from glsim.faces.one_mesh import OneMesh
     from glsim.frame import Frame, Skipped
     from glsim.geometry.camera import Intrinsics, SensorRig
@@ -49,6 +49,7 @@ _HOME = {
     "Face": "glsim.faces.base",
     "FaceKey": "glsim.faces.base",
     "FaceSettings": "glsim.faces.base",
+    "FaceSource": "glsim.faces.base",
     "Frame": "glsim.frame",
     "GlsimError": "glsim.errors",
     "Intrinsics": "glsim.geometry.camera",
@@ -94,6 +95,7 @@ __all__ = [
     "Face",
     "FaceKey",
     "FaceSettings",
+    "FaceSource",
     "Frame",
     "GlsimError",
     "Intrinsics",

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, Protocol, cast
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from glsim.appearance.scalp import Scalp, make_scalp
 from glsim.appearance.shell import Shell, uncovered
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceSource, WornPart
+from glsim.faces.generated import GeneratedFaces
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
@@ -51,24 +52,6 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
         return []
     shares = (settings.hair, settings.beard, settings.brows, settings.glasses, settings.cloth)
     return [name for name, share in zip(WORN_REGIONS, shares, strict=True) if share > 0]
-
-
-class DressableSource(FaceSource, Protocol):
-    """A source that knows its regions and its subjects' neutral shape."""
-
-    @property
-    def regions(self) -> NDArray[np.uint8]:
-        """(V,) indices into ``region_names``."""
-        ...
-
-    @property
-    def region_names(self) -> Sequence[str]:
-        """Names of the regions."""
-        ...
-
-    def neutral(self, subject: str) -> tuple[Points, NDArray[np.int32]]:
-        """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles."""
-        ...
 
 
 @dataclass(eq=False)
@@ -130,14 +113,13 @@ class Dresser:
         wanted = settings.wear == "always" or (
             settings.wear == "auto" and source.name in DRESSED_SOURCES
         )
-        needed = ("regions", "region_names", "neutral")
-        if wanted and not all(hasattr(source, name) for name in needed):
+        if wanted and not isinstance(source, GeneratedFaces):
             raise ConfigError(
                 f"{source.name}: its meshes have no known regions, so nobody can be dressed: set "
                 "appearance.wear = 'auto'"
             )
         self.is_on = wanted
-        self._source = cast(DressableSource, source)
+        self._source = cast("GeneratedFaces[object]", source)
         self._settings = settings
         self._wardrobes: OrderedDict[tuple[str, int], _Wardrobe] = OrderedDict()
 
@@ -171,8 +153,9 @@ class Dresser:
     def _reference(self) -> Anatomy:
         subject = self._source.subjects(1)[0]
         vertices, faces = self._source.neutral(subject)
-        source = self._source
-        return Anatomy(source.name, vertices, faces, source.regions, source.region_names)
+        topology = self._source.topology
+        assert topology.regions is not None
+        return Anatomy(self._source.name, vertices, faces, topology.regions, topology.region_names)
 
     @cached_property
     def _skull(self) -> NDArray[np.int64]:

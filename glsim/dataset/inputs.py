@@ -65,8 +65,7 @@ def source_hashes(
 ) -> dict[str, dict[str, str]]:
     """Hash the files that the frames of ``tasks`` are made of: source -> file -> hash.
 
-    Sources without a method ``contents`` read no files. A source of another package is also its
-    code: the files of that package.
+    A source of another package is also its code: the files of that package.
     """
     subjects: dict[int, dict[str, None]] = defaultdict(dict)
     for person in people_of(tasks):
@@ -75,8 +74,7 @@ def source_hashes(
     for number, source in enumerate(sources):
         if number not in subjects:
             continue
-        contents = getattr(source, "contents", None)
-        files = dict(contents([*subjects[number]])) if contents is not None else {}
+        files = source.contents([*subjects[number]])
         if source.name not in shipped_kinds():
             code = plugin_code("sources", source.name)
             files |= {name: content_hash(file) for name, file in code.items()}

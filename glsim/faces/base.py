@@ -6,17 +6,16 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Final, Protocol, overload
+from typing import Protocol, overload
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.neck import Neck
 from glsim.geometry.mesh import Mesh
 from glsim.settings.source_settings import SourceSettings
-
-#: Frames of a generated sequence, unless the settings say otherwise.
-DEFAULT_SEQUENCE: Final = 30
 
 
 @dataclass(frozen=True)
@@ -110,15 +109,32 @@ class BadFace:
     error: MeshError
 
 
-class FaceSource(Protocol):
-    """A supplier of faces. Implementations are picklable, and cheap until ``load`` is called.
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """What all meshes of a source share.
 
-    One that reads files may also have ``contents(subjects) -> {name: hash}``, for all files that
-    the frames of these subjects depend on (``glsim.files.contents``): a data set is not resumed
-    after a change.
+    Args:
+        triangles: (F, 3) int32.
+        regions: (V,) uint8 indices into ``region_names``, or None.
+        region_names: names of face regions.
+        landmarks: (68,) int64 vertices in the order of ``glsim.faces.landmarks``, or None.
     """
 
+    triangles: NDArray[np.int32]
+    regions: NDArray[np.uint8] | None = None
+    region_names: tuple[str, ...] = ()
+    landmarks: NDArray[np.int64] | None = None
+
+
+class FaceSource(Protocol):
+    """A supplier of faces: derive from it. Sources are picklable, and cheap until ``load``."""
+
     name: str
+
+    @property
+    def topology(self) -> Topology | None:
+        """Triangles, regions and landmarks that all meshes share; None if they share nothing."""
+        return None
 
     def subjects(self, count: int | None) -> list[str]:
         """Return the first ``count`` subjects (None: all; ConfigError if there is no last one)."""
@@ -134,6 +150,13 @@ class FaceSource(Protocol):
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Yield one result per key, in order. It depends on source settings and key only."""
         ...
+
+    def contents(self, subjects: Sequence[str]) -> dict[str, str]:
+        """Return name -> hash of all files that the frames of these subjects depend on.
+
+        A data set is not resumed after a change (see ``glsim.files.contents``).
+        """
+        return {}
 
 
 class FaceSettings(SourceSettings):
@@ -162,28 +185,6 @@ class FaceSettings(SourceSettings):
         if self.root is None:
             raise ConfigError(f"source {self.kind!r} needs --root: the folder with its files")
         return self.root
-
-
-class GeneratorSettings(FaceSettings):
-    """The [[source]] table of a generator: people without end who perform sequences."""
-
-    endless: ClassVar[bool] = True
-
-    frames_per_sequence: int | None = Field(
-        None, ge=1, le=100_000, description="length of a generated sequence; default: 30"
-    )
-    frames_per_second: float | None = Field(
-        None,
-        gt=0,
-        le=1000,
-        description="a generated sequence is a part of a performance at this rate, at a random "
-        "time; default: the whole performance, evenly spaced",
-    )
-
-    @property
-    def timing(self) -> tuple[int, float | None]:
-        """Frames of a sequence, and frames per second or None."""
-        return self.frames_per_sequence or DEFAULT_SEQUENCE, self.frames_per_second
 
 
 class MeshFileSettings(FaceSettings):

@@ -21,15 +21,15 @@ LANDMARKS: Final = 68
 def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
     """Return (68,) indices of vertices, the same in each mesh of the source.
 
-    A source that knows them has the attribute ``landmarks``. Raises ConfigError for another one.
+    Raises ConfigError for a source that does not know them.
     """
-    indices = getattr(source, "landmarks", None)
-    if indices is None:
+    topology = source.topology
+    if topology is None or topology.landmarks is None:
         raise ConfigError(
             f"{source.name}: does not know the landmarks of its faces: leave output.landmarks out, "
             "or use procedural, people or ict-facekit"
         )
-    return np.asarray(indices, np.int64)
+    return topology.landmarks
 
 
 def to_camera(vertices_mm: NDArray[np.float32], view: NDArray[np.float64]) -> NDArray[np.float64]:

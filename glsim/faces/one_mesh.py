@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from glsim.faces.base import Face, FaceKey
+from glsim.faces.base import Face, FaceKey, FaceSource
 from glsim.geometry.mesh import Mesh
 
 
-class OneMesh:
-    """A FaceSource with one subject and one mesh, for ``simulate(settings, sources=[...])``."""
+class OneMesh(FaceSource):
+    """A source with one subject and one mesh, for ``simulate(settings, sources=[...])``."""
 
     name = "mesh"
 

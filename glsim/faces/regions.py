@@ -29,9 +29,6 @@ _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
 def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -> dict[str, int]:
     """Return region name -> number for all regions of the sources, sorted by number.
 
-    A source has regions if it has ``region_names`` and ``regions``, (V,) indices into these names
-    for the vertices of each of its meshes.
-
     Args:
         further: names of KNOWN_REGIONS that people may wear, or that may stand around them.
 
@@ -51,7 +48,7 @@ def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -
 
 
 def _region_names_of(source: FaceSource) -> tuple[str, ...]:
-    return tuple(getattr(source, "region_names", ()))
+    return () if source.topology is None else source.topology.region_names
 
 
 class RegionLabels:
@@ -105,9 +102,9 @@ class RegionLabels:
         return self._uniform[key]
 
     def _load(self, source: FaceSource) -> NDArray[np.float32] | None:
-        names = _region_names_of(source)
-        if not names:
+        topology = source.topology
+        if topology is None or topology.regions is None:
             return None
-        numbers = np.array([self.numbers[name] for name in names], np.float32)
-        labels: NDArray[np.float32] = numbers[source.regions]  # type: ignore[attr-defined]
+        numbers = np.array([self.numbers[name] for name in topology.region_names], np.float32)
+        labels: NDArray[np.float32] = numbers[topology.regions]
         return labels

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glsim.faces.base import Face
-from glsim.faces.procedural.source import ProceduralFaces
+from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.geometry.mesh import Mesh
 
 #: Albedos: painted walls and boards; cloth; black plastic and cloth. Chosen.

@@ -14,6 +14,7 @@ from glsim.appearance.cloth import UP, ClothBody, Worn, fit_cloth, make_cloth_gr
 from glsim.appearance.dress import Dresser
 from glsim.appearance.garments import LOWER, SHOES, UPPER, Garment
 from glsim.faces.base import Face
+from glsim.faces.people.model import REGIONS
 from tests.support.people import needs_anny
 from tests.support.wardrobe import ALL, appearance, keys
 
@@ -22,7 +23,7 @@ pytestmark = needs_anny
 
 @lru_cache(maxsize=1)
 def people():  # type: ignore[no-untyped-def]
-    from glsim.faces.people.source import People
+    from glsim.faces.sources.people import People
 
     return People(seed=3)
 
@@ -31,7 +32,7 @@ def people():  # type: ignore[no-untyped-def]
 def body() -> Anatomy:
     source = people()
     vertices, faces = source.neutral("a0002")
-    return Anatomy(source.name, vertices, faces, source.regions, source.region_names)
+    return Anatomy(source.name, vertices, faces, source.topology.regions, REGIONS)
 
 
 @lru_cache(maxsize=1)

@@ -13,6 +13,7 @@ from glsim.appearance.dress import Dresser, worn_regions
 from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
+from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.variation import vary
 from glsim.frame import Frame
 from glsim.pipeline import simulate
@@ -96,9 +97,8 @@ def test_beards_follow_the_jaw() -> None:
     """The lowest part of a beard goes down with the chin, and stays as thick as it was."""
     neutral = frames("p0001", 1)[0]
     vertices, _ = heads().neutral("p0001")
-    person = heads()._subject("p0001")
-    open_mouth = person.frame({"AU26": 1.0})
-    chin = np.array([name == "chin" for name in heads().region_names])[heads().regions]
+    open_mouth = heads().person("p0001").frame({"AU26": 1.0})
+    chin = head_model().in_regions("chin")
     drop = (vertices - open_mouth)[chin, 1].mean()
     assert drop > 5
     there = dresser()
@@ -119,7 +119,7 @@ def test_beards_follow_the_jaw() -> None:
 
 @pytest.mark.long
 def test_glasses_stand_before_the_eyes_and_off_the_nose() -> None:
-    names = np.array(heads().region_names)[heads().regions]
+    names = np.array(REGIONS)[head_model().regions]
     for number in range(6):
         subject = f"p000{number}"
         vertices, _ = heads().neutral(subject)

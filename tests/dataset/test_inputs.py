@@ -12,7 +12,7 @@ import pytest
 from glsim.dataset import GenerateProgress, arithmetic, chunks, generate
 from glsim.errors import ConfigError, DatasetError
 from glsim.faces import open_source
-from glsim.faces.ict_facekit import IctFaceKit
+from glsim.faces.sources.ict_facekit import IctFaceKit
 from glsim.files.contents import content_hash
 from glsim.settings.schema import Settings, load_settings
 from tests.support.dataset_fakes import TINY_SENSOR, contents

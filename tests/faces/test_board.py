@@ -10,7 +10,7 @@ import pytest
 
 from glsim.errors import ConfigError
 from glsim.faces import open_source
-from glsim.faces.board import Board
+from glsim.faces.sources.board import Board
 from glsim.frame import Frame
 from glsim.pipeline import simulate
 from glsim.settings.source_settings import parse_source
@@ -48,5 +48,5 @@ def test_boards_are_endless_and_depend_on_their_keys(context: moderngl.Context) 
     for endless in (lambda: source.subjects(None), lambda: source.frames("b0000", None)):
         with pytest.raises(ConfigError, match="never end"):
             endless()
-    with pytest.raises(ConfigError, match="a board of 0 x 220 mm"):
-        Board(0.0, 220.0)
+    with pytest.raises(ValueError, match="width_mm"):
+        parse_source({"kind": "board", "width_mm": 0})

@@ -12,7 +12,7 @@ from glsim.errors import ConfigError
 from glsim.faces.base import FaceSource
 from glsim.faces.head_motion import BAND_HZ, WAVES, head_motion, move_pose
 from glsim.faces.neck import NECK_PIVOT_MM
-from glsim.faces.procedural.source import ProceduralFaces
+from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.frame import Frame
 from glsim.geometry.pose import pose_matrix
 from glsim.pipeline import simulate

@@ -15,11 +15,11 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
-from glsim.faces.base import Face, FaceKey, FaceSource
-from glsim.faces.ict_facekit import IctFaceKit
+from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.faces.ict_facekit.load import load_model, model_folder
-from glsim.faces.ict_facekit.shapes import KNOWN_SHAPES, kit_weights
-from glsim.faces.ict_facekit.topology import ALBEDO, REGION_NAMES
+from glsim.faces.ict_facekit.model import KNOWN_SHAPES, MorphableModel
+from glsim.faces.ict_facekit.triangles import ALBEDO, REGION_NAMES
+from glsim.faces.sources.ict_facekit import IctFaceKit
 from tests.support.face_models import write_face_x_model
 from tests.support.imports import loaded_after
 
@@ -45,8 +45,8 @@ def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A cache of the test's own, and all triangles taken for visible, hidden parts too."""
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(
-        "glsim.faces.ict_facekit.load.visible_faces",
-        lambda model: np.ones(len(model.topology.faces), dtype=bool),
+        "glsim.faces.ict_facekit.load.visible_triangles",
+        lambda model: np.ones(len(model.topology.triangles), dtype=bool),
     )
 
 
@@ -75,16 +75,15 @@ def test_subjects_and_frames_are_lists_of_names(small_model: Path) -> None:
 def test_geometry_is_that_of_the_files(small_model: Path) -> None:
     source = IctFaceKit(small_model.parent)  # the folder around FaceXModel will do
     model = load_model(source.root)
-    count = len(model.topology.kept)
+    count = len(model.topology.regions)
     assert model.basis.shape == (1 + 100 + len(model.expressions), 3 * count)
     mean = model.basis[0].reshape(-1, 3)
-    nose = mean[model.topology.region == REGION_NAMES.index("nose")]
+    nose = mean[model.topology.regions == REGION_NAMES.index("nose")]
     tip = nose[np.argmax(nose[:, 2])]
     np.testing.assert_allclose(tip, [0, 0, 45], atol=1e-4)
-    weights = np.zeros((2, len(model.basis)), dtype=np.float32)
-    weights[:, 0] = 1
-    weights[1, 1 + 100 + model.expressions.index("jawOpen")] = 0.5
-    still, opened = model.evaluate(weights)
+    still = model.neutral(np.zeros(100))
+    half = 0.5 * (np.array(model.expressions) == "jawOpen")
+    opened = model.with_shapes(still, half)
     np.testing.assert_allclose((opened - still)[:, 1].min(), -20, atol=1e-3)  # half of 4 cm
 
 
@@ -92,7 +91,7 @@ def test_geometry_is_that_of_the_files(small_model: Path) -> None:
 def test_regions_are_told_apart_without_vertex_numbers(small_model: Path) -> None:
     source = IctFaceKit(small_model)
     (face,) = _faces(source, source.frames("i0000", 1))
-    regions, names = source.regions, source.region_names
+    regions, names = source.topology.regions, source.topology.region_names
     assert names == REGION_NAMES
     points = load_model(source.root).basis[0].reshape(-1, 3) / 10 - [0, 0, 4.5]
     seen = {names[index]: points[regions == index] for index in range(len(names))}
@@ -127,18 +126,9 @@ def test_a_face_depends_on_seed_and_key_alone(small_model: Path) -> None:
     assert not np.array_equal(_vertices(together[0]), _vertices(other))
 
 
-def test_people_keep_their_face_unless_a_benchmark_asks(small_model: Path) -> None:
-    keys = [FaceKey("i0000", "s00_12", 0, 0.0), FaceKey("i0000", "s00_12", 29, 0.0)]
-    first, last = _faces(IctFaceKit(small_model), keys)
-    np.testing.assert_array_equal(_vertices(first), _vertices(last))
-    fresh = IctFaceKit(small_model, new_identity_every_frame=True)
-    first, last = _faces(fresh, keys)
-    assert not np.array_equal(_vertices(first), _vertices(last))
-
-
 def test_identity_weights_are_standard_normal_within_three(small_model: Path) -> None:
     source = IctFaceKit(small_model)
-    weights = np.stack([source._identity(FaceKey(f"i{n:04d}", "", 0)) for n in range(300)])
+    weights = np.stack([source.identity(f"i{n:04d}") for n in range(300)])
     assert np.abs(weights).max() <= 3
     assert abs(weights.mean()) * np.sqrt(weights.size) < 4.5
     # A standard normal cut at 3 has variance 0.97334.
@@ -147,7 +137,7 @@ def test_identity_weights_are_standard_normal_within_three(small_model: Path) ->
 
 def test_foreign_keys_are_refused(small_model: Path) -> None:
     source = IctFaceKit(small_model)
-    with pytest.raises(ConfigError, match="no ict-facekit subject 'p0000'"):
+    with pytest.raises(ConfigError, match="no subject 'p0000' of ict-facekit"):
         list(source.load([FaceKey("p0000", "s00_12", 0)]))
     with pytest.raises(ConfigError, match="is not a sequence name"):
         list(source.load([FaceKey("i0000", "smile", 0)]))
@@ -155,12 +145,13 @@ def test_foreign_keys_are_refused(small_model: Path) -> None:
 
 def test_action_units_become_shapes() -> None:
     assert {"mouthSmile_L", "jawLeft", "eyeLookOut_R", "browInnerUp_L"} <= KNOWN_SHAPES
-    shapes = ("jawOpen", "mouthSmile_L", "mouthSmile_R")
-    weights = kit_weights({"AU25": 1.0, "AU26": 0.8, "AU12_R": 0.3}, shapes)
-    np.testing.assert_allclose(weights, [0.4, 0, 0.3])  # jaws do not add up
-    assert kit_weights({"AU25": 1.0}, shapes)[0] == 0.1
-    lips = kit_weights({"AU18": 0.5, "AU22": 1.0}, ("mouthPucker", "mouthFunnel"))
-    np.testing.assert_allclose(lips, [1 / 3, 2 / 3])
+    shapes = ("jawOpen", "mouthSmile_L", "mouthSmile_R", "mouthPucker", "mouthFunnel")
+    model = MorphableModel(np.zeros((0, 0), np.float32), shapes, Topology(np.zeros((0, 3), int)))
+    weights = model.shape_weights({"AU25": 1.0, "AU26": 0.8, "AU12_R": 0.3})
+    np.testing.assert_allclose(weights, [0.4, 0, 0.3, 0, 0])  # jaws do not add up
+    assert model.shape_weights({"AU25": 1.0})[0] == 0.1
+    lips = model.shape_weights({"AU18": 0.5, "AU22": 1.0})
+    np.testing.assert_allclose(lips[3:], [1 / 3, 2 / 3])
 
 
 @pytest.mark.usefixtures("_empty_cache")
@@ -262,5 +253,5 @@ def test_a_missing_or_broken_model_gives_one_clear_line(tmp_path: Path, small_mo
 
 
 def test_importing_the_source_is_light() -> None:
-    names = "glsim.faces.ict_facekit, glsim.faces.sources.folder, glsim.meshio.load"
+    names = "glsim.faces.sources.ict_facekit, glsim.faces.sources.folder, glsim.meshio.load"
     assert not loaded_after(f"import {names}") & {"trimesh", "cv2", "moderngl", "scipy"}

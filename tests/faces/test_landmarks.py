@@ -7,10 +7,9 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from glsim.errors import ConfigError
-from glsim.faces.base import FaceSource
+from glsim.faces.base import FaceSource, Topology
 from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
@@ -27,8 +26,9 @@ class MarkedFace(OneMesh):
     """The analytic face with landmarks on vertices all over it, the last one behind its nose."""
 
     @property
-    def landmarks(self) -> NDArray[np.int64]:
-        return np.linspace(0, len(MESH.vertices_mm) - 1, LANDMARKS).astype(np.int64)
+    def topology(self) -> Topology:
+        landmarks = np.linspace(0, len(MESH.vertices_mm) - 1, LANDMARKS).astype(np.int64)
+        return Topology(MESH.faces, landmarks=landmarks)
 
 
 def frame_of(context: moderngl.Context, source: FaceSource, crop: int | None = 200) -> Frame:
@@ -43,7 +43,7 @@ def test_landmarks_lie_where_their_vertices_are_drawn(context: moderngl.Context)
     frame = frame_of(context, MarkedFace(MESH))
     assert frame.landmarks is not None
     assert frame.head_to_camera is not None
-    head_m = MESH.vertices_mm[MarkedFace(MESH).landmarks] / 1000.0
+    head_m = MESH.vertices_mm[MarkedFace(MESH).topology.landmarks] / 1000.0
     expected = head_m @ frame.head_to_camera[:3, :3].T + frame.head_to_camera[:3, 3]
     np.testing.assert_allclose(frame.landmarks.points_m, expected, atol=1e-6)
     np.testing.assert_allclose(frame.landmarks.pixels, frame.intrinsics.project(expected))

@@ -9,8 +9,8 @@ from glsim.faces.head_motion import move_pose
 from glsim.faces.neck import NECK_DEG, Neck, bend_neck, head_share, trunk_angles
 from glsim.faces.procedural.model import head_model
 from glsim.faces.procedural.parameters import mean_identity
-from glsim.faces.procedural.source import ProceduralFaces
 from glsim.faces.procedural.subject import neutral_head
+from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
 
@@ -46,7 +46,7 @@ def test_the_head_takes_the_pose_exactly(mean: Mesh) -> None:
 def test_an_open_mouth_belongs_to_the_head(mean: Mesh) -> None:
     source = ProceduralFaces(1)
     lower = head_model().in_regions("chin", "lips", "teeth", "mouth")
-    wide = source._subject("p0000").frame({"AU27": 1.0})
+    wide = source.person("p0000").frame({"AU27": 1.0})
     assert head_share(wide[lower]).min() > 0.99
 
 

@@ -20,7 +20,6 @@ from glsim.faces.procedural.parameters import (
     mean_identity,
     sample_identity,
 )
-from glsim.faces.procedural.source import ProceduralFaces
 from glsim.faces.procedural.subject import (
     HeadSubject,
     asymmetry_field,
@@ -28,6 +27,7 @@ from glsim.faces.procedural.subject import (
     neutral_head,
     subject_of,
 )
+from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.geometry.mesh import vertex_normals
 from tests.support.landmark_order import MIDLINE, MIRROR, assert_order
 
@@ -138,7 +138,7 @@ def test_bytes_do_not_depend_on_batch_order_or_instance(source: ProceduralFaces)
 
 def test_unknown_names_are_refused(source: ProceduralFaces, mean: HeadSubject) -> None:
     key = source.frames("p0000", 1)[0]
-    with pytest.raises(ConfigError, match="no procedural subject"):
+    with pytest.raises(ConfigError, match="no subject 'joe' of procedural"):
         list(source.load([type(key)("joe", key.sequence, 0)]))
     with pytest.raises(ConfigError, match="not a sequence name"):
         list(source.load([type(key)("p0000", "smile", 0)]))

@@ -14,13 +14,13 @@ from glsim.appearance.dress import WORN_REGIONS
 from glsim.dataset import open_dataset, verify, write_dataset
 from glsim.dataset.reader import Dataset
 from glsim.errors import ConfigError, DatasetError
-from glsim.faces.base import FaceSource
-from glsim.faces.ict_facekit.topology import REGION_NAMES
+from glsim.faces.base import FaceSource, Topology
+from glsim.faces.ict_facekit.triangles import REGION_NAMES
 from glsim.faces.one_mesh import OneMesh
-from glsim.faces.people.regions import REGIONS as PEOPLE_REGIONS
+from glsim.faces.people.model import REGIONS as PEOPLE_REGIONS
 from glsim.faces.procedural.model import REGIONS
-from glsim.faces.procedural.source import ProceduralFaces
 from glsim.faces.regions import KNOWN_REGIONS, region_numbers
+from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.frame import Frame
 from glsim.geometry.mesh import Mesh
 from glsim.pipeline import simulate
@@ -104,7 +104,7 @@ def test_the_label_of_a_triangle_is_that_of_most_corners() -> None:
 def test_regions_cost_nothing_unless_asked_for(context: moderngl.Context) -> None:
     class NoLabels(ProceduralFaces):
         @property
-        def regions(self) -> np.ndarray:  # type: ignore[type-arg]
+        def topology(self) -> Topology:
             raise AssertionError("nobody asked")
 
     with_them = frame(context, ProceduralFaces())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glsim.faces.base import Face
-from glsim.faces.procedural.source import ProceduralFaces
+from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.occluder import KEPT_SHARE, occluder_of
 from glsim.render.renderer import Renderer

@@ -40,8 +40,6 @@ def figures(context: moderngl.Context, sensor: str = "ideal", **tables: Any) -> 
     )
     layers = ("clean", "noisy", "regions", "infrared")
     sources: list[FaceSource] = [Figures()]
-    regional: Any = sources[0]
-    regional.region_names, regional.regions = ("face",), np.zeros(len(figure().vertices_mm), int)
     tasks = make_tasks(settings, sources)
     return list(simulate(settings, tasks, sources=sources, context=context, layers=layers))
 
@@ -160,7 +158,7 @@ def test_a_wall_in_front_of_the_face_is_refused_or_recorded(context: moderngl.Co
     assert all(f.parameters["scene.wall_mm"] > 900 for f in made)
 
 
-class _Static:
+class _Static(FaceSource):
     """Many frames of one face."""
 
     name = "static"

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.base import Face, FaceKey
-from glsim.faces.ict_facekit.shapes import KNOWN_SHAPES
+from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.ict_facekit.model import KNOWN_SHAPES
 from glsim.geometry.mesh import Mesh
 
 ROWS, COLUMNS = 61, 49
@@ -147,18 +147,22 @@ def _ball(middle: tuple[float, float, float], radius: float, columns: int) -> ND
     return np.asarray(radius * ring.reshape(-1, 3) + np.array(middle))
 
 
-class Board:
+class Board(FaceSource):
     """Two squares side by side, 60 mm each: the left in the image is "nose", the right "tail"."""
 
     name = "board"
-    region_names = ("tail", "nose")
 
     def __init__(self, wrong: bool = False) -> None:
         x, y = np.meshgrid([-60, -0.01, 0.01, 60], [-30, 30])
         points = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
         corner = np.array([[0, 1, 5], [0, 5, 4], [2, 3, 7], [2, 7, 6]], np.int32)
         self._mesh = Mesh(points.astype(np.float32), corner)
-        self.regions = np.array([1, 1, 0, 0] * (1 if wrong else 2), np.uint8)
+        regions = np.array([1, 1, 0, 0] * (1 if wrong else 2), np.uint8)
+        self._topology = Topology(corner, regions, ("tail", "nose"))
+
+    @property
+    def topology(self) -> Topology:
+        return self._topology
 
     def subjects(self, count: int | None) -> list[str]:
         return ["b"]

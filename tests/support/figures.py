@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from glsim.faces.base import Face, FaceKey
+from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.geometry.mesh import Mesh
 from glsim.scene.shapes import box
 
@@ -22,13 +22,18 @@ def figure() -> Mesh:
     return Mesh(vertices, np.concatenate([body.faces, head.faces + len(body.vertices_mm)]))
 
 
-class Figures:
-    """A FaceSource of endless subjects with two sequences of two frames each."""
+class Figures(FaceSource):
+    """A source of endless subjects with two sequences of two frames each."""
 
     name = "figures"
 
     def __init__(self) -> None:
         self.loaded: list[FaceKey] = []
+
+    @property
+    def topology(self) -> Topology:
+        mesh = figure()
+        return Topology(mesh.faces, np.zeros(len(mesh.vertices_mm), np.uint8), ("face",))
 
     def subjects(self, count: int | None) -> list[str]:
         return [f"f{n:03d}" for n in range(count or 3)]

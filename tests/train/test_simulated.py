@@ -13,7 +13,7 @@ from torch import Tensor
 
 from glsim.dataset import generate, open_dataset
 from glsim.errors import ConfigError, MeshError
-from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
 from glsim.frame import Skipped
 from glsim.pipeline import open_sources, simulate
 from glsim.settings.schema import Settings, load_settings
@@ -142,7 +142,7 @@ def test_sources_share_by_weight() -> None:
     assert abs(share - 0.75) < 4.5 * 0.03
 
 
-class Broken:
+class Broken(FaceSource):
     """A source whose every second face, or every face, cannot be used."""
 
     name = "broken"

@@ -1,8 +1,9 @@
-"""The ICT-FaceKit morphable model as one matrix."""
+"""The ICT-FaceKit morphable model as one matrix, and its blend shapes of action units."""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -10,11 +11,28 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.ict_facekit.topology import Topology
+from glsim.faces.action_units import SHAPES, shape_weights
+from glsim.faces.base import Topology
 from glsim.geometry.occluder import occluder_of
 
 IDENTITY_MODES: Final = 100
-MM_PER_UNIT: Final = 10.0  # the model is in centimetres
+
+#: Lips part: 4 mm of the 42 of the kit's jawOpen.
+_OVERRIDES: Final = {"AU25": {"jawOpen": 0.1}}
+#: Shapes of the midline whose names have a side.
+_WHOLE: Final = ("jawLeft", "jawRight")
+
+
+def _kit_name(shape: str) -> str:
+    """Return the kit's name of an ARKit shape."""
+    for side in () if shape in _WHOLE else ("Left", "Right"):
+        if shape.endswith(side):
+            return f"{shape.removesuffix(side)}_{side[0]}"
+    return shape
+
+
+#: All shapes that an action unit uses.
+KNOWN_SHAPES: Final = frozenset(map(_kit_name, SHAPES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +43,7 @@ class MorphableModel:
         basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory
             map of the cache file, shared by all processes of the machine.
         expressions: names of the E shapes, in the order of the rows.
+        topology: triangles, regions and landmarks.
     """
 
     basis: NDArray[np.float32]
@@ -34,43 +53,40 @@ class MorphableModel:
     @cached_property
     def occluder(self) -> NDArray[np.int32]:
         """(F', 3) int32: the triangles that cast shadows, from the mean face."""
-        return occluder_of(self.basis[0].reshape(-1, 3), self.topology.faces)
+        return occluder_of(self.basis[0].reshape(-1, 3), self.topology.triangles)
 
     def content_hash(self) -> str:
         """Return a hash of all numbers of the model (30 ms)."""
+        topology = self.topology
+        assert topology.regions is not None
         digest = hashlib.blake2b(" ".join(self.expressions).encode(), digest_size=16)
-        for part in (self.basis, self.topology.faces, self.topology.region, self.occluder):
+        for part in (self.basis, topology.triangles, topology.regions, self.occluder):
             digest.update(np.ascontiguousarray(part).data)
         return digest.hexdigest()
 
-    def evaluate(self, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the vertices of faces; a face has the same bytes in any batch, on any processor.
+    def neutral(self, identity: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return the (V, 3) float32 vertices, mm, of a person with (100,) identity weights."""
+        return self._sum(self.basis[0], identity, 1)
 
-        The rows are added one after the other: a matrix product rounds by the place of a face in
-        the batch (OpenBLAS on AMD's Zen 4 and 5), by threads and by the processor.
+    def with_shapes(
+        self, neutral: NDArray[np.float32], weights: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Return the (V, 3) float32 vertices, mm, of a person with (E,) expression weights."""
+        return self._sum(neutral.ravel(), weights, 1 + IDENTITY_MODES)
 
-        Args:
-            weights: (B, 1 + 100 + E) float32.
+    def _sum(
+        self, start: NDArray[np.float32], weights: NDArray[np.floating], first: int
+    ) -> NDArray[np.float32]:
+        """Add weighted rows of the basis one after the other: the same bytes on any processor."""
+        face = start.copy()
+        for row, weight in enumerate(weights.astype(np.float32), start=first):
+            if weight:
+                face += self.basis[row] * weight
+        return face.reshape(-1, 3)
 
-        Returns:
-            (B, V, 3) float32 vertices, mm.
-        """
-        faces = np.empty((len(weights), self.basis.shape[1]), np.float32)
-        split = len(self.basis) - len(self.expressions)
-        neutrals: dict[bytes, NDArray[np.float32]] = {}  # the frames of a person share one
-        for row, face in zip(weights, faces, strict=True):
-            person = row[:split].tobytes()
-            if person not in neutrals:
-                face[:] = 0
-                self._add(face, row, range(split))
-                neutrals[person] = face.copy()
-            face[:] = neutrals[person]
-            self._add(face, row, range(split, len(row)))
-        return faces.reshape(len(weights), -1, 3)
-
-    def _add(self, face: NDArray[np.float32], weights: NDArray[np.float32], rows: range) -> None:
-        """Add the weighted rows of the basis to a face, (V * 3,) mm, in place."""
-        term = np.empty_like(face)
-        for row in rows:
-            if weights[row]:
-                face += np.multiply(self.basis[row], weights[row], out=term)
+    def shape_weights(self, expression: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return (E,) weights in [0, 1] of the shapes for action unit -> intensity."""
+        weights = np.zeros(len(self.expressions))
+        for name, weight in shape_weights(expression, _OVERRIDES).items():
+            weights[self.expressions.index(_kit_name(name))] = weight
+        return weights

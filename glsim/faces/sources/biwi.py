@@ -70,7 +70,7 @@ class BiwiSettings(MeshFileSettings):
         return float(any(any(folder.glob("frame_*_pose.txt")) for folder in named))
 
 
-class Biwi:
+class Biwi(FaceSource):
     """A FaceSource for the Biwi set in its original layout.
 
     Args:

@@ -102,7 +102,7 @@ class FaceWarehouseSettings(MeshFileSettings):
         return float(any(re.fullmatch(r"Tester_\d+", folder.name) for folder in folders))
 
 
-class FaceWarehouse:
+class FaceWarehouse(FaceSource):
     """A FaceSource for FaceWarehouse in its original layout.
 
     Args:

@@ -68,7 +68,7 @@ class FolderSettings(MeshFileSettings):
         return 0.1
 
 
-class Folder:
+class Folder(FaceSource):
     """A FaceSource over the mesh files below ``root``.
 
     Args:

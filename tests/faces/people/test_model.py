@@ -126,7 +126,7 @@ def test_neither_anny_nor_torch_is_imported_and_no_network_asked() -> None:
     script = (
         "import socket, sys\n"
         "socket.socket.connect = None\n"
-        "from glsim.faces.people.source import People\n"
+        "from glsim.faces.sources.people import People\n"
         "source = People(0)\n"
         "list(source.load(source.frames('a0000', 1)))\n"
         "print(sorted({'anny', 'torch', 'warp', 'scipy'} & set(sys.modules)))\n"

@@ -14,7 +14,7 @@ from glsim.errors import ConfigError
 from glsim.faces import open_source
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.people.model import REGIONS
-from glsim.faces.people.source import People
+from glsim.faces.sources.people import People
 from glsim.settings.source_settings import parse_source
 from tests.support.people import needs_anny
 
@@ -33,7 +33,7 @@ def faces(source: People, keys: Sequence[FaceKey]) -> list[Face]:
 def part(face: Face, *names: str) -> NDArray[np.float32]:
     """Return the vertices of regions."""
     numbers = [REGIONS.index(name) for name in names]
-    return face.mesh.vertices_mm[np.isin(People(3).regions, numbers)]
+    return face.mesh.vertices_mm[np.isin(People(3).topology.regions, numbers)]
 
 
 def test_a_frame_depends_on_its_key_alone(people: People) -> None:
@@ -58,7 +58,7 @@ def test_seeds_and_names_give_other_people(people: People) -> None:
 
 
 def test_people_without_an_end_or_of_another_source_are_refused(people: People) -> None:
-    with pytest.raises(ConfigError, match="people never end"):
+    with pytest.raises(ConfigError, match="people faces never end"):
         people.subjects(None)
     with pytest.raises(ConfigError, match="no subject 'p0000' of people"):
         list(people.load([FaceKey("p0000", "s00_12", 0)]))
@@ -71,9 +71,11 @@ def test_people_without_an_end_or_of_another_source_are_refused(people: People) 
 def test_all_frames_share_one_topology_with_regions(people: People) -> None:
     one, two = (faces(people, people.frames(name, 1))[0] for name in people.subjects(2))
     assert one.mesh.faces is two.mesh.faces
-    assert people.regions.shape == (len(one.mesh.vertices_mm),)
-    assert people.region_names == REGIONS
-    assert set(np.unique(people.regions)) == set(range(len(REGIONS)))
+    topology = people.topology
+    assert topology.triangles is one.mesh.faces
+    assert topology.region_names == REGIONS
+    assert topology.regions.shape == (len(one.mesh.vertices_mm),)
+    assert set(np.unique(topology.regions)) == set(range(len(REGIONS)))
     assert one.mesh.albedo is not None
     assert len(np.unique(one.mesh.albedo)) > 10
     assert one.mesh.vertices_mm.dtype == np.float32

@@ -14,7 +14,7 @@ import pytest
 from glsim.dataset import generate
 from glsim.errors import GlsimError
 from glsim.faces import open_source
-from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.sources import folder as folder_source
 from glsim.faces.sources.folder import Folder
 from glsim.frame import Frame, Skipped
@@ -77,7 +77,7 @@ def test_any_exception_of_a_reader_costs_one_frame(
     assert "\n" not in message
 
 
-class Files:
+class Files(FaceSource):
     """A source of the user's whose reader is not prepared for what is in a file."""
 
     name = "mine"

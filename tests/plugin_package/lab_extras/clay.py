@@ -22,7 +22,7 @@ class ClaySettings(glsim.FaceSettings):
         return Clay(seed, self.radius_mm)
 
 
-class Clay:
+class Clay(glsim.FaceSource):
     name = "clay"
 
     def __init__(self, seed: int, radius_mm: float) -> None:

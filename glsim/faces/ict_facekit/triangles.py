@@ -1,20 +1,23 @@
 """Select, order and label the triangles of ICT-FaceKit, with an albedo per region.
 
 Regions come from the ``usemtl`` groups of the neutral mesh, connected components within them and
-the landmarks of vertex_indices.json; this file contains no vertex numbers.
+the landmarks of vertex_indices.json; this file contains no vertex numbers. The size of each part of
+the face around its landmarks is chosen to cover the same area as the part of this name in
+procedural faces (``tools/heads/regions.py``).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import MeshError
-from glsim.faces.ict_facekit.regions import face_parts
 from glsim.meshio.obj import ObjFile
+
+_Array = NDArray[np.float64]
+_Ints = NDArray[np.int64]
 
 ALBEDO: Final = {
     # Diffuse, 860 nm, relative to a white wall: design notes on the sensor, section 4
@@ -38,7 +41,18 @@ ALBEDO: Final = {
 }
 REGION_NAMES: Final = tuple(ALBEDO)
 
-IRIS_RADIUS_CM: Final = 0.59  # the visible iris of an adult is 11.7 to 11.8 mm wide
+#: Parts of the face mesh; a later one overrides an earlier one, the rest is "face".
+FACE_PARTS: Final = ("forehead", "cheek", "chin", "lids", "nose", "brow", "lips")
+
+_IRIS_RADIUS_CM: Final = 0.59  # the visible iris of an adult is 11.7 to 11.8 mm wide
+_BROW_HALF_HEIGHT_CM: Final = 0.35  # a brow is about 7 mm high
+_LIDS_WIDTH_RATIO: Final = 1.3  # width of the lids over width of the eye
+_LIDS_ASPECT_RATIO: Final = 1.25  # width over height of the lids
+_CHEEK_BELOW_EYES_CM: Final = 1.1  # from the level of the eyes to the upper end of the cheek
+_CHEEK_FROM_MIDLINE_CM: Final = 2.2
+_CHIN_HALF_WIDTH_CM: Final = 2.4
+_CHIN_BELOW_LIPS_CM: Final = 0.6
+_NOSE_WIDTH_RATIO: Final = 1.4  # half width of the nose over that of its base (landmark 35)
 _MATERIALS: Final = {
     "M_BackHead": "head",  # and the sockets, which are separated below
     "M_GumsTongue": "gums",
@@ -50,26 +64,9 @@ _MATERIALS: Final = {
 _IRIS_OF: Final = {"M_ScleraLeft": "M_IrisLeft", "M_ScleraRight": "M_IrisRight"}
 
 
-@dataclass(frozen=True, eq=False)
-class Topology:
-    """Triangles and vertex labels shared by all faces of the model.
-
-    Args:
-        faces: (F, 3) int32 into the kept vertices.
-        kept: (V,) int64, their indices in the OBJ files.
-        region: (V,) uint8 into REGION_NAMES.
-    """
-
-    faces: NDArray[np.int32]
-    kept: NDArray[np.int64]
-    region: NDArray[np.uint8]
-
-    def albedo(self) -> NDArray[np.float32]:
-        """Return (V,) float32 albedo by region."""
-        return np.array([ALBEDO[name] for name in REGION_NAMES], dtype=np.float32)[self.region]
-
-
-def build_topology(neutral: ObjFile, landmarks: NDArray[np.int64]) -> Topology:
+def label_triangles(
+    neutral: ObjFile, landmarks: _Ints
+) -> tuple[NDArray[np.int32], _Ints, NDArray[np.uint8]]:
     """Select, label and order the triangles. Raises MeshError.
 
     Left out: lacrimal fluid, eye blend, eye occlusion, lashes (flat cards), and the iris meshes.
@@ -78,6 +75,10 @@ def build_topology(neutral: ObjFile, landmarks: NDArray[np.int64]) -> Topology:
 
     Args:
         landmarks: (68,) vertex indices of the Multi-PIE points.
+
+    Returns:
+        (F, 3) triangles of the kept vertices, (V,) their indices in the OBJ files, and (V,) their
+        regions, indices into REGION_NAMES.
     """
     triangles, polygon = neutral.triangles()
     material = neutral.materials[polygon]
@@ -95,16 +96,14 @@ def build_topology(neutral: ObjFile, landmarks: NDArray[np.int64]) -> Topology:
         axis_points = neutral.vertices[np.unique(triangles[material == number[iris]])]
         _label_iris(neutral.vertices, white, axis_points, region)
     face = region == REGION_NAMES.index("face")
-    for name, inside in face_parts(neutral.vertices, neutral.vertices[landmarks]).items():
+    for name, inside in _face_parts(neutral.vertices, neutral.vertices[landmarks]).items():
         region[face & inside] = REGION_NAMES.index(name)
     drawn = triangles[np.isin(material, [number[name] for name in _MATERIALS])]
     faces, kept = _in_drawing_order(neutral.vertices, drawn)
-    return Topology(faces, kept, region[kept].astype(np.uint8))
+    return faces, kept, region[kept].astype(np.uint8)
 
 
-def _label_sockets(
-    vertices: NDArray[np.float64], back: NDArray[np.int64], region: NDArray[np.int64]
-) -> None:
+def _label_sockets(vertices: _Array, back: _Ints, region: _Ints) -> None:
     """Label mouth and eye sockets, which are separate components of the back of the head.
 
     Args:
@@ -129,7 +128,7 @@ def _label_sockets(
             region[in_socket] = REGION_NAMES.index(name)
 
 
-def _connected_components(count: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def _connected_components(count: int, triangles: _Ints) -> _Ints:
     """Return (count,) the lowest index among the vertices connected to each vertex."""
     label = np.arange(count)
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
@@ -143,10 +142,10 @@ def _connected_components(count: int, triangles: NDArray[np.int64]) -> NDArray[n
 
 
 def _label_iris(
-    vertices: NDArray[np.float64],
-    white: NDArray[np.int64],
-    iris: NDArray[np.float64],
-    region: NDArray[np.int64],
+    vertices: _Array,
+    white: _Ints,
+    iris: _Array,
+    region: _Ints,
 ) -> None:
     """Label the part of the eyeball within the iris' radius around the visual axis.
 
@@ -163,12 +162,10 @@ def _label_iris(
     axis /= np.linalg.norm(axis)
     along = (points - centre) @ axis
     beside = np.linalg.norm(points - centre - along[:, None] * axis, axis=1)
-    region[white[(along > 0) & (beside < IRIS_RADIUS_CM)]] = REGION_NAMES.index("iris")
+    region[white[(along > 0) & (beside < _IRIS_RADIUS_CM)]] = REGION_NAMES.index("iris")
 
 
-def _in_drawing_order(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _in_drawing_order(vertices: _Array, triangles: _Ints) -> tuple[NDArray[np.int32], _Ints]:
     """Sort triangles along a Z-curve and vertices by first use, for cache locality.
 
     Returns (F, 3) faces into the used vertices, and (V,) their indices.
@@ -185,3 +182,54 @@ def _in_drawing_order(
     rank = np.empty(len(used), dtype=np.int32)
     rank[by_use] = np.arange(len(used), dtype=np.int32)
     return rank[inverse].reshape(-1, 3), used[by_use]
+
+
+def _face_parts(points: _Array, landmarks: _Array) -> dict[str, NDArray[np.bool_]]:
+    """Return part -> (V,) whether each point belongs to it; parts overlap.
+
+    Args:
+        points: (V, 3) centimetres, +x the subject's left, +y up.
+        landmarks: (68, 3).
+    """
+    x, y, side = points[:, 0], points[:, 1], np.abs(points[:, 0])
+    eyes = (landmarks[36:42], landmarks[42:48])
+    brows = (landmarks[17:22], landmarks[22:27])
+    eye_level = float(np.mean([eye[:, 1].mean() for eye in eyes]))
+    brow_level = float(np.mean([brow[:, 1].mean() for brow in brows]))
+    jaw = landmarks[:17][np.argsort(landmarks[:17, 0])]
+    above_jaw = y > np.interp(x, jaw[:, 0], jaw[:, 1])
+    lower_lip = float(landmarks[57, 1])
+    inner = float(np.abs(landmarks[[39, 42], 0]).mean())
+    wing = _NOSE_WIDTH_RATIO * float(np.abs(landmarks[[31, 35], 0]).mean())
+    heights = landmarks[[33, 30, 28, 27], 1]  # base, tip, bridge, root: upwards
+    nose_half = np.interp(y, heights, (wing, wing, inner / 2, inner / 2), left=0.0, right=0.0)
+    lids, brow = np.zeros(len(points), bool), np.zeros(len(points), bool)
+    for eye in eyes:
+        centre, half = eye.mean(axis=0), np.ptp(eye[:, 0]) / 2
+        lids |= (
+            np.hypot(x - centre[0], (y - centre[1]) * _LIDS_ASPECT_RATIO) < _LIDS_WIDTH_RATIO * half
+        )
+    for line in brows:
+        arch = np.interp(x, line[:, 0], line[:, 1], left=np.inf, right=np.inf)
+        brow |= np.abs(y - arch) < _BROW_HALF_HEIGHT_CM
+    return {
+        "forehead": y > brow_level,
+        "cheek": above_jaw
+        & (y < eye_level - _CHEEK_BELOW_EYES_CM)
+        & (side > _CHEEK_FROM_MIDLINE_CM),
+        "chin": above_jaw & (y < lower_lip - _CHIN_BELOW_LIPS_CM) & (side < _CHIN_HALF_WIDTH_CM),
+        "lids": lids,
+        "nose": side < nose_half,
+        "brow": brow,
+        "lips": _inside(x, y, landmarks[48:60, :2]),
+    }
+
+
+def _inside(x: _Array, y: _Array, outline: _Array) -> NDArray[np.bool_]:
+    """Return (V,) whether a polygon (K, 2) encloses each point (even-odd rule)."""
+    inside = np.zeros(len(x), dtype=bool)
+    for (x0, y0), (x1, y1) in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        if y0 != y1:
+            crosses = (y0 > y) != (y1 > y)
+            inside ^= crosses & (x < x0 + (y - y0) / (y1 - y0) * (x1 - x0))
+    return inside

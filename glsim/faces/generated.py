@@ -1,0 +1,176 @@
+"""Generated faces: endless people who perform FACS sequences."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import OrderedDict
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, ClassVar, Final, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from glsim.errors import ConfigError
+from glsim.faces.base import ComputedKeys, FaceKey, FaceSettings, FaceSource, Topology
+from glsim.faces.performance import performance_for, sequence_name, sequence_number
+from glsim.settings.seeds import rng_for
+
+#: Frames of a generated sequence, unless the settings say otherwise.
+DEFAULT_SEQUENCE: Final = 30
+_CACHED_PEOPLE: Final = 4
+
+_Person = TypeVar("_Person")
+
+
+class GeneratorSettings(FaceSettings):
+    """The [[source]] table of a generator: people without end who perform sequences."""
+
+    endless: ClassVar[bool] = True
+
+    frames_per_sequence: int | None = Field(
+        None, ge=1, le=100_000, description="length of a generated sequence; default: 30"
+    )
+    frames_per_second: float | None = Field(
+        None,
+        gt=0,
+        le=1000,
+        description="a generated sequence is a part of a performance at this rate, at a random "
+        "time; default: the whole performance, evenly spaced",
+    )
+
+    @property
+    def timing(self) -> tuple[int, float | None]:
+        """Frames of a sequence, and frames per second or None."""
+        return self.frames_per_sequence or DEFAULT_SEQUENCE, self.frames_per_second
+
+
+class GeneratedFaces(FaceSource, Generic[_Person]):
+    """A source of endless people "x0000", "x0001", ..., all of one topology.
+
+    Each sequence, also a shorter last one, runs from neutral to neutral and includes the peak. With
+    ``frames_per_second`` it is a part of that performance instead, at a time drawn for the
+    sequence; one that is longer than the performance starts with it and ends with a neutral face.
+
+    Args:
+        seed: determines every identity and performance.
+        frames_per_sequence: length of a sequence.
+        frames_per_second: see above.
+
+    Raises:
+        ConfigError: a sequence without frames.
+    """
+
+    #: First letter of the subjects' names.
+    letter: ClassVar[str]
+
+    def __init__(
+        self,
+        seed: int = 0,
+        frames_per_sequence: int = DEFAULT_SEQUENCE,
+        frames_per_second: float | None = None,
+    ) -> None:
+        if frames_per_sequence < 1:
+            raise ConfigError(f"frames_per_sequence is {frames_per_sequence}: give 1 or more")
+        self.seed, self.frames_per_sequence = seed, frames_per_sequence
+        self.frames_per_second = frames_per_second
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the settings only; each worker loads the model and makes people itself."""
+        return {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
+
+    @property
+    @abstractmethod
+    def topology(self) -> Topology:
+        """Triangles, regions and landmarks of all people."""
+
+    @abstractmethod
+    def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles."""
+
+    @abstractmethod
+    def make_person(self, name: str) -> _Person:
+        """Make a person; a pure function of the seed and the name."""
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
+        if count is None:
+            raise ConfigError(f"{self.name} faces never end: give a number of subjects")
+        return [f"{self.letter}{number:04d}" for number in range(count)]
+
+    def frames(self, subject: str, count: int | None) -> PerformanceKeys:
+        """Return the keys of the first ``count`` frames of a subject, sequence by sequence.
+
+        Raises ConfigError for None: there is no last frame.
+        """
+        if count is None:
+            raise ConfigError(f"{self.name} faces never end: give a number of frames per subject")
+        return PerformanceKeys(
+            self.seed, subject, count, self.frames_per_sequence, self.frames_per_second
+        )
+
+    def expression(self, key: FaceKey) -> dict[str, float]:
+        """Return action unit -> intensity of a frame, without zeros.
+
+        Raises ConfigError for a key of another source.
+        """
+        try:
+            number = sequence_number(key.sequence)
+        except ValueError as error:
+            raise ConfigError(f"{key.subject}: {error}") from None
+        return performance_for(self.seed, key.subject, number).at(key.time_s)
+
+    def person(self, name: str) -> _Person:
+        """Return one of the last people, or make it. Raises ConfigError for another's name."""
+        people = self._people
+        if name not in people:
+            if not (name.startswith(self.letter) and name[1:].isdigit()):
+                first = ", ".join(self.subjects(2))
+                raise ConfigError(f"no subject {name!r} of {self.name}: they are {first}, ...")
+            people[name] = self.make_person(name)
+            while len(people) > _CACHED_PEOPLE:
+                people.popitem(last=False)
+        people.move_to_end(name)
+        return people[name]
+
+    @cached_property
+    def _people(self) -> OrderedDict[str, _Person]:
+        return OrderedDict()
+
+
+class PerformanceKeys(ComputedKeys):
+    """The keys of the frames of a generated subject."""
+
+    def __init__(
+        self, seed: int, subject: str, count: int, length: int, rate: float | None
+    ) -> None:
+        self._seed, self._subject, self._count = seed, subject, count
+        self._length, self._rate = length, rate
+        self._last: tuple[int, Sequence[FaceKey]] = -1, ()
+
+    @property
+    def words(self) -> tuple[object, ...]:
+        """The arguments."""
+        return self._seed, self._subject, self._count, self._length, self._rate
+
+    def __len__(self) -> int:
+        return self._count
+
+    def _key(self, number: int) -> FaceKey:
+        sequence, frame = divmod(number, self._length)
+        if self._last[0] != sequence:  # neighbours are mostly asked for one after another
+            self._last = sequence, self._sequence(sequence)
+        return self._last[1][frame]
+
+    def _sequence(self, number: int) -> list[FaceKey]:
+        """Return the keys of one sequence."""
+        length = min(self._length, self._count - number * self._length)
+        performance = performance_for(self._seed, self._subject, number)
+        name = sequence_name(number, performance)
+        times = performance.frame_times(length)
+        if self._rate is not None:
+            free_s = max(0.0, performance.duration_s - (self._length - 1) / self._rate)
+            start_s = free_s * rng_for(self._seed, "clip", self._subject, number).random()
+            times = start_s + np.arange(length) / self._rate
+        return [FaceKey(self._subject, name, frame, float(t)) for frame, t in enumerate(times)]
