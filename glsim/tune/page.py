@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 from nicegui import Client, ui
@@ -64,21 +65,21 @@ class TunePage(TuneTab):
 
     def _open(self, link: str) -> str:
         """Open a link or the last settings; return a message. Undo leads to the command's own."""
-        start = self.session.start
-        if not link:
-            kept = kept_tuning(start, self.session.command)
-            if kept is None or not self.history.change(kept):
-                return ""
-            return "these are your last settings: undo (Ctrl+Z) leads to those of the command"
+        start, said = self.session.start, ""
         try:
-            wanted = tuning_of_link(link)
+            wanted = tuning_of_link(link) if link else kept_tuning(start, self.session.command)
         except ConfigError as error:
             return str(error)
-        if brought_by(wanted, start.sensor):
+        if wanted is None or wanted == start:
+            return ""
+        if not link:
+            said = "these are your last settings: undo (Ctrl+Z) leads to those of the command"
+        # GLSL of the last settings was typed here.
+        if brought_by(wanted if link else replace(wanted, code={}), start.sensor):
             self._asked = wanted
         else:
             self.history.change(wanted)
-        return ""
+        return said
 
     async def begin(self) -> None:
         """Draw the first picture; called when the browser is connected."""
@@ -96,7 +97,7 @@ class TunePage(TuneTab):
     async def _ask(self, wanted: Tuning) -> None:
         """Ask whether to open a link that brings files or code."""
         with self.client, ui.dialog().props("persistent") as dialog, ui.card():
-            ui.label("This link brings code or files, which would run or be read as yours:")
+            ui.label("These settings bring code or files, which would run or be read as yours:")
             for name in brought_by(wanted, self.session.start.sensor):
                 ui.label(name).classes("file")
             with ui.row():

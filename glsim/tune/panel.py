@@ -214,9 +214,8 @@ class StageList:
             self._plan = plan
             self._fill(picture)
         values = page.history.now.values
-        now = {
-            control.name: plain_value(control.start) for control in rig_controls(sensor)
-        } | values
+        now = {control.name: plain_value(control.start) for control in rig_controls(sensor)}
+        now.update(values)
         for name, row in self._rows.items():
             row.set(now[name] if name in now else own_value(row.control))
         for stage in sensor.stages:
