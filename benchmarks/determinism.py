@@ -109,7 +109,8 @@ def make(case: str, way: Way, out: Path) -> tuple[dict[str, str], str]:
         return hashes, arithmetic
     preset, source = CASES[case]
     settings = [*_SETTINGS, *(f"source.{name}={value}" for name, value in source.items())]
-    command = ["-m", "glsim", "generate", "-o", str(out), "-q", "--layers", ",".join(LAYERS)]
+    command = ["-m", "glsim", "generate", "-o", str(out), "-q", "--set"]
+    command += ["output.layers=" + ",".join(LAYERS)]
     command += [word for setting in settings for word in ("--set", setting)]
     command += ["--preset", preset] if preset else []
     for number, run in enumerate(way.runs):

@@ -33,18 +33,18 @@ _LIMIT_S = 1800.0
 
 def commands(data: Path) -> dict[str, list[str]]:
     """Return the commands to disturb, without their ``-o``; ``data`` gets what they read."""
-    small = ["--sensor", "ideal", "--crop", "48", "--subjects", "6", "--frames-per-subject", "40"]
-    people = ["--crop", "128", "--subjects", "6", "--frames-per-subject", "4"]
+    small = ["--sensor", "ideal", "--set", "output.crop=48", "--subjects", "6"]
+    small += ["--frames-per-subject", "40"]
+    people = ["--set", "output.crop=128", "--subjects", "6", "--frames-per-subject", "4"]
     generate = [*_GLSIM, "generate", "-q"]
-    _finish([*generate, *small, "--split", "0,0,1", "-o", str(data / "scored")])
-    _finish([*generate, *people, "--split", "0.67,0.33,0", "-o", str(data / "training")])
+    _finish([*generate, *small, "--set", "split=0,0,1", "-o", str(data / "scored")])
+    _finish([*generate, *people, "--set", "split=0.67,0.33,0", "-o", str(data / "training")])
     few = ["training.validate_every=2", "training.validate_unit=steps", "training.batch=2"]
     steps = ["--steps", "6", *(word for value in few for word in ("--set", value))]
+    formats = ("png", "webdataset")
+    generate += [*small, "--workers", "2"]
     return {
-        **{
-            f"generate {format}": [*generate, *small, "--format", format, "--workers", "2"]
-            for format in ("png", "webdataset")
-        },
+        **{f"generate {f}": [*generate, "--set", f"output.format={f}"] for f in formats},
         "eval": [*_GLSIM, "eval", str(data / "scored"), "-d", "median", "-d", "bilateral", "-q"],
         "train": [*_GLSIM, "train", "mask-aware-small", "--data", str(data / "training"), *steps,
                   "--resume", "-q"],

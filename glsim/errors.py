@@ -21,20 +21,25 @@ from importlib.util import find_spec
 
 #: Longest message, characters: a driver's, cut to 2,000, with its file and advice.
 _LONGEST = 2500
-#: Control characters of ASCII and Latin 1, and Unicode's that turn the direction of a text.
-_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+#: Control characters of ASCII and Latin 1.
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f]")
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters escaped: they could rewrite the terminal."""
+    return _CONTROL.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 class GlsimError(Exception):
     """The base class: catch it to catch every error of glsim.
 
     Its text is one line of bounded length, whatever a file or a name put into the message: control
-    characters are escaped (they could rewrite the terminal), and the middle of a long one is left
+    characters are escaped, and the middle of a long one is left
     out.
     """
 
     def __str__(self) -> str:
-        text = _CONTROL.sub(lambda match: ascii(match[0])[1:-1], super().__str__())
+        text = printable(super().__str__())
         if len(text) <= _LONGEST:
             return text
         return f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 + 5 :]}"
@@ -46,10 +51,6 @@ class ConfigError(GlsimError):
 
 class DepthRangeError(ConfigError):
     """A depth is too large for the 16 bits of a file in the chosen unit."""
-
-
-class DifferentMachineError(ConfigError):
-    """A machine renders or computes differently from the one that began a data set."""
 
 
 class ShaderError(GlsimError):

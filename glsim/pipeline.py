@@ -185,7 +185,7 @@ class Simulator:
         if "infrared_right" in layers and len(self.sensor.rig.imagers_m) < 2:
             raise ConfigError(
                 f"the layer 'infrared_right' needs a stereo camera, not {settings.sensor!r}: leave "
-                "it out of --layers"
+                "it out of output.layers"
             )
         self._chain = ShaderChain(
             context,

@@ -50,18 +50,14 @@ def test_a_data_set_records_its_protocol_and_reads_as_measured(tmp_path: Path) -
         assert moved.offset_mm == 899 + 10 * moved.record["index"]
         np.testing.assert_array_equal(moved.clean_mm, measured.clean_mm)
         np.testing.assert_array_equal(moved.noisy_mm, measured.noisy_mm)
-    cards = [(tmp_path / name / "README.md").read_text() for name in sets]
-    assert ["protocol paper: the nearest point" in card for card in cards] == [False, True]
 
 
-def test_generate_takes_the_protocol(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_generate_takes_the_protocol(tmp_path: Path) -> None:
     from glsim.cli import main
 
     command = ["generate", "-o", str(tmp_path / "d"), "--subjects", "1"]
-    command += ["--frames-per-subject", "1", "--crop", "64", "--split", "1,0,0", "--workers", "1"]
-    assert main([*command, "--protocol", "papers"]) == 2
-    assert "--protocol papers" in capsys.readouterr().err
-    assert main([*command, "--protocol", "paper", "-q"]) == 0
+    command += ["--frames-per-subject", "1", "--set", "output.crop=64", "--workers", "1"]
+    assert main([*command, "--set", "output.nearest_to_mm=1", "-q"]) == 0
     data = open_dataset(tmp_path / "d")
     assert data.protocol == "paper"
     pair = next(iter(data))

@@ -100,7 +100,7 @@ def test_a_plan_writes_nothing_and_counts_everything(
 ) -> None:
     for number in range(1, 5):
         write_tester(tmp_path / "fw", number, poses=1)
-    root = ["--source", "facewarehouse", "--root", str(tmp_path / "fw"), "--split", "paper"]
+    root = ["--source", "facewarehouse", "--root", str(tmp_path / "fw"), "--set", "split=paper"]
     assert main(["generate", "--plan", *root, "-o", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert not (tmp_path / "out").exists()

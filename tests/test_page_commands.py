@@ -51,8 +51,8 @@ PAGES = [
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The data set that pages take for granted."""
     folder = tmp_path_factory.mktemp("made") / "data"
-    size = ["--subjects", "10", "--frames-per-subject", "1", "--crop", "96", "--workers", "1"]
-    layers = ["--layers", "clean,expected,noisy"]
+    size = ["--subjects", "10", "--frames-per-subject", "1", "--workers", "1"]
+    layers = ["--set", "output.crop=96", "--set", "output.layers=clean,expected,noisy"]
     assert main(["generate", "-o", str(folder), *size, *layers, "-q"]) == 0
     return folder
 

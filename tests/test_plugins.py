@@ -19,7 +19,7 @@ from tests.support.imports import ROOT
 PACKAGE = Path(__file__).parent / "plugin_package"
 GENERATE = (
     "generate", "-o", "data", "--source", "clay", "--set", "source.radius_mm=60", "--sensor",
-    "lab-cam", "--subjects", "4", "--frames-per-subject", "2", "--split", "0,0,1",
+    "lab-cam", "--subjects", "4", "--frames-per-subject", "2", "--set", "split=0,0,1",
 )  # fmt: skip
 
 

@@ -21,7 +21,8 @@ def test_a_lost_pixel_of_a_set_without_reasons_is_unknown(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     command = ["generate", "-o", "data", "--subjects", "1", "--frames-per-subject", "2", "-q"]
-    command += ["--layers", layers, "--crop", "96", "--workers", "1", "--split", "1,0,0"]
+    command += ["--set", f"output.layers={layers}", "--set", "output.crop=96", "--workers", "1"]
+    command += ["--set", "split=1,0,0"]
     assert main([*command, "--sensor", "kinect-v1"]) == 0
     written: list[str] = []
     write = preview._write
@@ -63,7 +64,7 @@ def test_people_of_the_demo_are_dressed(tmp_path: Path) -> None:
     script = (ROOT / "scripts" / "demo.sh").read_text(encoding="utf-8").replace("\\\n", " ")
     line = next(line for line in script.splitlines() if " generate " in line)
     words = shlex.split(line)[1:]
-    fewer = {"--frames-per-subject": "1", "--crop": "32", "-o": str(tmp_path / "d")}
+    fewer = {"--frames-per-subject": "1", "--set": "output.crop=32", "-o": str(tmp_path / "d")}
     for option, value in fewer.items():
         words[words.index(option) + 1] = value
     assert main([*words, "--workers", "1", "-q"]) == 0

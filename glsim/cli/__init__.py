@@ -1,87 +1,87 @@
-"""The ``glsim`` command line. Each sub-command has its own file and imports packages when run."""
+"""The ``glsim`` command line. Each command has its own file, which is imported when it runs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from glsim.cli import (
-    compare,
-    corrupt,
-    denoise,
-    eval_real,
-    export,
-    fetch,
-    fit,
-    generate,
-    import_,
-    info,
-    inspect,
-    paper,
-    preview,
-    render,
-    sensors,
-    stages,
-    train,
-    transfer,
-    tune,
-    validate,
-    verify,
-)
-from glsim.cli import eval as evaluate
 from glsim.cli.common import run_command_line, with_messages
-from glsim.cli.narrow_help import Command, Group
+
+#: Command -> the heading above it, its module and function (or group), and what it does.
+_COMMANDS = {
+    "generate": ("Make data", "generate:generate", "Generate a data set; run again to resume it."),
+    "render": ("Make data", "render:render", "Render one mesh to clean and noisy depth."),
+    "corrupt": ("Make data", "corrupt:corrupt", "Add the noise of a sensor to depth maps."),
+    "verify": ("Make data", "verify:verify", "Check a data set: files, counts, checksums."),
+    "preview": ("Make data", "preview:preview", "Draw a contact sheet of a data set."),
+    "inspect": ("Make data", "inspect:inspect", "Detect the kind of a face set; draw faces."),
+    "export": ("Make data", "export:export", "Export frames, or a trained network."),
+    "fetch": ("Make data", "fetch:fetch", "Fetch what glsim does not bring, once."),
+    "import": ("Make data", "import_:app", "Convert real depth maps to a data set."),
+    "sensors": ("Sensors", "sensors:sensors", "List the sensors, or print one."),
+    "stages": ("Sensors", "stages:stages", "List the noise stages and their parameters."),
+    "validate": ("Sensors", "validate:validate", "Check a sensor against published noise."),
+    "compare": ("Sensors", "compare:compare", "Measure two sets of depth frames."),
+    "fit": ("Sensors", "fit:fit", "Fit a sensor file to recordings of a camera."),
+    "tune": ("Sensors", "tune:tune", "Change a sensor's noise in a browser."),
+    "info": ("Sensors", "info:info", "Print versions and working OpenGL back ends."),
+    "denoise": ("Denoise", "denoise:denoise", "Denoise depth maps; 0 means no depth."),
+    "train": ("Denoise", "train:train", "Train a denoiser."),
+    "eval": ("Denoise", "eval:evaluate", "Score denoisers on a data set."),
+    "eval-real": ("Denoise", "eval_real:evaluate_real", "Score denoisers on real frames."),
+    "transfer": ("Denoise", "transfer:transfer", "Train without a sensor; score on it."),
+    "paper": ("Denoise", "paper:app", "Reproduce the paper's tables and figures."),
+}
+
+
+class _Commands(TyperGroup):
+    """The commands; the list of them is printed without importing any."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options; --show-completion is not listed in the help."""
+        params = super().get_params(ctx)
+        for param in params:
+            param.hidden = param.name == "show_completion"
+        return params
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the name of the command, the imported command, and its arguments."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, load_command(str(name)), rest
+
 
 app = typer.Typer(
     name="glsim",
-    help="3D faces in, paired clean and noisy 16-bit depth frames out.",
+    cls=_Commands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+for _name, (_heading, _, _help) in _COMMANDS.items():
+    app.command(_name, help=_help, rich_help_panel=_heading)(lambda: None)
 
-#: Heading in the help -> name, function and examples of each command.
-_GROUPS: dict[str, tuple[tuple[str, Callable[..., int | None], str], ...]] = {
-    "Make data": (
-        ("generate", generate.generate, generate.EXAMPLES),
-        ("render", render.render, render.EXAMPLES),
-        ("corrupt", corrupt.corrupt, corrupt.EXAMPLES),
-        ("verify", verify.verify, verify.EXAMPLES),
-        ("preview", preview.preview, preview.EXAMPLES),
-        ("inspect", inspect.inspect, inspect.EXAMPLES),
-        ("export", export.export, export.EXAMPLES),
-        ("fetch", fetch.fetch, fetch.EXAMPLES),
-    ),
-    "Sensors": (
-        ("sensors", sensors.sensors, sensors.EXAMPLES),
-        ("stages", stages.stages, stages.EXAMPLES),
-        ("validate", validate.validate, validate.EXAMPLES),
-        ("compare", compare.compare, compare.EXAMPLES),
-        ("fit", fit.fit, fit.EXAMPLES),
-        ("tune", tune.tune, tune.EXAMPLES),
-        ("info", info.info, info.EXAMPLES),
-    ),
-    "Denoise": (
-        ("denoise", denoise.denoise, denoise.EXAMPLES),
-        ("train", train.train, train.EXAMPLES),
-        ("eval", evaluate.evaluate, evaluate.EXAMPLES),
-        ("eval-real", eval_real.evaluate_real, eval_real.EXAMPLES),
-        ("transfer", transfer.transfer, transfer.EXAMPLES),
-    ),
-}
-for _heading, _commands in _GROUPS.items():
-    for _name, _function, _examples in _commands:
-        app.command(_name, epilog=_examples, rich_help_panel=_heading)(with_messages(_function))
-    if _heading == "Make data":
-        app.add_typer(import_.app, name="import", rich_help_panel=_heading)
-app.add_typer(paper.app, name="paper", rich_help_panel="Paper")
-for _group in (app, import_.app, paper.app):
-    _group.info.cls = Group
-    for _info in _group.registered_commands:
-        _info.cls = Command
+
+def load_command(name: str) -> Any:
+    """Import a command and return it as a command of click."""
+    module, _, attribute = _COMMANDS[name][1].partition(":")
+    imported = import_module(f"glsim.cli.{module}")
+    found = getattr(imported, attribute)
+    if not isinstance(found, typer.Typer):
+        own = typer.Typer(add_completion=False, rich_markup_mode="rich")
+        own.command(name, epilog=imported.EXAMPLES)(with_messages(found))
+        found = own
+    return typer.main.get_command(found)
+
+
+def load_commands() -> Any:
+    """Import all commands and return the group that holds them."""
+    group: Any = typer.main.get_command(app)
+    group.commands = {name: load_command(name) for name in _COMMANDS}
+    return group
 
 
 def _print_version(asked: bool) -> None:

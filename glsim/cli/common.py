@@ -8,7 +8,6 @@ import json
 import logging
 import math
 import re
-import shlex
 import signal
 import sys
 import threading
@@ -18,20 +17,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.logging import RichHandler
-from rich.markup import escape
-from rich.table import Table
 
-from glsim.cli.completion import preset_words, sensor_words
-from glsim.cli.old_spellings import new_spelling
-from glsim.cli.streams import open_closed_streams, printable, replace_what_a_stream_lacks
 from glsim.errors import ConfigError, GlsimError
-from glsim.files.atomic import check_can_write, without_nan, write_atomic
-from glsim.settings.presets import preset_names, preset_title
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def make_console(
@@ -45,19 +39,11 @@ def make_console(
         width: columns where the output is no terminal.
         soft_wrap: never break lines.
     """
-
-    def make(width: int | None) -> Console:
-        return Console(
-            stderr=stderr,
-            highlight=False,
-            markup=False,
-            emoji=False,
-            soft_wrap=soft_wrap,
-            width=width,
-        )
-
-    plain = make(None)
-    return plain if width is None or plain.is_terminal else make(width)
+    plain = functools.partial(
+        Console, stderr=stderr, highlight=False, markup=False, emoji=False, soft_wrap=soft_wrap
+    )
+    made = plain()
+    return made if width is None or made.is_terminal else plain(width=width)
 
 
 #: Heading of the options in a command's help that are rarely needed.
@@ -106,6 +92,8 @@ def _set_messages(
 ) -> None:
     options.quiet, options.verbose, options.debug = quiet, verbose, debug
     if verbose or debug:
+        from rich.logging import RichHandler
+
         handler = RichHandler(console=console, show_path=debug, show_time=debug)
         level = logging.DEBUG if debug else logging.INFO
         logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
@@ -134,7 +122,6 @@ SensorOption = Annotated[
         "--sensor",
         "-s",
         help="A shipped sensor (glsim sensors) or a .toml file.",
-        autocompletion=sensor_words,
     ),
 ]
 SetOption = Annotated[
@@ -157,10 +144,8 @@ PresetOption = Annotated[
     str | None,
     typer.Option(
         "--preset",
-        help="Start from shipped settings: "
-        + escape("; ".join(f"{name}: {preset_title(name)}" for name in preset_names()))
-        + ". --config, --set and options change them.",
-        autocompletion=preset_words,
+        help="Start from shipped settings: living-room, office, paper, randomised or sample. "
+        "--config, --set and options change them.",
     ),
 ]
 WorkersOption = Annotated[
@@ -200,11 +185,8 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         terminated.append(number)
         raise KeyboardInterrupt  # ends workers and removes temporary files as Ctrl-C does
 
-    open_closed_streams()
-    replace_what_a_stream_lacks()
+    _print_any_character()
     try:
-        _check_working_folder()
-        arguments = _in_new_spelling(sys.argv[1:] if arguments is None else arguments)
         with _on_sigterm(terminate):
             result = command(args=arguments, standalone_mode=False)
         if result == _INTERRUPTED:
@@ -229,12 +211,11 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         return _report_error(error, 1)
 
 
-def _in_new_spelling(arguments: list[str]) -> list[str]:
-    """Return the arguments in the present spelling; print the command if it was an old one."""
-    new = new_spelling(arguments)
-    if new != arguments and not {"-q", "--quiet"} & set(new):
-        print_message(f"this command is now: glsim {shlex.join(new)}")
-    return new
+def _print_any_character() -> None:
+    """Let a terminal of ASCII print ? for what it lacks, where an error would end the command."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
 
 
 @contextmanager
@@ -253,7 +234,7 @@ def _on_sigterm(handler: Callable[[int, FrameType | None], None]) -> Iterator[No
 def _report_error(error: Exception, status: int) -> int:
     if options.debug:
         traceback.print_exception(error)
-    sys.stderr.write(f"glsim: error: {printable(_with_urls(_error_text(error)))}\n")
+    sys.stderr.write(f"glsim: error: {_with_urls(_error_text(error))}\n")
     return status
 
 
@@ -273,14 +254,6 @@ def _error_text(error: Exception) -> str:
         return f"{place}{error.strerror}"
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text} (a bug; --debug shows where)"
-
-
-def _check_working_folder() -> None:
-    """Raise ConfigError if the working folder is gone: some libraries end the process then."""
-    try:
-        Path.cwd()
-    except OSError:
-        raise ConfigError("the working folder has been deleted: change to another one") from None
 
 
 def overrides(**values: Any) -> dict[str, Any]:
@@ -354,6 +327,8 @@ def print_json(content: object) -> None:
 
 def check_outputs(*files: Path | None) -> None:
     """Raise DatasetError for a file that cannot be written; None and ``STDOUT`` are skipped."""
+    from glsim.files.atomic import check_can_write
+
     for file in files:
         if file is not None and file != STDOUT:
             check_can_write(file)
@@ -367,11 +342,15 @@ def write_json(content: object, file: Path) -> list[Path]:
     if file == STDOUT:
         print_json(content)
         return []
+    from glsim.files.atomic import write_atomic
+
     write_atomic(_json(content).encode(), file)
     return [file]
 
 
 def _json(content: object) -> str:
+    from glsim.files.atomic import without_nan
+
     return json.dumps(without_nan(content), indent=1, allow_nan=False) + "\n"
 
 

@@ -28,7 +28,7 @@ glsim eval data -d noisy -d mine@my_module:my_function -d run/best.pt
 
 glsim eval data --runs runs              all networks in runs/*/
 
-glsim eval data -d face --truth expected  needs generate --layers clean,expected,noisy
+glsim eval data -d face --truth expected  needs generate --set output.layers=clean,expected,noisy
 
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
 

@@ -52,8 +52,7 @@ def biwi(
     backend: BackendOption = None,
 ) -> None:
     """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps."""
-    from glsim.cli.generation_summary import print_summary
-    from glsim.cli.progress import generation_progress
+    from glsim.cli.progress import generation_progress, print_summary
     from glsim.recordings.import_biwi import import_biwi
     from glsim.worker_processes import worker_count
 
@@ -98,8 +97,7 @@ def kinect2(
     workers: WorkersOption = "1",
 ) -> None:
     """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps."""
-    from glsim.cli.generation_summary import print_summary
-    from glsim.cli.progress import generation_progress
+    from glsim.cli.progress import generation_progress, print_summary
     from glsim.recordings.import_kinect2 import import_recordings
     from glsim.worker_processes import worker_count
 

@@ -1,17 +1,18 @@
-"""Progress bars on stderr, for commands that generate or score frames."""
+"""Progress bars on stderr, for commands that generate or score frames, and a run's summary."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from glsim.cli.common import console, options
+from glsim.cli.common import console, options, print_message
+from glsim.errors import DatasetError
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, ProgressColumn
-
-    from glsim.dataset import GenerateProgress
+    from glsim.dataset import GenerateProgress, GenerateSummary
     from glsim.eval.scoring.run import ScoringProgress
     from glsim.eval.studies.runner import Displays
 
@@ -22,13 +23,32 @@ def rate_text(per_second: float) -> str:
 
 
 @contextmanager
-def _bar(*columns: ProgressColumn) -> Iterator[Progress]:
-    """Yield bars that appear with ``start``: an error before the first frame has no idle bar."""
-    from rich.progress import Progress
+def _bar(title: str, note: str) -> Iterator[Callable[..., None] | None]:
+    """Yield a function that moves a bar with a note and the time left; None if --quiet.
 
-    bar = Progress(*columns, console=console)
+    The bar appears with the first call: an error before the first frame has no idle bar.
+    """
+    if options.quiet:
+        yield None
+        return
+    from rich import progress
+
+    bar = progress.Progress(
+        progress.TextColumn("{task.description}", markup=False),
+        progress.BarColumn(),
+        progress.MofNCompleteColumn(),
+        progress.TextColumn(note),
+        progress.TimeRemainingColumn(),
+        console=console,
+    )
+    task = bar.add_task(title, total=None, rate="", number=0)
+
+    def update(done: int, total: int, **fields: Any) -> None:
+        bar.start()
+        bar.update(task, total=total, completed=done, **fields)
+
     try:
-        yield bar
+        yield update
     finally:
         if bar.live.is_started:
             bar.stop()
@@ -37,58 +57,48 @@ def _bar(*columns: ProgressColumn) -> Iterator[Progress]:
 @contextmanager
 def generation_progress() -> Iterator[Callable[[GenerateProgress], None] | None]:
     """Show a bar with frames per second, skipped frames and time left; None if --quiet."""
-    if options.quiet:
-        yield None
-        return
-    from rich import progress as rich_progress
-
-    columns = (
-        rich_progress.BarColumn(),
-        rich_progress.MofNCompleteColumn(),
-        rich_progress.TextColumn("{task.fields[rate]}  skipped {task.fields[skipped]}  left"),
-        rich_progress.TimeRemainingColumn(),
-    )
-    with _bar(*columns) as bar:
-        task = bar.add_task("frames", total=None, rate="", skipped=0)
+    note = "{task.fields[rate]}  skipped {task.fields[number]}  left"
+    with _bar("", note) as move:
+        started = time.monotonic()
 
         def update(state: GenerateProgress) -> None:
-            bar.start()
-            elapsed = bar.tasks[0].elapsed or 0.0
-            rate = (state.done - state.reused) / elapsed if elapsed > 0 else 0.0
-            bar.update(
-                task,
-                total=state.total,
-                completed=state.done,
-                rate=rate_text(rate),
-                skipped=state.skipped,
-            )
+            assert move is not None
+            per_second = (state.done - state.reused) / max(1e-6, time.monotonic() - started)
+            move(state.done, state.total, rate=rate_text(per_second), number=state.skipped)
 
-        yield update
+        yield None if move is None else update
 
 
 @contextmanager
 def scoring_progress(title: str) -> Iterator[Callable[[ScoringProgress], None] | None]:
     """Show a bar with the number of bad frames and the time left; None if --quiet."""
-    if options.quiet:
-        yield None
-        return
-    from rich import progress as rich_progress
-
-    columns = (
-        rich_progress.TextColumn("{task.description}", markup=False),
-        rich_progress.BarColumn(),
-        rich_progress.MofNCompleteColumn(),
-        rich_progress.TextColumn("bad {task.fields[bad]}  left"),
-        rich_progress.TimeRemainingColumn(),
-    )
-    with _bar(*columns) as bar:
-        task = bar.add_task(title, total=None, bad=0)
+    with _bar(title, "bad {task.fields[number]}  left") as move:
 
         def update(state: ScoringProgress) -> None:
-            bar.start()
-            bar.update(task, total=state.total, completed=state.done, bad=state.bad)
+            assert move is not None
+            move(state.done, state.total, number=state.bad)
 
-        yield update
+        yield None if move is None else update
+
+
+def print_summary(summary: GenerateSummary, out: Path | str) -> None:
+    """Print a summary of a run. Raises DatasetError if it has no frame."""
+    frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())
+    people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
+    print_message(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")
+    if summary.reused:
+        print_message(f"{summary.reused} of them were complete already")
+    if summary.rendered:
+        milliseconds = 1000 * summary.cpu_seconds / summary.rendered
+        print_message(
+            f"{summary.rendered} rendered in {summary.seconds:.1f} s: "
+            f"{rate_text(summary.rendered / summary.seconds)}, {milliseconds:.1f} ms of CPU each, "
+            f"{summary.bytes / 1e6:.1f} MB"
+        )
+    for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
+        console.print(f"skipped {count}: {why}", style="yellow")
+    if not sum(summary.frames.values()):
+        raise DatasetError(f"{out}: no frame could be made, see {out}/skipped.jsonl")
 
 
 def study_displays() -> Displays:

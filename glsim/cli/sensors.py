@@ -10,7 +10,6 @@ import typer
 from rich.table import Table
 
 from glsim.cli.common import JsonOption, print_json, print_table
-from glsim.cli.completion import sensor_words
 from glsim.errors import ConfigError
 from glsim.files.atomic import write_atomic
 
@@ -35,9 +34,7 @@ glsim render face.obj --sensor my_sensor.toml
 def sensors(
     name: Annotated[
         str | None,
-        typer.Argument(
-            help="Print the file of this sensor, or copy it with -o.", autocompletion=sensor_words
-        ),
+        typer.Argument(help="Print the file of this sensor, or copy it with -o."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="New .toml file for the copy.")

@@ -8,7 +8,6 @@ import typer
 from rich.table import Table
 
 from glsim.cli.common import JsonOption, make_console, print_json, print_table
-from glsim.cli.completion import stage_words
 
 if TYPE_CHECKING:
     from glsim.noise.stage import StageSpec
@@ -29,10 +28,7 @@ glsim stages tof_light --json
 def stages(
     name: Annotated[
         str | None,
-        typer.Argument(
-            help="The name of a stage, a .glsl file, or file.py:function.",
-            autocompletion=stage_words,
-        ),
+        typer.Argument(help="The name of a stage, a .glsl file, or file.py:function."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -19,7 +19,6 @@ from glsim.cli.common import (
     overrides,
     print_message,
 )
-from glsim.cli.completion import recipe_words
 from glsim.errors import CPU_TORCH, ConfigError, TrainError
 
 if TYPE_CHECKING:
@@ -61,11 +60,7 @@ _METRICS = {
 def train(
     recipe: Annotated[
         str | None,
-        typer.Argument(
-            metavar="RECIPE",
-            help="A shipped recipe, or a .toml file.",
-            autocompletion=recipe_words,
-        ),
+        typer.Argument(metavar="RECIPE", help="A shipped recipe, or a .toml file."),
     ] = None,
     data: Annotated[
         list[Path] | None,

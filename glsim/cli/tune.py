@@ -18,7 +18,6 @@ from glsim.cli.common import (
     console,
     overrides,
 )
-from glsim.cli.completion import sensor_words
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -34,9 +33,7 @@ glsim tune mine.toml --source ict-facekit --root FaceXModel --real recording
 def tune(
     sensor: Annotated[
         str | None,
-        typer.Argument(
-            help="A shipped sensor (glsim sensors) or a .toml file.", autocompletion=sensor_words
-        ),
+        typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file."),
     ] = None,
     face: Annotated[
         Path | None, typer.Option("--face", help="A mesh file: OBJ, PLY, STL, GLB or OFF.")

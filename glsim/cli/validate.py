@@ -20,7 +20,6 @@ from glsim.cli.common import (
     print_written,
     write_json,
 )
-from glsim.cli.completion import sensor_words
 
 if TYPE_CHECKING:
     from glsim.validate.report import ValidationReport
@@ -41,9 +40,7 @@ _COLOURS = {"pass": "green", "FAIL": "bold red", "exception": "yellow", "n/a": "
 def validate(
     sensor: Annotated[
         str,
-        typer.Argument(
-            help="A shipped sensor (glsim sensors) or a .toml file.", autocompletion=sensor_words
-        ),
+        typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file."),
     ],
     json_file: JsonFileOption = None,
     markdown_file: Annotated[

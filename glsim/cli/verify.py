@@ -11,8 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from glsim.cli.common import JsonOption, make_console, print_json, print_message
-from glsim.cli.streams import printable
-from glsim.errors import DatasetError, GlsimError
+from glsim.errors import DatasetError, GlsimError, printable
 
 EXAMPLES = """
 [bold]Examples[/bold]

@@ -4,12 +4,11 @@
 renders and writes the chunks, in the driver or in worker processes; ``reader`` reads the result.
 """
 
+from glsim.dataset.cards import write_cards
 from glsim.dataset.chunk_writer import FrameMaker
 from glsim.dataset.driver import (
     generate,
     generate_part,
-    merge_dataset,
-    merge_parts,
     write_dataset,
 )
 from glsim.dataset.layer_images import write_frame
@@ -20,10 +19,6 @@ from glsim.dataset.shard_samples import webdataset_decoder
 from glsim.dataset.verification import verify
 from glsim.worker_processes import Workers, available_workers
 
-# Deprecated names of version 0.1.
-Progress = GenerateProgress
-Summary = GenerateSummary
-
 __all__ = [
     "Dataset",
     "FrameMaker",
@@ -31,18 +26,15 @@ __all__ = [
     "GenerateSummary",
     "Part",
     "PartSummary",
-    "Progress",
-    "Summary",
     "Workers",
     "available_workers",
     "generate",
     "generate_part",
-    "merge_dataset",
-    "merge_parts",
     "open_dataset",
     "parse_part",
     "verify",
     "webdataset_decoder",
+    "write_cards",
     "write_dataset",
     "write_frame",
 ]

@@ -10,13 +10,14 @@ from __future__ import annotations
 import hashlib
 import socket
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from glsim.errors import DeviceError, DifferentMachineError
+from glsim.errors import ConfigError, DeviceError
 from glsim.frame import Frame, Skipped
 from glsim.geometry.occluder import occluder_of
 from glsim.plan.tasks import Task
@@ -42,13 +43,13 @@ class Machine:
     renderer: str
     arithmetic: str
 
-    def refuse_other(self, renderer: str, arithmetic: str) -> None:
-        """Raise DifferentMachineError unless a data set's renderer and arithmetic are these."""
-        if (self.renderer, self.arithmetic) != (renderer, arithmetic):
-            raise DifferentMachineError(
+    def refuse_other(self, first: Machine) -> None:
+        """Raise ConfigError unless renderer and arithmetic are those of the first machine."""
+        if (self.renderer, self.arithmetic) != (first.renderer, first.arithmetic):
+            raise ConfigError(
                 f"{self.host}: a worker computes differently from the process that started it "
-                f"({self.renderer}, {self.arithmetic}, not {renderer}, {arithmetic}): give both "
-                "the same OpenGL driver and NPY_DISABLE_CPU_FEATURES"
+                f"({self.renderer}, {self.arithmetic}, not {first.renderer}, {first.arithmetic}): "
+                "give both the same OpenGL driver and NPY_DISABLE_CPU_FEATURES"
             )
 
 
@@ -101,66 +102,43 @@ class _MachineReport:
         return "computing"
 
 
-def simulate_alike(
-    settings: Settings,
-    tasks: Iterable[Task],
-    *,
-    renderer: str,
-    arithmetic: str,
-    backend: str | None = None,
-    **options: Any,
-) -> Iterator[Frame | Skipped]:
-    """Simulate, if this process has the given renderer and arithmetic.
+@dataclass
+class SameMachineSimulator:
+    """The maker of frames (``FrameMaker``) of a run: it simulates on one kind of machine alone.
 
-    Raises DifferentMachineError if it does not, and the errors of ``simulate``.
-    """
-    from glsim.gl.context import borrowed_context
-    from glsim.pipeline import simulate
-
-    with borrowed_context(backend) as context:
-        this_machine(context).refuse_other(renderer, arithmetic)
-        yield from simulate(settings, tasks, context=context, **options)
-
-
-class KeptSimulator:
-    """Makes frames as ``simulate_alike``, with one context and simulator for all its calls.
-
-    It is for processes that are given their tasks piece by piece: linking the programs anew takes
-    as long as some ten frames. The context lives as long as the process.
+    Attributes:
+        machine: the one that began the data set.
+        sources, backend, layers: as for ``glsim.pipeline.simulate``.
+        keep: keep context and simulator for further calls, as long as the process lives. It is for
+            processes that are given their tasks piece by piece: linking the programs anew takes as
+            long as some ten frames.
     """
 
-    def __init__(
-        self,
-        *,
-        renderer: str,
-        arithmetic: str,
-        sources: Sequence[FaceSource],
-        backend: str | None = None,
-        layers: Collection[str],
-    ) -> None:
-        self.sources = sources
-        self._renderer, self._arithmetic = renderer, arithmetic
-        self._backend, self._layers = backend, layers
-        self._kept: tuple[Settings, Simulator] | None = None
+    machine: Machine
+    sources: Sequence[FaceSource]
+    backend: str | None
+    layers: Collection[str]
+    keep: bool = False
+    _kept: tuple[Simulator, ExitStack] | None = field(default=None, init=False)
 
     def __call__(self, settings: Settings, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
-        """Yield one result per task, in order. Raises as ``simulate_alike``."""
-        from glsim.gl.context import open_context
+        """Yield one result per task, in order.
+
+        Raises ConfigError if this process computes differently, and the errors of ``simulate``.
+        """
+        from glsim.gl.context import borrowed_context
         from glsim.pipeline import Simulator
 
-        if self._kept is None or self._kept[0] != settings:
-            context = open_context(self._backend)
-            this_machine(context).refuse_other(self._renderer, self._arithmetic)
-            made = Simulator(settings, list(self.sources), context, (), self._layers)
-            self._kept = settings, made
-        yield from self._kept[1].frames(tasks)
-
-
-def keeping_simulator(make_frames: Any) -> Any:
-    """Return a KeptSimulator for a partial ``simulate_alike``; any other maker as it is."""
-    if isinstance(make_frames, partial) and make_frames.func is simulate_alike:
-        return KeptSimulator(**make_frames.keywords)
-    return make_frames
+        if self._kept is not None:
+            yield from self._kept[0].frames(tasks)
+            return
+        with ExitStack() as stack:
+            context = stack.enter_context(borrowed_context(self.backend))
+            this_machine(context).refuse_other(self.machine)
+            simulator = Simulator(settings, list(self.sources), context, (), self.layers)
+            if self.keep:
+                self._kept = simulator, stack.pop_all()
+            yield from simulator.frames(tasks)
 
 
 @lru_cache(maxsize=1)

@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Any
 
 from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob
-from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan, is_shard_name
+from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import HEADER, SKIPPED
 from glsim.dataset.identity import InputHashes, make_identity
 from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
@@ -30,7 +30,6 @@ from glsim.dataset.record_schema import (
 from glsim.dataset.records import ChunkRecord, ChunkSummary
 from glsim.dataset.run_state import RunState
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import is_refusal
 from glsim.files.lines import bounded_lines
 from glsim.files.store import Store
 from glsim.plan.tasks import Task
@@ -113,57 +112,11 @@ class DatasetRun:
 
 
 def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -> GenerateSummary:
-    """Make all chunks with ``render`` under the lock of the data set, and merge them.
-
-    A place that cannot be written has no lock: a complete data set there is read and left alone.
-    """
+    """Make all chunks with ``render`` under the lock of the data set, and merge them."""
     counts = run.counts(progress=progress)
-    try:
-        with run.state.locked(run.identity, run.found) as state:
-            _report_strange_shards(run)
-            make_missing_chunks(run, state, None, render, counts)
-            return finish(state, run.plan, run.identity, counts)
-    except DatasetError as error:
-        counts = run.counts(progress=progress)
-        whole = is_complete_unwritten(error, run.state, run.plan, run.identity, run.found)
-        if not whole or _missing_chunks(run, run.state, run.numbers(None), counts):
-            raise
-        return summary_of(run.store, counts)
-
-
-def _report_strange_shards(run: DatasetRun) -> None:
-    """Warn of shards that no chunk of the plan has; they may be somebody's, and stay.
-
-    One of the plan that has no record was left by a killed run, and is replaced.
-    """
-    shards = run.settings.output.format == "webdataset"
-    for name in filter(is_shard_name, run.store.names("")):
-        if not (shards and run.plan.has_shard(name)):
-            log.warning(
-                "%s: is no file of this data set, and a reader of all *.tar would take it: move "
-                "it elsewhere",
-                run.store.where(name),
-            )
-
-
-def is_complete_unwritten(
-    error: DatasetError,
-    state: RunState,
-    plan: ChunkPlan,
-    identity: Mapping[str, Any],
-    inputs: InputHashes | None = None,
-) -> bool:
-    """Return whether a run ended because its place cannot be written, and need not be.
-
-    The images are not read. Raises ConfigError for a data set that was made with other settings.
-
-    Args:
-        error: why the run ended.
-        state: of the data set; without its lock.
-        plan, identity, inputs: what the run is to make.
-    """
-    whole = is_refusal(error) and state.is_merged_as(identity, inputs)
-    return whole and merged_files_are_intact(state, len(plan))
+    with run.state.locked(run.identity) as state:
+        make_missing_chunks(run, state, None, render, counts)
+        return finish(state, run.plan, run.identity, counts)
 
 
 def make_missing_chunks(
@@ -204,20 +157,6 @@ def _find_missing_chunks(
 
     A complete data set with any damage is turned back into a resumable one.
     """
-    merged = state.is_merged
-    missing = _missing_chunks(run, state, numbers, counts)
-    if merged:
-        if missing or not merged_files_are_intact(state, len(run.plan)):
-            unmerge(state, len(run.plan), set(missing))
-        else:  # left over if the last run was killed at its very end
-            state.discard_chunks(state.recorded_chunks())
-    return missing
-
-
-def _missing_chunks(
-    run: DatasetRun, state: RunState, numbers: range, counts: RunCounts
-) -> list[int]:
-    """Return the numbers of the chunks that are missing or damaged; nothing is written."""
     plan, merged = run.plan, state.is_merged
     recorded = set() if merged else state.recorded_chunks()
 
@@ -236,8 +175,7 @@ def _missing_chunks(
 
     records = read_merged_chunks(state, len(plan)) if merged else state.store.map(load, numbers)
     missing: list[int] = []
-    found = zip(numbers, records, strict=True)
-    for number, record, problem in state.store.map(check, found):
+    for number, record, problem in state.store.map(check, zip(numbers, records, strict=True)):
         if record is not None and problem is None:
             counts.complete(record.summary, reused=True)
             continue
@@ -245,6 +183,11 @@ def _missing_chunks(
         if problem is not None:
             first = plan[number].tasks[0].stem
             log.warning("%s: rendering %s and the next frames again", problem, first)
+    if merged:
+        if missing or not merged_files_are_intact(state, len(plan)):
+            unmerge(state, len(plan), set(missing))
+        else:  # left over if the last run was killed at its very end
+            state.discard_chunks(state.recorded_chunks())
     return missing
 
 
@@ -259,15 +202,14 @@ def absent_chunks(state: RunState, plan: ChunkPlan) -> list[int]:
 def finish(
     state: RunState, plan: ChunkPlan, identity: Mapping[str, Any], counts: RunCounts
 ) -> GenerateSummary:
-    """Merge the chunk records, unless that is done; ``state`` is that of a locked data set."""
+    """Merge the chunk records, unless that is done, and return what the data set holds.
+
+    ``state`` is that of a locked data set.
+    """
     if not state.is_merged:
         merge(state, plan, identity)
-    state.discard_part_files()
-    return summary_of(state.store, counts)
-
-
-def summary_of(store: Store, counts: RunCounts) -> GenerateSummary:
-    """Return what a complete data set holds, and what a run did."""
+    state.discard_part_locks()
+    store = state.store
     header = parse_header(store.read(HEADER, MAX_HEADER_BYTES) or b"", store.where(HEADER))
     with store.open(SKIPPED) as lines:
         records = (parse_object(line, SKIPPED) for line in bounded_lines(lines, MAX_LINE_BYTES))

@@ -6,8 +6,7 @@
     train|val|test/<subject>/<sequence>_<frame>_<layer>.png     format "png"
     train|val|test/metadata.jsonl    the records as rows for Hugging Face's image-folder loader
     train-000000.tar ...             format "webdataset": <index>.<layer>.png, <index>.json
-    README.md                        card for the Hugging Face Hub: YAML and text
-    croissant.json                   the same description in the format Croissant of MLCommons
+    README.md, croissant.json        cards for publication, written on request
     .glsim/                          lock, plan, chunk records, temporary files; no data
 
 <index> is the frame's position in the plan, eight digits.

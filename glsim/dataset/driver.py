@@ -1,34 +1,21 @@
 """The driver of a run: survey the folder, render missing chunks, merge. It resumes any run.
 
-``generate`` makes a whole data set, ``generate_part`` one part of it, and ``merge_parts`` puts
-parts together; ``write_dataset`` and ``merge_dataset`` do so for given tasks.
+``generate`` makes a whole data set, ``generate_part`` one part of it; ``write_dataset`` makes a
+data set of given tasks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from glsim.dataset.chunk_writer import FrameMaker
-from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
-from glsim.dataset.dataset_run import (
-    ChunkRenderer,
-    DatasetRun,
-    absent_chunks,
-    finish,
-    in_processes,
-    is_complete_unwritten,
-    run_all,
-    summary_of,
-)
-from glsim.dataset.identity import InputHashes, make_identity
+from glsim.dataset.dataset_run import ChunkRenderer, DatasetRun, in_processes, run_all
+from glsim.dataset.identity import InputHashes
 from glsim.dataset.part_run import run_part
 from glsim.dataset.parts import Part
-from glsim.dataset.progress import GenerateSummary, PartSummary, Progress, RunCounts
-from glsim.dataset.run_state import RunState
-from glsim.errors import DatasetError
+from glsim.dataset.progress import GenerateSummary, PartSummary, Progress
 from glsim.files.store import open_store
 from glsim.plan.tasks import Task, make_tasks
 from glsim.settings.schema import Settings
@@ -60,9 +47,7 @@ def generate(
         portable: compute alike on all x86-64 processors since Haswell, see
             ``portable_environment``.
     """
-    run, render = simulation_run(
-        settings, out, workers, backend=backend, portable=portable, ray=ray
-    )
+    run, render = _simulation(settings, out, workers, backend, portable, ray)
     return run_all(run, render, progress)
 
 
@@ -74,7 +59,6 @@ def generate_part(
     workers: Workers = "auto",
     backend: str | None = None,
     portable: bool = False,
-    leave: bool = False,
     progress: Progress | None = None,
 ) -> PartSummary:
     """Generate one part of a data set, and merge all parts if this was the last one.
@@ -83,42 +67,23 @@ def generate_part(
     bytes are those of ``generate``.
 
     Raises the errors of ``generate``, and DatasetError if another process makes the same part.
-
-    Args:
-        portable: as for ``generate``.
-        leave: if this machine renders or computes differently from the one that began the data
-            set, make nothing, and leave the chunks to parts that end later. Otherwise that raises
-            DifferentMachineError.
     """
-    run, render = simulation_run(settings, out, workers, backend=backend, portable=portable)
-    return run_part(run, part, render, progress, leave=leave)
+    run, render = _simulation(settings, out, workers, backend, portable)
+    return run_part(run, part, render, progress)
 
 
-def merge_parts(settings: Settings, out: Path | str) -> GenerateSummary:
-    """Complete the data set of ``settings`` whose parts are all made; OpenGL is not needed.
-
-    Raises DatasetError if a chunk is missing, and ConfigError for other settings than the parts'.
-    """
-    from glsim.pipeline import open_sources
-    from glsim.sensors.sensor import sensor_of
-
-    tasks = make_tasks(settings, open_sources(settings))
-    return merge_dataset(settings, tasks, out, sensor=sensor_of(settings).describe())
-
-
-def simulation_run(
+def _simulation(
     settings: Settings,
     out: Path | str,
-    workers: Workers = "auto",
-    *,
-    backend: str | None = None,
-    portable: bool = False,
+    workers: Workers,
+    backend: str | None,
+    portable: bool,
     ray: str | None = None,
 ) -> tuple[DatasetRun, ChunkRenderer]:
-    """Return the run that simulates the data set, and what renders its chunks."""
+    """Return the run that simulates the data set, and the function that renders its chunks."""
     # Imported here because reading a data set needs no OpenGL.
     from glsim.appearance.dress import worn_regions
-    from glsim.dataset.arithmetic import machine_of_workers, simulate_alike, this_machine
+    from glsim.dataset.arithmetic import SameMachineSimulator, machine_of_workers, this_machine
     from glsim.dataset.inputs import source_hashes, stage_hashes
     from glsim.faces.regions import region_numbers
     from glsim.gl.context import borrowed_context
@@ -129,26 +94,19 @@ def simulation_run(
     sensor = sensor_of(settings)
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
-    worn = worn_regions(settings.appearance, sources)
     environment = portable_environment() if portable else {}
     if environment:
         machine = machine_of_workers(environment, backend)
     else:
         with borrowed_context(backend) as context:
             machine = this_machine(context)
-    make_frames = partial(
-        simulate_alike,
-        renderer=machine.renderer,
-        arithmetic=machine.arithmetic,
-        sources=sources,
-        backend=backend,
-        layers=settings.output.layers,
-    )
+    make_frames = SameMachineSimulator(machine, sources, backend, settings.output.layers)
 
     def inputs() -> InputHashes:
         stages, files = stage_hashes(sensor.stages), source_hashes(sources, tasks)
         return InputHashes(stages, files, machine.arithmetic)
 
+    worn = worn_regions(settings.appearance, sources)
     regions = (
         region_numbers(sources, [*scene_regions(settings.scene), *worn])
         if "regions" in settings.output.layers
@@ -194,37 +152,6 @@ def write_dataset(
         inputs: hashes the files that the settings refer to; a resumed run must have the same.
         workers: number of processes; 1 renders in this process.
     """
-    render = in_processes(available_workers(workers))
     store = open_store(out)
     run = DatasetRun(settings, tasks, store, make_frames, sensor, renderer, regions, inputs)
-    return run_all(run, render, progress)
-
-
-def merge_dataset(
-    settings: Settings, tasks: Sequence[Task], out: Path | str, *, sensor: Mapping[str, Any]
-) -> GenerateSummary:
-    """Complete the data set of ``tasks`` whose parts are all made.
-
-    The renderer and the inputs are those of the parts, and not this machine's. Raises DatasetError
-    if a chunk is missing, and the errors of ``write_dataset``.
-    """
-    plan = ChunkPlan(tasks, CHUNK_FRAMES[settings.output.format])
-    state = RunState(open_store(out))
-    begun = state.begun_identity()
-    identity = make_identity(settings, plan, sensor, begun["renderer"])
-    identity |= {name: begun[name] for name in ("regions", "inputs") if name in begun}
-    counts = RunCounts(plan.frames)
-    try:
-        with state.locked(identity) as locked:
-            absent = absent_chunks(locked, plan)
-            if absent:
-                raise DatasetError(
-                    f"{out}: {len(absent)} of {len(plan)} chunks are not made yet, the first is "
-                    f"number {absent[0]}: run the parts that are missing, or glsim generate "
-                    "without --part"
-                )
-            return finish(locked, plan, identity, counts)
-    except DatasetError as error:
-        if not is_complete_unwritten(error, state, plan, identity):
-            raise
-        return summary_of(state.store, counts)
+    return run_all(run, in_processes(available_workers(workers)), progress)

@@ -42,10 +42,7 @@ class DatasetEstimate:
 
 
 def estimate_dataset(
-    settings: Settings,
-    sources: Sequence[FaceSource],
-    plan: Plan,
-    frames_per_second: float | None = None,
+    settings: Settings, sources: Sequence[FaceSource], plan: Plan
 ) -> DatasetEstimate:
     """Estimate a data set. Nothing is rendered or written.
 
@@ -53,7 +50,6 @@ def estimate_dataset(
         settings: their layers, crop and scene decide the size.
         sources: the open face sources of the plan.
         plan: the frames to count.
-        frames_per_second: speed of one core; default: that of a typical frame.
     """
     by_source: dict[str, tuple[int, int]] = {}
     by_split = dict.fromkeys(SPLIT_NAMES, (0, 0))
@@ -67,6 +63,5 @@ def estimate_dataset(
     in_room = settings.scene.room != "none" or settings.scene.wall_mm is not None
     face_bytes = min(FACE_BYTES_PER_PX * image_px, FACE_BYTES)
     layer_bytes = ROOM_BYTES_PER_PX * image_px if in_room else face_bytes
-    frame_s = 1 / frames_per_second if frames_per_second else ROOM_S if in_room else FACE_S
     total = round(len(plan) * (layers * layer_bytes + RECORD_BYTES))
-    return DatasetEstimate(by_source, by_split, total, len(plan) * frame_s)
+    return DatasetEstimate(by_source, by_split, total, len(plan) * (ROOM_S if in_room else FACE_S))

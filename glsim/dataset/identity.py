@@ -15,7 +15,7 @@ from typing import Any
 
 from glsim.dataset.chunks import ChunkPlan
 from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION
-from glsim.errors import ConfigError, DifferentMachineError
+from glsim.errors import ConfigError
 from glsim.files.atomic import to_json
 from glsim.files.contents import text_hash
 from glsim.reason import Reason
@@ -64,20 +64,16 @@ class InputHashes:
         sources = {name: text_hash(json.dumps(dict(files))) for name, files in self.sources.items()}
         return {"stages": dict(self.stages), "sources": sources, "arithmetic": self.arithmetic}
 
-    def changed_file(self, source: str, before: Mapping[str, str]) -> str | None:
-        """Return the first file of a source whose hash is not that of ``before``."""
-        now = self.sources.get(source, {})
-        names = [*before, *now]
-        return next((name for name in names if before.get(name) != now.get(name)), None)
-
     def changed_since(self, before: InputHashes) -> str:
         """Name the first stage file or source file that differs from ``before``."""
         for file, hash in before.stages.items():
             if self.stages.get(file) != hash:
                 return f"stage file {file}"
         for source, files in before.sources.items():
-            if name := self.changed_file(source, files):
-                return f"source {source}: {name}"
+            now = self.sources.get(source, {})
+            for name in [*files, *now]:
+                if files.get(name) != now.get(name):
+                    return f"source {source}: {name}"
         return "an input"
 
 
@@ -101,59 +97,41 @@ def make_identity(
     }
 
 
-def refuse_changed_inputs(
-    out: str, begun: Mapping[str, Any], inputs: InputHashes, files: Mapping[str, Any]
-) -> None:
-    """Raise ConfigError if an input differs from what the data set was begun with; name it.
-
-    Args:
-        begun: the identity on disk.
-        files: source -> file -> hash at the beginning, if known.
-    """
-    old = begun.get("inputs")
-    if not isinstance(old, dict):
-        return
-    choice = f"was changed since {out} was begun: restore it, or choose another folder"
-    for file, hash in inputs.stages.items():
-        if old.get("stages", {}).get(file, hash) != hash:
-            raise ConfigError(f"stage file {file} {choice}")
-    for source, hash in inputs.identity()["sources"].items():
-        if old.get("sources", {}).get(source, hash) != hash:
-            before = files.get(source)
-            name = inputs.changed_file(source, before) if isinstance(before, dict) else None
-            raise ConfigError(f"source {source}: {name or 'a file'} {choice}")
-    if old.get("arithmetic", inputs.arithmetic) != inputs.arithmetic:
-        raise DifferentMachineError(
-            f"{out} was begun by a version of glsim, a processor, NumPy or OpenGL driver whose "
-            f"last bits differ from this machine's ({socket.gethostname()}): continue there, with "
-            "or without --native as it was begun, or choose another folder"
-        )
-
-
 def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
     """Raise ConfigError for the first entry of ``identity`` that differs from ``begun``."""
     old, new = _flatten(begun), _flatten(json.loads(to_json(identity, out)))
     for name in [*new, *old]:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
-        if not compared or old.get(name) == new.get(name):
-            continue
-        if name == "plan":
-            raise ConfigError(
-                f"{out} was begun with other faces: the files of a source have changed: restore "
-                "them, or choose another folder"
+        if compared and old.get(name) != new.get(name):
+            raise ConfigError(_difference(out, name, old.get(name), new.get(name)))
+
+
+def _difference(out: str, name: str, old: Any, new: Any) -> str:
+    """Return the message about an entry that differs from what a data set was begun with."""
+    table, _, rest = name.removeprefix("inputs.").partition(".")
+    if name.startswith("inputs."):
+        if table == "arithmetic":
+            return (
+                f"{out} was begun by a version of glsim, a processor, NumPy or OpenGL driver whose "
+                f"last bits differ from this machine's ({socket.gethostname()}): continue there, "
+                "or choose another folder"
             )
-        if name == "glsim_version":
-            raise ConfigError(
-                f"{out} was begun with glsim {old.get(name)}, whose frames of a seed may differ "
-                f"from those of {new.get(name)}: continue with that version, or choose another "
-                "folder"
-            )
-        kind = DifferentMachineError if name == "renderer" else ConfigError
-        raise kind(
-            f"{out} was begun with {name.removeprefix('settings.')} = "
-            f"{json.dumps(old.get(name))}, not {json.dumps(new.get(name))}: continue with the "
-            "same, or choose another folder"
+        what = f"stage file {rest}" if table == "stages" else f"a file of source {rest}"
+        return f"{what} was changed since {out} was begun: restore it, or choose another folder"
+    if name == "plan":
+        return (
+            f"{out} was begun with other faces: the files of a source have changed: restore them, "
+            "or choose another folder"
         )
+    if name == "glsim_version":
+        return (
+            f"{out} was begun with glsim {old}, whose frames of a seed may differ from those of "
+            f"{new}: continue with that version, or choose another folder"
+        )
+    return (
+        f"{out} was begun with {name.removeprefix('settings.')} = {json.dumps(old)}, not "
+        f"{json.dumps(new)}: continue with the same, or choose another folder"
+    )
 
 
 def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

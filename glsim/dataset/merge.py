@@ -5,16 +5,14 @@ All functions stream: memory does not grow with the number of frames.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from itertools import islice
 from typing import Any
 
-from glsim.dataset.cards import croissant, hub_card
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
-from glsim.dataset.disk_format import CROISSANT, HEADER, MANIFEST, METADATA, README, SKIPPED
+from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
 from glsim.dataset.record_schema import (
     MAX_HEADER_BYTES,
     MAX_LINE_BYTES,
@@ -48,7 +46,6 @@ def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None
     counts = dict.fromkeys(SPLIT_NAMES, 0)
     subjects: dict[str, dict[str, None]] = {split: {} for split in SPLIT_NAMES}
     skipped = 0
-    sha256 = hashlib.sha256()
     store = state.store
     with store.create(INDEX) as index_file:
         with ExitStack() as stack:
@@ -56,9 +53,7 @@ def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None
             for number, record in enumerate(store.map(state.load_chunk, range(len(plan)))):
                 split = plan.split_of(number)
                 index_file.write(record.first_line.encode())
-                lines = "".join(record.frames).encode()
-                sha256.update(lines)
-                outputs[MANIFEST].write(lines)
+                outputs[MANIFEST].write("".join(record.frames).encode())
                 outputs[SKIPPED].write("".join(record.skipped).encode())
                 where = f"the record of chunk {number}:"
                 frames: list[Record] = [parse_frame(line, where) for line in record.frames]
@@ -81,8 +76,6 @@ def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None
             "skipped": skipped,
             "subjects": {split: list(names) for split, names in subjects.items()},
         }
-        cards = {README: hub_card(header), CROISSANT: croissant(header, sha256.hexdigest())}
-        files |= {name: store.put(name, data) for name, data in cards.items()}
         header["files"] = dict(sorted(files.items()))
         data = json.dumps(header, indent=1, allow_nan=False).encode() + b"\n"
         index_file.write(to_json(store.put(HEADER, data), HEADER).encode() + b"\n")
@@ -99,7 +92,7 @@ def _refuse_shared_subjects(subjects: Mapping[str, Mapping[str, None]]) -> None:
 
 
 def merged_files_are_intact(state: RunState, chunks: int) -> bool:
-    """Check that the header, the manifest, metadata and cards are as they were written."""
+    """Check that the header, the manifest and metadata are as they were written."""
     store = state.store
     try:
         with store.open(INDEX) as index:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from glsim.dataset.parts import Part
@@ -62,12 +62,10 @@ class PartSummary:
     """The results of a run of one part.
 
     Attributes:
-        dataset: the whole, if all parts are complete.
         frames, skipped: numbers of frames of this part.
         rendered, reused: as in GenerateSummary.
-        absent_chunks: number of chunks of other parts that nobody has completed yet.
-        left: why this machine left its chunks to the other parts; "" if it did not.
-        taken: parts whose chunks, left by other machines, this run has made too.
+        absent_chunks: number of chunks of other parts that are not complete yet.
+        dataset: the whole, if all parts are complete.
     """
 
     part: Part
@@ -75,13 +73,9 @@ class PartSummary:
     skipped: int
     rendered: int
     reused: int
-    bytes: int
     seconds: float
-    cpu_seconds: float
     absent_chunks: int
     dataset: GenerateSummary | None = None
-    left: str = ""
-    taken: Sequence[Part] = ()
 
 
 @dataclass

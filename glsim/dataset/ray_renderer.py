@@ -20,7 +20,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from glsim.dataset.arithmetic import KeptSimulator, keeping_simulator
+from glsim.dataset.arithmetic import SameMachineSimulator
 from glsim.dataset.chunk_writer import ChunkEvent, RenderJob, write_chunks
 from glsim.dataset.chunks import Chunk, ChunkPlan
 from glsim.dataset.dataset_run import ChunkRenderer
@@ -154,11 +154,13 @@ def _prepared(shared: ClusterJob) -> RenderJob:
         )
     with suppress(OSError):
         os.chdir(shared.folder)
-    return replace(shared.job, make_frames=keeping_simulator(shared.job.make_frames))
+    if isinstance(shared.job.make_frames, SameMachineSimulator):
+        shared.job.make_frames.keep = True
+    return shared.job
 
 
 def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
-    if job.inputs is not None and isinstance(job.make_frames, KeptSimulator):
+    if job.inputs is not None and isinstance(job.make_frames, SameMachineSimulator):
         sources = job.make_frames.sources
         refuse_other_inputs(job.inputs, sources, chunk.tasks, socket.gethostname())
     remote = job.state.store.is_remote

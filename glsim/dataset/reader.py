@@ -88,14 +88,11 @@ class Dataset:
         """Raise DatasetError if the frames lack a layer."""
         if layer in self.layers:
             return
-        if layer == "clean":
-            raise DatasetError(
-                f"{self}: has no layer 'clean', the true depth that this needs: generate a data "
-                "set with --layers clean,noisy (recordings of a real camera have none: glsim "
-                "compare and glsim denoise take them)"
-            )
         wanted = ",".join(sorted({"clean", "noisy", layer}))
-        raise DatasetError(f"{self}: has no layer {layer!r}: generate it with --layers {wanted}")
+        advice = f"generate it with --set output.layers={wanted}"
+        if layer == "clean":
+            advice += " (recordings have none: glsim compare and glsim denoise take them)"
+        raise DatasetError(f"{self}: has no layer {layer!r}: {advice}")
 
     @property
     def layers(self) -> tuple[str, ...]:

@@ -81,12 +81,7 @@ class _StoredImages:
                 f"{where}: was changed after it was written ({len(data)} bytes, {file['size']} "
                 f"recorded): {REPAIR}"
             )
-        size = (self._record["intrinsics"]["height"], self._record["intrinsics"]["width"])
-        if image.shape[:2] != size:
-            raise DatasetError(
-                f"{where}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
-                f"{size[1]} x {size[0]}"
-            )
+        check_size(image, self._record, where)
         if layer == "reason" and image.max(initial=0) > max(Reason):
             raise DatasetError(f"{where}: holds {image.max()}, which is no code of a reason")
         return image
@@ -112,6 +107,16 @@ class _StoredImages:
         if data is None:
             raise missing(self._store.where(file["name"]))
         return data
+
+
+def check_size(image: LayerImage, record: Mapping[str, Any], where: str) -> None:
+    """Raise DatasetError unless an image has the size that its frame's record says."""
+    size = (record["intrinsics"]["height"], record["intrinsics"]["width"])
+    if image.shape[:2] != size:
+        raise DatasetError(
+            f"{where}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
+            f"{size[1]} x {size[0]}"
+        )
 
 
 def fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:

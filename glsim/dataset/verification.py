@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import tarfile
-from collections.abc import Iterator, Mapping
-from itertools import groupby, islice
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import IO, Any
 
 from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
-from glsim.dataset.header import manifest_problem, open_header
+from glsim.dataset.header import open_header
 from glsim.dataset.layer_images import decode_layer
 from glsim.dataset.manifest import Manifest
-from glsim.dataset.run_state import RunState
+from glsim.dataset.stored_frame import check_size
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum
 from glsim.files.png import MAX_IMAGE_BYTES
@@ -20,10 +20,6 @@ from glsim.files.store import Store, open_store
 from glsim.settings.schema import SPLIT_NAMES
 
 _Record = Mapping[str, Any]
-
-#: Most damaged lines of a manifest that are listed, and most problems of all: a file can be made
-#: of millions.
-_MOST_LINES, _MOST = 1000, 100_000
 
 
 def verify(path: Path | str, deep: bool = False) -> list[str]:
@@ -44,11 +40,7 @@ def verify(path: Path | str, deep: bool = False) -> list[str]:
     except DatasetError as error:
         return [str(error)]
     wrong = [] if problem is None else [f"{HEADER} {problem}"]
-    problems = _Verification(store, header, manifest, deep).problems()
-    wrong += islice(problems, _MOST)
-    if next(problems, None) is not None:
-        wrong.append("and more problems, which are not listed")
-    return wrong
+    return wrong + list(_Verification(store, header, manifest, deep).problems())
 
 
 class _Verification:
@@ -56,40 +48,31 @@ class _Verification:
         self, store: Store, header: Mapping[str, Any], manifest: Manifest, deep: bool
     ) -> None:
         self._store, self._header, self._manifest, self._deep = store, header, manifest, deep
-        self._split_of: dict[str, str] = {}
-        self._counts = dict.fromkeys(SPLIT_NAMES, 0)
         self._folders: set[str] = set()
         #: Shard -> member -> its offset, size and CRC32.
         self._members: dict[str, dict[str, tuple[int, int, int]]] = {}
         self._bad_files: set[str] = set()
-        self._indices: set[int] = set()
 
     def problems(self) -> Iterator[str]:
-        problem = manifest_problem(self._header, self._manifest)
-        if problem is not None and MANIFEST not in self._header["files"]:
-            yield f"{MANIFEST} {problem}"
-        yield from self._plan_problems()
         yield from self._listed_files()
+        split_of: dict[str, str] = {}
+        counts = dict.fromkeys(SPLIT_NAMES, 0)
         damaged: list[str] = []
         # The frames of a subject are consecutive: the names of one folder at a time are in memory.
         for (split, subject), group in groupby(self._records(damaged), _person):
-            other = self._split_of.setdefault(subject, split)
+            other = split_of.setdefault(subject, split)
             if other != split:
                 yield f"subject {subject} is in {other} and in {split}"
-            yield from self._frame_problems(split, subject, group)
+            records = list(group)
+            counts[split] += len(records)
+            yield from self._frame_problems(split, subject, records)
         yield from damaged
-        for split, count in self._counts.items():
+        for split, count in counts.items():
             if count != self._header["frames"][split]:
                 yield f"{split} has {count} frames, the header says {self._header['frames'][split]}"
         if self._deep:
             yield from self._member_problems()
         yield from self._stray_entries()
-
-    def _plan_problems(self) -> Iterator[str]:
-        """Find a damaged plan, with which the data set cannot be repaired or continued."""
-        problem = RunState(self._store).plan_problem()
-        if problem is not None:
-            yield problem
 
     def _line(self, error: DatasetError) -> str:
         """Return an error of the store, which names the whole path, with the name of the file."""
@@ -97,18 +80,16 @@ class _Verification:
 
     def _records(self, damaged: list[str]) -> Iterator[_Record]:
         """Yield the record of each sound line; append the problems of the others to ``damaged``."""
+        indices: set[int] = set()
         for number, line in enumerate(self._manifest.lines(0, len(self._manifest))):
-            if len(damaged) >= _MOST_LINES:
-                damaged.append(f"{MANIFEST}: the lines from {number + 1} on were not checked")
-                return
             try:
                 record = self._manifest.parse(line, number)
             except DatasetError as error:
                 damaged.append(str(error))
                 continue
-            if record["index"] in self._indices:
+            if record["index"] in indices:
                 damaged.append(f"{MANIFEST}: line {number + 1}: index {record['index']} again")
-            self._indices.add(record["index"])
+            indices.add(record["index"])
             yield record
 
     def _listed_files(self) -> Iterator[str]:
@@ -139,12 +120,11 @@ class _Verification:
             yield f"{name} is not what was written: its CRC32 differs"
 
     def _frame_problems(
-        self, split: str, subject: str, records: Iterator[_Record]
+        self, split: str, subject: str, records: Sequence[_Record]
     ) -> Iterator[str]:
         """Check the images of consecutive frames of one subject."""
         images: set[str] = set()
         for record in records:
-            self._counts[split] += 1
             for layer, file in record["files"].items():
                 name = file["name"]
                 if "offset" in file:
@@ -184,8 +164,8 @@ class _Verification:
     def _image_problems(self, name: str, layer: str, record: _Record) -> Iterator[str]:
         """Decode an image and compare its type and size with the record."""
         try:
-            data = self._store.read(name, MAX_IMAGE_BYTES) or b""
-            yield from _picture_problems(data, name, layer, record)
+            image = decode_layer(self._store.read(name, MAX_IMAGE_BYTES) or b"", layer, name)
+            check_size(image, record, name)
         except DatasetError as error:
             yield self._line(error)
 
@@ -242,17 +222,3 @@ class _Verification:
 
 def _person(record: _Record) -> tuple[str, str]:
     return record["split"], record["subject"]
-
-
-def _picture_problems(data: bytes, name: str, layer: str, record: _Record) -> Iterator[str]:
-    try:
-        image = decode_layer(data, layer, name)
-    except DatasetError as error:
-        yield str(error)
-        return
-    size = (record["intrinsics"]["height"], record["intrinsics"]["width"])
-    if image.shape[:2] != size:
-        yield (
-            f"{name}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
-            f"{size[1]} x {size[0]}"
-        )

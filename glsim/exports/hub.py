@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from glsim.dataset.cards import write_cards
 from glsim.dataset.disk_format import README, STATE
 from glsim.dataset.header import read_header
 from glsim.errors import ConfigError, DatasetError, require_package
@@ -12,9 +13,9 @@ from glsim.errors import ConfigError, DatasetError, require_package
 def push_dataset(place: Path | str, repository: str, *, public: bool = False) -> str:
     """Push a complete data set to a repository of the Hub, which is made if there is none.
 
-    The files go as they are: the Hub reads the card, README.md, and shows the splits. A second push
-    sends what has changed. The token is that of ``hf auth login``, or HF_TOKEN; HF_ENDPOINT names
-    another server than the Hub.
+    The files go as they are, with cards (``write_cards``) unless README.md is there: the Hub reads
+    it and shows the splits. A second push sends what has changed. The token is that of ``hf auth
+    login``, or HF_TOKEN; HF_ENDPOINT names another server than the Hub.
 
     Args:
         place: folder of the data set.
@@ -30,8 +31,6 @@ def push_dataset(place: Path | str, repository: str, *, public: bool = False) ->
     """
     place = Path(place)
     read_header(place)
-    if not (place / README).is_file():
-        raise DatasetError(f"{place / README}: no card: run glsim verify {place} --repair")
     require_package("huggingface_hub", f"--hf {repository}", "hub")
     import huggingface_hub as hub
     from huggingface_hub.errors import HFValidationError
@@ -41,6 +40,8 @@ def push_dataset(place: Path | str, repository: str, *, public: bool = False) ->
         raise ConfigError(f"--hf {repository}: no token: run hf auth login, or set HF_TOKEN")
     if repository.count("/") != 1:
         raise ConfigError(f"--hf {repository}: give owner/name")
+    if not (place / README).is_file():
+        write_cards(place)
     api = hub.HfApi(token=token, library_name="glsim")
     try:
         url = api.create_repo(repository, repo_type="dataset", private=not public, exist_ok=True)

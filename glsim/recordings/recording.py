@@ -261,8 +261,7 @@ def _dataset_recording(path: Path) -> Recording:
     dataset = open_dataset(path)
     if len(dataset) == 0:
         raise DatasetError(f"{path}: has no frames")
-    if "noisy" not in dataset.layers:
-        raise DatasetError(f"{path}: has no layer 'noisy': generate it with --layers clean,noisy")
+    dataset.require("noisy")
     stated = StatedCamera(dataset.frames()[0].intrinsics, unit_mm=dataset.depth_unit_mm)
     return Recording(path, "data set", _PairFrames(dataset), stated)
 

@@ -157,13 +157,19 @@ class VariationSettings(TomlTable):
         return self
 
 
+def _words(value: object) -> object:
+    return [part.strip() for part in value.split(",")] if isinstance(value, str) else value
+
+
 class OutputSettings(TomlTable):
     """Layers, format and size of the frames that are written."""
 
     format: Literal["png", "webdataset"] = Field(
         "png", description="a tree of PNG files, or shards"
     )
-    layers: tuple[LayerName, ...] = Field(("clean", "noisy"), description="images of each frame")
+    layers: Annotated[tuple[LayerName, ...], BeforeValidator(_words)] = Field(
+        ("clean", "noisy"), description="images of each frame"
+    )
     crop: int | None = Field(None, ge=8, le=4096, description="side of the centre crop, pixels")
     depth_unit_mm: float = Field(
         1.0, ge=DEPTH_UNIT_MM[0], le=DEPTH_UNIT_MM[1], description="one step of a depth file"
@@ -200,8 +206,7 @@ _Source = Annotated[SerializeAsAny[SourceSettings], BeforeValidator(_source)]
 def _split(value: object) -> object:
     if value == PAPER_SPLIT:
         return value
-    if isinstance(value, str):
-        value = [part.strip() for part in value.split(",")]
+    value = _words(value)
     if isinstance(value, list | tuple) and len(value) != len(SPLIT_NAMES):
         raise ValueError(f"give {len(SPLIT_NAMES)} shares ({', '.join(SPLIT_NAMES)})")
     return value

@@ -7,9 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-import typer
-
-from glsim.cli import app
+from glsim.cli import load_commands
 from scripts.reference.markdown import block, code, plain, table
 
 _INTRODUCTION = """\
@@ -21,10 +19,10 @@ wrong usage or settings. Messages go to stderr, tables to stdout.
 """
 
 
-@cache  # Typer takes a tenth of a second to build all commands
+@cache  # it imports all commands
 def commands() -> tuple[tuple[str, Any], ...]:
     """Return the name of each command, such as "import biwi", and the command, sorted."""
-    return tuple(_walk(typer.main.get_command(app), ""))
+    return tuple(_walk(load_commands(), ""))
 
 
 def options_of(command: Any) -> set[str]:

@@ -1,4 +1,4 @@
-"""Test how the command line ends: signals, a full disk, long names, a deleted folder."""
+"""How the command line ends (signals, a full disk, any error), and the shared options."""
 
 from __future__ import annotations
 
@@ -7,47 +7,50 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.cli.common import run_command_line
-
-ROOT = Path(__file__).parents[2]
-EARLY = """
-import sys
-
-class Interrupted:
-    def find_spec(self, name, path=None, target=None):
-        if name == "typer":
-            raise KeyboardInterrupt
-
-sys.meta_path.insert(0, Interrupted())
-from glsim.__main__ import main
-sys.exit(main())
-"""
+from glsim.cli.common import options, run_command_line
+from glsim.cli.progress import rate_text
+from glsim.files.png import encode_png
+from tests.support.imports import ROOT
 
 
-def python(code: str, *arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, **options)  # type: ignore[call-overload]
+@pytest.fixture(autouse=True)
+def _options_as_before() -> Iterator[None]:
+    before = replace(options)
+    yield
+    vars(options).update(vars(before))
 
 
-def test_ctrl_c_while_commands_are_imported_is_one_line() -> None:
-    done = python(EARLY)
-    assert (done.returncode, done.stderr) == (1, "interrupted\n")
+def test_shared_options_hold_for_one_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sensors", "-q"]) == 0
+    assert options.quiet
+    assert main(["stages", "no_such_stage", "--debug"]) == 2
+    assert "Traceback" in capsys.readouterr().err
+    assert main(["stages", "no_such_stage"]) == 2
+    assert not options.quiet
+    assert "Traceback" not in capsys.readouterr().err
 
 
-def test_sigterm_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("press", "text"), [(signal.SIGTERM, "terminated"), (signal.SIGINT, "interrupted")]
+)
+def test_signals_are_one_line(
+    press: signal.Signals, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     def command(**_: object) -> None:
-        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), press)
         signal.pause()
 
     before = signal.getsignal(signal.SIGTERM)
     assert run_command_line(command, []) == 1
-    assert capsys.readouterr().err == "terminated: run the same command again to go on\n"
+    assert capsys.readouterr().err == f"{text}: run the same command again to go on\n"
     assert signal.getsignal(signal.SIGTERM) == before
 
 
@@ -55,7 +58,6 @@ def test_sigterm_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     ("error", "text"),
     [
         (MemoryError(), "out of memory: ask for fewer frames, fewer workers or a smaller crop"),
-        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), "No space left on device"),
         (OSError(errno.EIO, os.strerror(errno.EIO), "a.png"), "a.png: Input/output error"),
         (KeyError("a\nb"), "KeyError: 'a\\nb' (a bug; --debug shows where)"),
     ],
@@ -70,72 +72,58 @@ def test_what_the_system_refuses_is_no_bug(
     assert capsys.readouterr().err == f"glsim: error: {text}\n"
 
 
-NAME = "n" * 256
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["denoise", NAME, "-o", "b.png"],
-        ["corrupt", NAME, "-o", "b.png"],
-        ["render", NAME, "-o", "out"],
-        ["preview", NAME],
-        ["inspect", NAME],
-        ["generate", "-o", NAME, "--subjects", "1"],
-        ["generate", "-o", "out", "--config", NAME],
-        ["stages", NAME + ".glsl"],
-        ["compare", NAME, NAME],
-    ],
-    ids=lambda words: words[0],
-)
+@pytest.mark.parametrize("command", ["corrupt", "denoise", "render", "inspect"])
 def test_a_name_that_is_too_long_is_one_line(
-    words: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(words) in (1, 2)
-    lines = [line for line in capsys.readouterr().err.splitlines() if "error" in line]
-    assert len(lines) == 1
-    assert "name too long" in lines[0]
-    assert "a bug" not in lines[0]
+    out = ["-o", str(tmp_path / "b.png")] if command != "inspect" else []
+    assert main([command, "n" * 256, *out]) in (1, 2)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "name too long" in line
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_deleted_working_folder_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "gone").mkdir()
-    monkeypatch.chdir(tmp_path / "gone")
-    (tmp_path / "gone").rmdir()
-    assert main(["stages"]) == 2
-    message = "the working folder has been deleted: change to another one"
-    assert capsys.readouterr().err == f"glsim: error: {message}\n"
-    monkeypatch.chdir(tmp_path)
-
-
 def test_output_to_a_full_device_is_one_line() -> None:
-    code = "import sys; from glsim.__main__ import main; sys.exit(main())"
     with Path("/dev/full").open("w") as full:
-        environment = os.environ | {"PYTHONPATH": str(ROOT)}
         done = subprocess.run(
-            [sys.executable, "-c", code, "stages"],
-            env=environment,
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+            [sys.executable, "-m", "glsim", "stages"],
+            cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr == "glsim: error: No space left on device\n"
 
 
-def test_more_frames_than_fit_in_memory_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("name", ["a[/b]c", ":smile:"])
+def test_paths_are_no_markup(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """``-o 'a[/b]c'`` raised MarkupError after all the work."""
     monkeypatch.chdir(tmp_path)
-    assert main(["generate", "-o", "data", "--subjects", "1000000000", "-q"]) == 2
-    assert capsys.readouterr().err == (
-        "glsim: error: 1000000000 subjects of 30 frames are 30000000000 frames; one data set has "
-        "at most 50000000 of 500000 people: make several, with other seeds\n"
-    )
+    (tmp_path / "map.png").write_bytes(encode_png(np.full((16, 16), 900, np.uint16)))
+    assert main(["denoise", "map.png", "-o", f"{name}/map.png", "-d", "median"]) == 0
+    assert f"{name}/map.png" in capsys.readouterr().err
+    assert (tmp_path / name / "map.png").is_file()
+
+
+def test_urls_are_named_as_they_were_given(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", "s3://bucket/faces"]) == 2
+    assert "glsim: error: s3://bucket/faces: no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("rate", "text"), [(0.28, "0.28/s"), (0.0, "0/s"), (3.14159, "3.1/s"), (123.4, "123/s")]
+)
+def test_slow_rates_are_not_0(rate: float, text: str) -> None:
+    assert rate_text(rate) == text
+
+
+def test_an_error_before_the_first_frame_has_no_idle_bar_and_frames_have_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["-o", str(tmp_path / "d"), "--set", "output.crop=32", "--workers", "1"]
+    made = ["generate", *out, "--subjects", "1", "--frames-per-subject", "2"]
+    assert main([*made, "--source", "folder", "--root", "nothing"]) in (1, 2)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("glsim: error: ")
+    assert main(made) == 0
+    assert "2/2" in capsys.readouterr().err

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 
-from glsim import cli, load_sensor, sensor_names
+from glsim import load_sensor, sensor_names
 from glsim.cli import main
 from glsim.noise.registry import stage_names
 from tests.support.dataset_fakes import make, make_settings, make_tasks
@@ -51,28 +49,6 @@ def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     found = printed(capsys, "info")
     assert found["versions"].keys() >= {"glsim", "numpy"}
     assert "used" in {entry["state"] for entry in found["backends"]}
-
-
-def test_every_command_that_prints_a_table_has_json() -> None:
-    folder = Path(cli.__file__).parent
-    printing = {f.stem for f in folder.glob("*.py") if re.search(r"\bTable\(", f.read_text())}
-    parts = {"generate_plan": "generate"}  # a file of that command
-    asked = {parts.get(name, name).replace("_", "-") for name in printing}
-    commands = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
-    assert asked >= {"generate", "fit", "eval-real", "sensors", "stages", "info", "validate"}
-    for name in {*asked, "compare", "inspect", "verify"}:
-        options = [option for parameter in commands[name].params for option in parameter.opts]
-        assert "--json" in options, name
-
-
-def test_the_plan_of_a_data_set(capsys: pytest.CaptureFixture[str]) -> None:
-    few = ("--subjects", "10", "--frames-per-subject", "3", "--price-per-core-hour", "2")
-    found = printed(capsys, "generate", "--plan", *few)
-    assert found["frames"] == 30 == sum(split["frames"] for split in found["splits"].values())
-    assert found["sources"][0]["people"] == 10
-    assert math.isclose(found["price"], 2 * found["core_hours"])
-    assert main(["generate", "-o", "x", "--json"]) == 2
-    assert "add --plan" in capsys.readouterr().err
 
 
 def test_a_data_set_that_is_sound_and_one_that_is_not(

@@ -98,27 +98,3 @@ def test_the_command_that_repairs_an_import(
     make(tmp_path, settings, make_tasks(4, 1))
     command = verify(capsys, tmp_path, "--repair")[1][-1]
     assert command == f"glsim import biwi hpdb -o {tmp_path} --every 10 --split 0.0,0.0,1.0"
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ["preview", "data", "-o", "pictures"],
-        ["eval", "data", "-o", "scores", "-d", "median"],
-        ["train", "recorrupted-small", "--data", "data", "-o", "run"],
-        ["compare", "data", "data", "-o", "compared"],
-    ],
-)
-def test_every_reader_refuses_a_changed_manifest(
-    tree: Path,
-    command: list[str],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """A focal length changed by hand was used with exit status 0."""
-    monkeypatch.chdir(tree.parent)
-    manifest = tree / "manifest.jsonl"
-    manifest.write_text(manifest.read_text().replace('"fx":40.0', '"fx":41.0', 1))
-    assert main(command) == 1
-    assert "manifest.jsonl: was changed after it was written" in capsys.readouterr().err
-    assert not [path for path in tree.parent.rglob("*") if path.suffix in (".html", ".csv", ".pt")]

@@ -12,7 +12,7 @@ import pytest
 
 from glsim.dataset import arithmetic, chunks, generate, generate_part, parse_part
 from glsim.dataset.arithmetic import Machine, machine_of_workers
-from glsim.errors import DeviceError, DifferentMachineError
+from glsim.errors import ConfigError, DeviceError
 from glsim.settings.schema import Settings, load_settings
 from glsim.worker_processes import SINGLE_THREADED, portable_environment
 from tests.support.dataset_fakes import TINY_SENSOR, contents
@@ -28,11 +28,11 @@ def test_a_worker_says_what_it_is_and_another_is_refused_by_name() -> None:
     machine = machine_of_workers({}, None)
     assert machine.host == platform.node()
     assert len(machine.arithmetic) == 16
-    machine.refuse_other(machine.renderer, machine.arithmetic)
-    with pytest.raises(DifferentMachineError, match=rf"{machine.host}: a worker computes differ"):
-        machine.refuse_other("another renderer", machine.arithmetic)
-    with pytest.raises(DifferentMachineError, match=r"not llvmpipe, 0123\): give both the same"):
-        Machine("node7", "llvmpipe", "4567").refuse_other("llvmpipe", "0123")
+    machine.refuse_other(machine)
+    with pytest.raises(ConfigError, match=rf"{machine.host}: a worker computes differ"):
+        machine.refuse_other(Machine("a", "another renderer", machine.arithmetic))
+    with pytest.raises(ConfigError, match=r"not llvmpipe, 0123\): give both the same"):
+        Machine("node7", "llvmpipe", "4567").refuse_other(Machine("a", "llvmpipe", "0123"))
 
 
 def test_the_number_of_threads_does_not_make_another_machine() -> None:
@@ -77,11 +77,9 @@ def test_a_portable_set_is_that_of_the_pinned_processor_whatever_runs_it(
     # A machine of another kind: all its processes would compute as an older processor.
     older = "X86_V3 " + portable_environment()["NPY_DISABLE_CPU_FEATURES"]
     monkeypatch.setitem(SINGLE_THREADED, "NPY_DISABLE_CPU_FEATURES", older)
-    with pytest.raises(DifferentMachineError, match="a worker computes differently from the proc"):
+    with pytest.raises(ConfigError, match="a worker computes differently from the proc"):
         generate(settings, tmp_path / "b", workers=2)
-    summary = generate_part(
-        settings, tmp_path / "c", parse_part("0/1", {}), workers=2, portable=True
-    )
+    summary = generate_part(settings, tmp_path / "c", parse_part("0/1"), workers=2, portable=True)
     assert summary.dataset is not None
     assert contents(tmp_path / "c") == contents(tmp_path / "a")
 
@@ -93,18 +91,10 @@ def test_a_kernel_of_openblas_decides_nothing() -> None:
     assert machines[0] == machines[1]
 
 
-def test_a_machine_that_differs_may_leave_its_part(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_machine_that_differs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = tiny(tmp_path)
     monkeypatch.setitem(chunks.CHUNK_FRAMES, "png", 2)
-    generate_part(settings, tmp_path / "out", parse_part("0/2", {}), workers=1)
-    with monkeypatch.context() as other:
-        other.setattr(arithmetic, "_numpy_arithmetic", lambda: b"another processor")
-        part = parse_part("1/2", {})
-        with pytest.raises(DifferentMachineError, match=rf"this machine's \({platform.node()}\)"):
-            generate_part(settings, tmp_path / "out", part, workers=1)
-        assert generate_part(settings, tmp_path / "out", part, workers=1, leave=True).left
-    again = generate_part(settings, tmp_path / "out", parse_part("0/2", {}), workers=1)
-    assert again.taken == (parse_part("1/2", {}),)
-    assert again.dataset is not None
+    generate_part(settings, tmp_path / "out", parse_part("0/2"), workers=1)
+    monkeypatch.setattr(arithmetic, "_numpy_arithmetic", lambda: b"another processor")
+    with pytest.raises(ConfigError, match=rf"this machine's \({platform.node()}\)"):
+        generate_part(settings, tmp_path / "out", parse_part("1/2"), workers=1)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from glsim.dataset import chunks, driver
+from glsim.dataset import chunks
 from glsim.dataset.disk_format import HEADER, MANIFEST
 from glsim.dataset.records import parse_chunk_record
 from glsim.errors import DatasetError
@@ -149,6 +149,5 @@ def test_the_cuts_find_a_header_before_its_manifest(
         start(self, path, *rest, sync=sync and path.name == HEADER)  # type: ignore[arg-type]
 
     monkeypatch.setattr(AtomicFile, "__init__", lazy)
-    monkeypatch.setattr(driver, "CHUNK_FRAMES", {"png": 2})
     found = cut_everywhere(monkeypatch, tmp_path / "a")
     assert any(lie.endswith(MANIFEST) for lie in found)

@@ -128,7 +128,7 @@ def test_bad_headers(tree: Path) -> None:
     with pytest.raises(DatasetError, match="is not the header of a glsim data set"):
         open_dataset(tree)
     (tree / "dataset.json").write_text('{"format":"glsim"}')
-    with pytest.raises(DatasetError, match="is damaged: it lacks frames"):
+    with pytest.raises(DatasetError, match="is damaged: frames: Field required"):
         open_dataset(tree)
     (tree / "dataset.json").write_text("[")
     with pytest.raises(DatasetError, match=r"dataset\.json: is damaged"):

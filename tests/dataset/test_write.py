@@ -48,7 +48,7 @@ def test_layout_of_a_png_tree_is_exact(tmp_path: Path) -> None:
         for frame in range(2)
         for layer in layers
     }
-    others = {"dataset.json", "manifest.jsonl", "skipped.jsonl", "README.md", "croissant.json"}
+    others = {"dataset.json", "manifest.jsonl", "skipped.jsonl"}
     others |= {"train/metadata.jsonl", "test/metadata.jsonl"}
     state = {".glsim/plan.json", ".glsim/chunks.jsonl"}
     assert set(contents(tmp_path / "a")) == images | others | state

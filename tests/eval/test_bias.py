@@ -137,7 +137,7 @@ def test_a_data_sets_truth_may_be_the_expected_depth(tmp_path: Path) -> None:
         scores[truth] = found.summary.mean("noisy", "both_bias_mm")
     # The fake's expected depth is 2 mm beyond the clean one.
     assert scores["clean"] - scores["expected"] == pytest.approx(2.0, abs=0.02)
-    with pytest.raises(DatasetError, match=r"no layer 'expected'.*--layers clean,expected,noisy"):
+    with pytest.raises(DatasetError, match=r"output\.layers=clean,expected,noisy"):
         ScoringJob(tmp_path / "plain", "test", (), truth="expected").frames()
 
 

@@ -33,7 +33,8 @@ def reproduction(tmp_path_factory: pytest.TempPathFactory) -> Path:
         f'{{kind="d3dfacs", root="{root}", count=1}}]'
     )
     command = ["generate", "-o", str(folder / "data"), "--set", f"source={sources}"]
-    options = ["--sensor", "kinect-v2-paper", "--crop", "96", "--split", "0,0,1", "--workers", "1"]
+    options = ["--sensor", "kinect-v2-paper", "--set", "output.crop=96", "--set", "split=0,0,1"]
+    options += ["--workers", "1"]
     assert main([*command, *options, "-q"]) == 0
     return folder
 

@@ -104,7 +104,7 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
             ["--set axial", "base_sigma_mm: give a num"],
         ),
         (["--source", "proceduarl"], ["source.0.kind: 'proceduarl'", "'procedural'"]),
-        (["--layers", "clean,nosy"], ["output.layers.1: 'nosy'", "'noisy'"]),
+        (["--set", "output.layers=clean,nosy"], ["output.layers.1: 'nosy'", "'noisy'"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) and value[0][0] == "-" else "",
 )

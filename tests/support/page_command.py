@@ -22,7 +22,7 @@ import typer
 _LONG = {"tune", "fetch", "transfer", "paper"}
 #: Words of command lines that need another machine, a network, or data of somebody else.
 _NOBODY = re.compile(
-    r"--slurm|--ray|--part|--merge|--hf|s3://|/shared|shared/|HEAD:|FaceXModel|"
+    r"--ray|--part|--hf|s3://|/shared|shared/|HEAD:|FaceXModel|"
     r"\bscans\b|\bdumps\b|d3dfacs|\.bag\b|my_camera|--source people|--preset randomised|"
     r"-o (videos|sequences)|\b(heads|videos|sequences|test)\b(?=.*-d)|--runs"
 )
@@ -46,9 +46,9 @@ def _is_read_only(words: list[str]) -> bool:
 
 def _read(words: list[str]) -> None:
     """Parse a command line. Raises LookupError for no command, TyperException for wrong words."""
-    from glsim.cli import app
+    from glsim.cli import load_commands
 
-    command: Any = typer.main.get_command(app)
+    command: Any = load_commands()
     while hasattr(command, "commands"):
         command, words = command.commands[words[0]], words[1:]
     with suppress(typer.Exit):

@@ -274,16 +274,16 @@ def test_mixed_sizes(copy: Path) -> None:
 @pytest.mark.parametrize(
     ("written", "options", "message"),
     [
-        (["clean"], {}, r"no layer 'noisy'.*--layers"),
+        (["clean"], {}, r"no layer 'noisy'.*output.layers"),
         (
             ["clean", "noisy"],
             {"inputs": NetworkInputs(infrared=True)},
-            r"no layer 'infrared'.*--layers clean,infrared,noisy",
+            r"no layer 'infrared'.*output.layers=clean,infrared,noisy",
         ),
         (
             ["clean", "noisy"],
             {"target": "expected"},
-            r"no layer 'expected'.*--layers clean,expected,noisy.*data.target",
+            r"no layer 'expected'.*output.layers=clean,expected,noisy.*data.target",
         ),
     ],
 )

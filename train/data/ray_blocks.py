@@ -37,7 +37,7 @@ class RayBlocks:
     equal those of a local rendering.
 
     Raises ConfigError as ``ray_cluster``; ``pairs`` raises the errors of the nodes, and
-    DifferentMachineError for a node that computes differently from the first one.
+    ConfigError for a node that computes differently from the first one.
 
     Args:
         lanes: numbers and first blocks of the lanes, in the order of their use.
@@ -83,7 +83,7 @@ class RayBlocks:
                 self._ahead[block] = start_task(self._ray, self._task, *self._shared, *block)
         if self._machine is None:
             self._machine = made.machine
-        made.machine.refuse_other(self._machine.renderer, self._machine.arithmetic)
+        made.machine.refuse_other(self._machine)
         return made.pairs
 
     def close(self) -> None:
