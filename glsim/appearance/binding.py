@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.appearance.scalp import Anchors
+from glsim.appearance.skin_grid import Anchors
 from glsim.geometry.products import nearest_rotation, product
 
 Points = NDArray[np.float32]

@@ -43,7 +43,7 @@ _PIT_MM, _PIT_SLOPE = 10.0, 0.3
 #: Cloth hangs at most so far off, mm, over the room that it has; it settles from _START_MM off.
 _FREE_MM, _START_MM = 65.0, 30.0
 #: Rounds in which the membrane settles; smoothing of the directions in which it is lifted.
-_ROUNDS, _NORMAL_ROUNDS, _SMOOTH_ROUNDS = 28, 10, 8
+_ROUNDS, _NORMAL_ROUNDS, _SMOOTH_ROUNDS = 24, 8, 8
 #: Rounds in which the cloth of trunk and limbs is matched, and the width of their border.
 _JOINED: Final = 6
 #: Folds of a bust are lower: its meshes have long triangles that cannot carry them; chosen.
@@ -53,6 +53,10 @@ _BUST_FOLDS: Final = 0.65
 _CREST: Final = 0.33
 #: Seams are even lines: edges are smoothed over this length, mm, in at most so many rounds.
 _SEAM_MM, _SEAM_ROUNDS = 22.0, 60
+
+
+#: Gives the mean of each point's neighbours.
+Averaging = Callable[[Array], Array]
 
 
 class Worn(NamedTuple):
@@ -278,7 +282,8 @@ def _garment(
     free = np.minimum(_PIT_MM + _PIT_SLOPE * away, _FREE_MM)
     room = rest + np.minimum(room, free)
     most = room + free * (1 - 0.9 * end)
-    surface, lift = _membrane(piece, room, most, garment.hang, rest)
+    carried = _averaging(piece, garment.hang)
+    surface, lift = _membrane(piece, room, most, rest, mean, carried)
     fold = garment.fold * scale * joined(_fold_heights(piece, own, on_limb, seed))
     loose = np.maximum(lift - rest, 0.0)
     height = np.maximum(np.clip(0.35 + loose / 14.0, 0.35, 1.35) * fold, -0.4 * loose)
@@ -301,7 +306,7 @@ def _eases(piece: ClothBody, garment: Garment, own: Array, on_limb: NDArray[np.b
     return np.asarray(room)
 
 
-def _averaging(piece: ClothBody, hang: float = 0.0) -> Callable[[Array], Array]:
+def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
     """Return a function of (N,) or (k, N) values that gives the mean of each point's neighbours.
 
     Args:
@@ -324,19 +329,18 @@ def _averaging(piece: ClothBody, hang: float = 0.0) -> Callable[[Array], Array]:
 
 
 def _membrane(
-    piece: ClothBody, room: Array, most: Array, hang: float, rest: float
+    piece: ClothBody, room: Array, most: Array, rest: float, mean: Averaging, carried: Averaging
 ) -> tuple[Array, Array]:
     """Lift cloth off the skin so that it spans hollows and falls from what stands out.
 
     Args:
         room, most: (N,) mm off the skin, at least and at most.
-        hang: of ``Garment``.
         rest: mm off the skin where small bumps carry the cloth.
+        mean, carried: averages over all neighbours, and over those that carry cloth that hangs.
 
     Returns:
         (N, 3) mm and (N,) mm over the skin.
     """
-    mean, carried = _averaging(piece), _averaging(piece, hang)
     out = np.ascontiguousarray(piece.normal.T)
     for _ in range(_NORMAL_ROUNDS):
         out = 0.5 * out + 0.5 * mean(out)
@@ -436,7 +440,12 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> W
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     count = len(surface)
-    ends = sides[~np.isin(sides @ (count, 1), sides @ (1, count))]
+    first, second = np.ascontiguousarray(sides.T)
+    # Around an inner point, neighbours that triangles leave to are those that they come from.
+    net = np.bincount(first, second, count) - np.bincount(second, first, count)
+    rim = sides[(net != 0)[sides].all(axis=1)]
+    forth, back = rim[:, 0] * count + rim[:, 1], rim[:, 1] * count + rim[:, 0]
+    ends = rim[~np.isin(forth, back)]
     edge, number = np.unique(ends, return_inverse=True)
     first, second = number.reshape(-1, 2).T
     ways = 2.0 + np.bincount(number.ravel(), minlength=len(edge))[:, None]

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from glsim.appearance.anatomy import Anatomy, Array
 from glsim.appearance.comb import Comb
 from glsim.appearance.noise import smooth_noise
-from glsim.appearance.sphere import geodesic_sphere
 from glsim.appearance.styles import HairStyle
 from glsim.geometry.products import product
 
-#: Sharpness of the weights by which the radius of a head is read off the coarse sphere; chosen:
-#: neighbours are 0.15 rad apart.
+#: Directions of even density (a golden spiral) in which the radius of a head is known, and the
+#: sharpness of the weights by which it is read off them; chosen: neighbours are 0.14 rad apart.
+_DIRECTIONS = 642
 _SHARPNESS = 160.0
 #: Largest move out of the skin at once, mm; chosen.
 _PUSH_MM = 12.0
@@ -45,7 +45,10 @@ class Obstacle:
     def __init__(self, anatomy: Anatomy, skin_mm: Array) -> None:
         """skin_mm: (V, 3) the subject's reference head."""
         self.centre = anatomy.centre
-        self._units = geodesic_sphere(3)[0].astype(np.float32)
+        place = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+        turn, level = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS), np.sqrt(place * (1 - place))
+        spiral = 2 * level * np.cos(turn), 1 - 2 * place, 2 * level * np.sin(turn)
+        self._units = np.stack(spiral, axis=1).astype(np.float32)
         # Every third vertex: still about eight per direction.
         out = skin_mm[anatomy.outside & ~anatomy.body][::3] - self.centre
         length = np.linalg.norm(out, axis=1)

@@ -8,8 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.appearance.anatomy import Array, Mask
-from glsim.appearance.scalp import Anchors
 from glsim.geometry.mesh import vertex_normals
+
+
+@dataclass(frozen=True, eq=False)
+class Anchors:
+    """Points on a mesh: corners (N, 3) vertex indices and their weights (N, 3) float32."""
+
+    corners: NDArray[np.int64]
+    weights: NDArray[np.float32]
+
+    def place(self, vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return where the points lie on another mesh of the same source: (N, 3) float32."""
+        weights, corners = self.weights, self.corners
+        points = weights[:, :1] * vertices_mm[corners[:, 0]]
+        points += weights[:, 1:2] * vertices_mm[corners[:, 1]]
+        points += weights[:, 2:] * vertices_mm[corners[:, 2]]
+        return points
+
+    def taken(self, chosen: NDArray[np.int64]) -> Anchors:
+        """Return the anchors of some points."""
+        return Anchors(self.corners[chosen], self.weights[chosen])
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,6 @@ _DECISIONS = {
     "faces/ict_facekit/topology.py": 3,
     "faces/scans/biwi_files.py": 2,
     "faces/sources/d3dfacs.py": 7,
-    "appearance/sphere.py": 2,
 }
 _BLAS = {"dot", "matmul", "tensordot", "inner", "vdot", "det", "svd", "inv", "solve", "qr"}
 _BLAS |= {"lstsq", "eig", "eigh", "pinv"}
