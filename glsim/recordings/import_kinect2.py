@@ -16,7 +16,7 @@ from glsim.dataset.identity import InputHashes
 from glsim.dataset.inputs import source_hashes
 from glsim.dataset.progress import GenerateProgress, GenerateSummary
 from glsim.errors import ConfigError, DatasetError, MeshError
-from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
 from glsim.files.contents import content_hash
 from glsim.frame import Frame, Skipped
 from glsim.geometry.rect import Rect
@@ -36,7 +36,7 @@ FLOAT_UNIT_MM = 0.25
 DEFAULT_SPLIT = "0,0,1"
 
 
-class RecordingSource:
+class RecordingSource(FaceSource):
     """The recordings in a folder and its sub-folders, as the source of a plan: a subject each.
 
     Raises ConfigError for a folder that does not exist, DatasetError if it holds no frames.

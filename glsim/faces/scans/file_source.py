@@ -1,16 +1,19 @@
-"""Functions shared by file-based sources: subject checks, loading, and caching of errors."""
+"""What sources of files share: their root, subject checks, loading, and caching of errors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from glsim.errors import ConfigError, GlsimError, MeshError, did_you_mean
-from glsim.faces.base import BadFace, Face, FaceKey
-from glsim.faces.scans.file_tree import list_names
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.scans.file_tree import check_root, list_names
 from glsim.files.contents import content_hash
+from glsim.meshio.alignment import check_axes, check_unit
 
 _T = TypeVar("_T")
 
@@ -21,19 +24,66 @@ _REASON_LENGTH = 120
 _COMPANIONS = (".mtl", ".bin")
 
 
-def first_subjects(
-    root: Path, names: Collection[str], count: int | None, nothing: str
-) -> list[str]:
-    """Return the first ``count`` names (None: all). Raises ConfigError if there are fewer.
+class FileFaces(FaceSource):
+    """A source of mesh files below a root: derive from it.
 
     Args:
-        nothing: error text for an empty root.
+        unit, axes: as for ``load_mesh``.
+
+    Raises:
+        ConfigError: an invalid setting, or a missing root.
     """
-    if not names:
-        raise ConfigError(f"{root}: {nothing}")
-    if count is not None and count > len(names):
-        raise ConfigError(f"{root}: has {len(names)} subjects, {count} were asked for")
-    return list(names)[:count]
+
+    #: What a root without subjects lacks, for the message.
+    nothing: ClassVar[str]
+
+    def __init__(self, root: Path | str, unit: str, axes: str) -> None:
+        check_unit(unit)
+        check_axes(axes)
+        self.root = check_root(root)
+        self._unit, self._axes = unit, axes
+        self._kept: dict[Any, Any] = {}  # what was read once, or its error
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the settings, without what was read."""
+        cached = {name for c in type(self).__mro__ for name, v in vars(c).items()
+                  if isinstance(v, cached_property)}  # fmt: skip
+        state = {name: value for name, value in self.__dict__.items() if name not in cached}
+        return state | {"_kept": {}}
+
+    @property
+    @abstractmethod
+    def people(self) -> Mapping[str, Any]:
+        """Subject -> its files, in natural order; the tree is listed once."""
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the first ``count`` subjects (None: all). Raises ConfigError for fewer."""
+        if not self.people:
+            raise ConfigError(f"{self.root}: {self.nothing}")
+        if count is not None and count > len(self.people):
+            raise ConfigError(
+                f"{self.root}: has {len(self.people)} subjects, {count} were asked for"
+            )
+        return list(self.people)[:count]
+
+    def check_subject(self, subject: str) -> None:
+        """Raise ConfigError if there is no such subject."""
+        if subject not in self.people:
+            known = did_you_mean(subject, self.people)
+            raise ConfigError(f"{self.root}: no subject {subject!r} ({known})")
+
+    def read_once(self, name: Any, make: Callable[[Any], _T]) -> _T:
+        """Return ``make(name)``, called once per name; its MeshError is kept and raised again."""
+        if name not in self._kept:
+            try:
+                with one_bad_file(name):
+                    self._kept[name] = make(name)
+            except MeshError as error:
+                self._kept[name] = error
+        result: _T | MeshError = self._kept[name]
+        if isinstance(result, MeshError):
+            raise result
+        return result
 
 
 def file_contents(root: Path, paths: Iterable[Path]) -> dict[str, str]:
@@ -50,12 +100,6 @@ def file_contents(root: Path, paths: Iterable[Path]) -> dict[str, str]:
         if Path(name).suffix.lower() in _COMPANIONS
     ]
     return {path.relative_to(root).as_posix(): content_hash(path) for path in [*meshes, *beside]}
-
-
-def check_subject(root: Path, subject: str, names: Collection[str]) -> None:
-    """Raise ConfigError if there is no such subject."""
-    if subject not in names:
-        raise ConfigError(f"{root}: no subject {subject!r} ({did_you_mean(subject, names)})")
 
 
 @contextmanager
@@ -87,17 +131,3 @@ def load_faces(
             yield BadFace(key, error)
         else:
             yield face
-
-
-def cached_or_error(cache: dict[str, _T | MeshError], name: str, make: Callable[[str], _T]) -> _T:
-    """Return ``make(name)``, called once per name; its MeshError is cached and raised again."""
-    if name not in cache:
-        try:
-            with one_bad_file(name):
-                cache[name] = make(name)
-        except MeshError as error:
-            cache[name] = error
-    result = cache[name]
-    if isinstance(result, MeshError):
-        raise result
-    return result

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,17 +26,11 @@ from pydantic import Field
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.scans.biwi_files import HeadPose, read_pose
-from glsim.faces.scans.file_source import (
-    cached_or_error,
-    check_subject,
-    file_contents,
-    first_subjects,
-    load_faces,
-)
-from glsim.faces.scans.file_tree import check_root, last_number, list_names
+from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces
+from glsim.faces.scans.file_tree import last_number, list_names
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.products import product
-from glsim.meshio.alignment import Alignment, check_axes, check_unit
+from glsim.meshio.alignment import Alignment
 from glsim.meshio.limits import check_size
 from glsim.meshio.load import check_head_size, find_alignment_in_format, read_mesh
 
@@ -70,7 +64,7 @@ class BiwiSettings(MeshFileSettings):
         return float(any(any(folder.glob("frame_*_pose.txt")) for folder in named))
 
 
-class Biwi(FaceSource):
+class Biwi(FileFaces):
     """A FaceSource for the Biwi set in its original layout.
 
     Args:
@@ -82,35 +76,22 @@ class Biwi(FaceSource):
     """
 
     name = "biwi"
+    nothing = "no recording NN (01 to 24) with frame_*_pose.txt"
 
     def __init__(
         self, root: Path | str, *, unit: str = "auto", axes: str = "auto", every: int = 1
     ) -> None:
-        check_unit(unit)
-        check_axes(axes)
         if every < 1:
             raise ConfigError(f"every={every}: take one frame in 1 or more")
-        root = check_root(root)
-        self.root = root / "hpdb" if (root / "hpdb").is_dir() else root
-        self._unit, self._axes, self._every = unit, axes, every
-        self._templates: dict[str, tuple[Mesh, Alignment] | MeshError] = {}
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the settings, without caches."""
-        state = self.__dict__ | {"_templates": {}}
-        state.pop("_people", None)
-        return state
-
-    def subjects(self, count: int | None) -> list[str]:
-        """Return the first ``count`` people (None: all). Raises ConfigError if there are fewer."""
-        nothing = "no recording NN (01 to 24) with frame_*_pose.txt"
-        return first_subjects(self.root, self._people, count, nothing)
+        below = Path(root) / "hpdb"
+        super().__init__(below if below.is_dir() else root, unit, axes)
+        self._every = every
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the first ``count`` frames of a person, by recording. Raises ConfigError."""
-        check_subject(self.root, subject, self._people)
+        self.check_subject(subject)
         keys: list[FaceKey] = []
-        for recording in self._people[subject]:
+        for recording in self.people[subject]:
             names = [n for n in list_names(self.root / recording) if n.endswith("_pose.txt")]
             numbers = {last_number(name) or 0: name for name in names}
             first = min(numbers, default=0)
@@ -171,7 +152,7 @@ class Biwi(FaceSource):
         return Face(key, mesh, notes=notes)
 
     def _template(self, recording: str) -> tuple[Mesh, Alignment]:
-        return cached_or_error(self._templates, recording, self._read_template)
+        return self.read_once(recording, self._read_template)
 
     def _read_template(self, recording: str) -> tuple[Mesh, Alignment]:
         path = self.root / f"{recording}.obj"
@@ -182,14 +163,14 @@ class Biwi(FaceSource):
             path, file_mesh, unit=unit, axes=self._axes, format_axes=AXES, recentre=True
         )
         mesh = check_head_size(path, file_mesh.to_mesh(alignment))
-        for other in self._templates.values():
+        for other in self._kept.values():
             if not isinstance(other, MeshError) and np.array_equal(other[0].faces, mesh.faces):
                 mesh = replace(mesh, faces=other[0].faces)
                 break
         return mesh, alignment
 
     @cached_property
-    def _people(self) -> dict[str, list[str]]:
+    def people(self) -> dict[str, list[str]]:
         """Person -> names of their recordings."""
         people: dict[str, list[str]] = {}
         for number, person in enumerate(PEOPLE, start=1):

@@ -93,23 +93,23 @@ class D3dfacs(Folder):
         super().__init__(below if below.is_dir() else root, unit=unit, axes=axes)
         self._every, self._peak_only = every, peak_only
         self._patches: dict[str, list[str]] = {}
-        self._chosen: dict[str, list[FaceKey]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the settings, without caches."""
-        return super().__getstate__() | {"_patches": {}, "_chosen": {}}
+        """Return the settings, without what was read."""
+        return super().__getstate__() | {"_patches": {}}
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the first ``count`` frames of a subject after ``every`` and ``peak_only``."""
-        if subject not in self._chosen:
-            keys = super().frames(subject, None)
-            sequences = [list(group) for _, group in groupby(keys, key=lambda key: key.sequence)]
-            self._chosen[subject] = [
-                key
-                for sequence in sequences
-                for key in ([self._peak(sequence)] if self._peak_only else sequence[:: self._every])
-            ]
-        return self._chosen[subject][:count]
+        return self.read_once(("frames", subject), lambda _: self._choose(subject))[:count]
+
+    def _choose(self, subject: str) -> list[FaceKey]:
+        keys = super().frames(subject, None)
+        sequences = [list(group) for _, group in groupby(keys, key=lambda key: key.sequence)]
+        return [
+            key
+            for sequence in sequences
+            for key in ([self._peak(sequence)] if self._peak_only else sequence[:: self._every])
+        ]
 
     def _sequences(self, subject: str, top: Path, files: list[Path]) -> list[FaceKey]:
         """Group the two patches of each raw frame, then list the frames."""

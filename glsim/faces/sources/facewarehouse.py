@@ -29,18 +29,11 @@ from pydantic import Field
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.scans.blend_shape_file import SHAPES, open_blend_shapes
-from glsim.faces.scans.file_source import (
-    cached_or_error,
-    check_subject,
-    file_contents,
-    first_subjects,
-    load_faces,
-    one_bad_file,
-)
-from glsim.faces.scans.file_tree import check_root, list_names
+from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces, one_bad_file
+from glsim.faces.scans.file_tree import list_names
 from glsim.faces.scans.head_scale import mm_per_unit
 from glsim.geometry.mesh import Mesh
-from glsim.meshio.alignment import Alignment, check_axes, check_unit
+from glsim.meshio.alignment import Alignment
 from glsim.meshio.limits import check_size
 from glsim.meshio.load import check_head_size, drop_degenerate, find_alignment_in_format
 from glsim.meshio.obj import read_obj, read_vertices
@@ -102,7 +95,7 @@ class FaceWarehouseSettings(MeshFileSettings):
         return float(any(re.fullmatch(r"Tester_\d+", folder.name) for folder in folders))
 
 
-class FaceWarehouse(FaceSource):
+class FaceWarehouse(FileFaces):
     """A FaceSource for FaceWarehouse in its original layout.
 
     Args:
@@ -115,6 +108,7 @@ class FaceWarehouse(FaceSource):
     """
 
     name = "facewarehouse"
+    nothing = "no folder Tester_N with a Blendshape or TrainingPose in it"
 
     def __init__(
         self,
@@ -125,24 +119,10 @@ class FaceWarehouse(FaceSource):
         steps: int = 1,
         poses: bool = True,
     ) -> None:
-        check_unit(unit)
-        check_axes(axes)
         if steps < 1:
             raise ConfigError(f"steps={steps}: 1 or more frames lead from one shape to the next")
-        self.root = check_root(root)
-        self._unit, self._axes, self._steps, self._poses = unit, axes, steps, poses
-        self._people: dict[str, _PersonGeometry | MeshError] = {}
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the settings, without caches."""
-        state = self.__dict__ | {"_people": {}}
-        state.pop("_people_files", None)
-        return state
-
-    def subjects(self, count: int | None) -> list[str]:
-        """Return the first ``count`` people (None: all). Raises ConfigError if there are fewer."""
-        nothing = "no folder Tester_N with a Blendshape or TrainingPose in it"
-        return first_subjects(self.root, self._people_files, count, nothing)
+        super().__init__(root, unit, axes)
+        self._steps, self._poses = steps, poses
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the first ``count`` frames: shapes, then poses. Raises ConfigError."""
@@ -175,7 +155,7 @@ class FaceWarehouse(FaceSource):
         return load_faces(keys, self._face)
 
     def _face(self, key: FaceKey) -> Face:
-        person = cached_or_error(self._people, key.subject, self._geometry_of)
+        person = self.read_once(key.subject, self._geometry_of)
         weights = self._weights(key)
         points = self._points(key, weights, person.vertices)
         vertices_mm = person.alignment.apply(points)
@@ -240,7 +220,7 @@ class FaceWarehouse(FaceSource):
         if alignment.flip_winding:
             faces = faces[:, ::-1]
         shared = np.ascontiguousarray(faces, dtype=np.int32)
-        for other in self._people.values():
+        for other in self._kept.values():
             if isinstance(other, _PersonGeometry) and np.array_equal(other.faces, shared):
                 shared = other.faces
                 break
@@ -268,7 +248,7 @@ class FaceWarehouse(FaceSource):
     def _topology_files(self, subject: str) -> list[Path]:
         """Return the OBJ files to try for the topology, in order: the person's own first."""
         own = self._files_of(subject)
-        own_first = [own, *(files for files in self._people_files.values() if files is not own)]
+        own_first = [own, *(files for files in self.people.values() if files is not own)]
         candidates = [
             path
             for files in own_first
@@ -277,14 +257,14 @@ class FaceWarehouse(FaceSource):
         return candidates[:_MAX_ATTEMPTS]
 
     def _files_of(self, subject: str) -> _PersonFiles:
-        check_subject(self.root, subject, self._people_files)
-        return self._people_files[subject]
+        self.check_subject(subject)
+        return self.people[subject]
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self.root).as_posix()
 
     @cached_property
-    def _people_files(self) -> dict[str, _PersonFiles]:
+    def people(self) -> dict[str, _PersonFiles]:
         """Person -> files; the tree is listed once."""
         people: dict[str, _PersonFiles] = {}
         for folder in _tester_folders(self.root, _MAX_DEPTH):

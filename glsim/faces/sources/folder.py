@@ -19,28 +19,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
-from glsim.faces.scans.file_source import (
-    check_subject,
-    file_contents,
-    first_subjects,
-    one_bad_file,
-)
+from glsim.faces.scans.file_source import FileFaces, file_contents, one_bad_file
 from glsim.faces.scans.file_tree import (
     UniqueNames,
-    check_root,
     find_meshes,
     is_mesh,
     last_number,
     list_names,
 )
-from glsim.meshio.alignment import Alignment, check_axes, check_unit
+from glsim.meshio.alignment import Alignment
 from glsim.meshio.limits import EXTENSIONS
 from glsim.meshio.load import (
     FileMesh,
@@ -68,7 +62,7 @@ class FolderSettings(MeshFileSettings):
         return 0.1
 
 
-class Folder(FaceSource):
+class Folder(FileFaces):
     """A FaceSource over the mesh files below ``root``.
 
     Args:
@@ -83,6 +77,7 @@ class Folder(FaceSource):
     """
 
     name = "folder"
+    nothing = f"no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
 
     def __init__(
         self,
@@ -93,33 +88,15 @@ class Folder(FaceSource):
         recentre: bool = True,
         frames_per_second: float = FRAMES_PER_SECOND,
     ) -> None:
-        check_unit(unit)
-        check_axes(axes)
         if not frames_per_second > 0:
             raise ConfigError(f"frames_per_second={frames_per_second}: must be above 0")
-        self.root = check_root(root)
-        self._unit, self._axes, self._recentre = unit, axes, recentre
-        self._frames_per_second = frames_per_second
-        self._alignments: dict[tuple[str, str], Alignment | MeshError] = {}
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the settings, without caches."""
-        state = self.__dict__ | {"_alignments": {}}
-        state.pop("_keys", None)
-        return state
-
-    def subjects(self, count: int | None) -> list[str]:
-        """Return the first ``count`` subjects in natural order (None: all).
-
-        Raises ConfigError if there are fewer.
-        """
-        nothing = f"no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
-        return first_subjects(self.root, self._keys, count, nothing)
+        super().__init__(root, unit, axes)
+        self._recentre, self._frames_per_second = recentre, frames_per_second
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the first ``count`` frames of a subject, by sequence. Raises ConfigError."""
-        check_subject(self.root, subject, self._keys)
-        return self._keys[subject][:count]
+        self.check_subject(subject)
+        return self.people[subject][:count]
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
         """Return file -> hash for all meshes of these subjects."""
@@ -172,22 +149,22 @@ class Folder(FaceSource):
         self, subject: str, sequence: str, keys: list[FaceKey], unit: str, axes: str
     ) -> Alignment:
         """Return the alignment of the first valid mesh; raise the first mesh's error if none is."""
-        place = (subject, sequence)
-        for key in [] if place in self._alignments else keys:
-            path = self.root / key.path
-            try:
-                with one_bad_file(path):
-                    self._alignments[place] = self._align(path, self._read(key), unit, axes)
-                break
-            except MeshError as error:
-                self._alignments.setdefault(place, error)
-        alignment = self._alignments[place]
-        if isinstance(alignment, MeshError):
-            raise alignment
-        return alignment
+
+        def first(_: object) -> Alignment:
+            error = MeshError(f"{self.root}: {subject} has no mesh")
+            for number, key in enumerate(keys):
+                path = self.root / key.path
+                try:
+                    with one_bad_file(path):
+                        return self._align(path, self._read(key), unit, axes)
+                except MeshError as problem:
+                    error = problem if number == 0 else error
+            raise error
+
+        return self.read_once((subject, sequence), first)
 
     @cached_property
-    def _keys(self) -> dict[str, list[FaceKey]]:
+    def people(self) -> dict[str, list[FaceKey]]:
         """Subject -> its frames; the tree is listed once."""
         keys: dict[str, list[FaceKey]] = {}
         names = UniqueNames()
