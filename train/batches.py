@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final, Protocol, cast
 
@@ -13,13 +14,17 @@ import numpy as np
 import torch
 from lightning_fabric import Fabric
 from torch.utils.data import (
+    BatchSampler,
     ConcatDataset,
     DataLoader,
     Dataset,
+    DistributedSampler,
+    Sampler,
     Subset,
     TensorDataset,
 )
 
+from glsim.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
 from glsim.train.data.checks import (
     fingerprint,
@@ -30,10 +35,11 @@ from glsim.train.data.checks import (
 from glsim.train.data.pairs import Batch, JoinedPairs, PairDataset
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, StoredPairs
-from glsim.train.epoch_sampler import SEED_STRIDE, EpochSampler
 from glsim.train.models.registry import inputs_of
 from glsim.train.recipe import DataSettings, Recipe
 
+#: Distance between the seeds of two devices or data sets, and of two recipe seeds.
+SEED_STRIDE: Final = 1_000_003
 #: Pairs per batch of the validation. Affects memory, not results.
 VALIDATION_BATCH: Final = 8
 #: Validation frames rendered for ``--simulate`` unless the recipe gives a number.
@@ -71,6 +77,40 @@ def spread(frames: Subset[Batch]) -> Subset[Batch]:
     """Return the same frames in an order whose beginning is spread over all of them."""
     order = np.random.default_rng(0).permutation(len(frames))
     return Subset(frames.dataset, [frames.indices[number] for number in order])
+
+
+class EpochSampler(Sampler[list[int]]):
+    """Sampler of whole batches of pair indices, which can start at any batch of an epoch."""
+
+    def __init__(self, count: int, batch: int, seed: int, replicas: int = 1, rank: int = 0) -> None:
+        """Raises ConfigError if a device would get no whole batch."""
+        if count < batch * replicas:
+            raise ConfigError(
+                f"training.batch = {batch} on {replicas} device(s), but there are {count} pairs to "
+                "train on: set a smaller batch (--set training.batch=1), or generate more pairs"
+            )
+        self._shuffled: DistributedSampler[int] = DistributedSampler(
+            range(count),  # type: ignore[arg-type]  # only its length is asked
+            replicas,
+            rank,
+            shuffle=True,
+            seed=seed * SEED_STRIDE,
+            drop_last=True,
+        )
+        self._batches = BatchSampler(self._shuffled, batch, drop_last=True)
+        self._skip = 0
+
+    def set_epoch(self, epoch: int, skip: int) -> None:
+        """Make the next iteration yield the batches of this epoch without the first ``skip``."""
+        self._shuffled.set_epoch(epoch)
+        self._skip = skip
+
+    def __len__(self) -> int:
+        """Return the number of batches in a whole epoch."""
+        return len(self._batches)
+
+    def __iter__(self) -> Iterator[list[int]]:
+        return islice(iter(self._batches), self._skip, None)
 
 
 class StoredBatches:

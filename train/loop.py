@@ -18,23 +18,24 @@ from torch.utils.data import DataLoader
 from glsim.denoise import checkpoint
 from glsim.errors import ConfigError, TrainError
 from glsim.settings.seeds import stable_seed
-from glsim.train.arithmetic import arithmetic, continue_arithmetic
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device, spread
 from glsim.train.data.pairs import Batch
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import parameter_count
 from glsim.train.models.sigma_scale import calibrate
-from glsim.train.precision import with_precision
 from glsim.train.recipe import Recipe
 from glsim.train.run_setup import (
     RECIPE_FILE,
+    arithmetic,
     check_unused,
+    continue_arithmetic,
     last_checkpoint,
     locked_run,
     make_fabric,
     start_record,
     start_weights,
+    with_precision,
 )
 from glsim.train.state import TrainingState
 from glsim.train.validation import validation_figures
@@ -160,7 +161,7 @@ class TrainingRun:
         if last is not None:
             self.state.restore(last)
             self.figures = dict(last["validation"])
-            continue_arithmetic(last.get("arithmetic"), fabric, folder / checkpoint.LAST)
+            continue_arithmetic(last["arithmetic"], fabric, folder / checkpoint.LAST)
         self.arithmetic = arithmetic(fabric)
         self.progress = self.state.progress
         self.model, self.optimiser = self.state.set_up()
@@ -174,7 +175,7 @@ class TrainingRun:
         if recipe.schedule.kind != "constant" and not (self.total_steps or limits.max_minutes):
             raise ConfigError(
                 f"schedule.kind = {recipe.schedule.kind!r} must know the end: set "
-                "training.max_epochs, or give --epochs, --steps or --minutes"
+                "training.max_epochs, or give --steps or --minutes"
             )
         self._since: float | None = None  # the time of set-up and of the first batch is not counted
         announce(
@@ -355,7 +356,7 @@ class TrainingRun:
         network = self.state.evaluated
         if isinstance(network, MaskAware) and network.uncertainty:
             with suppress(ConfigError):  # early in training no pixel may have predicted depth
-                calibrate(network, self._validation_batches(), "median")
+                calibrate(network, self._validation_batches())
         content = self._header() | {
             "model": self.state.weights(),
             "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},

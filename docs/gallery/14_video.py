@@ -20,7 +20,7 @@ settings = load_settings(
     }
 )
 names = ["noisy", "face", "face-video"]
-streams = {name: load_denoiser(name).stream() for name in names}
+streams = {name: load_denoiser(name) for name in names}
 curves: dict[str, list[float]] = {name: [] for name in names}
 for frame in frames(settings, layers=("clean", "noisy", "expected")):
     expected_mm = frame.expected.astype(float)

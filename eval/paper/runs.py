@@ -177,7 +177,7 @@ def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
     """Add the rows with artefact removal that were not trained: each is its partner's network.
 
     The measurement operator of denoising is the identity, so that a network with and one without
-    artefact removal are equal, bit for bit (``glsim.train.models.artifact_removal``).
+    artefact removal are equal, bit for bit: in denoising it is the identity.
     """
     trained = {(group.row, group.size) for group in groups}
     twins = [SeedGroup(group.members, twin=True) for group in groups if group.row in _TWINNED]

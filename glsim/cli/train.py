@@ -89,7 +89,6 @@ def train(
         float | None,
         typer.Option(help="Training time, minutes, including earlier runs that are resumed."),
     ] = None,
-    epochs: Annotated[int | None, typer.Option(help="Number of epochs.")] = None,
     steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
     start: Annotated[
         Path | None,
@@ -106,7 +105,8 @@ def train(
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="Override the recipe, such as optimiser.lr=1e-3. Repeatable.",
+            help="Override the recipe, such as optimiser.lr=1e-3 or training.max_epochs=20. "
+            "Repeatable.",
         ),
     ] = None,
     resume: Annotated[
@@ -144,7 +144,6 @@ def train(
     given = overrides(
         seed=seed,
         training__max_minutes=minutes,
-        training__max_epochs=epochs,
         training__max_steps=steps,
         training__start=None if start is None else str(start),
         data__protocol=check_protocol(protocol),

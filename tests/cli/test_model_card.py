@@ -24,10 +24,9 @@ def test_a_filter_that_smooths_helps_against_white_noise_and_moves_a_clean_surfa
 
 def test_parts_of_the_noise_that_are_off_are_off() -> None:
     rows = {row.name: row.settings for row in SECTIONS["limits"][1]}
+    noisy = load_denoiser("noisy")
     every, none = (
-        score_row(load_denoiser("noisy"), CardRow("x", rows[name], 64), {}, 2)[
-            "both_interior_rmse_mm"
-        ][0]
+        score_row(noisy, CardRow("x", rows[name], 64), {}, 2)["both_interior_rmse_mm"][0]
         for name in ("kinect-v2 as it is", "without all three")
     )
     assert none < every

@@ -115,7 +115,7 @@ def test_train_denoise_and_score(
     assert main(["denoise", str(noisy), "-o", "clean.png", "-d", best, "-q"]) == 0
     assert (here / "clean.png").is_file()
     command = ["eval", str(data), "--split", "val", "-d", best, "-o", "scores", "--no-figures"]
-    assert main([*command, "--no-baselines", "--workers", "2", "-q"]) == 0
+    assert main([*command, "--workers", "2", "-q"]) == 0
     assert "best.pt" in (here / "scores" / "table.md").read_text()
     scales = [
         checkpoint.load(run / name)["model"]["sigma_scale"] for name in ("best.pt", "last.pt")
@@ -129,7 +129,7 @@ def test_train_denoise_and_score(
 
 def test_data_sets_are_joined(data: Path, here: Path) -> None:
     command = ["train", "tiny.toml", "--data", str(data), "--data", str(data), "-q", "-o", "r"]
-    assert main([*command, "--epochs", "1"]) == 0
+    assert main([*command, "--set", "training.max_epochs=1"]) == 0
     report = json.loads((here / "r" / "run.json").read_text())
     assert report["steps"] == 2 * 18 // 4
     assert [part["frames"]["val"] for part in report["data"]["sets"]] == [6, 6]
@@ -176,7 +176,7 @@ def test_options_go_over_the_recipe(data: Path, here: Path) -> None:
     assert (report["steps"], report["seed"], report["ended"]) == (3, 5, "steps")
     recipe = json.loads((here / "r" / "recipe.json").read_text())
     assert recipe["training"]["batch"] == 2
-    assert main([*command, "--steps", "1", "--epochs", "1", "-o", "one"]) == 0
+    assert main([*command, "--steps", "1", "--set", "training.max_epochs=1", "-o", "one"]) == 0
 
 
 @pytest.mark.long
@@ -184,7 +184,7 @@ def test_pairs_rendered_while_training(here: Path) -> None:
     command = ["train", "tiny.toml", "--simulate", "-q", "-o", "r", "--set", "data.epoch_steps=2"]
     command += ["--set", "data.validation_frames=4", "--set", "training.batch=1"]
     command += ["--set", "simulate.source.subjects=60"]
-    assert main([*command, "--epochs", "1"]) == 0
+    assert main([*command, "--set", "training.max_epochs=1"]) == 0
     assert main([*command, "--resume"]) == 0
     report = json.loads((here / "r" / "run.json").read_text())
     assert (report["epochs"], report["steps"]) == (2, 4)

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from glsim import Frame, load_settings, simulate
-from glsim.cli.denoise import denoise
-from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE, Denoiser, load_denoiser
-from glsim.denoise.composites import BESIDE_PX, calibrated, composed, measured_surfaces
+from glsim.denoise import Denoiser, load_denoiser
+from glsim.denoise.composites import BESIDE_PX, composed
 from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.network import NetworkFunction
-from glsim.denoise.record import UNLIKELY
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.frame import frame_set
@@ -69,11 +65,6 @@ def few_neighbours(depth_mm: Depth) -> np.ndarray:
     return (valid > 0) & (cv2.filter2D(valid, -1, np.ones((3, 3)), borderType=0) - valid < 3)
 
 
-def test_the_default_is_the_first_and_is_that_of_the_command() -> None:
-    assert next(iter(COMPOSITES)) == DEFAULT_COMPOSITE
-    assert inspect.signature(denoise).parameters["composite"].default == DEFAULT_COMPOSITE
-
-
 def test_a_rim_that_the_network_doubts_is_kept() -> None:
     noisy = head_before_wall()
     head = (noisy > 0) & (noisy < 1200)
@@ -119,16 +110,6 @@ def test_unlikely_pixels_are_dropped_beside_holes_alone() -> None:
     for kept in (0.0, 0.4):
         probability[near[0]] = kept
         assert (measured(noisy, probability, noisy) > 0)[near[0]].all()
-
-
-def test_a_network_with_another_bound_drops_pixels_up_to_it() -> None:
-    probability = np.linspace(0, 1, 999, dtype=np.float32)
-    moved = calibrated(probability, 0.3)
-    assert moved.dtype == np.float32
-    np.testing.assert_array_equal(moved <= UNLIKELY, probability <= 0.3)
-    assert (np.diff(moved) > 0).all()
-    np.testing.assert_array_equal(moved[[0, 499, 998]], [0, 0.5, 1])
-    assert calibrated(probability, UNLIKELY) is probability
 
 
 def test_a_plane_that_the_network_doubts_as_a_whole_is_kept() -> None:
@@ -181,14 +162,6 @@ def test_no_pixel_appears_in_a_shadow() -> None:
     hard = composed(Denoised(depth, probability), noisy, "hard")
     assert (few_neighbours(hard) & (noisy == 0)).sum() > 20
     assert not measured(depth, probability, noisy)[noisy == 0].any()
-
-
-def test_integers_bools_and_the_type_of_the_input() -> None:
-    noisy = head_before_wall()
-    whole: Any = noisy.astype(np.uint16)
-    out = measured_surfaces(noisy.astype(np.float64), np.ones_like(noisy), whole)
-    assert out.dtype == np.float64
-    np.testing.assert_array_equal(out, np.where(whole > 0, noisy, 0))
 
 
 def _cut(depth_mm: Depth, clean_mm: Depth, ring: np.ndarray, noisy_mm: Depth) -> float:

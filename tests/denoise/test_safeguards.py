@@ -20,7 +20,6 @@ from glsim.denoise.safeguards import (
     estimate_noise_mm,
     is_dithered,
     trusted_mask,
-    value_step_mm,
 )
 from glsim.frame import Frame
 from tests.support.real_cameras import needs_real_cameras, real_depths
@@ -54,17 +53,6 @@ def test_rounding_to_millimetres_is_no_noise_and_little_depth_gives_no_estimate(
     assert clean_noise_mm(np.zeros((20, 20), np.float32)) is None
 
 
-def test_smooth_noise_shows_between_pixels_that_are_two_apart() -> None:
-    noise = cv2.GaussianBlur(np.random.default_rng(0).normal(0, 1, (96, 96)), (0, 0), 0.8)
-    depth = np.where(ball() > 0, ball() + noise / noise.std(), 0).astype(np.float32)
-    near, far = (estimate_noise_mm(depth, step) for step in (1, 2))
-    assert near is not None
-    assert far is not None
-    assert near < 0.2
-    assert far > 0.6
-    assert clean_noise_mm(np.rint(depth)) is None
-
-
 @pytest.mark.parametrize(
     ("sensor", "distance_mm", "clean"),
     [
@@ -89,26 +77,6 @@ def test_simulated_heads_are_told_apart(sensor: str, distance_mm: int, clean: bo
 
 def in_steps(depth_mm: np.ndarray, step_mm: float) -> Depth:
     return (np.rint(depth_mm / step_mm) * step_mm).astype(np.float32)
-
-
-@pytest.mark.parametrize("step_mm", [0.01, 0.1, 0.25, 0.5, 1.0])
-def test_the_step_of_a_map_is_read_from_its_values(step_mm: float) -> None:
-    depth = np.random.default_rng(0).normal(900, 5, (200, 200)).astype(np.float32)
-    assert value_step_mm(in_steps(depth, step_mm)) == pytest.approx(step_mm, abs=1e-4)
-    assert value_step_mm(depth) < 0.001
-    assert value_step_mm(np.zeros((4, 4), np.float32)) == 1.0
-
-
-@pytest.mark.parametrize("distance_mm", [300, 600, 1300])
-@pytest.mark.parametrize("step_mm", [0.0, 0.1, 0.2])
-def test_clean_heads_of_finer_steps_are_left_as_they_are(distance_mm: int, step_mm: float) -> None:
-    source = {"subjects": 3, "frames_per_subject": 1}
-    output = {"crop": 128 if distance_mm > 500 else 320}
-    overrides = {"sensor": "ideal", "output": output, "pose": {"distance_mm": distance_mm}}
-    for frame in simulate(load_settings(overrides=overrides, source=source)):
-        assert isinstance(frame, Frame)
-        depth = 1000 * frame.clean_m
-        assert clean_noise_mm(in_steps(depth, step_mm) if step_mm else depth) is not None
 
 
 @pytest.mark.parametrize("white_mm", [0.05, 0.15])

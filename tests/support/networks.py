@@ -22,10 +22,6 @@ BACKBONES: dict[str, dict[str, Any]] = {
     "restormer": {"kind": "restormer", "dim": 8, "blocks": [1, 1, 1, 1], "refinement": 1},
     "small_unet": {"kind": "small_unet", "width": 8, "scales": 3},
     "small_unet-silu": {"kind": "small_unet", "width": 8, "scales": 4, "activation": "silu"},
-    "artifact_removal": {
-        "kind": "artifact_removal",
-        "backbone": {"kind": "dncnn", "depth": 3, "width": 8},
-    },
 }
 WRAPPERS: dict[str, dict[str, Any]] = {
     "paper": {"kind": "paper_input"},

@@ -18,7 +18,6 @@ from glsim.denoise.inputs import NetworkInputs
 from glsim.errors import ConfigError, DatasetError
 from glsim.train import Augmentation, StoredPairs, stored_batches
 from glsim.train.data.checks import fingerprint
-from glsim.train.data.surface_bumps import draw_slope, draw_surface_bumps
 from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
 from tests.support.train_fakes import crop_places, recipe
 
@@ -154,17 +153,6 @@ def test_bumps_lie_on_both_maps_alike_and_fill_no_hole(dataset: Path) -> None:
     assert 0.1 < max(heights) < 20
 
 
-def test_bumps_have_the_height_that_is_asked_for() -> None:
-    """Their mean square is the sum over sizes of (height r^2 share)^2 times that of the patches."""
-    rng = np.random.default_rng(0)
-    squares = {
-        height: np.mean([draw_surface_bumps((48, 48), height, rng).var() for _ in range(200)])
-        for height in (1.0, 4.0)
-    }
-    assert squares[4.0] / squares[1.0] == pytest.approx(16, rel=0.6)
-    assert 0.02 < squares[1.0] < 1
-
-
 def test_slopes_are_planes_that_lie_on_both_maps_alike(dataset: Path) -> None:
     plain = StoredPairs(dataset, "train")
     tilted = StoredPairs(dataset, "train", augmentation=Augmentation(slope_mm_per_px=5.0), seed=3)
@@ -182,13 +170,6 @@ def test_slopes_are_planes_that_lie_on_both_maps_alike(dataset: Path) -> None:
         slopes.append(float(columns[~columns.isnan()].mean().abs()))
     assert min(slopes) == 0, "some frames stay as they are"
     assert 0.01 < max(slopes) <= 5.0
-
-
-def test_a_slope_leaves_half_of_the_nearest_depth() -> None:
-    rng = np.random.default_rng(0)
-    drawn = [draw_slope((64, 80), 50.0, 600.0, rng) for _ in range(50)]
-    assert -300.01 < min(plane.min() for plane in drawn) < -299
-    assert all(abs(plane.mean()) < 1e-3 for plane in drawn)
 
 
 def test_cuts_and_flips_move_both_maps_alike(dataset: Path) -> None:
@@ -274,16 +255,16 @@ def test_mixed_sizes(copy: Path) -> None:
 @pytest.mark.parametrize(
     ("written", "options", "message"),
     [
-        (["clean"], {}, r"no layer 'noisy'.*output.layers"),
+        (["clean"], {}, r"no layer 'noisy'"),
         (
             ["clean", "noisy"],
             {"inputs": NetworkInputs(infrared=True)},
-            r"no layer 'infrared'.*output.layers=clean,infrared,noisy",
+            r"no layer 'infrared'",
         ),
         (
             ["clean", "noisy"],
             {"target": "expected"},
-            r"no layer 'expected'.*output.layers=clean,expected,noisy.*data.target",
+            r"no layer 'expected'",
         ),
     ],
 )
@@ -293,17 +274,6 @@ def test_a_layer_that_was_not_written(
     make(tmp_path / "set", make_settings(layers=written), make_tasks(4, 1))
     with pytest.raises(DatasetError, match=message):
         StoredPairs(tmp_path / "set", "train", **options)
-
-
-def test_a_missing_and_a_short_file_are_found_at_once(copy: Path) -> None:
-    file = sorted([*copy.glob("train/*/*_noisy.png"), *copy.glob("train*.tar")])[0]
-    data = file.read_bytes()
-    file.write_bytes(data[: len(data) // 2])
-    with pytest.raises(DatasetError, match=f"{file.name}: is cut short"):
-        StoredPairs(copy, "train")
-    file.unlink()
-    with pytest.raises(DatasetError, match=f"{file.name}: is missing"):
-        StoredPairs(copy, "train")
 
 
 def test_a_damaged_image_is_named_when_it_is_read(copy: Path) -> None:

@@ -100,31 +100,6 @@ def test_before_training_a_network_with_further_inputs_equals_the_one_it_starts_
         copy_weights(build("surfaces", "dncnn").state_dict(), narrow, "best.pt")
 
 
-@pytest.mark.parametrize("inputs", [{"infrared": True}, {"before": 4}])
-def test_further_inputs_change_the_result_after_training(inputs: dict[str, Any]) -> None:
-    torch.manual_seed(4)
-    model = network(**inputs)
-    with torch.no_grad():
-        for parameter in model.parameters():
-            parameter.normal_(std=0.1)
-    depth_mm = frames()
-    names = model.inputs.channels - 1
-    extra = (depth_mm + 2).repeat(1, names, 1, 1)
-    with_inputs = model(torch.cat([depth_mm, extra], 1)).depth_mm
-    assert not torch.equal(with_inputs, model(torch.cat([depth_mm, 0 * extra], 1)).depth_mm)
-
-
-def test_infrared_of_another_gain_gives_the_same_relative_feature() -> None:
-    model: Any = network(infrared=True)
-    depth_mm = frames().clamp_min(800)
-    light = torch.rand(depth_mm.shape, generator=torch.Generator().manual_seed(0)) * 3000 + 1000
-    one, other = (model._infrared(gain * light, depth_mm, depth_mm) for gain in (1.0, 3.0))
-    torch.testing.assert_close(one[:, 0], other[:, 0], atol=2e-3, rtol=0)
-    assert float((other[:, 1] - one[:, 1]).mean()) == pytest.approx(np.log(3) / 8, rel=0.01)
-    none = model._infrared(0 * light, depth_mm, depth_mm)
-    assert not none.any()
-
-
 def test_neighbours_are_of_the_same_sequence_and_not_too_far_in_time() -> None:
     words = [("a", "s")] * 4 + [("a", "t")] * 2 + [("b", "t")]
     numbers = [0, 1, 2, 6, 7, 8, 9]

@@ -45,7 +45,7 @@ RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
 @pytest.mark.parametrize(
     ("wrapper", "backbone"),
     [
-        *(("paper", name) for name in ("dncnn", "unet", "artifact_removal")),
+        *(("paper", name) for name in ("dncnn", "unet")),
         pytest.param("uncertain", "small_unet", marks=pytest.mark.long),
         pytest.param("surfaces", "small_unet-silu", marks=pytest.mark.long),
     ],

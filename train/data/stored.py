@@ -103,8 +103,12 @@ class StoredPairs(PairDataset):
             self._neighbours = Neighbours(moments, inputs)
         self._crop, self._cut, self._seed = crop, cut, seed
         self._augmentation = augmentation or Augmentation()
-        self._cache_bytes = cache_mb * 1e6
-        self._cache: _Cache | None = None
+        camera = self.split[0].intrinsics
+        pixels = len(self.split) * len(self._layers) * camera.height * camera.width
+        #: Number -> layers in units of their files, (L, H, W), and offset of the decoded frames.
+        self._cache: dict[int, tuple[NDArray[np.uint16], float]] | None = None
+        if pixels * np.dtype(np.uint16).itemsize <= cache_mb * 1e6:
+            self._cache = {}
 
     @property
     def is_remote(self) -> bool:
@@ -195,16 +199,16 @@ class StoredPairs(PairDataset):
         Args:
             count: number of layers that are needed; default: all.
         """
-        cache = self._cache_of_process()
-        if cache is not None and cache.known[number]:
-            units, offset_mm = cache.units[number], cache.offset_mm(number)
+        cache = self._cache if get_worker_info() is None else None
+        if cache is not None and number in cache:
+            units, offset_mm = cache[number]
         else:
             frame = self.split[number]
             layers = self._layers[: count if cache is None else None]
-            offset_mm = frame.offset_mm
             units = np.stack([self._units(frame, layer) for layer in layers])
-            if cache is not None and units.shape[1:] == cache.units.shape[2:]:
-                cache.keep(number, units, offset_mm)
+            offset_mm = frame.offset_mm
+            if cache is not None:
+                cache[number] = units, offset_mm
         pair_mm = to_mm(units[:2], self.dataset.depth_unit_mm, offset_mm)
         return [*pair_mm, *units[2:].astype(np.float32)]
 
@@ -216,33 +220,6 @@ class StoredPairs(PairDataset):
         steps = np.rint((depth_mm - np.float32(frame.offset_mm)) / np.float32(frame.step_mm))
         return np.where(depth_mm > 0, steps, 0).astype(np.uint16)
 
-    def _cache_of_process(self) -> _Cache | None:
-        if get_worker_info() is not None:
-            return None
-        if self._cache is None:
-            camera = self.split[0].intrinsics
-            shape = (len(self), len(self._layers), camera.height, camera.width)
-            if np.prod(shape, dtype=np.float64) * np.dtype(np.uint16).itemsize > self._cache_bytes:
-                return None
-            self._cache = _Cache(shape)
-        return self._cache
-
 
 def _tensor(images: NDArray[np.float32]) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(images))
-
-
-class _Cache:
-    """Decoded frames in units of their files. The system allocates memory as frames come in."""
-
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        self.units = np.zeros(shape, np.uint16)
-        self.known = np.zeros(shape[0], bool)
-        self._offset_mm = np.zeros(shape[0], np.float32)
-
-    def keep(self, number: int, units: NDArray[np.uint16], offset_mm: float) -> None:
-        self.units[number], self._offset_mm[number] = units, offset_mm
-        self.known[number] = True
-
-    def offset_mm(self, number: int) -> float:
-        return float(self._offset_mm[number])

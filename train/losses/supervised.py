@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from math import log
-from typing import Final, Literal, Self
+from typing import Final, Literal
 
 import torch
-from pydantic import Field, model_validator
+from pydantic import Field
 from torch import Tensor
 from torch.nn import functional
 
 from glsim.denoise.safeguards import REACH_PX
-from glsim.errors import ConfigError
 from glsim.train.interior_mask import dilated, interior_mask
 from glsim.train.losses.base import Loss, LossParts, weighted_mean
 from glsim.train.models.base import Prediction
@@ -51,9 +50,6 @@ class Masked(Loss):
     """
 
     kind: Literal["masked"] = "masked"
-    depth: Literal["smooth_l1", "gaussian", "laplace"] = Field(
-        "smooth_l1", description="gaussian, laplace: likelihood, for networks with log_sigma"
-    )
     beta_mm: float = Field(
         2.0, gt=0, description="error below which depth counts squared, above linearly"
     )
@@ -75,17 +71,11 @@ class Masked(Loss):
     sigma_weight: float = Field(
         0.1,
         ge=0,
-        description="weight of log_sigma, if any, with smooth_l1; no gradient reaches the depth",
+        description="weight of log_sigma, if any; no gradient reaches the depth",
     )
     reach_px: int = Field(
         REACH_PX, ge=1, description="largest distance from a valid input pixel that counts"
     )
-
-    @model_validator(mode="after")
-    def _relative_has_no_likelihood(self) -> Self:
-        if self.relative and self.depth != "smooth_l1":
-            raise ValueError(f"relative: goes with depth = 'smooth_l1', not {self.depth!r}")
-        return self
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
@@ -109,7 +99,7 @@ class Masked(Loss):
         weight = self.edge_weight * counted + (1 - self.edge_weight) * inside
         if self.relative:
             error_mm = error_mm * (_NOISE_MM / _noise_mm(noisy_mm, clean_mm, inside))
-        parts = {"depth": weighted_mean(self._depth_loss(error_mm, prediction.log_sigma), weight)}
+        parts = {"depth": weighted_mean(_smooth_l1(error_mm, self.beta_mm), weight)}
         total = parts["depth"]
         if self.valid_weight and prediction.valid_logit is not None:
             parts["valid"] = functional.binary_cross_entropy_with_logits(
@@ -122,26 +112,13 @@ class Masked(Loss):
         if self.slope_weight:
             parts["slope"] = self._slope_loss(error_mm, inside)
             total = total + self.slope_weight * parts["slope"]
-        if self.sigma_weight and self.depth == "smooth_l1" and prediction.log_sigma is not None:
+        if self.sigma_weight and prediction.log_sigma is not None:
             final_error_mm = (prediction.depth_mm - clean_mm).detach()
             parts["sigma"] = weighted_mean(
                 _laplace_nll(final_error_mm, prediction.log_sigma), counted
             )
             total = total + self.sigma_weight * parts["sigma"]
         return total, parts
-
-    def _depth_loss(self, error_mm: Tensor, log_sigma: Tensor | None) -> Tensor:
-        """Per-pixel depth loss, shaped like the error."""
-        if self.depth == "smooth_l1":
-            return _smooth_l1(error_mm, self.beta_mm)
-        if log_sigma is None:
-            raise ConfigError(
-                f"loss.depth = {self.depth!r} needs a network that predicts its uncertainty: set "
-                'model.uncertainty = true, or loss.depth = "smooth_l1"'
-            )
-        if self.depth == "gaussian":
-            return 0.5 * (error_mm * torch.exp(-log_sigma)).square() + log_sigma
-        return _laplace_nll(error_mm, log_sigma)
 
     def _slope_loss(self, error_mm: Tensor, inside: Tensor) -> Tensor:
         """Mean loss of the error's steps along columns plus that along rows, a scalar."""

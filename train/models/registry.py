@@ -12,7 +12,6 @@ from torch import nn
 
 from glsim.denoise.inputs import NetworkInputs
 from glsim.errors import ConfigError, did_you_mean
-from glsim.train.models.artifact_removal import ArtifactRemoval
 from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel
 from glsim.train.models.dncnn import DnCNN
@@ -31,7 +30,6 @@ BACKBONES: Final[dict[str, type[Backbone]]] = {
     "unet": UNet,
     "restormer": Restormer,
     "small_unet": SmallUNet,
-    "artifact_removal": ArtifactRemoval,
 }
 
 
@@ -69,12 +67,6 @@ def _backbone(spec: Any, settings: Mapping[str, Any], where: str) -> Backbone:
     if not isinstance(spec, Mapping):
         raise ConfigError(f"{where}: give a table with a kind ({', '.join(BACKBONES)})")
     kind = _kind(spec, BACKBONES, where)
-    if kind is ArtifactRemoval:
-        _parameters(kind, spec, {}, where)
-        below = spec.get("backbone")
-        if isinstance(below, Mapping) and below.get("kind") == spec["kind"]:
-            raise ConfigError(f"{where}: {spec['kind']} wraps another network, not itself")
-        return ArtifactRemoval(_backbone(spec.get("backbone"), settings, f"{where}.backbone"))
     if "backbone" in spec:
         raise ConfigError(f"{where}: {spec['kind']} has no backbone; remove the table")
     backbone: Backbone = kind(**_parameters(kind, spec, settings, where), **settings)
