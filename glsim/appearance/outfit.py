@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Final, Protocol, TypeVar
+from typing import Final
 
 import numpy as np
 
@@ -56,14 +56,6 @@ RIM_ALBEDO: Final = (0.06, 0.55)
 #: lenses that are seen through, that are a weak surface of their own, and that show a bright spot.
 LENSES: Final = (("clear", 0.5), ("dark", 0.3), ("glint", 0.2))
 LENS_ALBEDO: Final = {"dark": (0.015, 0.05), "glint": (0.9, 1.0)}
-
-
-class _Weighted(Protocol):
-    @property
-    def weight(self) -> float: ...
-
-
-_Style = TypeVar("_Style", bound=_Weighted)
 
 
 @dataclass(frozen=True)
@@ -140,7 +132,7 @@ def draw_outfit(
         note("hair_length_mm", max(hair.hang, hair.lock[1], hair.top), 1)
     if bearded:
         draw = rng("beard")
-        beard = _pick(BEARDS, draw)
+        beard = BEARDS[_choose([style.weight for style in BEARDS], draw)]
         words["appearance.beard"] = beard.name
         beard_mm = note("beard_length_mm", float(draw.uniform(*beard.length)), 2)
     if worn("brows"):
@@ -208,10 +200,6 @@ def _garment_weights(garments: Sequence[Garment], woman: bool | None) -> list[fl
 def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
     share = np.cumsum(weights) / np.sum(weights)
     return int(np.searchsorted(share, rng.random(), side="right"))
-
-
-def _pick(styles: Sequence[_Style], rng: np.random.Generator) -> _Style:
-    return styles[_choose([style.weight for style in styles], rng)]
 
 
 def _cloth_albedo(rng: np.random.Generator) -> float:

@@ -54,7 +54,7 @@ class HairStyle:
     hang: float = 0.0
     flare: float = 0.0
     open_deg: float = 72.0
-    extra: Literal["", "bun", "top bun", "pony tail", "braids", "twin tails"] = ""
+    extra: Literal["", "bun", "top bun", "pony tail", "twin tails"] = ""
 
 
 STYLES: Final = (
@@ -97,8 +97,6 @@ STYLES: Final = (
               extra="top bun"),
     HairStyle("pony tail", 7, 2, "back", 11, 8, 10, (30, 60), 120, 12, 0.04, 0.0, 1, 2.4,
               extra="pony tail"),
-    HairStyle("braids", 2, 0.3, "parting", 10, 8, 10, (30, 60), 110, 12, 0.03, 0.1, 1, 2.4,
-              extra="braids"),
     HairStyle("twin tails", 2, 0, "parting", 12, 9, 11, (30, 60), 110, 12, 0.04, 0.1, 1, 2.4,
               extra="twin tails"),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Tied hair: buns, tails and braids, as bundles of locks from one place of the scalp."""
+"""Tied hair: buns and tails, as bundles of locks from one place of the scalp."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ _TIES = {
     "bun": ((0.0, 22.0, -198.0),),
     "top bun": ((0.0, 112.0, -120.0),),
     "pony tail": ((0.0, 45.0, -194.0),),
-    "braids": ((62.0, -38.0, -128.0), (-62.0, -38.0, -128.0)),
     "twin tails": ((74.0, 40.0, -125.0), (-74.0, 40.0, -125.0)),
 }
 
@@ -32,8 +31,6 @@ def tied_locks(
         tie = base[root] + 6.0 * anatomy.scale * out
         if "bun" in style.extra:
             lines, width = _bun(tie, out, anatomy.scale, rng)
-        elif style.extra == "braids":
-            lines, width = _braid(tie, anatomy.scale, rng)
         else:
             lines, width = _tail(tie, out, anatomy.scale, rng)
         roots = np.full(lines.shape[1], root)
@@ -65,17 +62,3 @@ def _tail(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tup
     drop = np.array([0.0, -1.0, 0.0]) * length[None, :, None] * np.clip(share - 0.08, 0, 1)
     lines = tie + arc + drop + spread * (0.25 + 1.1 * np.sqrt(share))
     return lines, rng.uniform(9, 15, 34) * scale
-
-
-def _braid(tie: Array, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Plait three strands that hang down before the shoulder."""
-    length = rng.uniform(170, 260) * scale
-    share = np.linspace(0, 1, 26)[:, None]
-    phase = np.arange(3)[None, :] * 2 * np.pi / 3
-    turn = phase + 2 * np.pi * share * length / (42 * scale)
-    lines = np.empty((26, 3, 3))
-    slim = 1.0 - 0.35 * share
-    lines[..., 0] = tie[0] + 9 * scale * slim * np.sin(turn)
-    lines[..., 1] = tie[1] - length * share
-    lines[..., 2] = tie[2] + 40 * scale * share + 5 * scale * slim * np.sin(2 * turn)
-    return lines, np.full(3, 19.0 * scale)
