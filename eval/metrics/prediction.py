@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from glsim.denoise.interface import Depth, Mask
 from glsim.errors import DenoiserError
-from glsim.eval.metrics.angles import angles_deg, whole_windows
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.ssim import Moments, ssim
 from glsim.geometry.depth_map import central_normals
@@ -216,3 +215,21 @@ def error_statistics(error: NDArray[np.float64]) -> dict[str, float]:
 def psnr_db(mse_mm2: float) -> float:
     """Return the PSNR for MAX = PSNR_MAX_MM, dB; NaN for an MSE of 0, where it is undefined."""
     return 10.0 * math.log10(PSNR_MAX_MM**2 / mse_mm2) if mse_mm2 > 0 else math.nan
+
+
+def whole_windows(mask: Mask) -> Mask:
+    """Return (H, W) pixels whose whole 3x3 neighbourhood is in the image and in the mask."""
+    inside = np.zeros_like(mask)
+    if min(mask.shape) >= 3:
+        eroded = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
+        inside[1:-1, 1:-1] = eroded[1:-1, 1:-1] > 0
+    return inside
+
+
+def angles_deg(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute (N,) angles in degrees between (N, 3) vectors; accurate for small angles too."""
+    x1, y1, z1 = first.T
+    x2, y2, z2 = second.T
+    cross = (y1 * z2 - z1 * y2) ** 2 + (z1 * x2 - x1 * z2) ** 2 + (x1 * y2 - y1 * x2) ** 2
+    angle: NDArray[np.float64] = np.degrees(np.arctan2(np.sqrt(cross), x1 * x2 + y1 * y2 + z1 * z2))
+    return angle

@@ -1,7 +1,7 @@
 """The metrics, and the scores of one frame.
 
-A metric is an object of class ``Metric`` in a file of definitions/, or an entry point
-"glsim.metrics" of another package.
+A metric is one of ``definitions.SHIPPED_METRICS``, or an entry point "glsim.metrics" of another
+package.
 """
 
 from __future__ import annotations
@@ -13,18 +13,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.eval.metrics.metric import GROUPS, Metric
+from glsim.eval.metrics.definitions import SHIPPED_METRICS
+from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.prediction import ScoredMap, Truth
 from glsim.eval.metrics.regions import REGION_METRICS, region_column
-from glsim.plugins import load_plugin, plugin_names, shipped_objects
-
-_FOLDER: Final = "eval/metrics/definitions"
+from glsim.plugins import load_plugin, plugin_names
 
 
 def _all_metrics() -> dict[str, Metric]:
-    shipped = shipped_objects(_FOLDER, _is_metric)
-    shipped.sort(key=lambda metric: [*GROUPS].index(metric.group))
-    found: dict[str, Metric] = {metric.name: metric for metric in shipped}
+    found: dict[str, Metric] = {metric.name: metric for metric in SHIPPED_METRICS}
     for name in plugin_names("metrics", found):
         metric = load_plugin("metrics", name, _is_metric)
         found[name] = replace(metric, name=name)

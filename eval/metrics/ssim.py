@@ -4,7 +4,6 @@ Wang et al. 2004, equation 13, with a uniform window and sample covariances, the
 scikit-image's ``structural_similarity``; tests compare the two. It is computed here because its
 three presets share the statistics of the windows, and the maps of all denoisers those of the clean
 map: scikit-image takes 5.5 times the processor time (69 against 12.5 ms for a map of 512 x 424).
-The readings of the paper need a constant of its own beside the variances, which it has not.
 
 The value depends so much on K1, K2 and L that it means nothing without them: PRESETS lists the
 constants we print.
@@ -13,7 +12,7 @@ constants we print.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import cv2
 import numpy as np
@@ -68,45 +67,6 @@ def ssim(first: Moments, second: Moments) -> dict[str, float]:
     """Compute the mean SSIM of two images for each preset; NaN if smaller than the window."""
     if min(first.image.shape) < WINDOW:
         return dict.fromkeys(PRESETS, float("nan"))
-    windows = window_statistics(first, second)
-    result = {}
-    for name, preset in PRESETS.items():
-        c1, c2 = (preset.k1 * preset.data_range) ** 2, (preset.k2 * preset.data_range) ** 2
-        result[name] = windows.similarity(c1, c2, c2)
-    return result
-
-
-class WindowStatistics(NamedTuple):
-    """Products, squares and variances of two images per 7 x 7 window, (H - 6, W - 6) float64 each.
-
-    Args:
-        product: product of the two means.
-        squares: sum of the squares of the means.
-        covariance: sample covariance of the images.
-        variances: sum of the two sample variances.
-    """
-
-    product: _Array
-    squares: _Array
-    covariance: _Array
-    variances: _Array
-
-    def similarity(self, c1: float, c2: float, c3: float) -> float:
-        """Return the mean SSIM over all windows.
-
-        Args:
-            c1, c2: the constants of Wang et al. 2004.
-            c3: the constant beside the variances in the denominator; theirs is c2 again.
-        """
-        upper = (2 * self.product + c1) * (2 * self.covariance + c2)
-        return float((upper / ((self.squares + c1) * (self.variances + c3))).mean())
-
-
-def window_statistics(first: Moments, second: Moments) -> WindowStatistics:
-    """Compute means, variances and the covariance of each 7x7 window of two images.
-
-    The images are at least 7x7 pixels.
-    """
     pad = WINDOW // 2
     inner = (slice(pad, -pad), slice(pad, -pad))
     samples = WINDOW * WINDOW
@@ -116,7 +76,12 @@ def window_statistics(first: Moments, second: Moments) -> WindowStatistics:
     product, squares = mean_1 * mean_2, mean_1 * mean_1 + mean_2 * mean_2
     covariance = unbiased * (mean_product - product)
     variances = unbiased * (first.mean_square[inner] + second.mean_square[inner] - squares)
-    return WindowStatistics(product, squares, covariance, variances)
+    result = {}
+    for name, preset in PRESETS.items():
+        c1, c2 = (preset.k1 * preset.data_range) ** 2, (preset.k2 * preset.data_range) ** 2
+        upper = (2 * product + c1) * (2 * covariance + c2)
+        result[name] = float((upper / ((squares + c1) * (variances + c2))).mean())
+    return result
 
 
 def _window_mean(image: _Array) -> _Array:

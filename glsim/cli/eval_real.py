@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -49,9 +48,6 @@ def evaluate_real(
         ),
     ] = False,
     board: Annotated[str, typer.Option(help="Inner corners of the chessboard.")] = "5x7",
-    markdown: Annotated[
-        Path | None, typer.Option(help="Also write the tables to this file.")
-    ] = None,
     figures: FiguresOption = True,
     workers: WorkersOption = "auto",
     focal_px: FocalOption = None,
@@ -64,12 +60,11 @@ def evaluate_real(
     """
     from glsim.eval.real_frames import score_recording, split_recording, tune_on_pairs
     from glsim.eval.real_frames.split import Source
-    from glsim.eval.report.real_frames_page import real_frames_document, write_real_frames
-    from glsim.files.atomic import write_atomic
+    from glsim.eval.report.real_frames_page import write_real_frames
     from glsim.worker_processes import worker_count
 
     opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
-    check_outputs(out / "table.md", markdown)
+    check_outputs(out / "table.md")
     specs = list(denoiser or _DEFAULT)
     figures = figures_wanted(figures)
     count = worker_count(workers)
@@ -93,32 +88,16 @@ def evaluate_real(
     pictures = []
     if figures:
         from glsim.eval.report.document import CaptionedPng
-        from glsim.eval.report.figures.real_frames import crops_figure, measures_figure
+        from glsim.eval.report.figures.real_frames import measures_figure
         from glsim.eval.report.figures.style import to_png
 
-        pictures = [
-            CaptionedPng(
-                "measures", "All measures; edges: shares.", to_png(measures_figure(scores))
-            ),
-            CaptionedPng(
-                "crops",
-                "A part of one frame by every method: shaded, and its difference from the raw "
-                "frame.",
-                to_png(crops_figure(opened, specs)),
-            ),
-        ]
+        caption = "All measures; edges: shares."
+        pictures = [CaptionedPng("measures", caption, to_png(measures_figure(scores)))]
     if as_json:
         print_json(scores.as_json())
     else:
         _print_summary(scores)
     paths = write_real_frames(scores, out, pictures, remarks)
-    if markdown is not None:
-        command = f"glsim eval-real {shlex.quote(opened.source.path.name)}"
-        command += " --tune-filters" * tune_filters
-        command += "".join(f" -d {shlex.quote(spec)}" for spec in denoiser or ())
-        document = real_frames_document(scores, [f"Made by `{command}`.", *remarks])
-        write_atomic(document.markdown().encode(), markdown)
-        paths.append(markdown)
     print_written(paths)
 
 

@@ -13,8 +13,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.dataset import write_dataset
-from glsim.eval.metrics.angles import angles_deg, whole_windows
-from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.prediction import Truth, angles_deg, whole_windows
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.score import metrics_with_regions, score
 from glsim.eval.report.document import Heading, TextTable

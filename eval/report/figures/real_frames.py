@@ -1,33 +1,23 @@
-"""Figures of scores on a real recording: the measures, and one crop by every method."""
+"""The figure of scores on a real recording."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.denoise import load_denoiser
 from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
-from glsim.denoise.interface import Depth
 from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.results import RealScores
-from glsim.eval.real_frames.split import SplitRecording
-from glsim.eval.report.figures.style import matplotlib, method_style, new_figure
-from glsim.measures.frame import DepthFrame
-from glsim.preview import shaded
-from glsim.recordings.board_corners import board_corners
+from glsim.eval.report.figures.style import method_style, new_figure
 
 _TEXT_SIZE: Final = 7
 #: The shift of networks without calibration is a few mm, that of filters tenths of one.
 _SHIFT_RANGE_MM: Final = 6.0
 #: Ends of the names of methods that are not drawn: tables have all composites.
 _OTHERS: Final = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
-#: Side of the crop, px, most methods side by side, range of the colours of differences, mm.
-_CROP_PX, _MOST_COLUMNS, _RANGE_MM = 176, 6, 8.0
-_FILLED, _LOST, _NOTHING = "#ffc20a", "#1a1a1a", "#dcdcdc"
 
 
 def measures_figure(scores: RealScores) -> Any:
@@ -87,74 +77,3 @@ def _finish(axis: Any, title: str, x_label: str) -> None:
     axis.tick_params(labelsize=_TEXT_SIZE)
     for side in ("top", "right"):
         axis.spines[side].set_visible(False)
-
-
-def crops_figure(recording: SplitRecording, denoisers: Sequence[str]) -> Any:
-    """Draw a part of the frame in the middle of the recording by every method: shaded, difference.
-
-    The part is around the chessboard, or the middle of the image. Raises what denoisers raise.
-    """
-    number = len(recording.frames) // 2
-    frame = recording.frames[number]
-    raw = np.nan_to_num(frame.depth_mm)
-    maps: dict[str, Depth] = {"raw": raw}
-    for method in map(load_denoiser, denoisers):
-        maps[method.label] = method(raw).depth_mm
-    return _draw_crops(frame, maps, _cut(recording, frame))
-
-
-def _cut(recording: SplitRecording, frame: DepthFrame) -> tuple[slice, slice]:
-    source = recording.source
-    corners = board_corners(frame, source.path, source.pattern)
-    shape = frame.depth_mm.shape
-    middle = np.array(shape) / 2 if corners is None else corners.mean(axis=0)[::-1]
-    starts = [
-        int(np.clip(at - _CROP_PX / 2, 0, max(size - _CROP_PX, 0)))
-        for at, size in zip(middle, shape, strict=True)
-    ]
-    return slice(starts[0], starts[0] + _CROP_PX), slice(starts[1], starts[1] + _CROP_PX)
-
-
-def _draw_crops(frame: DepthFrame, maps: Mapping[str, Depth], cut: tuple[slice, slice]) -> Any:
-    bands = -(-len(maps) // _MOST_COLUMNS)
-    columns = -(-len(maps) // bands)
-    figure = new_figure(1.7 * columns, 3.7 * bands + 0.4)
-    axes = figure.subplots(2 * bands, columns, squeeze=False)
-    for axis in axes.ravel():
-        axis.set_axis_off()
-    colours = matplotlib("colors")
-    mapping = matplotlib("cm").ScalarMappable(colours.Normalize(-_RANGE_MM, _RANGE_MM), "RdBu_r")
-    raw = maps["raw"]
-    for number, (name, depth) in enumerate(maps.items()):
-        band, column = divmod(number, columns)
-        above, below = axes[2 * band, column], axes[2 * band + 1, column]
-        picture = shaded(depth / np.float32(1000), frame.camera)[..., ::-1]
-        above.imshow(picture[cut], interpolation="nearest")
-        above.set_title(name.replace(":", ":\n", 1).replace(",cleanup=0", ""), fontsize=_TEXT_SIZE)
-        below.imshow(_difference(depth, raw, mapping)[cut], interpolation="nearest")
-    bar = figure.colorbar(mapping, ax=axes[:, -1], fraction=0.04, aspect=40)
-    bar.ax.tick_params(labelsize=_TEXT_SIZE)
-    bar.set_label("denoised - raw [mm]", fontsize=_TEXT_SIZE)
-    patch = matplotlib("patches").Patch
-    figure.legend(
-        handles=[
-            patch(facecolor=_FILLED, label="filled: no depth in the raw frame"),
-            patch(facecolor=_LOST, label="lost: depth in the raw frame alone"),
-            patch(facecolor=_NOTHING, label="no depth in either"),
-        ],
-        loc="outside lower center", ncols=3, fontsize=_TEXT_SIZE, frameon=False,
-    )  # fmt: skip
-    figure.suptitle(f"frame {frame.name}: shaded, and denoised - raw", fontsize=_TEXT_SIZE + 1)
-    return figure
-
-
-def _difference(depth: Depth, raw: Depth, mapping: Any) -> NDArray[np.float64]:
-    picture: NDArray[np.float64] = mapping.to_rgba(depth - raw)[..., :3]
-    valid, measured = depth > 0, raw > 0
-    for pixels, colour in (
-        (~valid & ~measured, _NOTHING),
-        (valid & ~measured, _FILLED),
-        (~valid & measured, _LOST),
-    ):
-        picture[pixels] = np.array(matplotlib("colors").to_rgb(colour))
-    return picture
