@@ -174,8 +174,8 @@ def _pooled_by_sensor(results: Sequence[CellResult]) -> Iterator[CellResult]:
                     table = target.sums.setdefault(metric, {})
                     for person, sums in people.items():
                         key = f"{member.cell.source.name}/{person}"
-                        before = table.get(key, (0.0, 0.0, 0.0))
-                        table[key] = tuple(a + b for a, b in zip(before, sums, strict=True))
+                        total, defined, frames = table.get(key, (0.0, 0.0, 0.0))
+                        table[key] = (total + sums[0], defined + sums[1], frames + sums[2])
                 for person, bins in own.bias.items():
                     add_bias(bias, name, f"{member.cell.source.name}/{person}", bins)
                 target.bias = bias.get(name, {})

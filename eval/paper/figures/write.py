@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -120,10 +121,8 @@ def _figures(
         missing = [row for row in rows if row not in {group.row for group in groups}]
         if columns:
             lacks = f" Missing, without a checkpoint: {', '.join(missing)}." if missing else ""
-            figures[name] = (
-                caption + lacks,
-                lambda columns=columns, kinds=kinds: _panels(example, columns, kinds, note),
-            )
+            draw = partial(_panels, example, columns, kinds, note)
+            figures[name] = (caption + lacks, draw)
     own = [(group.title.rpartition(", ")[2], group.members[0]) for group in groups if not group.row]
     ours = [Column(f"ours, mask-aware\n{what}, {run.steps:,} steps", run.spec) for what, run in own]
     shipped = Column(f"ours, {_SHIPPED}\nshipped", _SHIPPED)
