@@ -9,7 +9,6 @@ recorded, and compared when a run is resumed.
 from __future__ import annotations
 
 import errno
-import fcntl
 import json
 import math
 import os
@@ -48,10 +47,8 @@ _MAX_JSON_BYTES = 1 << 26
 
 #: Temporary files beside their target, and temporary folders: PREFIX + random digits + SUFFIX.
 _PREFIX, _SUFFIX = ".glsim-", ".tmp"
-#: A temporary file that is this old, seconds, and that no process has locked is left over: it
-#: is locked microseconds after it is made.
-_STALE_S = 10.0
-_OPEN_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+#: A temporary file or folder that is this old, seconds, is left over: nothing is written for days.
+_STALE_S = 86_400.0
 
 
 def _to_plain_value(value: object) -> object:
@@ -133,13 +130,6 @@ def check_can_write(file: Path) -> None:
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
         if not os.access(folder, os.W_OK | os.X_OK, effective_ids=True):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-
-
-def is_refusal(error: BaseException) -> bool:
-    """Return whether a write failed for want of rights: of the user, or of the file system."""
-    cause = error.__cause__
-    read_only = isinstance(cause, OSError) and cause.errno == errno.EROFS
-    return read_only or isinstance(cause, PermissionError)
 
 
 @contextmanager
@@ -282,11 +272,7 @@ def _is_device(path: Path) -> bool:
 
 
 def _create(temporary: Path) -> IO[bytes]:
-    """Create a new file and lock it, which shows other processes that its writer lives."""
-    file = temporary.open("xb")
-    with suppress(OSError):  # some network file systems have no locks
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    return file
+    return temporary.open("xb")
 
 
 def _temporary_name() -> str:
@@ -307,45 +293,24 @@ def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
         _remove_stale(parent)
         folder = parent / _temporary_name()
         folder.mkdir(mode=0o700)
-        descriptor = os.open(folder, _OPEN_FOLDER)
     try:
-        with suppress(OSError):  # NFS locks no folders, and so none is removed as stale there
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-        os.close(descriptor)
 
 
 @lru_cache(maxsize=4096)
 def _remove_stale(folder: Path) -> None:
-    """Remove the temporary files and folders of killed processes, once per process."""
+    """Remove this user's temporary files and folders of killed processes, once per process."""
     for path in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
-        with suppress(OSError):  # gone, in use, or not ours
+        with suppress(OSError):  # gone, or not ours
             status = path.lstat()
-            if time.time() - status.st_mtime < _STALE_S:
+            if time.time() - status.st_mtime < _STALE_S or status.st_uid != os.geteuid():
                 continue
             if stat.S_ISDIR(status.st_mode):
-                _remove_stale_folder(path)
-                continue
-            with open_regular(path, inside=folder) as file:  # a pipe would wait for a writer
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(path, ignore_errors=True)
+            else:
                 path.unlink()
-
-
-def _remove_stale_folder(path: Path) -> None:
-    """Remove a folder of this user that no process has locked. Raises OSError.
-
-    A lock and not the number of a process says that its maker lives: containers that share a disk
-    number theirs alike.
-    """
-    descriptor = os.open(path, _OPEN_FOLDER)
-    try:
-        if os.fstat(descriptor).st_uid == os.geteuid():  # root leaves the files of others
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(path, ignore_errors=True)
-    finally:
-        os.close(descriptor)
 
 
 def checksum(data: bytes) -> dict[str, int]:

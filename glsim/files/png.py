@@ -35,13 +35,7 @@ MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
 MAX_MAP_PX = 1 << 22
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-#: Colour type of a PNG -> channels after decoding (a palette becomes three or four).
-_PNG_CHANNELS = {0: 1, 2: 3, 4: 4}
 _ANIMATION = (b"acTL", b"fcTL", b"fdAT")
-#: Tags of a TIFF that decide how much memory it takes, and the types of whole numbers.
-_WIDTH, _LENGTH, _BITS, _SAMPLES, _TILE_WIDTH, _TILE_LENGTH = 256, 257, 258, 277, 322, 323
-_SIZE_TAGS = (_WIDTH, _LENGTH, _BITS, _SAMPLES, _TILE_WIDTH, _TILE_LENGTH)
-_SHORT, _LONG = 3, 4
 _GREY, _RGB = 0, 2
 _NO_FILTER = 0
 #: Keyword of the text chunk with the step of a depth map, mm.
@@ -114,67 +108,34 @@ def image_size(data: bytes) -> tuple[int, int] | None:
     if data[:8] == _SIGNATURE and data[12:16] == b"IHDR" and len(data) >= 26:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
-    tags = _tiff_tags(data)
-    if tags is None or not {_WIDTH, _LENGTH} <= tags.keys():
-        return None
-    # A tile is decoded whole, however little of it lies in the image.
-    return max(tags[_WIDTH], tags.get(_TILE_WIDTH, 0)), max(
-        tags[_LENGTH], tags.get(_TILE_LENGTH, 0)
-    )
+    return _tiff_size(data)
 
 
-def _pixel_bytes(data: bytes) -> int:
-    """Return the bytes of a decoded pixel by the header of an image file."""
-    if data[:8] == _SIGNATURE:
-        return _PNG_CHANNELS.get(data[25], 4) * (2 if data[24] == 16 else 1)
-    tags = _tiff_tags(data) or {}
-    samples = tags.get(_SAMPLES, 1)
-    return 8 * samples if samples > 1 else -(-min(tags.get(_BITS, 1), 64) // 8)
-
-
-def _tiff_tags(data: bytes) -> dict[int, int] | None:
-    """Return the tags of a TIFF's first directory that decide its size; None for other files.
-
-    None too if a tag stands twice or is no plain number: readers differ in which value they take.
-    tifffile lacks both: it drops such tags with a log line, OpenCV still decodes by them; and it
-    decodes LZW, which OpenCV writes, with a further library (imagecodecs) only.
-    """
+def _tiff_size(data: bytes) -> tuple[int, int] | None:
+    """Return (width, height) by the first directory of a TIFF; None for other files."""
     if data[:4] not in (b"II*\0", b"MM\0*"):
         return None
-    order = "<" if data[:1] == b"I" else ">"
-    tags: dict[int, int] = {}
+    order, sides = "<" if data[:1] == b"I" else ">", {}
     try:
         (at,) = struct.unpack_from(f"{order}I", data, 4)
         (count,) = struct.unpack_from(f"{order}H", data, at)
         for entry in range(at + 2, at + 2 + 12 * count, 12):
-            tag, kind, number = struct.unpack_from(f"{order}HHI", data, entry)
-            if tag not in _SIZE_TAGS:
-                continue
-            several = tag == _BITS and number > 1  # they stand elsewhere; _SAMPLES counts them
-            if tag in tags or kind not in (_SHORT, _LONG) or (number != 1 and not several):
-                return None
-            form = "H" if kind == _SHORT else "I"
-            (tags[tag],) = struct.unpack_from(f"{order}{form}", data, entry + 8)
+            tag, kind = struct.unpack_from(f"{order}HH", data, entry)
+            if tag in (256, 257):  # ImageWidth and ImageLength, of type SHORT or LONG
+                form = "H" if kind == 3 else "I"
+                (sides[tag],) = struct.unpack_from(f"{order}{form}", data, entry + 8)
     except struct.error:
         return None
-    return tags
+    return (sides[256], sides[257]) if len(sides) == 2 else None
 
 
 def size_problem(data: bytes, max_px: int = MAX_SIDE_PX**2) -> str | None:
-    """Return why an image file is too large to decode; None if it is small enough or no image.
-
-    A pixel counts as two bytes: images of several channels may have fewer of them.
-    """
+    """Return why an image file is too large to decode; None if it is small enough or no image."""
     size = image_size(data)
-    if size is None:
-        return None
-    width, height = size
-    pixel_bytes = max(2, _pixel_bytes(data))
-    if max(size) <= MAX_SIDE_PX and width * height * pixel_bytes <= 2 * max_px:
+    if size is None or (max(size) <= MAX_SIDE_PX and size[0] * size[1] <= max_px):
         return None
     side = min(MAX_SIDE_PX, int(max_px**0.5))
-    of = f" of {pixel_bytes} bytes" if pixel_bytes > 2 else ""
-    return f"is {width} x {height} pixels{of}, more than the {side} x {side} that glsim reads"
+    return f"is {size[0]} x {size[1]} pixels, more than the {side} x {side} that glsim reads"
 
 
 def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic] | None:
