@@ -127,7 +127,10 @@ def _frame(
         stem=frame.name,
         camera=frame.intrinsics,
         lens=lens,
-        depth_m={layer: frame.layer(f"{layer}_mm") / np.float32(1000) for layer in layers},
+        depth_m={
+            layer: np.asarray(frame.layer(f"{layer}_mm") / np.float32(1000), np.float32)
+            for layer in layers
+        },
         region_names=names,
         true_normals=frame.normals if "normals" in frame else None,
         record=frame.record,

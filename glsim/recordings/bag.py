@@ -9,22 +9,20 @@ millimetres, 32FC1 metres).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import DatasetError, require_package
+from glsim.errors import DatasetError
 from glsim.files.png import MAX_MAP_PX
 from glsim.files.regular import open_regular
 from glsim.geometry.camera import Distortion, Intrinsics
 from glsim.recordings.camera_file import StatedCamera, opencv_order
-from glsim.recordings.streams import nearest
-
-_T = TypeVar("_T")
+from glsim.recordings.streams import FrameStream
 
 _IMAGE, _INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 #: Encodings of images of one channel -> numpy's types, without byte order.
@@ -36,85 +34,52 @@ _INFRARED = ("infra", "/ir/", "/ir_")
 _LATER = ("aligned", "ground_truth", "clean", "expected", "color", "compressed")
 
 
-class BagStream:
+class BagStream(FrameStream):
     """The depth images of a bag, and the infrared images of the same moments."""
 
+    _LIBRARY = "rosbags"
+    _PROBLEM = "is no readable bag: if its recording was cut off, repair it by rosbag reindex"
+
     def __init__(self, path: Path) -> None:
-        require_package("rosbags", str(path), "recordings")
-        self.path = path
-        self.notes: tuple[str, ...] = ()
-        self._reader: Any = None
         self._cursors: dict[str, tuple[int, Iterator[Any]]] = {}
-        images = self._guarded(self._topics)
+        super().__init__(path)
+
+    def _choose(self) -> tuple[str, str | None]:
+        images = self._topics()
         depth = [t for t, kind in images.items() if kind in ("u2", "f4") and not _is_infrared(t)]
         named = [topic for topic in depth if "depth" in topic.lower()]
         if not depth:
             found = f": its images are {', '.join(sorted(images))}" if images else ""
             raise DatasetError(
-                f"{path}: holds no depth images (16UC1, mono16 or 32FC1){found}: record the depth "
-                "stream, not compressed"
+                f"{self.path}: holds no depth images (16UC1, mono16 or 32FC1){found}: record the "
+                "depth stream, not compressed"
             )
-        self._depth = min(named or depth, key=lambda topic: (_lateness(topic), topic))
         lights = [t for t, kind in images.items() if kind in ("u1", "u2") and _is_infrared(t)]
-        self._light = min(lights, default=None)
-        self._depth_times = self._guarded(lambda: self._times(self._depth))
-        light = self._light
-        times = self._guarded(lambda: self._times(light)) if light else np.zeros(0, np.int64)
-        self._light_times = times
-        self._light_of = nearest(self._depth_times, times)
-        self.has_infrared = all(number is not None for number in self._light_of)
-        self.stated = self._guarded(self._stated)
-        if self.stated.intrinsics is None:
-            self.notes = (f"{path}: states no intrinsics of {self._depth}: add a camera.toml",)
-
-    def __len__(self) -> int:
-        return len(self._depth_times)
-
-    def depth(self, number: int) -> NDArray[np.generic]:
-        """Read (H, W) depth: uint16 in steps of the unit, or float32 metres. DatasetError."""
-        return self._guarded(lambda: self._image(self._depth, number, self._depth_times))
-
-    def infrared(self, number: int) -> NDArray[np.generic] | None:
-        """Read the (H, W) infrared counts of the same moment; None without. DatasetError."""
-        own, topic = self._light_of[number], self._light
-        if own is None or topic is None:
-            return None
-        return self._guarded(lambda: self._image(topic, own, self._light_times))
+        chosen = min(named or depth, key=lambda topic: (_lateness(topic), topic))
+        return chosen, min(lights, default=None)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file: each process opens its own."""
-        return self.__dict__ | {"_reader": None, "_cursors": {}}
+        return super().__getstate__() | {"_cursors": {}}
 
     def __del__(self) -> None:
-        reader = self.__dict__.get("_reader")
+        reader = self.__dict__.get("_file")
         if reader is not None:
             with suppress(Exception):  # it may be closed, or half open
                 reader.close()
-
-    def _guarded(self, read: Callable[[], _T]) -> _T:
-        """Return what ``read`` returns; any error of the library becomes a DatasetError."""
-        try:
-            return read()
-        except DatasetError:
-            raise
-        except Exception as error:  # of the library: damaged bags raise a dozen kinds
-            raise DatasetError(
-                f"{self.path}: is no readable bag ({' '.join(str(error).split()) or error!r:.200}):"
-                " if its recording was cut off, repair it by rosbag reindex"
-            ) from None
 
     def _open(self) -> Any:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
-        if self._reader is None:
+        if self._file is None:
             if self.path.is_file():
                 open_regular(self.path).close()  # a pipe would wait for ever
             store = get_typestore(Stores.ROS2_HUMBLE)
             reader = AnyReader([self.path], default_typestore=store)
             reader.open()
-            self._reader = reader
-        return self._reader
+            self._file = reader
+        return self._file
 
     def _of(self, topic: str) -> list[Any]:
         return [c for c in self._open().connections if c.topic == topic]
@@ -136,7 +101,10 @@ class BagStream:
             return reader.deserialize(data, connection.msgtype)
         return None
 
-    def _times(self, topic: str) -> NDArray[np.int64]:
+    def _find_times(self, tracks: Sequence[str]) -> dict[str, NDArray[np.int64]]:
+        return {topic: self._times_of(topic) for topic in tracks}
+
+    def _times_of(self, topic: str) -> NDArray[np.int64]:
         """Return the times of a topic's messages, ns: from the index of a ROS 1 bag."""
         times: list[int] = []
         for connection in self._of(topic):
@@ -147,8 +115,9 @@ class BagStream:
                 times += [time for _, time, _ in self._open().messages([connection])]
         return np.array(sorted(times), np.int64)
 
-    def _image(self, topic: str, number: int, times: NDArray[np.int64]) -> NDArray[np.generic]:
+    def _image(self, topic: str, number: int) -> NDArray[np.generic]:
         """Read an image; the next one of a topic goes on where the last was read."""
+        times = self._times[topic]
         reader = self._open()
         place, messages = self._cursors.get(topic, (-1, iter(())))
         if place != number:
@@ -161,7 +130,7 @@ class BagStream:
         self._cursors[topic] = (number + 1, messages)
         return _pixels(reader.deserialize(data, connection.msgtype), f"{self.path}: {topic}")
 
-    def _stated(self) -> StatedCamera:
+    def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
         reader = self._open()
         base = self._depth.partition("/image")[0]
         places = [f"{base}/info/camera_info", f"{base}/camera_info"]
@@ -171,13 +140,15 @@ class BagStream:
         device = self._depth.partition("/sensor_")[0]
         sensor = f"{base.rpartition('/')[0]}/option"
         unit, baseline = (self._number(f"{sensor}/{n}") for n in ("Depth_Units", "Stereo_Baseline"))
-        return StatedCamera(
+        stated = StatedCamera(
             camera,
             lens,
             None if unit is None else round(1000 * unit, 6),
             None if baseline is None else round(abs(baseline) / 1000, 7),
             self._device_name(f"{device}/info"),
         )
+        note = f"{self.path}: states no intrinsics of {self._depth}: add a camera.toml"
+        return stated, () if camera is not None else (note,)
 
     def _number(self, option: str) -> float | None:
         """Return the value of one of librealsense's options, if it is recorded and not 0."""

@@ -10,22 +10,19 @@ Azure-Kinect-Sensor-SDK for the part of the chip that each mode shows.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import DatasetError, require_package
+from glsim.errors import DatasetError
 from glsim.files.png import MAX_MAP_PX
 from glsim.files.regular import open_regular
 from glsim.geometry.camera import Distortion, Intrinsics
 from glsim.recordings.camera_file import StatedCamera, opencv_order
-from glsim.recordings.streams import nearest
+from glsim.recordings.streams import FrameStream
 from glsim.sensors.sensor import load_sensor
-
-_T = TypeVar("_T")
 
 #: Size of the chip, px, to which the calibration is normalised.
 _CHIP_PX = 1024
@@ -42,78 +39,25 @@ _DEPTH, _LIGHT = ("depth",), ("ir", "infrared")
 _GREY = ("gray16be", "gray16le")
 #: Order of the model's parameters in the calibration (k4a_calibration_intrinsic_parameters_t).
 _PARAMETERS = (
-    "cx",
-    "cy",
-    "fx",
-    "fy",
-    "k1",
-    "k2",
-    "k3",
-    "k4",
-    "k5",
-    "k6",
-    "codx",
-    "cody",
-    "p2",
-    "p1",
-)
+    "cx", "cy", "fx", "fy", "k1", "k2", "k3", "k4", "k5", "k6", "codx", "cody", "p2", "p1",
+)  # fmt: skip
 
 
-class MkvStream:
+class MkvStream(FrameStream):
     """The depth track of a Matroska file, and the infrared images of the same moments."""
 
-    def __init__(self, path: Path) -> None:
-        require_package("av", str(path), "recordings")
-        self.path = path
-        self._container: Any = None
-        self._guarded(self._choose_tracks)
-        times = self._guarded(self._frame_times)
-        if len(times[self._depth]) == 0:
-            raise DatasetError(f"{path}: its depth track has no frames: record it again")
-        self._depth_times = times[self._depth]
-        light = np.zeros(0, np.int64) if self._light is None else times[self._light]
-        self._light_times = light
-        self._light_of = nearest(self._depth_times, light)
-        self.has_infrared = all(number is not None for number in self._light_of)
-        self.stated, self.notes = self._guarded(self._calibration)
-
-    def __len__(self) -> int:
-        return len(self._depth_times)
-
-    def depth(self, number: int) -> NDArray[np.generic]:
-        """Read (H, W) uint16 depth in steps of the unit. Raises DatasetError."""
-        return self._guarded(lambda: self._image(self._depth, int(self._depth_times[number])))
-
-    def infrared(self, number: int) -> NDArray[np.generic] | None:
-        """Read the (H, W) infrared counts of the same moment; None without. DatasetError."""
-        own, track = self._light_of[number], self._light
-        if own is None or track is None:
-            return None
-        return self._guarded(lambda: self._image(track, int(self._light_times[own])))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out the open file: each process opens its own."""
-        return self.__dict__ | {"_container": None}
-
-    def _guarded(self, read: Callable[[], _T]) -> _T:
-        """Return what ``read`` returns; any error of the library becomes a DatasetError."""
-        try:
-            return read()
-        except DatasetError:
-            raise
-        except Exception as error:  # of the library: damaged files raise several kinds
-            text = " ".join(str(error).split())
-            raise DatasetError(f"{self.path}: is no readable Matroska file ({text:.200})") from None
+    _LIBRARY = "av"
+    _PROBLEM = "is no readable Matroska file"
 
     def _open(self) -> Any:
         import av
 
-        if self._container is None:
+        if self._file is None:
             open_regular(self.path).close()  # a pipe would wait for ever
-            self._container = av.open(str(self.path), format="matroska")
-        return self._container
+            self._file = av.open(str(self.path), format="matroska")
+        return self._file
 
-    def _choose_tracks(self) -> None:
+    def _choose(self) -> tuple[int, int | None]:
         """Find the tracks of depth and infrared. Raises DatasetError without depth."""
         videos = self._open().streams.video
         grey = [v for v in videos if v.codec_context.pix_fmt in _GREY]
@@ -130,16 +74,15 @@ class MkvStream:
                 f"{f', only {tracks}' if tracks else ''}: record with depth, as k4arecorder does"
             )
         lights = [v.index for v in grey if names[v.index] in _LIGHT]
-        self._depth = found[0]
-        self._light = next(iter([*lights, *found[1:]]), None)
-        context = self._open().streams[self._depth].codec_context
+        context = self._open().streams[found[0]].codec_context
         if context.width * context.height > MAX_MAP_PX:
             raise DatasetError(
                 f"{self.path}: its images are {context.width} x {context.height} pixels, more than "
                 f"the {MAX_MAP_PX} pixels that glsim reads"
             )
+        return found[0], next(iter([*lights, *found[1:]]), None)
 
-    def _frame_times(self) -> dict[int, NDArray[np.int64]]:
+    def _find_times(self, tracks: Sequence[int]) -> dict[int, NDArray[np.int64]]:
         """Return the times of the frames of each track: the file is read once, packet by packet.
 
         A recording that was cut off ends with its last whole frame.
@@ -147,9 +90,8 @@ class MkvStream:
         import av
 
         container = self._open()
-        numbers = [n for n in (self._depth, self._light) if n is not None]
-        times: dict[int, list[int]] = {number: [] for number in numbers}
-        streams = [container.streams[number] for number in numbers]
+        times: dict[int, list[int]] = {number: [] for number in tracks}
+        streams = [container.streams[number] for number in tracks]
         try:
             for packet in container.demux(*streams):
                 context = packet.stream.codec_context
@@ -157,11 +99,14 @@ class MkvStream:
                 if packet.pts is not None and whole:
                     times[packet.stream.index].append(packet.pts)
         except av.error.FFmpegError:
-            if not times[self._depth]:
+            if not times[tracks[0]]:
                 raise
+        if not times[tracks[0]]:
+            raise DatasetError(f"{self.path}: its depth track has no frames: record it again")
         return {number: np.array(sorted(t), np.int64) for number, t in times.items()}
 
-    def _image(self, track: int, time: int) -> NDArray[np.generic]:
+    def _image(self, track: int, number: int) -> NDArray[np.generic]:
+        time = int(self._times[track][number])
         container = self._open()
         stream = container.streams[track]
         container.seek(time, stream=stream)
@@ -172,7 +117,7 @@ class MkvStream:
                     return pixels
         raise DatasetError(f"{self.path}: the frame at {time * float(stream.time_base):.3f} s ends")
 
-    def _calibration(self) -> tuple[StatedCamera, tuple[str, ...]]:
+    def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
         """Return the camera by the attached calibration, else that of a shipped sensor."""
         container = self._open()
         context = container.streams[self._depth].codec_context

@@ -5,15 +5,19 @@ Only one frame is in memory at a time, however long the recording is.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.errors import DatasetError, require_package
 from glsim.recordings.camera_file import StatedCamera
 from glsim.recordings.files import check_least_size, depth_in_mm
+
+_T = TypeVar("_T")
 
 #: Ends of the names of such files -> what they are called. A ROS 2 bag is a folder.
 STREAMS = {".bag": "bag", ".mkv": "mkv"}
@@ -21,8 +25,8 @@ STREAMS = {".bag": "bag", ".mkv": "mkv"}
 ROS2_FILE = "metadata.yaml"
 
 
-class FrameStream(Protocol):
-    """A file of many frames.
+class FrameStream:
+    """A file of many frames, with the infrared images of the same moments.
 
     Attributes:
         path: of the file.
@@ -31,20 +35,63 @@ class FrameStream(Protocol):
         has_infrared: whether there is infrared beside the depth.
     """
 
-    path: Path
-    stated: StatedCamera
-    notes: tuple[str, ...]
-    has_infrared: bool
+    #: Package that reads the file, and what is said of a file that it cannot read.
+    _LIBRARY: ClassVar[str]
+    _PROBLEM: ClassVar[str]
 
-    def __len__(self) -> int: ...
+    def __init__(self, path: Path) -> None:
+        require_package(self._LIBRARY, str(path), "recordings")
+        self.path = path
+        self._file: Any = None
+        self._depth, self._light = self._guarded(self._choose)
+        tracks = [track for track in (self._depth, self._light) if track is not None]
+        self._times = self._guarded(lambda: self._find_times(tracks))
+        light_times = self._times.get(self._light, np.zeros(0, np.int64))
+        self._light_of = nearest(self._times[self._depth], light_times)
+        self.has_infrared = all(number is not None for number in self._light_of)
+        self.stated, self.notes = self._guarded(self._read_camera)
+
+    def __len__(self) -> int:
+        return len(self._times[self._depth])
 
     def depth(self, number: int) -> NDArray[np.generic]:
         """Read (H, W) depth: uint16 in steps of the unit, or float32 metres. DatasetError."""
-        ...
+        return self._guarded(lambda: self._image(self._depth, number))
 
     def infrared(self, number: int) -> NDArray[np.generic] | None:
         """Read the (H, W) infrared counts of the same moment; None without. DatasetError."""
-        ...
+        own = self._light_of[number]
+        return None if own is None else self._guarded(lambda: self._image(self._light, own))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the open file: each process opens its own."""
+        return self.__dict__ | {"_file": None}
+
+    def _guarded(self, read: Callable[[], _T]) -> _T:
+        """Return what ``read`` returns; any error of the library becomes a DatasetError."""
+        try:
+            return read()
+        except DatasetError:
+            raise
+        except Exception as error:  # damaged files raise a dozen kinds
+            reason = " ".join(str(error).split()) or repr(error)
+            raise DatasetError(f"{self.path}: {self._PROBLEM} ({reason:.200})") from None
+
+    def _choose(self) -> tuple[Any, Any]:
+        """Return the track of depth, and that of infrared or None. Raises DatasetError."""
+        raise NotImplementedError
+
+    def _find_times(self, tracks: Sequence[Any]) -> dict[Any, NDArray[np.int64]]:
+        """Return the rising times of the images of each track."""
+        raise NotImplementedError
+
+    def _image(self, track: Any, number: int) -> NDArray[np.generic]:
+        """Read an image of a track."""
+        raise NotImplementedError
+
+    def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
+        """Return what the file says about its camera, and notes."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
