@@ -17,7 +17,7 @@ from glsim.errors import DatasetError
 from glsim.fit.fixed_pattern import describe_pattern
 from glsim.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
 from glsim.fit.recording_statistics import measure_recording
-from glsim.fit.sensor_file import fitted_values, unplaced_parameters
+from glsim.fit.sensor_file import unplaced_parameters
 from glsim.fit.wiggling import fit_wiggling
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.frame import DepthFrame, FrameSet, frame_set
@@ -28,7 +28,6 @@ from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.validate import VirtualCamera, scenes
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
-EMITTER_M = (0.045, 0.0, 0.0)
 
 GAIN, FLOOR_MM = 1500.0, 0.8
 PATTERN = {
@@ -155,28 +154,6 @@ def test_law_without_a_simulator() -> None:
     assert found.correlation[0] == pytest.approx(0, abs=0.02)
 
 
-def test_one_wall_does_not_tell_the_amplitude() -> None:
-    rng = np.random.default_rng(2)
-    depth = np.rint(800 + rng.normal(0, 1.0, (12, 424, 512))).astype(np.uint16)
-    found = measure_recording(frame_set("wall", depth, camera=IMAGE))
-    model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), EMITTER_M)
-    assert not model.knows_amplitude
-    assert "gain" not in fitted_values(found, model)
-    assert "edge_invalid" not in fitted_values(found, model)
-
-
-def test_holes_and_units(tmp_path: Path) -> None:
-    rng = np.random.default_rng(3)
-    depth = (4 * (900 + rng.normal(0, 1.5, (10, 60, 80)))).astype(np.uint16)
-    depth[rng.random(depth.shape) < 0.01] = 0
-    folder = write(tmp_path / "quarter", depth)
-    image = Intrinsics(80, 60, 100, 100, 40, 30)
-    found = measure_recording(read(folder, unit_mm=0.25).with_camera(image))
-    assert float(np.sqrt(np.nanmean(found.variance_mm2))) == pytest.approx(1.5, rel=0.05)
-    files = sorted(folder.glob("*.png"))
-    assert len(read(*files, unit_mm=0.25).frames) == 10
-
-
 def wall(frames: int = 3, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint16]:
     return np.full((frames, *shape), 900, np.uint16)
 
@@ -220,15 +197,6 @@ def test_command_refuses(
     line = capsys.readouterr().err
     assert message in line
     assert line.count("\n") == 1
-
-
-def test_any_size_with_its_focal_length(tmp_path: Path) -> None:
-    rng = np.random.default_rng(6)
-    depth = np.rint(900 + rng.normal(0, 1, (6, 96, 128))).astype(np.uint16)
-    out = tmp_path / "out" / "small.toml"
-    folder = write(tmp_path / "small", depth)
-    assert main(["fit", str(folder), "-o", str(out), "--focal-px", "110"]) == 0
-    assert load_sensor(str(out)).rig.intrinsics == Intrinsics(128, 96, 110, 110, 64, 48)
 
 
 # --- two frames of other scenes, infrared, pattern, wiggling ------------------------------------

@@ -11,8 +11,6 @@ from glsim.noise.stage import draw_values
 from glsim.reason import Reason
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import with_assignments
-from tests.support.scenes import frames_of, plate, settings_for
 from tests.support.stage_harness import (
     HEIGHT,
     WIDTH,
@@ -110,15 +108,6 @@ def test_a_part_of_the_noise_stays_with_the_device() -> None:
     assert same == pytest.approx(0.6, abs=0.03)
     assert abs(other) < 0.03
     assert np.mean([e.std() for e in apart]) == pytest.approx(1.0, rel=0.03)
-
-
-def test_heavy_tails_keep_sigma() -> None:
-    error = errors_mm(0.9, floor_mm=2.0, tail=0.4) / 2.0
-    squares = error.astype(np.float64) ** 2
-    assert abs(z_mean(squares, 1.0)) < Z_MAX
-    kurtosis = 3.0 * np.exp(4 * 0.4**2)
-    assert squares.var() + 1.0 == pytest.approx(kurtosis, rel=0.15)
-    assert kurtosis > 5.5
 
 
 #: Measured correlation of the noise of RealSense cameras (plane residual of a D435, a D455 and a
@@ -259,15 +248,6 @@ def test_shadows_keep_the_drawn_share_of_depths() -> None:
         assert (np.array(behind) < 1.499).mean() == pytest.approx(between, abs=0.02)
 
 
-def test_haze_pulls_towards_the_surroundings_and_no_further() -> None:
-    p = SHARP | {"haze": 0.02, "haze_px": 6.0}
-    depth = run_twin("any_camera_edges", silhouette(), frame(), **p)["depth"]
-    error = 1000 * (depth - silhouette()["clean"])
-    assert 0 < error[50, 124] < 12
-    assert -20 < error[50, 131] < 0
-    assert abs(error[50, 20]) < 1e-3
-
-
 def test_expected_has_the_wave_of_the_device_and_nothing_random(context: moderngl.Context) -> None:
     """Amplitude and period are found again by a fit; devices differ in phase."""
     z_m = np.linspace(0.6, 2.6, WIDTH)
@@ -313,26 +293,3 @@ def test_twins_agree_over_random_draws(context: moderngl.Context) -> None:
             both = (shader["depth"] > 0) & (twin["depth"] > 0)
             off = np.abs(shader["depth"] - twin["depth"])[both] > 1e-5
             assert off.mean() < 5e-4
-
-
-def test_shadows_fall_on_no_side_one_side_or_both(context: moderngl.Context) -> None:
-    """A plate before a wall: the wide shadow is three times the short one on the other side."""
-    chosen = settings_for("any-depth-camera", scene={"wall_mm": 1500}, stage={
-        "any_camera_edges": SHARP | {"max_mixed": 1.0, "edge_holes": 0.0, "shadow_kept": 0.0},
-    })  # fmt: skip
-    widths = []
-    for lit in (0.0, 0.5, 0.9):
-        change = {"any_camera_edges.shadow_lit": lit}
-        (made,) = frames_of(context, with_assignments(chosen, change), plate())
-        middle = made.reason[made.reason.shape[0] // 2]
-        row = made.clean[made.clean.shape[0] // 2]
-        (near,) = np.nonzero((row > 0) & (row < 1000))
-        shadow = middle == Reason.SHADOW
-        widths.append((int(shadow[: near[0]].sum()), int(shadow[near[-1] + 1 :].sum())))
-    # f 365 px, 0.9 to 1.5 m: 0.162 px per mm of the emitter's place.
-    (none, one, both) = widths
-    assert none == (0, 0)
-    assert one[0] == pytest.approx(37 * 0.162, abs=1)
-    assert one[1] == 0
-    assert both[0] == pytest.approx(43 * 0.162, abs=1)
-    assert both[1] == pytest.approx(13 * 0.162, abs=1)

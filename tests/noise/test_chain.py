@@ -13,7 +13,6 @@ from glsim.frame import Frame
 from glsim.reason import Reason
 from glsim.sensors.sensor import load_sensor
 from tests.support.scenes import frames_of, plate, sensor_file, settings_for
-from tests.support.tof_harness import Camera, quad
 
 ADD = """#version 330 core
 // add: moves everything.
@@ -80,26 +79,6 @@ def test_a_layer_whose_stage_is_switched_off_is_named(
         run(context, sensor)
 
 
-def test_a_small_layer_is_a_stage_of_its_own_size(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
-    """The layer has a third of the size and is read at a third of the coordinates."""
-    (tmp_path / "small.glsl").write_text(
-        "#version 330 core\n// small\nuniform sampler2D u_depth;\nout float third; //@ 1/3\n"
-        "void main() { ivec2 p = ivec2(gl_FragCoord.xy);"
-        " third = float(p.x) + 100.0 * float(p.y) + 0.0 * texelFetch(u_depth, p, 0).r; }\n"
-    )
-    (tmp_path / "grow.glsl").write_text(
-        "#version 330 core\n// grow\nuniform sampler2D u_third;\nuniform sampler2D u_depth;\n"
-        "out float depth;\nvoid main() { ivec2 p = ivec2(gl_FragCoord.xy);\n"
-        "float t = texelFetch(u_third, p / 3, 0).r;\n"
-        "depth = texelFetch(u_depth, p, 0).r > 0.0 ? 0.001 * t : 0.0; }\n"
-    )
-    frame = run(context, sensor_file(tmp_path, 'use = "small.glsl"', 'use = "grow.glsl"'))
-    rows, columns = np.nonzero(frame.clean)
-    np.testing.assert_array_equal(frame.noisy[rows, columns], columns // 3 + 100 * (rows // 3))
-
-
 def stage_text(outputs: str, reads: str = "", body: str = "") -> str:
     return f"#version 330 core\n// odd\n{reads}\n{outputs}\nvoid main() {{ {body} }}\n"
 
@@ -150,30 +129,3 @@ def test_a_shader_that_leaves_nan_is_reported(context: moderngl.Context, add: Pa
     (add / "add.glsl").write_text(ADD.replace("? here", "? sqrt(-here) + here"))
     with pytest.raises(ConfigError, match=r"left NaN or infinity in \d+ pixels of the depth"):
         run(context, sensor_file(add, 'use = "add.glsl"'))
-
-
-@pytest.mark.parametrize("sensor", ["kinect-v1", "kinect-v2"])
-def test_a_chain_gives_back_its_own_targets_and_no_others(
-    context: moderngl.Context, sensor: str
-) -> None:
-    """Also if a stage fails. The renderer's targets are valid until its block is left."""
-    cam = Camera.open(context, sensor)
-    scene = [quad(900.0, (-100, 100), (-100, 100))]
-    cam.shoot(scene)
-    with cam.renderer.render(scene) as rendered:
-        pool = rendered.pool
-
-        def free() -> set[int]:
-            return {target.texture.glo for targets in pool._free.values() for target in targets}
-
-        before = free()
-        frame, values = cam.frame(rendered, 1), cam.values({})
-        cam.chain.run(rendered, frame, values, cam.readback)
-        assert free() == before
-        clean = cam.readback.arrays()["clean"].copy()
-        cam.readback.request(pool, {"clean": rendered.layers["clean"]}, rendered.window)
-        np.testing.assert_array_equal(cam.readback.arrays()["clean"], clean)
-        values[cam.chain._passes[0].name]["enabled"] = 0.0
-        with pytest.raises(ConfigError, match="is switched off"):
-            cam.chain.run(rendered, frame, values, cam.readback)
-        assert free() == before

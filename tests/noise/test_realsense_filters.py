@@ -11,7 +11,6 @@ from glsim.errors import ConfigError
 from glsim.noise.layer_names import EARLIER_LAYER
 from glsim.noise.realsense_filters import (
     fill_holes,
-    fill_rows,
     filter_sequence,
     hole_filling,
     smooth_disparity,
@@ -38,31 +37,6 @@ def layers_of(depth: Image, clean: Image | None = None) -> dict[str, Image]:
 
 def defaults(use: str, **changes: float) -> dict[str, float]:
     return {n: p.default for n, p in find_stage(use).parameters.items()} | changes
-
-
-def test_a_column_is_filtered_after_the_rows() -> None:
-    column = image([8.0], [12.0], [16.0])
-    np.testing.assert_array_equal(
-        smooth_disparity(column, 0.5, 20.0, 1), image([9.75], [11.5], [13.0])
-    )
-    # Rows: 7, 6 and 8, 8. Columns down: 7, 6 and 7.5, 7; up: 7.25, 6.5 and the same.
-    square = image([8.0, 4.0], [8.0, 8.0])
-    np.testing.assert_array_equal(
-        smooth_disparity(square, 0.5, 20.0, 1), image([7.25, 6.5], [7.5, 7.0])
-    )
-
-
-def test_rows_of_holes_are_filled_below_the_length_from_both_sides() -> None:
-    row = image([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 7.0, 0.0])
-    np.testing.assert_array_equal(fill_rows(row, 0), row)
-    np.testing.assert_array_equal(fill_rows(row, 2), image([0.0, 5, 5, 0, 0, 7, 7, 7]))
-    np.testing.assert_array_equal(fill_rows(row, 4), image([0.0, 5, 5, 5, 5, 7, 7, 7]))
-    np.testing.assert_array_equal(fill_rows(row, 255), image([0.0, 5, 5, 5, 5, 5, 7, 7]))
-    long = np.zeros((1, 600), np.float32)
-    long[0, 0] = 3.0
-    assert (fill_rows(long, 255)[0] > 0).sum() == 255
-    beside = image([0.0, 0.0, 0.0, 9.0])
-    np.testing.assert_array_equal(fill_rows(beside, 16), image([0.0, 9, 9, 9]))
 
 
 def test_an_average_over_time_starts_anew_after_a_step() -> None:
@@ -210,17 +184,6 @@ def test_noise_falls_as_its_correlation_lets_it(size: int) -> None:
     expected = expected_sigma(size, 0.5, 2)
     assert sigma == pytest.approx(expected, rel=0.03 if size == 1 else 0.1)
     assert (sigma < 0.2) if size == 1 else (sigma > 0.7)
-
-
-def test_the_spatial_stage_keeps_what_it_does_not_change() -> None:
-    depth = np.full((20, 30), 0.9, np.float32)
-    depth[:, 15:] = 1.4
-    depth[4:6, 4:9] = 0.0
-    layers = layers_of(depth)
-    written = spatial_filter(VIEW, layers, defaults("spatial_filter"))
-    assert written["depth"].tobytes() == depth.tobytes()
-    assert written["reason"].tobytes() == layers["reason"].tobytes()
-    assert set(written) == {"depth", "reason"}
 
 
 def test_the_spatial_stage_smooths_disparity_and_delivers_millimetres() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
 from glsim.reason import Reason
@@ -106,18 +105,3 @@ def test_dropout_at_edges_only(context: moderngl.Context, probability: float, ra
     band = slice(EDGE - radius - 9, EDGE + radius - 9)
     assert abs(z_rate(columns[band], probability)) < Z_MAX
     assert not np.delete(columns, band, axis=0).any()
-
-
-def test_what_makes_an_edge(context: moderngl.Context) -> None:
-    def lost(other: float, **p: float) -> NDArray[np.bool_]:
-        layers = step(other)
-        depth = run_shader(context, "edge_dropout", layers, frame(), probability=1.0, **p)["depth"]
-        gone: NDArray[np.bool_] = (depth == 0) & (layers["depth"] > 0)
-        return gone[INNER]
-
-    assert not lost(NEAR + 0.029).any()
-    assert lost(NEAR + 0.031)[:, EDGE - 10 : EDGE - 8].all()
-    assert not lost(NEAR + 0.031, threshold_mm=40).any()
-    nothing = lost(0.0, threshold_mm=5000)
-    assert nothing[:, EDGE - 10].all()
-    assert nothing.sum() == nothing.shape[0]

@@ -135,23 +135,6 @@ def test_rows_alternate_with_another_sign_in_the_lower_half(context: moderngl.Co
     np.testing.assert_allclose(step[1::2] - step[::2], 0.37, atol=1e-3)
 
 
-def test_a_slow_error_of_odd_and_even_rows_is_the_devices_own(context: moderngl.Context) -> None:
-    layers, sign = flat(0.9), np.where(np.arange(HEIGHT) % 2, 1, -1)
-    profiles = []
-    for device in range(40):
-        values = NO_PATTERN | {"row_profile_mm": 0.45}
-        at = frame(device_seed=device)
-        depth = run_twin("fixed_pattern", layers, at, **values)["depth"]
-        error = 1000 * (depth.astype(np.float64) - np.float32(0.9))
-        assert np.ptp(error, axis=1).max() < 1e-3
-        profiles.append(error[:, 0] * sign)
-    sizes = np.array(profiles).std(axis=1)
-    assert sizes.min() < 0.08, "some devices have none"
-    assert 0.25 < sizes.max() < 0.8
-    assert np.abs(np.diff(profiles, axis=1)).max() < 0.05, "it changes slowly down the image"
-    pattern_mm(context, row_profile_mm=0.45)  # the shader's is the twin's
-
-
 def test_disparity_is_rounded_to_steps(context: moderngl.Context) -> None:
     ramp = np.linspace(0.85, 0.95, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH)
     depth = run_shader(context, "disparity_quantise", flat(ramp))["depth"].astype(np.float64)

@@ -112,16 +112,6 @@ def test_the_second_view_may_be_on_any_side(second, turn) -> None:
     np.testing.assert_array_equal(turned, turn(upright))
 
 
-def test_the_band_at_the_border_is_the_disparity_and_half_a_window() -> None:
-    left, right = seen(np.full((HEIGHT, WIDTH), 25.0))
-    depth = run(left, right)["depth"]
-    band = (depth > 0).argmax(axis=1)
-    assert np.median(band) == 25 + DEFAULTS["border_px"]
-    # The band belongs to the whole image: a window in its middle has none.
-    cut = run(left[:, 100:], right[:, 100:], Rect(100, 0, WIDTH - 100, HEIGHT))["depth"]
-    assert (cut[10:-10, 40] > 0).mean() > 0.9
-
-
 def test_a_step_leaves_the_shadow_and_a_rim() -> None:
     """Left of a foreground the shadow of the second view, right of it rim_px."""
     near, far = 40.0, 20.0
@@ -155,14 +145,6 @@ def test_reasons_tell_hidden_from_unmatched_pixels() -> None:
     assert (reason[20:30, 100:300] == Reason.VALID).all()
     wrong = run(left, right, clean_m=np.full_like(clean, 0.5))["reason"]
     assert (wrong[20:30, 100:300] == Reason.MOVED).all()
-
-
-def test_small_regions_and_dim_dots() -> None:
-    left, right = seen(np.full((HEIGHT, WIDTH), 25.0))
-    full = run(left, right)["depth"] > 0
-    assert not run(left, right, smallest_region_px=100000)["depth"].any()
-    dim = [np.rint(i * 0.2) for i in (left, right)]  # a standard deviation of 10 counts
-    assert ((run(*dim)["depth"] > 0) == full).mean() > 0.97
 
 
 def test_the_device_s_own_error_stays_and_has_its_size() -> None:

@@ -68,18 +68,6 @@ def test_geometry_of_the_emitter_is_undone(context: moderngl.Context, z_mm: floa
     assert np.abs(error).max() < 0.02 + 2e-5 * z_mm
 
 
-def test_tilted_walls_come_back(context: moderngl.Context) -> None:
-    cam = Camera.open(context)
-    for yaw in (30.0, 60.0):
-        layers = cam.shoot([quad(1200.0, (-400, 400), (-400, 400), yaw_deg=yaw)], QUIET)
-        inner = (slice(200, 230), slice(245, 265))
-        found, clean = layers["depth"], layers["clean"]
-        if found.shape != (424, 512):
-            down, right = (n // 2 for n in found.shape)
-            inner = (slice(down - 10, down + 10), slice(right - 10, right + 10))
-        assert np.abs(1000 * (found - clean)[inner]).max() < 0.1
-
-
 @pytest.mark.parametrize(("amplitude", "low", "high"), [(2.0, 0.0, 0.2), (40.0, 0.99, 1.0)])
 def test_validity_depends_on_the_amplitude(
     context: moderngl.Context, amplitude: float, low: float, high: float

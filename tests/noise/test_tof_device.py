@@ -79,24 +79,6 @@ def test_wiggling_has_the_periods_of_three_taps(context: moderngl.Context, phase
     )
 
 
-def test_phases_of_the_wiggling_are_the_devices(context: moderngl.Context) -> None:
-    """Another device errs otherwise at the same distance; negative amplitudes turn the error."""
-    cam, small = Camera.open(context), Rect(250, 200, 12, 12)
-
-    def error_mm(device: int, **light: float) -> float:
-        changes = merged(QUIET, {"tof_light": {"harmonic_2": 0.01, **light}})
-        shot = cam.shoot([quad(900.0, albedo=0.5)], changes, crop=small, device=device)
-        return float(1000 * shot["depth"][8:-8, 8:-8].mean() - 900)
-
-    errors = np.array([error_mm(device) for device in range(40)])
-    # Three sines of 1.1 mm with random phases: sigma 1.1 sqrt(3 / 2).
-    assert errors.std(ddof=1) == pytest.approx(1.1 * np.sqrt(1.5), rel=0.35)
-    assert abs(errors.mean()) < 3 * 1.35 / np.sqrt(40)
-    assert error_mm(3, harmonic_2=-0.01) == pytest.approx(-error_mm(3), abs=0.1)
-    turned = error_mm(3, harmonic_phase_spread=0.0, harmonic_2_phase_deg=180.0)
-    assert turned == pytest.approx(-error_mm(3, harmonic_phase_spread=0.0), abs=0.1)
-
-
 @pytest.mark.parametrize("z_mm", [900.0, 2000.0, 4000.0])
 def test_the_fast_sensor_is_as_noisy(context: moderngl.Context, z_mm: float) -> None:
     sigmas = [
@@ -104,22 +86,3 @@ def test_the_fast_sensor_is_as_noisy(context: moderngl.Context, z_mm: float) -> 
         for name in SENSORS
     ]
     assert sigmas[1] == pytest.approx(sigmas[0], rel=0.05)
-
-
-def test_light_over_the_image_is_that_of_real_frames(context: moderngl.Context) -> None:
-    """Infrared of white surfaces times distance^2 over cosine: .88 at 170 px, .59 at 190 px."""
-    cam = Camera.open(context)
-    layers = cam.shoot([quad(1500.0, albedo=0.8)], QUIET)
-    y, x = np.indices(layers["infrared"].shape)
-    tangent = np.hypot(x - 254.878, y - 205.395) / 365.456
-    # Square of the distance over the cosine, of a wall across the axis.
-    light = layers["infrared"] * (1 + tangent**2) ** 1.5 * 1.5**2 / 0.8
-
-    def at(radius_px: float) -> float:
-        ring = np.abs(tangent * 365.456 - radius_px) < 2
-        return float(np.median(light[ring]) / np.median(light[tangent < 0.1]))
-
-    assert np.median(light[tangent < 0.1]) == pytest.approx(30_300, rel=0.01)
-    for radius_px, expected in ((80, 1.0), (120, 1.0), (155, 1.0), (170, 0.88), (190, 0.59)):
-        assert at(radius_px) == pytest.approx(expected, abs=0.06), radius_px
-    assert 0.05 < at(300) < 0.2  # noise beyond 250 px at 1.36 m is 3.9 mm

@@ -152,8 +152,3 @@ def test_wrong_waves_are_refused(tmp_path: Path, waves: str, words: str) -> None
     (tmp_path / "x.toml").write_text(text)
     with pytest.raises(ConfigError, match=words):
         load_sensor(str(tmp_path / "x.toml"))
-
-
-def test_shipped_sensors_have_no_wiggling_of_their_own() -> None:
-    assert load_sensor("kinect-v2").wiggling == ()
-    assert load_sensor("led3d").wiggling == ()

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.cli import main
 from glsim.errors import ConfigError
 from glsim.faces.one_mesh import OneMesh
 from glsim.files.png import encode_png
@@ -126,17 +125,6 @@ def test_the_header_of_a_data_set_names_the_image_by_its_values(tmp_path: Path) 
     sensor_file(tmp_path, image)
     assert load_sensor(file).describe()["projector_image"] != first
     assert "projector_image" not in load_sensor("realsense-d435").describe()
-
-
-def test_a_data_set_is_not_resumed_with_another_image(
-    context: moderngl.Context, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    sensor = sensor_file(tmp_path, random_dots((60, 80)))
-    words = ["generate", "-o", str(tmp_path / "data"), "--sensor", sensor, "--subjects", "3", "-q"]
-    assert main([*words, "--frames-per-subject", "1"]) == 0
-    sensor_file(tmp_path, random_dots((60, 80), 0.2))
-    assert main([*words, "--frames-per-subject", "1"]) != 0
-    assert "projector_image" in capsys.readouterr().err
 
 
 def test_a_sensor_that_extends_one_finds_its_image_and_can_switch_it_off(tmp_path: Path) -> None:

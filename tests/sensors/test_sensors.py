@@ -10,7 +10,7 @@ import pytest
 
 from glsim.errors import ConfigError
 from glsim.reason import Reason
-from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, sensor_code, sensor_names, sensor_of
+from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
 from glsim.settings.schema import load_settings
 from tests.support.scenes import face_mesh, frames_of, sensor_file, settings_for
 
@@ -60,15 +60,6 @@ def test_ideal_is_the_clean_depth_rounded(context: moderngl.Context) -> None:
     np.testing.assert_array_equal(frame.noisy, frame.clean)
     np.testing.assert_allclose(frame.noisy_m, frame.clean_m, atol=0.000501)
     assert (frame.reason[frame.clean > 0] == Reason.VALID).all()
-
-
-@pytest.mark.parametrize(
-    "sensor", ["kinect-v1", "kinect-v2", "kinect-v2-fankhauser", "kinect-v2-fast"]
-)
-def test_shadows_need_an_emitter(sensor: str) -> None:
-    with pytest.raises(ConfigError, match=r"but the rig has no emitter") as caught:
-        load_sensor(sensor, rig_overrides={"emitter": []})
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -124,18 +115,6 @@ def test_a_bad_extension_is_named(tmp_path: Path, text: str, message: str) -> No
     with pytest.raises(ConfigError, match=message) as caught:
         load_sensor(str(file))
     assert "\n" not in str(caught.value)
-
-
-def test_code_of_a_file_that_is_extended_is_found_and_asked_for(tmp_path: Path) -> None:
-    """Python code in the other file needs the same trust as one's own."""
-    (tmp_path / "base").mkdir()
-    (tmp_path / "base" / "own.toml").write_text(
-        (SENSOR_FOLDER / "ideal.toml").read_text() + '[[stage]]\nuse = "code.py:quiet"\n'
-    )
-    mine = tmp_path / "mine.toml"
-    mine.write_text('extends = "base/own.toml"\ntitle = "mine"\n')
-    settings = load_settings(None, [], {"sensor": str(mine)}, {})
-    assert sensor_code(settings) == [f"{tmp_path / 'base' / 'code.py'}:quiet"]
 
 
 @pytest.mark.parametrize(

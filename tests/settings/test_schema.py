@@ -116,10 +116,6 @@ def test_an_assignment_without_name_or_value_is_refused(text: str) -> None:
         load_settings(None, [text])
 
 
-def test_shares_may_be_text() -> None:
-    assert load_settings(None, ["split=0.6, 0.2,0.2"]).split == (0.6, 0.2, 0.2)
-
-
 @pytest.mark.parametrize(
     ("assignment", "message"),
     [
