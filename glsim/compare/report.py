@@ -11,11 +11,11 @@ from typing import Any
 from glsim.compare.classifier import Verdict
 from glsim.files.atomic import without_nan
 from glsim.files.markdown import markdown_table
-from glsim.measures.cells import DISTANCES_M, RADII_PX, Cell
+from glsim.measures.cells import DISTANCES_M, RADII_PX
 from glsim.measures.correlation import LAGS
-from glsim.measures.light import Light
+from glsim.measures.light import RINGS_PX, Light
 from glsim.measures.pattern import FixedPattern
-from glsim.measures.silhouettes import Side, Silhouettes
+from glsim.measures.silhouettes import Silhouettes
 from glsim.measures.spatial import SpatialNoise
 from glsim.measures.stacks import ratio
 from glsim.measures.temporal import TemporalNoise
@@ -66,7 +66,12 @@ class Comparison:
     @property
     def rows(self) -> list[Row]:
         """The lines of the table that at least one set has."""
-        rows = list(_rows(self.first, self.second))
+        rows = [
+            Row(group, name, unit, first, second, as_ratio)
+            for (group, name, unit, first, as_ratio), (*_, second, _) in zip(
+                _lines(self.first), _lines(self.second), strict=True
+            )
+        ]
         return [r for r in rows if math.isfinite(r.first) or math.isfinite(r.second)]
 
     def as_markdown(self) -> str:
@@ -122,111 +127,76 @@ class Comparison:
         return {key: without_nan(value) for key, value in tree.items()}
 
 
-def _rows(a: Measurements, b: Measurements) -> Iterator[Row]:
-    yield from _cell_rows("temporal sigma", a.temporal.cells, b.temporal.cells)
-    yield from _lag_rows("correlation of temporal noise", a.temporal, b.temporal)
-    yield from _cell_rows(
-        "spatial sigma (residual of a quadric in 7x7, rms)", a.spatial.cells, b.spatial.cells
-    )
-    yield from _lag_rows("correlation of the residual", a.spatial, b.spatial)
-    for part, x, y in zip(
-        ("p10", "median", "p90"), a.spatial.rough_mm, b.spatial.rough_mm, strict=True
+#: One line of a set: group, name, unit, value, and whether sets are compared by their ratio.
+_Line = tuple[str, str, str, float, bool]
+
+
+def _lines(m: Measurements) -> Iterator[_Line]:
+    """Return all measures of a set, in the same order for every set; NaN for what it lacks."""
+    for group, noise, of in (
+        ("temporal sigma", m.temporal, "temporal noise"),
+        ("spatial sigma (residual of a quadric in 7x7, rms)", m.spatial, "the residual"),
     ):
-        yield Row("residual of surfaces from a quadric in 7x7", part, "mm", x, y)
-    yield from _pattern_rows(a.pattern, b.pattern)
-    yield from _light_rows(a.light, b.light)
-    for name in ("lit", "shadow"):
-        yield from _side_rows(name, _side(a.silhouettes, name), _side(b.silhouettes, name))
-    for (inner, outer, x), (_, _, y) in zip(a.invalid, b.invalid, strict=True):
-        yield Row("pixels without depth", f"{inner:.0f} to {outer:.0f} px", "%", 100 * x, 100 * y)
-
-
-def _cell_rows(group: str, a: tuple[Cell, ...], b: tuple[Cell, ...]) -> Iterator[Row]:
-    """Pair the cells of two tables, in the order of distances and radii."""
-    first = {(c.distance_m, c.radius_px): c.value for c in a}
-    second = {(c.distance_m, c.radius_px): c.value for c in b}
-    for near, far in pairwise(DISTANCES_M):
-        for inner, outer in pairwise(RADII_PX):
-            key = ((near, far), (inner, outer))
-            if key in first or key in second:
+        found = {(c.distance_m, c.radius_px): c.value for c in noise.cells}
+        for near, far in pairwise(DISTANCES_M):
+            for inner, outer in pairwise(RADII_PX):
                 name = f"{near:g} to {far:g} m, {inner:.0f} to {outer:.0f} px"
-                yield Row(group, name, "mm", first.get(key, math.nan), second.get(key, math.nan))
+                value = found.get(((near, far), (inner, outer)), math.nan)
+                yield group, name, "mm", value, True
+        for (down, right), value in zip(LAGS, noise.correlation, strict=True):
+            along = f"{max(down, right)} px along {'xy'[down > 0]}"
+            yield f"correlation of {of}", "diagonal" if down and right else along, "", value, False
+    group = "residual of surfaces from a quadric in 7x7"
+    for name, value in zip(("p10", "median", "p90"), m.spatial.rough_mm, strict=True):
+        yield group, name, "mm", value, True
+    pattern = m.pattern
+    yield "fixed pattern", "rows", "mm", pattern.rows_mm, True
+    half_step = pattern.alternation_rms_mm
+    yield "fixed pattern", "alternation of rows, rms half step", "mm", half_step, True
+    yield "fixed pattern", "columns", "mm", pattern.columns_mm, True
+    yield "fixed pattern", "rest", "mm", pattern.rest_mm, True
+    alike = pattern.rest_correlation
+    yield "fixed pattern", "rest, correlation at 1 px along x", "", alike, False
+    for k, value in enumerate(pattern.alternation_mm):
+        name = f"half step of odd rows, {k + 1}/{len(pattern.alternation_mm)} from the top"
+        yield "fixed pattern", name, "mm", value, False
+    yield from _light_lines(m.light)
+    on_right = m.silhouettes.shadow_side == "right"
+    lit, dark = m.silhouettes.left, m.silhouettes.right
+    for name, side in zip(("lit", "shadow"), (lit, dark) if on_right else (dark, lit), strict=True):
+        group = f"silhouettes, {name} side"
+        yield group, "width of the gap, median", "px", side.width_px, True
+        yield group, "width of the gap, mean", "px", side.width_mean_px, True
+        yield group, "invalid pixels of it, median", "px", side.invalid_px, True
+        yield group, "invalid share of 8 px outside", "%", 100 * side.band_invalid, True
+        yield group, "behind the background, share of 8 px", "%", 100 * side.band_behind, True
+        if name == "shadow":
+            yield group, "width over S: slope", "mm", side.slope_mm, True
+            yield group, "width over S: offset", "px", side.offset_px, False
+    for inner, outer, share in m.invalid:
+        name = f"{inner:.0f} to {outer:.0f} px"
+        yield "pixels without depth", name, "%", 100 * share, True
 
 
-def _lag_rows(
-    group: str, a: TemporalNoise | SpatialNoise, b: TemporalNoise | SpatialNoise
-) -> Iterator[Row]:
-    for (down, right), x, y in zip(LAGS, a.correlation, b.correlation, strict=True):
-        name = "diagonal" if down and right else f"{max(down, right)} px along {'xy'[down > 0]}"
-        yield Row(group, name, "", x, y, as_ratio=False)
-
-
-def _pattern_rows(a: FixedPattern, b: FixedPattern) -> Iterator[Row]:
-    group = "fixed pattern"
-    for name, x, y in (
-        ("rows", a.rows_mm, b.rows_mm),
-        ("alternation of rows, rms half step", a.alternation_rms_mm, b.alternation_rms_mm),
-        ("columns", a.columns_mm, b.columns_mm),
-        ("rest", a.rest_mm, b.rest_mm),
+def _light_lines(light: Light | None) -> Iterator[_Line]:
+    nan = math.nan
+    for words, law in (
+        ("static pairs", light.temporal if light else None),
+        ("residuals in 7x7", light.spatial if light else None),
     ):
-        yield Row(group, name, "mm", x, y)
-    x, y = a.rest_correlation, b.rest_correlation
-    yield Row(group, "rest, correlation at 1 px along x", "", x, y, as_ratio=False)
-    count = len(a.alternation_mm)
-    for k, (x, y) in enumerate(zip(a.alternation_mm, b.alternation_mm, strict=True)):
-        name = f"half step of odd rows, {k + 1}/{count} from the top"
-        yield Row(group, name, "mm", x, y, as_ratio=False)
-
-
-def _light_rows(a: Light | None, b: Light | None) -> Iterator[Row]:
-    def both(name: str) -> tuple[float, float]:
-        """Look up a dotted name in the measures of both sets; NaN for a set without infrared."""
-        values = []
-        for light in (a, b):
-            value: Any = light
-            for part in name.split("."):
-                value = math.nan if value is None else getattr(value, part, math.nan)
-            values.append(float(value))
-        return values[0], values[1]
-
-    for kind, words in (("temporal", "static pairs"), ("spatial", "residuals in 7x7")):
         group = f"noise over infrared, {words}: sigma^2 = a^2 + (b / IR)^2"
-        yield Row(group, "a", "mm", *both(f"{kind}.floor_mm"))
-        yield Row(group, "b", "mm counts", *both(f"{kind}.slope_mm"))
-    group = "IR r^2 / cos of the brightest surfaces"
-    yield Row(group, "median over the distances", "counts m^2", *both("overall"))
-    known = a or b
-    if known is None:
-        return
-    for k, (near, far, _) in enumerate(known.brightness):
-        x, y = (math.nan if light is None else light.brightness[k][2] for light in (a, b))
-        yield Row(group, f"{near:g} to {far:g} m", "counts m^2", x, y)
-    for k, (inner, outer, _) in enumerate(known.rings):
-        x, y = (math.nan if light is None else light.rings[k][2] for light in (a, b))
+        yield group, "a", "mm", law.floor_mm if law else nan, True
+        yield group, "b", "mm counts", law.slope_mm if law else nan, True
+    group, unit = "IR r^2 / cos of the brightest surfaces", "counts m^2"
+    yield group, "median over the distances", unit, light.overall if light else nan, True
+    for k, (near, far) in enumerate(pairwise(DISTANCES_M)):
+        value = light.brightness[k][2] if light else nan
+        yield group, f"{near:g} to {far:g} m", unit, value, True
+    for k, (inner, outer) in enumerate(pairwise(RINGS_PX)):
         name = f"{inner:.0f} to {outer:.0f} px, relative to the centre"
-        yield Row(group, name, "", x, y)
-    saturated = [100 * value for value in both("saturated")]
-    yield Row("infrared", "saturated pixels", "%", saturated[0], saturated[1], as_ratio=False)
-
-
-def _side(silhouettes: Silhouettes, name: str) -> Side:
-    on_right = silhouettes.shadow_side == "right"
-    return silhouettes.right if on_right == (name == "shadow") else silhouettes.left
-
-
-def _side_rows(name: str, a: Side, b: Side) -> Iterator[Row]:
-    group = f"silhouettes, {name} side"
-    for words, unit, field, scale in (
-        ("width of the gap, median", "px", "width_px", 1.0),
-        ("width of the gap, mean", "px", "width_mean_px", 1.0),
-        ("invalid pixels of it, median", "px", "invalid_px", 1.0),
-        ("invalid share of 8 px outside", "%", "band_invalid", 100.0),
-        ("behind the background, share of 8 px", "%", "band_behind", 100.0),
-    ):
-        yield Row(group, words, unit, scale * getattr(a, field), scale * getattr(b, field))
-    if name == "shadow":
-        yield Row(group, "width over S: slope", "mm", a.slope_mm, b.slope_mm)
-        yield Row(group, "width over S: offset", "px", a.offset_px, b.offset_px, as_ratio=False)
+        yield group, name, "", light.rings[k][2] if light else nan, True
+    saturated = 100 * light.saturated if light else nan
+    yield "infrared", "saturated pixels", "%", saturated, False
 
 
 def _number(value: float) -> str:
