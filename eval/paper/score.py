@@ -47,13 +47,13 @@ def score_tables(
         DatasetError: some frames could not be scored; the results of the others are written.
         DenoiserError: a checkpoint in ``runs`` was skipped; likewise.
     """
-    for table in tables:
-        if table not in PAPER_ROWS:
-            raise ConfigError(f"--table {table}: there are 1 (filters), 2 and 3 (networks)")
-        if table != 1 and runs is None:
-            raise ConfigError(f"--table {table}: give --runs, the folder of trained networks")
+    for number in tables:
+        if number not in PAPER_ROWS:
+            raise ConfigError(f"--table {number}: there are 1 (filters), 2 and 3 (networks)")
+        if number != 1 and runs is None:
+            raise ConfigError(f"--table {number}: give --runs, the folder of trained networks")
     trained, refused = ([], []) if runs is None else find_trained_runs(runs)
-    rows = {row for table in tables for row in PAPER_ROWS[table]}
+    rows = {row for number in tables for row in PAPER_ROWS[number]}
     trained = [run for run in trained if not rows or run.row is None or run.row in rows]
     specs = [*PAPER_FILTERS] if tables or not job.denoisers else ["noisy"]
     specs += [*job.denoisers, *(run.spec for run in trained)]

@@ -150,7 +150,12 @@ def _network_rows(which: int, groups: Sequence[SeedGroup], table: ResultTable) -
     rows = []
     for name in (*PAPER_ROWS[which], None) if which > 1 else ():
         found = [
-            _Row(name or "-", _description(group, part), name and PRINTED_NETWORKS[name], seeds)
+            _Row(
+                name or "-",
+                _description(group, part),
+                PRINTED_NETWORKS[name] if name else None,
+                seeds,
+            )
             for group in groups
             if group.row == name
             for part in ("", *COMPOSITES)

@@ -174,7 +174,8 @@ def verdict(row: str, metric: str, printed: float, cases: Sequence[Case]) -> Ver
     of_noisy = PRINTED_FILTERS["noisy"]
     if not scored or row == of_noisy.title:
         return "not comparable"
-    wanted = _side(printed, of_noisy[1 + [*PAPER_COLUMNS].index(metric)])
+    noisy_printed = dict(zip(PAPER_COLUMNS, of_noisy[1:], strict=True))[metric]
+    wanted = _side(printed, noisy_printed)
     for case in scored:
         pairs = zip(case.values[row][metric], case.noisy[row][metric], strict=True)
         if {_side(value, noisy) for value, noisy in pairs} == {wanted}:
