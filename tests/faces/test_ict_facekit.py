@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
-import os
 import pickle
 import shutil
 from collections.abc import Sequence
@@ -15,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.errors import ConfigError, MeshError
-from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.base import Face, FaceKey, Topology
 from glsim.faces.ict_facekit.load import load_model, model_folder
 from glsim.faces.ict_facekit.model import KNOWN_SHAPES, MorphableModel
 from glsim.faces.ict_facekit.triangles import ALBEDO, REGION_NAMES
@@ -56,20 +54,6 @@ def _faces(source: IctFaceKit, keys: Sequence[FaceKey]) -> list[Face]:
 
 def _vertices(face: Face) -> NDArray[np.float32]:
     return face.mesh.vertices_mm
-
-
-def test_subjects_and_frames_are_lists_of_names(small_model: Path) -> None:
-    source: FaceSource = IctFaceKit(small_model, frames_per_sequence=4)
-    assert source.name == "ict-facekit"
-    assert source.subjects(3) == ["i0000", "i0001", "i0002"]
-    keys = source.frames("i0001", 10)
-    assert [key.frame for key in keys] == [0, 1, 2, 3, 0, 1, 2, 3, 0, 1]
-    assert len({key.sequence for key in keys}) == 3
-    for ask in (lambda: source.subjects(None), lambda: source.frames("i0000", None)):
-        with pytest.raises(ConfigError, match="never end: give a number of"):
-            ask()
-    with pytest.raises(ConfigError, match="frames_per_sequence is 0"):
-        IctFaceKit(small_model, frames_per_sequence=0)
 
 
 def test_geometry_is_that_of_the_files(small_model: Path) -> None:
@@ -135,14 +119,6 @@ def test_identity_weights_are_standard_normal_within_three(small_model: Path) ->
     assert weights.var() == pytest.approx(0.97334, abs=4.5 * np.sqrt(2 / weights.size))
 
 
-def test_foreign_keys_are_refused(small_model: Path) -> None:
-    source = IctFaceKit(small_model)
-    with pytest.raises(ConfigError, match="no subject 'p0000' of ict-facekit"):
-        list(source.load([FaceKey("p0000", "s00_12", 0)]))
-    with pytest.raises(ConfigError, match="is not a sequence name"):
-        list(source.load([FaceKey("i0000", "smile", 0)]))
-
-
 def test_action_units_become_shapes() -> None:
     assert {"mouthSmile_L", "jawLeft", "eyeLookOut_R", "browInnerUp_L"} <= KNOWN_SHAPES
     shapes = ("jawOpen", "mouthSmile_L", "mouthSmile_R", "mouthPucker", "mouthFunnel")
@@ -155,54 +131,12 @@ def test_action_units_become_shapes() -> None:
 
 
 @pytest.mark.usefixtures("_empty_cache")
-def test_the_model_is_cached_and_a_damaged_cache_is_built_again(
-    small_model: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    first = load_model(small_model)
-    assert isinstance(first.basis, np.memmap)
-    (cache,) = Path(os.environ["GLSIM_CACHE"]).iterdir()
-    before = (cache / "basis.npy").stat().st_mtime_ns
-    np.testing.assert_array_equal(load_model(small_model).basis, first.basis)
-    assert (cache / "basis.npy").stat().st_mtime_ns == before
-    whole = (cache / "basis.npy").read_bytes()
-    for name, content in (
-        ("basis.npy", whole[:-100]),
-        ("basis.npy", whole[:-100] + b"?" * 100),
-    ):
-        (cache / name).unlink()
-        if content is not None:
-            (cache / name).write_bytes(content)
-        caplog.clear()
-        np.testing.assert_array_equal(load_model(small_model).basis, first.basis)
-        assert "damaged" in caplog.text
-        assert [path.name for path in cache.parent.iterdir()] == [cache.name]
-
-
-@pytest.mark.usefixtures("_empty_cache")
 def test_a_changed_model_is_read_again(tmp_path: Path, small_model: Path) -> None:
     folder = Path(shutil.copytree(small_model, tmp_path / "FaceXModel"))
     one = load_model(folder)
     path = folder / "identity000.obj"
     path.write_text(path.read_text().replace("v -", "v ", 1))
     assert not np.array_equal(load_model(folder).basis[1], one.basis[1])
-
-
-@pytest.mark.usefixtures("_empty_cache")
-def test_without_a_place_for_the_cache_the_model_still_works(
-    small_model: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "file"))
-    with caplog.at_level(logging.WARNING):
-        assert len(load_model(small_model).basis) > 100
-    assert "cannot be cached there" in caplog.text
-    monkeypatch.delenv("GLSIM_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
-    load_model(small_model)
-    assert [path.name for path in (tmp_path / "xdg").iterdir()] == ["glsim"]
 
 
 @pytest.mark.usefixtures("_empty_cache")

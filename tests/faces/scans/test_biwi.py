@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from glsim.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face
-from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin, read_pose
+from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import PEOPLE, Biwi
 from glsim.geometry.camera import Intrinsics
 from tests.support.face_set_trees import WRITERS, tree
@@ -122,22 +122,6 @@ def _words(*words: int) -> bytes:
 def test_damaged_depth_says_why(tmp_path: Path, data: bytes, why: str) -> None:
     with pytest.raises(MeshError, match=why):
         read_depth_bin(put(tmp_path / "frame_depth.bin", data))
-
-
-@pytest.mark.parametrize(
-    ("data", "why"),
-    [
-        (b"1 0 0 0 1 0 0 0 1 0 0", "11 numbers, not the 12"),
-        (pose_text(np.eye(3) * 2, (0, 0, 1)), "no rotation"),
-        (pose_text(np.diag([1.0, 1.0, -1.0]), (0, 0, 1)), "no rotation"),
-        (pose_text(np.eye(3), (0, 0, float("nan"))), "NaN or infinity"),
-        (pose_text(np.eye(3), (0, 0, 1e9)), "mm away"),
-        (b"one two", "not a text of numbers"),
-    ],
-)
-def test_damaged_poses_say_why(tmp_path: Path, data: bytes, why: str) -> None:
-    with pytest.raises(MeshError, match=why):
-        read_pose(put(tmp_path / "frame_pose.txt", data))
 
 
 def test_calibration(tmp_path: Path) -> None:

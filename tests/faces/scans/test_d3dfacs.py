@@ -131,15 +131,6 @@ def test_a_face_that_is_wrong_is_refused(tmp_path: Path, turn: str, scale: float
         assert all(isinstance(face, Face) for face in right.load(all_keys(right)))
 
 
-def test_one_frame_ten_times_too_big_is_refused(tmp_path: Path) -> None:
-    _registrations(tmp_path)
-    place = tmp_path / "d3dfacs_alignments/Joe/1+2L/1+2L_14.ply"
-    put(place, ply_bytes(FACE / 100, TRIANGLES))
-    source = D3dfacs(tmp_path)
-    results = list(source.load(all_keys(source)))
-    assert [isinstance(result, Face) for result in results] == [True, True, True, False, True]
-
-
 @pytest.mark.parametrize("writer", WRITERS)
 def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
     source = D3dfacs(tree("d3dfacs_alignments", writer, tmp_path))

@@ -113,24 +113,6 @@ def test_a_header_that_counts_the_neutral_is_fine(tmp_path: Path) -> None:
     assert file.read([46])[0].shape == (775, 3)
 
 
-def test_damage_skips_what_it_spoils(tmp_path: Path) -> None:
-    folder = write_tester(tmp_path)
-    shapes = blend_shapes()
-    shapes[5, 100] = np.nan
-    put(folder / "Blendshape/shape.bs", shape_bytes(shapes))
-    put(folder / "TrainingPose/pose_1.obj", obj_bytes(shapes[0][:-1], quads()[:-30]))
-    put(folder / "TrainingPose/pose_2.obj", obj_bytes(shapes[0] * 10, quads()))
-    source = FaceWarehouse(tmp_path)
-    bad = [result for result in source.load(all_keys(source)) if isinstance(result, BadFace)]
-    assert [(b.key.sequence, b.key.frame) for b in bad] == [
-        ("shapes", 5), ("poses", 1), ("poses", 2)
-    ]  # fmt: skip
-    reasons = " ".join(str(b.error) for b in bad)
-    assert "shape 5 holds NaN" in reasons
-    assert "774 vertices, the topology has 775" in reasons
-    assert "mm across in the unit of its sequence" in reasons
-
-
 def test_a_person_without_neutral_or_of_absurd_scale_is_skipped(tmp_path: Path) -> None:
     data = obj_bytes(blend_shapes(0.5)[0], quads())
     put(tmp_path / "Tester_1/TrainingPose/pose_0.obj", data)

@@ -86,19 +86,6 @@ def test_odd_names_become_safe_unique_words(tmp_path: Path) -> None:
     assert [k.frame for k in source.frames("twice", None)] == [0, 1]  # 1 and 1 tell nothing apart
 
 
-def test_loops_of_links_end(tmp_path: Path) -> None:
-    (tmp_path / "a" / "b").mkdir(parents=True)
-    (tmp_path / "a" / "b" / "x.obj").touch()
-    (tmp_path / "a" / "b" / "up").symlink_to(tmp_path / "a")
-    (tmp_path / "self").symlink_to(tmp_path)
-    (tmp_path / "dead.obj").symlink_to(tmp_path / "nowhere.obj")
-    source = Folder(tmp_path)
-    assert [key.path for key in all_keys(source)] == ["a/b/x.obj", "dead.obj"]
-    (bad,) = source.load(source.frames("dead", None))
-    assert isinstance(bad, BadFace)
-    assert "cannot be read" in str(bad.error)
-
-
 def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(
     tmp_path: Path,
 ) -> None:
