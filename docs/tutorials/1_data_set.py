@@ -89,7 +89,7 @@ for code, count in codes.most_common():
 # .. code-block:: sh
 #
 #    glsim generate -o data --subjects 4 --frames-per-subject 4 --set split=0.5,0.25,0.25 --seed 7 \
-#        --set output.crop=160 --layers clean,noisy,infrared,reason \
+#        --set output.crop=160 --set output.layers=clean,noisy,infrared,reason \
 #        --set pose.yaw_deg='{ uniform = [-25, 25], per = "sequence" }'
 #    glsim preview data -o seen
 #
